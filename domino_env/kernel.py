@@ -1,0 +1,1144 @@
+"""All dynamics of a toppling chain: arithmetic only, numbers and arrays in and out.
+
+While domino n leads, its lean θ_n is the only free coordinate and u = ω_n² obeys the linear
+equation u′ = 2P(θ_n) + 2Q(θ_n) u.  One interval of a fall (between two switches of contact state)
+is therefore an affine map u → E (u + U), with E and U found by Gauss-Legendre quadrature of P and
+Q, and its time is the integral of 1/√u.  Nothing is stepped in time.
+
+Symbols (i is the domino behind, i+1 the one it leans on; p, s, d are taken in units of L_i):
+
+    L_i, d_i   height, thickness            s_i      free gap in front of i        p_i = s_i + d_{i+1}
+    θ, v       lean, 1 - cos θ              Δ_i      θ_i - θ_{i+1}
+    Ω, Ψ       dθ_i/dθ_{i+1}, d²θ_i/dθ_{i+1}²        J, D     the same to the leader: ω_i, α_i
+    A, B       arms of the contact force on i, on i+1 (friction included)
+    w          weights that eliminate every contact force: w_i = w_{i+1} B_i/A_i
+    M          Σ w I J                      P, Q     Σ w G / M, -Σ w I D / M
+
+1 - cos θ stands in for cos θ throughout: with it no difference of nearly equal numbers is left
+when gaps are tiny or nearly out of reach.
+
+Source: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of toppling dominoes",
+eqs. 1-3, 7-9, restated for unequal dominoes.
+"""
+
+import math
+
+import numba
+import numpy as np
+
+from domino_env.quadrature import CLOSED, NODES, ORDERS, RUNNING, TO_END, TO_START, WEIGHTS
+
+_JIT = {"cache": True, "nogil": True, "error_model": "numpy"}
+
+# --- Places in the working arrays -----------------------------------------------------------------
+# A lane is one angle of a quadrature rule: the start of the interval, its nodes, its end. All lanes
+# move down the stack together. One array with a constant pitch lets the compiler see that the rows
+# never overlap, and vectorise.
+PITCH = 32
+SIN, VER, WGT, JAC, DRV = 0 * PITCH, 1 * PITCH, 2 * PITCH, 3 * PITCH, 4 * PITCH
+SUM_M, SUM_G, SUM_D = 5 * PITCH, 6 * PITCH, 7 * PITCH
+MAP_E, MAP_U, SPEED2, SLOWNESS, COEF = 8 * PITCH, 9 * PITCH, 10 * PITCH, 11 * PITCH, 12 * PITCH
+EXPO, RATE = 13 * PITCH, 14 * PITCH
+LANE_ROWS = 15
+
+# A row of the ring describes one domino and its link to the next. The ring keeps the last ones
+# only: what lies further back is covered by the bound on the tail.
+P_L, S_L, REST, D_L, V_FLUSH, V_RELEASE = 0, 1, 2, 3, 4, 5  # p, s, 1 - s, d; where states switch
+INERTIA, HALF_WEIGHT, SLENDER, STATE, TAIL, END_WEIGHT = 6, 7, 8, 9, 10, 11
+RING_COLUMNS = 12
+TIP, CORNER, RELEASED = 0.0, 1.0, 2.0
+
+# The state of a chain between two falls.
+U, TIME, TIME_LOW, U_ERROR, TIME_ERROR, U_ROUND, TIME_ROUND = 0, 1, 2, 3, 4, 5, 6
+BACK, KAPPA, DEPTH, LOG_RHO, LAST_H, WORST = 7, 8, 9, 10, 11, 12
+FLUSHES, RELEASES, FLUSH_LOSS, MARGIN, LOWEST_MARGIN, ANGLE, PART = 13, 14, 15, 16, 17, 18, 19
+U_IMPACT, FALL_TIME, M_END, CUT, WORST_ROUND = 20, 21, 22, 23, 24
+STATE_SIZE = 25
+
+# What a record holds of each domino.
+OUT_ARRIVAL, OUT_RELEASE, OUT_IMPACT, OUT_MARGIN = 0, 1, 2, 3
+
+PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4
+
+RING_ROWS = 65536  # dominoes remembered behind the leader, at most
+EPS = 2.220446049250313e-16
+TINY = 1e-290
+TOGETHER = 1e-9  # links flush within this Δ [rad] switch in one impact
+
+
+# --- One link -------------------------------------------------------------------------------------
+@numba.njit(**_JIT)
+def tip(s, v, p_l, s_l, rest, d_l, mu):
+    """The top edge of i slides down the back of i+1: sin θ_i, 1 - cos θ_i, Ω, Ψ, B/A."""
+    sd = s_l - p_l * v  # sin Δ, eq. 1
+    cd2 = (1.0 + sd) * (rest + p_l * v)
+    cd = math.sqrt(cd2 if cd2 > TINY else TINY)
+    arm = cd + mu * sd
+    up = 1.0 + cd
+    r = 1.0 / (cd * arm * up)  # the one division
+    inv_cd = r * arm * up
+    omega = 1.0 - p_l * s * inv_cd  # eq. 2
+    ratio = (cd - p_l * s - mu * d_l) * (r * cd * up)  # eq. 7
+    vd = sd * sd * (r * cd * arm)  # 1 - cos Δ
+    s_i = s * cd + (1.0 - v) * sd
+    v_i = v + vd - v * vd + s * sd
+    psi = -p_l * ((1.0 - v_i) + s * sd * omega) * (inv_cd * inv_cd)  # eq. 3, corrected
+    return s_i, v_i, omega, psi, ratio
+
+
+@numba.njit(**_JIT)
+def corner(s, v, p_l, s_l, rest, d_l, mu):
+    """The front face of i rests on the rear bottom edge of i+1; the same five numbers."""
+    r2 = s_l * s_l + 2.0 * p_l * d_l * v  # squared distance from pivot i to that edge
+    r1 = math.sqrt(r2)
+    up = r1 + d_l * s
+    q = 1.0 / (r2 * up)  # the one division
+    inv_r2 = q * up
+    lift = p_l * v - s_l
+    omega = d_l * lift * inv_r2
+    ratio = d_l * (lift - mu * p_l * s) * inv_r2
+    x = s_l + d_l * v
+    s_i = x * r1 * inv_r2
+    v_i = x * x * q * r1
+    psi = p_l * d_l * s * s_l * (p_l + d_l) * (inv_r2 * inv_r2)
+    return s_i, v_i, omega, psi, ratio
+
+
+@numba.njit(**_JIT)
+def link(ring, row, s, v, mu):
+    """One link in its present state, for a single angle."""
+    p_l, s_l, rest, d_l = ring[row, P_L], ring[row, S_L], ring[row, REST], ring[row, D_L]
+    if ring[row, STATE] == TIP:
+        return tip(s, v, p_l, s_l, rest, d_l, mu)
+    return corner(s, v, p_l, s_l, rest, d_l, mu)
+
+
+@numba.njit(**_JIT)
+def lean(lanes, count, ring, row, mu):
+    """Lead all lanes over one link and add the domino behind it to the sums."""
+    p_l, s_l, rest, d_l = ring[row, P_L], ring[row, S_L], ring[row, REST], ring[row, D_L]
+    inertia, half, slender = ring[row, INERTIA], ring[row, HALF_WEIGHT], ring[row, SLENDER]
+    if ring[row, STATE] == TIP:
+        for j in range(count):
+            s, v, omega, psi, ratio = tip(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, mu)
+            jac = lanes[JAC + j]
+            drv = omega * lanes[DRV + j] + psi * jac * jac
+            jac = omega * jac
+            w = lanes[WGT + j] * ratio
+            lanes[SIN + j] = s
+            lanes[VER + j] = v
+            lanes[DRV + j] = drv
+            lanes[JAC + j] = jac
+            lanes[WGT + j] = w
+            lanes[SUM_M + j] += w * inertia * jac
+            lanes[SUM_G + j] += w * half * (s - slender * (1.0 - v))
+            lanes[SUM_D + j] += w * inertia * drv
+    else:
+        for j in range(count):
+            s, v, omega, psi, ratio = corner(
+                lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, mu
+            )
+            jac = lanes[JAC + j]
+            drv = omega * lanes[DRV + j] + psi * jac * jac
+            jac = omega * jac
+            w = lanes[WGT + j] * ratio
+            lanes[SIN + j] = s
+            lanes[VER + j] = v
+            lanes[DRV + j] = drv
+            lanes[JAC + j] = jac
+            lanes[WGT + j] = w
+            lanes[SUM_M + j] += w * inertia * jac
+            lanes[SUM_G + j] += w * half * (s - slender * (1.0 - v))
+            lanes[SUM_D + j] += w * inertia * drv
+
+
+@numba.njit(**_JIT)
+def lean_free(lanes, count, ring, row):
+    """`lean` without friction: w = J, and the potential energy instead of forces."""
+    p_l, s_l, rest, d_l = ring[row, P_L], ring[row, S_L], ring[row, REST], ring[row, D_L]
+    inertia, half, slender = ring[row, INERTIA], ring[row, HALF_WEIGHT], ring[row, SLENDER]
+    if ring[row, STATE] == TIP:
+        for j in range(count):
+            s, v, omega, _, _ = tip(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, 0.0)
+            jac = omega * lanes[JAC + j]
+            lanes[SIN + j] = s
+            lanes[VER + j] = v
+            lanes[JAC + j] = jac
+            lanes[SUM_M + j] += inertia * jac * jac
+            lanes[SUM_G + j] += half * (slender * s - v)
+    else:
+        for j in range(count):
+            s, v, omega, _, _ = corner(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, 0.0)
+            jac = omega * lanes[JAC + j]
+            lanes[SIN + j] = s
+            lanes[VER + j] = v
+            lanes[JAC + j] = jac
+            lanes[SUM_M + j] += inertia * jac * jac
+            lanes[SUM_G + j] += half * (slender * s - v)
+
+
+# --- The stack ------------------------------------------------------------------------------------
+@numba.njit(**_JIT)
+def stand(ring, mask, i, height, thickness, density):
+    """Write domino i into the ring (per unit of width; its link forward comes with the next)."""
+    row = i & mask
+    mass = density * height * thickness
+    ring[row, INERTIA] = mass * (height * height + thickness * thickness) / 3.0
+    ring[row, HALF_WEIGHT] = 0.5 * mass * height  # times gravity where it is used
+    ring[row, SLENDER] = thickness / height
+    ring[row, STATE] = TIP
+    ring[row, TAIL] = ring[row, INERTIA]
+    ring[row, END_WEIGHT] = 0.0
+
+
+@numba.njit(**_JIT)
+def join(ring, mask, i, height, gap, thickness_next):
+    """Write the link from i to i+1."""
+    row = i & mask
+    pitch = gap + thickness_next
+    ring[row, P_L] = pitch / height
+    ring[row, S_L] = gap / height
+    ring[row, REST] = (height - gap) / height
+    ring[row, D_L] = thickness_next / height
+    ring[row, V_FLUSH] = gap / pitch  # cos θ = d/p
+    # cos θ = (p² + d² - L²) / 2pd, for the tip and for the corner
+    ring[row, V_RELEASE] = (height - gap) * (height + gap) / (2.0 * pitch * thickness_next)
+
+
+@numba.njit(**_JIT)
+def switch_at(ring, row):
+    """1 - cos θ_{i+1} at which the link next changes its state."""
+    flush, release = ring[row, V_FLUSH], ring[row, V_RELEASE]
+    if ring[row, STATE] == TIP and flush < release:
+        return flush
+    return release
+
+
+@numba.njit(**_JIT)
+def spread(lanes, k, a, h):
+    """Lay the lanes over the interval [a, a + h] of the leader's angle; returns their number."""
+    m = ORDERS[k]
+    for j in range(m + 2):
+        x = 0.0 if j == 0 else (1.0 if j == m + 1 else NODES[k, j - 1])
+        half = 0.5 * (a + h * x)
+        s, c = math.sin(half), math.cos(half)
+        lanes[SIN + j] = 2.0 * s * c
+        lanes[VER + j] = 2.0 * s * s
+    return m + 2
+
+
+@numba.njit(**_JIT)
+def lead(lanes, count, ring, row, mu):
+    """Begin the sums with the leading domino."""
+    inertia, half, slender = ring[row, INERTIA], ring[row, HALF_WEIGHT], ring[row, SLENDER]
+    for j in range(count):
+        s, v = lanes[SIN + j], lanes[VER + j]
+        lanes[WGT + j] = 1.0
+        lanes[JAC + j] = 1.0
+        lanes[DRV + j] = 0.0
+        lanes[SUM_M + j] = inertia
+        lanes[SUM_D + j] = 0.0
+        if mu > 0.0:
+            lanes[SUM_G + j] = half * (s - slender * (1.0 - v))
+        else:
+            lanes[SUM_G + j] = half * (slender * s - v)
+    ring[row, END_WEIGHT] = 1.0
+
+
+@numba.njit(**_JIT)
+def tail_size(lanes, count, mu, force, h, behind):
+    """What dominoes behind the cut can still do, relative to u: bound over all lanes."""
+    worst = 0.0
+    lightest = lanes[SUM_M]
+    for j in range(count):
+        jac = abs(lanes[JAC + j])
+        if mu > 0.0:
+            x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
+        else:
+            x = jac * (force + jac)
+        if x > worst:
+            worst = x
+        if lanes[SUM_M + j] < lightest:
+            lightest = lanes[SUM_M + j]
+    return worst * behind / max(lightest, TINY)
+
+
+@numba.njit(**_JIT)
+def catch_up(ring, row, v, state):
+    """Make up for switches beyond an earlier cut: they had no weight then, and need no impact."""
+    if ring[row, STATE] == TIP and ring[row, V_FLUSH] < ring[row, V_RELEASE]:
+        ring[row, STATE] = CORNER
+        state[FLUSHES] += 1.0
+    if v > ring[row, V_RELEASE] * (1.0 + 1e-9):
+        ring[row, STATE] = RELEASED
+        state[RELEASES] += 1.0
+
+
+@numba.njit(**_JIT)
+def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, detect):
+    """Walk all lanes down the stack of leader n until the rest cannot matter.
+
+    Returns (lowest domino included, bound on the tail, whether some link switches on the way).
+    """
+    end = count - 1
+    lead(lanes, count, ring, n & mask, mu)
+    back = int(state[BACK])
+    first_check = max(4, int(state[DEPTH]) - 6)
+    oldest = max(back, n - mask) if mask > 0 else back
+    i = n
+    while i > oldest:
+        i -= 1
+        row = i & mask
+        if mask > 0 and lanes[VER] > switch_at(ring, row) * (1.0 + 1e-9):
+            catch_up(ring, row, lanes[VER], state)
+            if ring[row, STATE] == RELEASED:
+                state[BACK] = i + 1
+                return i + 1, 0.0, False
+        if detect:
+            v, jac = lanes[VER + end], lanes[JAC + end]
+            # A flush within 1e-12 rad behind the end still comes before the hit.
+            slack = 1e-12 * lanes[SIN + end] * jac
+            if v + slack >= switch_at(ring, row):
+                return i, 0.0, True
+        if mu > 0.0:
+            lean(lanes, count, ring, row, mu)
+            ring[row, END_WEIGHT] = lanes[WGT + end]
+        else:
+            lean_free(lanes, count, ring, row)
+            ring[row, END_WEIGHT] = lanes[JAC + end]
+        reached = n - i
+        if reached >= first_check and reached % 2 == 0 and i > back:
+            tail = tail_size(lanes, count, mu, force, h, ring[row, TAIL] - ring[row, INERTIA])
+            if tail <= tol:
+                return i, tail, False
+    if i > back:  # the ring ends before the row does
+        row = i & mask
+        tail = tail_size(lanes, count, mu, force, h, ring[row, TAIL])
+        return i, tail, False
+    return i, 0.0, False
+
+
+@numba.njit(**_JIT)
+def renew_tails(ring, mask, low, n):
+    """Renew the bound T_i on Σ_{k ≤ i} I_k w_k / w_i from the cut up to the leader.
+
+    T_i = I_i + |B/A| T_{i-1}.  As θ only grows, |B/A| of a link only falls until it turns corner,
+    where Ω ≤ (1 - p² + d²)/2 takes over; an old bound stays a bound.
+    """
+    for i in range(low + 1, n + 1):
+        below, row = (i - 1) & mask, i & mask
+        x2 = ring[below, S_L] * (ring[below, P_L] + ring[below, D_L])
+        ratio = 0.5 * (1.0 - x2)
+        above = abs(ring[row, END_WEIGHT])
+        if above > TINY:
+            ratio = max(ratio, min(abs(ring[below, END_WEIGHT]) / above, 1.0))
+        else:
+            ratio = 1.0
+        ring[row, TAIL] = ring[row, INERTIA] + ratio * ring[below, TAIL]
+
+
+# --- Switches -------------------------------------------------------------------------------------
+@numba.njit(**_JIT)
+def nearest_switch(ring, mask, n, low, angle, mu):
+    """The link whose switch is nearest in time to the leader's `angle`, by Newton's estimate.
+
+    Returns (link or -1, estimated step of the leader's angle, whether any link is past its switch).
+    """
+    half = 0.5 * angle
+    s, c = math.sin(half), math.cos(half)
+    v = 2.0 * s * s
+    s = 2.0 * s * c
+    jac = 1.0
+    best, step, past = -1, 1e300, False
+    for i in range(n - 1, low - 1, -1):
+        row = i & mask
+        over = v - switch_at(ring, row)
+        rate = s * jac
+        if rate > TINY:
+            x = -over / rate
+            if x < step:
+                best, step = i, x
+        if over >= 0.0:
+            past = True
+        s, v, omega, _, _ = link(ring, row, s, v, mu)
+        jac *= omega
+        if jac <= 0.0:
+            break
+    return best, step, past
+
+
+@numba.njit(**_JIT)
+def first_switch(ring, mask, n, low, a, b, mu):
+    """Leader's angle in [a, b] at which the first link of the stack switches."""
+    lo, hi, x = a, b, b
+    for _ in range(200):
+        best, step, past = nearest_switch(ring, mask, n, low, x, mu)
+        if best < 0:
+            return b
+        if past:
+            hi = x
+        else:
+            lo = x
+        new = x + step
+        if not (lo < new < hi):
+            if abs(step) <= 4.0 * EPS * b:
+                return min(max(new, a), b)
+            new = 0.5 * (lo + hi)
+        if abs(new - x) <= 2.0 * EPS * b or hi - lo <= 2.0 * EPS * b:
+            return new
+        x = new
+    return x
+
+
+@numba.njit(**_JIT)
+def census(ring, mask, n, back, s, v, mu, state):
+    """Catch up with all switches behind domino n, leaning by (s, v); count who is past tipping.
+
+    Dominoes behind a release, or gone from the ring, count as past it.
+    """
+    fallen = 0
+    i = n
+    while True:
+        row = i & mask
+        if s > ring[row, SLENDER] * (1.0 - v):
+            fallen += 1
+        if i == back:
+            return fallen + i
+        i -= 1
+        if mask > 0 and n - i > mask:
+            return fallen + i + 1
+        row = i & mask
+        if mask > 0 and v > switch_at(ring, row) * (1.0 + 1e-9):
+            catch_up(ring, row, v, state)
+            if ring[row, STATE] == RELEASED:
+                return fallen + i + 1
+        s, v, _, _, _ = link(ring, row, s, v, mu)
+
+
+@numba.njit(**_JIT)
+def switch(ring, mask, n, low, angle, mu, state):
+    """Switch every link that is due at the leader's `angle`; returns ω⁺/ω⁻ of the impact.
+
+    Links flush at the same instant switch together.  Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the new
+    states (eq. 8 with the seed's collision replaced by a flush).
+    """
+    half = 0.5 * angle
+    s, c = math.sin(half), math.cos(half)
+    v = 2.0 * s * s
+    s = 2.0 * s * c
+    row = n & mask
+    w, before, after = 1.0, 1.0, 1.0
+    old, new = ring[row, INERTIA], ring[row, INERTIA]
+    i, back = n, int(state[BACK])
+    flushed = False
+    while i > back and (mask == 0 or n - i < mask):
+        i -= 1
+        row = i & mask
+        now_flush = False
+        if ring[row, STATE] == TIP and ring[row, V_FLUSH] < ring[row, V_RELEASE]:
+            now_flush = ring[row, P_L] * (ring[row, V_FLUSH] - v) <= TOGETHER
+        elif v >= ring[row, V_RELEASE] * (1.0 - 1e-12):
+            census(ring, mask, i, int(state[BACK]), s, v, mu, state)
+            ring[row, STATE] = RELEASED
+            state[BACK] = i + 1
+            state[RELEASES] += 1.0
+            break
+        s_i, v_i, omega, _, ratio = link(ring, row, s, v, mu)
+        before *= omega
+        if now_flush:
+            flushed = True
+            ring[row, STATE] = CORNER
+            state[FLUSHES] += 1.0
+            s_i, v_i, omega, _, ratio = link(ring, row, s, v, mu)
+            after = 0.0
+        else:
+            after *= omega
+        w *= ratio
+        old += w * ring[row, INERTIA] * before
+        new += w * ring[row, INERTIA] * after
+        s, v = s_i, v_i
+        if i < low and not now_flush:
+            break
+    if not flushed or mu == 0.0:
+        return 1.0
+    if new == 0.0:
+        return 0.0
+    return old / new
+
+
+# --- One interval: the affine map -----------------------------------------------------------------
+@numba.njit(**_JIT)
+def affine_map(lanes, k, h, mu, gravity):
+    """E and U of the interval at all lanes, and how far they are resolved.
+
+    Returns (M positive on all lanes, error of log E and of U at the end, and at the nodes).
+    """
+    m = ORDERS[k]
+    end = m + 1
+    for j in range(m + 2):
+        if not lanes[SUM_M + j] > 0.0:
+            return False, 0.0, 0.0, 0.0, 0.0
+    lanes[MAP_E] = 1.0
+    lanes[MAP_U] = 0.0
+    if mu == 0.0:
+        m0, v0 = lanes[SUM_M], lanes[SUM_G]
+        scale = 2.0 * gravity / m0
+        for j in range(1, m + 2):
+            lanes[MAP_E + j] = m0 / lanes[SUM_M + j]
+            lanes[MAP_U + j] = scale * (v0 - lanes[SUM_G + j])
+        return True, 0.0, 0.0, 0.0, 0.0
+    g2 = 2.0 * gravity * h
+    for j in range(m + 2):
+        inv = 1.0 / lanes[SUM_M + j]
+        lanes[EXPO + j] = -2.0 * h * lanes[SUM_D + j] * inv  # 2 Q h
+        lanes[RATE + j] = g2 * lanes[SUM_G + j] * inv  # 2 P h, then 2 P h / E
+        lanes[COEF + j] = 0.0
+    q_end, q_lo, q_hi, q_size = 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        q = lanes[EXPO + 1 + i]
+        q_end += WEIGHTS[k, i] * q
+        q_lo += TO_START[k, i] * q
+        q_hi += TO_END[k, i] * q
+        q_size = max(q_size, abs(q))
+        for j in range(m):
+            lanes[COEF + j] += RUNNING[k, i, j] * q
+    for j in range(m):
+        e = math.exp(lanes[COEF + j])
+        lanes[MAP_E + 1 + j] = e
+        lanes[RATE + 1 + j] /= e
+        lanes[COEF + j] = 0.0
+    e_end = math.exp(q_end)
+    lanes[MAP_E + end] = e_end
+    lanes[RATE + end] /= e_end
+    r_end, r_lo, r_hi, r_size = 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        r = lanes[RATE + 1 + i]
+        r_end += WEIGHTS[k, i] * r
+        r_lo += TO_START[k, i] * r
+        r_hi += TO_END[k, i] * r
+        r_size = max(r_size, abs(r))
+        for j in range(m):
+            lanes[COEF + j] += RUNNING[k, i, j] * r
+    for j in range(m):
+        lanes[MAP_U + 1 + j] = lanes[COEF + j]
+    lanes[MAP_U + end] = r_end
+    # What the nodes predict at the two ends against what is there: the size of the first neglected
+    # Legendre coefficients.  Gauss rules err by its square.
+    q_off = max(abs(q_lo - lanes[EXPO]), abs(q_hi - lanes[EXPO + end]))
+    r_off = max(abs(r_lo - lanes[RATE]), abs(r_hi - lanes[RATE + end]))
+    e_error = q_off * q_off / max(q_size, TINY)
+    u_error = r_off * r_off / max(r_size, TINY) + r_off * q_off
+    return True, e_error, u_error, q_off, r_off
+
+
+# --- One interval: the time -----------------------------------------------------------------------
+@numba.njit(**_JIT)
+def series(lanes, values, k):
+    """Legendre coefficients of the polynomial through a row of lanes (start, nodes, end)."""
+    count = ORDERS[k] + 2
+    for j in range(count):
+        lanes[COEF + j] = 0.0
+    for i in range(count):
+        y = lanes[values + i]
+        for j in range(count):
+            lanes[COEF + j] += CLOSED[k, i, j] * y
+
+
+@numba.njit(**_JIT)
+def series_at(lanes, count, x):
+    """Value and first two derivatives of that polynomial at x in [0, 1]."""
+    z = 2.0 * x - 1.0
+    p0, p1, d0, d1, c0, c1 = 1.0, z, 0.0, 1.0, 0.0, 0.0
+    y = lanes[COEF] + lanes[COEF + 1] * z
+    dy, ddy = lanes[COEF + 1], 0.0
+    for n in range(1, count - 1):
+        f = 2 * n + 1.0
+        p2 = (f * z * p1 - n * p0) / (n + 1.0)
+        d2 = d0 + f * p1
+        c2 = c0 + f * d1
+        a = lanes[COEF + n + 1]
+        y += a * p2
+        dy += a * d2
+        ddy += a * c2
+        p0, p1, d0, d1, c0, c1 = p1, p2, d1, d2, c1, c2
+    return y, 2.0 * dy, 4.0 * ddy
+
+
+@numba.njit(**_JIT)
+def lowest_lane(lanes, values, count):
+    best = 0
+    for j in range(1, count):
+        if lanes[values + j] < lanes[values + best]:
+            best = j
+    return best
+
+
+@numba.njit(**_JIT)
+def place(k, j):
+    """Position of lane j in [0, 1]."""
+    if j == 0:
+        return 0.0
+    if j == ORDERS[k] + 1:
+        return 1.0
+    return NODES[k, j - 1]
+
+
+@numba.njit(**_JIT)
+def lowest_point(lanes, values, k):
+    """Place and value of the minimum over [0, 1] of the polynomial through a row (COEF is set)."""
+    count = ORDERS[k] + 2
+    j = lowest_lane(lanes, values, count)
+    lo, hi = place(k, max(j - 1, 0)), place(k, min(j + 1, count - 1))
+    x = place(k, j)
+    _, dy, _ = series_at(lanes, count, lo)
+    if dy >= 0.0 and j == 0:
+        return 0.0, lanes[values]
+    _, dy, _ = series_at(lanes, count, hi)
+    if dy <= 0.0 and j == count - 1:
+        return 1.0, lanes[values + j]
+    for _ in range(60):
+        y, dy, ddy = series_at(lanes, count, x)
+        if dy > 0.0:
+            hi = x
+        else:
+            lo = x
+        new = x - dy / ddy if ddy > 0.0 else 0.5 * (lo + hi)
+        if not (lo <= new <= hi):
+            new = 0.5 * (lo + hi)
+        if abs(new - x) <= 1e-15:
+            break
+        x = new
+    y, _, _ = series_at(lanes, count, x)
+    return x, min(y, lanes[values + j])
+
+
+@numba.njit(**_JIT)
+def first_zero(lanes, values, k, x_low):
+    """Where the falling polynomial (COEF) first reaches zero before its minimum at x_low."""
+    count = ORDERS[k] + 2
+    lo, hi = 0.0, x_low
+    for j in range(count):  # the first lane that is not positive bounds the first zero
+        if lanes[values + j] <= 0.0 and place(k, j) < hi:
+            hi = place(k, j)
+            break
+    for _ in range(80):
+        x = 0.5 * (lo + hi)
+        y, _, _ = series_at(lanes, count, x)
+        if y > 0.0:
+            lo = x
+        else:
+            hi = x
+        if hi - lo <= 1e-15:
+            break
+    return lo
+
+
+@numba.njit(**_JIT)
+def slow_panel(lanes, count, x0, x1):
+    """∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u (COEF), ten nodes."""
+    time, sens = 0.0, 0.0
+    for j in range(10):
+        y, _, _ = series_at(lanes, count, x0 + (x1 - x0) * NODES[2, j])
+        y = max(y, TINY)
+        f = 1.0 / math.sqrt(y)
+        time += WEIGHTS[2, j] * f
+        sens += WEIGHTS[2, j] * 0.5 * f / y
+    return time * (x1 - x0), sens * (x1 - x0)
+
+
+@numba.njit(**_JIT)
+def slow_time(lanes, count, x_low):
+    """The two integrals over [0, 1] when u nearly vanishes: panels that grow away from x_low.
+
+    A panel spans the distance over which u changes by its own size, so each is easy and their
+    number grows like the logarithm of the depth of the dip.
+    """
+    time, sens = 0.0, 0.0
+    for side in range(2):
+        x = x_low
+        target = 1.0 if side == 1 else 0.0
+        for _ in range(2000):
+            if x == target:
+                break
+            y, dy, ddy = series_at(lanes, count, x)
+            y = max(y, TINY)
+            step = 1.0
+            if abs(dy) > 0.0:
+                step = min(step, y / abs(dy))
+            if abs(ddy) > 0.0:
+                step = min(step, math.sqrt(2.0 * y / abs(ddy)))
+            step = max(0.75 * step, 1e-12)
+            if side == 1:
+                new = min(x + step, 1.0)
+                t, q = slow_panel(lanes, count, x, new)
+            else:
+                new = max(x - step, 0.0)
+                t, q = slow_panel(lanes, count, new, x)
+            time += t
+            sens += q
+            x = new
+    return time, sens
+
+
+# --- One fall -------------------------------------------------------------------------------------
+FINE, ROUGH, DEAD = 0, 1, 2
+
+
+@numba.njit(**_JIT)
+def order_for(state, h, tol):
+    """The rule expected to meet `tol` on an interval of length h, from the last one's decay."""
+    if state[LOG_RHO] <= 0.0:
+        return 3
+    rho = max(state[LOG_RHO] + math.log(state[LAST_H] / h), 0.35)
+    need = 0.5 * math.log(1.0 / tol) / rho
+    for k in range(1, len(ORDERS)):
+        if ORDERS[k] >= need:
+            return k
+    return len(ORDERS) - 1
+
+
+@numba.njit(**_JIT)
+def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, deep, creep):
+    """Carry u and the time over the interval [a, a + h], whose map is in the lanes.
+
+    FINE: done, errors booked.  ROUGH: the rule does not resolve it, nothing is changed.  DEAD: u
+    reaches zero, at state[ANGLE].
+    deep: find the true minimum of u always, not only where a stall is near.
+    creep: where only the root of u is unresolved, integrate the polynomial of u in small panels.
+    """
+    last = ORDERS[k] + 1
+    u0 = state[U]
+    size, u_low = u0, u0
+    lanes[SPEED2] = u0
+    for j in range(1, last + 1):
+        size = max(size, abs(lanes[MAP_U + j]))
+        u = lanes[MAP_E + j] * (u0 + lanes[MAP_U + j])
+        u_low = min(u_low, u)
+        lanes[SPEED2 + j] = u
+    e_end, u_end = lanes[MAP_E + last], lanes[SPEED2 + last]
+    local = (u0 + abs(lanes[MAP_U + last])) * e_error + u_error
+    rough = r_off + q_off * size
+    known = deep or u_low < 0.3 * size
+    x_low = 0.0
+    if known:
+        series(lanes, SPEED2, k)
+        x_low, u_low = lowest_point(lanes, SPEED2, k)
+    if u_low <= 0.0:
+        if local > max(tol * size, 1e-6 * abs(u_low)) and h > 1e-13:
+            return ROUGH
+        state[ANGLE] = a + h * first_zero(lanes, SPEED2, k, x_low)
+        return DEAD
+    t, sens, f_lo, f_hi = 0.0, 0.0, 0.0, 0.0
+    for j in range(1, last):
+        f = 1.0 / math.sqrt(lanes[SPEED2 + j])
+        w = WEIGHTS[k, j - 1] * f
+        t += w
+        sens += 0.5 * w * f * f * lanes[MAP_E + j]
+        f_lo += TO_START[k, j - 1] * f
+        f_hi += TO_END[k, j - 1] * f
+    f_off = max(abs(f_lo - 1.0 / math.sqrt(u0)), abs(f_hi - 1.0 / math.sqrt(u_end)))
+    t_error = (f_off / t) * (f_off + rough * sens)
+    if not (local * sens <= tol * t and local * e_end <= tol * u_end):
+        return ROUGH
+    if t_error > tol * t:
+        if not creep:
+            return ROUGH
+        if not known:
+            series(lanes, SPEED2, k)
+            x_low, u_low = lowest_point(lanes, SPEED2, k)
+        off = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
+        t_slow, sens_slow = slow_time(lanes, last + 1, x_low)
+        if not off * sens_slow <= tol * t_slow:
+            return ROUGH
+        t, sens, t_error = t_slow, sens_slow, off * sens_slow + 1e-14 * t_slow
+    off = max(f_off / t, rough / size, 1e-15)
+    state[LOG_RHO] = math.log(1.0 / min(off, 0.5)) / ORDERS[k]
+    state[LAST_H] = h
+    noise = 8.0 * EPS * size
+    cut = tail * u0
+    state[TIME_ERROR] += h * (sens * (state[U_ERROR] + local + cut + noise) + t_error)
+    state[TIME_ROUND] += h * (sens * (state[U_ROUND] + noise) + EPS * t)
+    state[U_ERROR] = e_end * (state[U_ERROR] + local + cut) + noise * max(e_end, 1.0)
+    state[U_ROUND] = e_end * state[U_ROUND] + noise * max(e_end, 1.0)
+    state[U] = u_end
+    state[CUT] = tail
+    state[M_END] = lanes[SUM_M + last]
+    state[FALL_TIME] += h * t
+    state[MARGIN] = min(state[MARGIN], u_low)
+    return FINE
+
+
+@numba.njit(**_JIT)
+def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
+    """Let leader n fall from upright to angle b: u, time and their errors move on in `state`."""
+    a, step, end, located, floor_order = 0.0, b, b, False, 0
+    tol = 0.1 * rtol
+    for _ in range(4000):
+        if a >= b:
+            break
+        if not located:
+            end = min(b, a + step)
+            if b - end < 1e-3 * (end - a):
+                end = b
+        h = end - a
+        k = max(order_for(state, h, tol), floor_order, 3 if n < 3 else 0)
+        count = spread(lanes, k, a, h)
+        force = 2.0 * h * gravity * state[KAPPA] / state[U]
+        low, tail, flagged = sweep(
+            lanes, count, ring, mask, n, state, mu, force, h, 0.1 * tol, mask > 0 and not located
+        )
+        if flagged:
+            oldest = max(int(state[BACK]), n - mask if mask > 0 else 0)
+            deepest = max(oldest, n - int(state[DEPTH]) - 8)
+            end = first_switch(ring, mask, n, min(low, deepest), a, end, mu)
+            located = True
+            if end - a > 4.0 * EPS * b:
+                continue
+        else:
+            done = ROUGH
+            ok, e_error, u_error, q_off, r_off = affine_map(lanes, k, h, mu, gravity)
+            if ok:
+                creep = k == len(ORDERS) - 1 or n > 6
+                done = ride(
+                    lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, deep, creep
+                )
+            if done == DEAD:
+                return STALLED
+            if done == ROUGH:
+                if ok and k < len(ORDERS) - 1:
+                    floor_order = k + 1
+                    continue
+                floor_order = 0
+                if h <= 1e-14 * b:
+                    state[ANGLE] = a
+                    return NO_RIGID_ANSWER
+                step = 0.5 * h
+                located = False
+                continue
+            floor_order = 0
+            state[DEPTH] = n - low
+            a = end
+            step = max(step, 3.0 * h)
+        if located:
+            located, step = False, b
+            keep = switch(ring, mask, n, low, end, mu, state)
+            if not keep > 0.0:
+                state[ANGLE] = end
+                return JAMMED
+            state[FLUSH_LOSS] = max(state[FLUSH_LOSS], 1.0 - keep)
+            state[U] *= keep * keep
+            state[U_ERROR] *= keep * keep
+            state[U_ROUND] *= keep * keep
+            if a >= b:  # the hit follows at once: its M is that of the new states
+                count = spread(lanes, 0, b, 0.0)
+                low, _, _ = sweep(lanes, count, ring, mask, n, state, mu, 0.0, 0.0, 0.1 * tol, False)
+                state[M_END] = lanes[SUM_M]
+                state[DEPTH] = n - low
+    return PROPAGATED
+
+
+@numba.njit(**_JIT)
+def hit(ring, mask, n, mu, state):
+    """Leader n, at its hitting angle, strikes n+1: eqs. 8-9 with friction."""
+    row = n & mask
+    s_l, d_l = ring[row, S_L], ring[row, D_L]
+    cd = math.sqrt(ring[row, REST] * (1.0 + s_l))
+    m = state[M_END] * (cd - mu * d_l) / (cd + mu * s_l)
+    if not m > 0.0:
+        return JAMMED
+    keep = m / (m + ring[(n + 1) & mask, INERTIA])
+    state[U] *= keep * keep
+    noise = (4.0 * EPS + 2.0 * state[CUT]) * state[U]
+    state[U_ERROR] = state[U_ERROR] * keep * keep + noise
+    state[U_ROUND] = state[U_ROUND] * keep * keep + 4.0 * EPS * state[U]
+    return PROPAGATED
+
+
+# --- A chain --------------------------------------------------------------------------------------
+@numba.njit(**_JIT)
+def begin(state, push):
+    """The state of a chain whose first domino has just been pushed."""
+    for j in range(STATE_SIZE):
+        state[j] = 0.0
+    state[U] = push * push
+    state[LOWEST_MARGIN] = 1.0
+
+
+@numba.njit(**_JIT)
+def add_time(state):
+    """Book the time of the last fall; compensated, so that a million falls add up exactly."""
+    y = state[FALL_TIME] - state[TIME_LOW]
+    total = state[TIME] + y
+    state[TIME_LOW] = (total - state[TIME]) - y
+    state[TIME] = total
+    state[WORST] = max(state[WORST], state[TIME_ERROR] / total)
+    state[WORST_ROUND] = max(state[WORST_ROUND], state[TIME_ROUND] / total)
+
+
+@numba.njit(**_JIT)
+def fall_angle(ring, mask, n, strikes):
+    """Angle at which leader n hits the next, or, where there is none in reach, tips over."""
+    row = n & mask
+    if strikes:
+        s_l = ring[row, S_L]
+        return math.atan2(s_l, math.sqrt(ring[row, REST] * (1.0 + s_l)))
+    return math.atan(ring[row, SLENDER])
+
+
+@numba.njit(**_JIT)
+def heaviest_force(height, thickness):
+    """Largest gravity torque of a domino over its inertia and g (for the bound on the tail)."""
+    return 1.5 / math.sqrt(height * height + thickness * thickness)
+
+
+@numba.njit(**_JIT)
+def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep):
+    """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
+    state[FALL_TIME] = 0.0
+    state[MARGIN] = state[U]
+    released = state[U]
+    b = fall_angle(ring, mask, n, strikes)
+    outcome = fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep)
+    return close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
+
+
+@numba.njit(**_JIT)
+def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
+    """Book a fall that has come to its end, then hit the next domino."""
+    state[MARGIN] = 0.0 if outcome == STALLED else state[MARGIN] / released
+    state[LOWEST_MARGIN] = min(state[LOWEST_MARGIN], state[MARGIN])
+    if outcome != PROPAGATED:
+        state[PART] = state[ANGLE] / b
+        return outcome
+    state[ANGLE] = b
+    state[PART] = 1.0
+    if strikes:
+        add_time(state)
+        state[U_IMPACT] = state[U]
+        return hit(ring, mask, n, mu, state)
+    return PROPAGATED
+
+
+@numba.njit(**_JIT)
+def is_uniform(spacing, thickness, height, density):
+    """Whether one stack serves every fall: all parts equal, and no link ever switches."""
+    s, d, length = spacing[0], thickness[0], height[0]
+    if s * (s + 2.0 * d) > length * length or s >= length:
+        return False
+    for i in range(1, len(thickness)):
+        if thickness[i] != d or height[i] != length or density[i] != density[0]:
+            return False
+        if i < len(spacing) and spacing[i] != s:
+            return False
+    return True
+
+
+@numba.njit(**_JIT)
+def uniform_order(lanes, ring, count, b, mu, gravity, tol):
+    """Rule that resolves P and Q of a uniform stack; -1 where none does."""
+    for k in range(1, len(ORDERS)):
+        lanes_used = spread(lanes, k, 0.0, b)
+        lead(lanes, lanes_used, ring, 0, mu)
+        for _ in range(min(count - 2, 12)):
+            if mu > 0.0:
+                lean(lanes, lanes_used, ring, 0, mu)
+            else:
+                lean_free(lanes, lanes_used, ring, 0)
+        ok, e_error, u_error, _, _ = affine_map(lanes, k, b, mu, gravity)
+        if ok and e_error <= 0.1 * tol and u_error <= 0.1 * tol * lanes[MAP_U + ORDERS[k] + 1]:
+            return k
+    return -1
+
+
+@numba.njit(**_JIT)
+def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out):
+    """Falls 0 … N-2 of a uniform row: each adds one link to the same lanes until the tail is dead.
+
+    Returns (outcome, falls done).
+    """
+    b = fall_angle(ring, 0, 0, True)
+    tol = 0.1 * rtol
+    k = uniform_order(lanes, ring, count, b, mu, gravity, tol)
+    if k < 0:
+        return PROPAGATED, 0
+    lanes_used = spread(lanes, k, 0.0, b)
+    lead(lanes, lanes_used, ring, 0, mu)
+    inertia = ring[0, INERTIA]
+    e_error, u_error, q_off, r_off, tail, closed = 0.0, 0.0, 0.0, 0.0, 0.0, False
+    for n in range(count - 1):
+        state[FALL_TIME] = 0.0
+        state[MARGIN] = state[U]
+        released = state[U]
+        if not closed:
+            if n > 0 and mu > 0.0:
+                before = lanes[WGT + lanes_used - 1]
+                lean(lanes, lanes_used, ring, 0, mu)
+                ratio = abs(lanes[WGT + lanes_used - 1] / before)
+            elif n > 0:
+                before = lanes[JAC + lanes_used - 1]
+                lean_free(lanes, lanes_used, ring, 0)
+                ratio = lanes[JAC + lanes_used - 1] / before
+            ok, e_error, u_error, q_off, r_off = affine_map(lanes, k, b, mu, gravity)
+            if not ok:
+                return PROPAGATED, n
+            if n > 4 and ratio < 1.0:
+                force = 2.0 * b * gravity * state[KAPPA] / state[U]
+                behind = inertia * ratio / (1.0 - ratio)
+                tail = tail_size(lanes, lanes_used, mu, force, b, behind)
+                closed = tail <= 0.1 * tol
+                if not closed:
+                    tail = 0.0
+                ring[0, TAIL] = inertia + behind
+        done = ride(
+            lanes, k, 0.0, b, mu, e_error, u_error, q_off, r_off, tail, tol, state, deep, True
+        )
+        if done == ROUGH:
+            outcome = fall(lanes, ring, 0, n, b, mu, gravity, rtol, state, deep)
+            closed = False
+            lanes_used = spread(lanes, k, 0.0, b)
+            lead(lanes, lanes_used, ring, 0, mu)
+            for _ in range(n):
+                if mu > 0.0:
+                    lean(lanes, lanes_used, ring, 0, mu)
+                else:
+                    lean_free(lanes, lanes_used, ring, 0)
+        else:
+            outcome = STALLED if done == DEAD else PROPAGATED
+        outcome = close_fall(ring, 0, n, b, released, True, mu, state, outcome)
+        record(out, n, outcome, state)
+        if outcome != PROPAGATED:
+            return outcome, n
+    return PROPAGATED, count - 1
+
+
+@numba.njit(**_JIT)
+def record(out, n, outcome, state):
+    """Write what fall n has shown: margin, and where it struck, both speeds and the arrival."""
+    if len(out) == 0:
+        return
+    out[n, OUT_MARGIN] = state[MARGIN]
+    if n + 1 < len(out) and state[PART] == 1.0 and (outcome == PROPAGATED or outcome == JAMMED):
+        out[n, OUT_IMPACT] = math.sqrt(state[U_IMPACT])
+        out[n + 1, OUT_ARRIVAL] = state[TIME]
+        if outcome == PROPAGATED:
+            out[n + 1, OUT_RELEASE] = math.sqrt(state[U])
+
+
+@numba.njit(**_JIT)
+def chain(
+    spacing, thickness, height, density, mu, gravity, push, rtol, lanes, ring, state, deep, out
+):
+    """A whole chain.  Returns (outcome, leader at the end, dominoes struck, dominoes past tipping).
+
+    out: (N, 4) arrival time, velocity just after being hit, velocity just before hitting the next,
+    stall margin; or (0, 4) where only the summary in `state` is wanted.
+    """
+    count = len(thickness)
+    begin(state, push)
+    if len(out) > 0:
+        out[:, OUT_ARRIVAL] = np.inf
+        out[:, OUT_RELEASE:] = np.nan
+        out[0, OUT_ARRIVAL] = 0.0
+        out[0, OUT_RELEASE] = push
+    stand(ring, 0, 0, height[0], thickness[0], density[0])
+    state[KAPPA] = heaviest_force(height[0], thickness[0])
+    first, mask = 0, len(ring) - 1
+    outcome = PROPAGATED
+    if count > 3 and is_uniform(spacing, thickness, height, density):
+        join(ring, 0, 0, height[0], spacing[0], thickness[0])
+        ring[0, TAIL] = count * ring[0, INERTIA]
+        outcome, first = uniform_chain(
+            lanes, ring, count, mu, gravity, rtol, state, deep, out
+        )
+        mask = 0
+        if outcome != PROPAGATED:
+            return ending(ring, mask, first, mu, state, outcome)
+    for n in range(first, count):
+        strikes = n + 1 < count and spacing[n] < height[n]
+        if n + 1 < count and mask > 0:
+            d = thickness[n + 1]
+            stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
+            join(ring, mask, n, height[n], spacing[n], d)
+            state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
+        if mask > 0:
+            if n % 4 == 0 and n > 0:
+                renew_tails(ring, mask, max(n - 1 - int(state[DEPTH]), 0, n - mask), n)
+            elif n > 0:
+                ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+        outcome = step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep)
+        record(out, n, outcome, state)
+        if outcome != PROPAGATED:
+            return ending(ring, mask, n, mu, state, outcome)
+        if not strikes and n + 1 < count:
+            return ending(ring, mask, n, mu, state, OUT_OF_REACH)
+    return ending(ring, mask, count - 1, mu, state, PROPAGATED)
+
+
+@numba.njit(**_JIT)
+def ending(ring, mask, n, mu, state, outcome):
+    """(outcome, leader, dominoes struck, dominoes past tipping) of a wave that ends under n."""
+    half = 0.5 * state[ANGLE]
+    s, c = math.sin(half), math.cos(half)
+    toppled = census(ring, mask, n, int(state[BACK]), 2.0 * s * c, 2.0 * s * s, mu, state)
+    if outcome == OUT_OF_REACH or outcome == PROPAGATED:  # the leader is just at tipping
+        toppled = n + 1
+    struck = n + 2 if outcome == JAMMED and state[PART] == 1.0 else n + 1
+    return outcome, n, struck, toppled
+
+
+@numba.njit(**_JIT)
+def solve(
+    spacing, thickness, height, density, mu, gravity, push, rtol, lanes, ring, state, deep, out
+):
+    """`chain`, again with a smaller tolerance while its own estimate exceeds the one asked for.
+
+    Where rounding alone exceeds it, no rule helps, and the estimate says so.
+    """
+    inner = rtol
+    result = chain(
+        spacing, thickness, height, density, mu, gravity, push, inner, lanes, ring, state, deep, out
+    )
+    for _ in range(3):
+        if state[WORST] <= rtol or state[WORST_ROUND] > 0.5 * rtol or inner < 1e-15:
+            break
+        inner *= max(0.3 * rtol / state[WORST], 1e-3)
+        result = chain(
+            spacing, thickness, height, density, mu, gravity, push, inner, lanes, ring, state, deep,
+            out,
+        )  # fmt: skip
+    return result
+
+
+# What a summary holds of each chain.
+END, HIT, TOPPLED, REACH, TOTAL_TIME, ESTIMATE, N_FLUSHES, N_RELEASES, LOSS, LOWEST = range(10)
+SUMMARY_SIZE = 10
+
+
+@numba.njit(**_JIT)
+def solve_rows(
+    first, last, spacing, thickness, height, density, mu, gravity, push, rtol, deep, summary, out
+):
+    """Chains first … last - 1 of a batch.  height, density (B, N) or (1, N); out (B, N, 4) or
+    (0, 0, 4)."""
+    count = thickness.shape[1]
+    size = 2
+    while size < count + 1 and size < RING_ROWS:
+        size *= 2
+    ring = np.zeros((size, RING_COLUMNS))
+    lanes = np.zeros(LANE_ROWS * PITCH)
+    state = np.zeros(STATE_SIZE)
+    unrecorded = np.empty((0, 4))
+    for b in range(first, last):
+        rows = out[b] if len(out) > 0 else unrecorded
+        outcome, leader, struck, toppled = solve(
+            spacing[b], thickness[b], height[b if len(height) > 1 else 0],
+            density[b if len(density) > 1 else 0], mu, gravity, push, rtol, lanes, ring, state,
+            deep, rows,
+        )  # fmt: skip
+        row = summary[b]
+        row[END], row[HIT], row[TOPPLED] = outcome, struck, toppled
+        row[REACH] = 1.0 if outcome == PROPAGATED else (leader + state[PART]) / count
+        row[TOTAL_TIME] = state[TIME] if outcome == PROPAGATED else np.inf
+        row[ESTIMATE] = state[WORST]
+        row[N_FLUSHES], row[N_RELEASES] = state[FLUSHES], state[RELEASES]
+        row[LOSS], row[LOWEST] = state[FLUSH_LOSS], state[LOWEST_MARGIN]

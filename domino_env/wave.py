@@ -1,0 +1,321 @@
+"""The wave that runs through a row: `simulate`, `simulate_batch`, and why a wave ended."""
+
+from __future__ import annotations
+
+import enum
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domino_env import kernel
+from domino_env.layout import Layout
+from domino_env.physics import Physics
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+LOOSEST, TIGHTEST = 1e-3, 1e-13
+
+
+class Outcome(enum.IntEnum):
+    """Why a wave ended."""
+
+    PROPAGATED = kernel.PROPAGATED
+    STALLED = kernel.STALLED
+    OUT_OF_REACH = kernel.OUT_OF_REACH
+    JAMMED = kernel.JAMMED
+    NO_RIGID_ANSWER = kernel.NO_RIGID_ANSWER
+
+    @property
+    def explanation(self) -> str:
+        """What it means and what to do next, in a sentence."""
+        return _EXPLANATIONS[self]
+
+
+_EXPLANATIONS = {
+    Outcome.PROPAGATED: "the wave ran through: the last domino passed its tipping angle",
+    Outcome.STALLED: "the wave stalled: the leading domino stopped before it reached the next; "
+    "push harder, or use wider gaps or thinner dominoes near where it stopped",
+    Outcome.OUT_OF_REACH: "a gap is out of reach: it is not smaller than the height of the domino "
+    "before it; bring the next domino closer",
+    Outcome.JAMMED: "the row jammed: friction is too high for the stack to pass the push on; use "
+    "less friction, thinner dominoes or narrower gaps there",
+    Outcome.NO_RIGID_ANSWER: "rigid bodies have no answer here (Painlevé's paradox: the effective "
+    "inertia is not positive); use less friction or thinner dominoes there",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Wave:
+    """A toppling wave, event by event.
+
+    layout, physics: what fell.
+    outcome: why the wave ended; `explanation` says it in a sentence, with the place.
+    hit: dominoes struck (the first counts, so does one struck in vain); toppled: dominoes that
+        passed their tipping angle, all of them if the wave propagated.
+    arrival_times: (N,) [s] when each domino is first moved, 0 for the first, inf where the wave
+        did not come.
+    release_velocity: (N,) [rad/s] angular velocity just after being hit (the push for domino 0),
+        nan where not reached.
+    impact_velocity: (N-1,) [rad/s] angular velocity just before hitting the next, nan where it
+        did not.
+    stall_margin: (N,) per fall, the lowest u = ω² of the leader over its value at release; 0 where
+        the wave stalled, nan where it did not come.
+    reach: how far the wave came, falls done and the part of the last one over N; 1 if it
+        propagated.
+    error_estimate: largest |error|/t_k over the arrival times t_k, as estimated by the run itself.
+    converged: False where the conditioning of the row keeps `rtol` out of reach; the estimate
+        stays honest.
+    flushes, releases: links that turned from tip to corner contact, and that lost contact;
+    largest_flush_loss: largest fraction of the leader's speed lost in one flush.
+    run_time: [s] spent computing.
+    """
+
+    layout: Layout
+    physics: Physics
+    outcome: Outcome
+    hit: int
+    toppled: int
+    arrival_times: Floats
+    release_velocity: Floats
+    impact_velocity: Floats
+    stall_margin: Floats
+    reach: float
+    error_estimate: float
+    converged: bool
+    flushes: int
+    releases: int
+    largest_flush_loss: float
+    rtol: float
+    run_time: float
+
+    @property
+    def mean_speed(self) -> float:
+        """[m/s] from the first pivot to the last, over the last arrival time; 0 unless propagated."""
+        if self.outcome != Outcome.PROPAGATED or len(self.arrival_times) < 2:
+            return 0.0
+        return float(self.layout.length / self.arrival_times[-1])
+
+    @property
+    def explanation(self) -> str:
+        """Why the wave ended, where, and what to do next."""
+        if self.outcome == Outcome.PROPAGATED:
+            return f"{self.outcome.explanation}."
+        leader = int(np.isfinite(self.stall_margin).sum()) - 1
+        return (
+            f"{self.outcome.explanation} (domino {leader} led; {self.hit} of "
+            f"{len(self.arrival_times)} were struck, {self.toppled} toppled)."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class WaveBatch:
+    """The waves of B layouts of N dominoes each: the fields of `Wave` with a leading B.
+
+    outcome: (B,) values of `Outcome`.  total_time: (B,) [s] arrival at the last domino, inf where
+    the wave did not come.  lowest_stall_margin: (B,) smallest stall margin of all falls.
+    arrival_times, release_velocity, impact_velocity, stall_margin are empty, (B, 0), where
+    `record=False` left them out; the lowest margin is then taken over the nodes of the rule only.
+    """
+
+    outcome: Ints
+    hit: Ints
+    toppled: Ints
+    reach: Floats
+    total_time: Floats
+    mean_speed: Floats
+    error_estimate: Floats
+    converged: NDArray[np.bool_]
+    flushes: Ints
+    releases: Ints
+    largest_flush_loss: Floats
+    lowest_stall_margin: Floats
+    arrival_times: Floats
+    release_velocity: Floats
+    impact_velocity: Floats
+    stall_margin: Floats
+    run_time: float
+
+    def __len__(self) -> int:
+        return len(self.outcome)
+
+
+def simulate(layout: Layout, physics: Physics, *, rtol: float = 1e-8) -> Wave:
+    """Topple a row and return its wave.
+
+    rtol: relative error allowed in the arrival times, 1e-3 to 1e-13.  ValueError outside.
+
+    The dynamics are exact up to that tolerance for chains in which every domino may differ: tip,
+    corner and released contacts, flushes as inelastic impacts, sliding friction (van Leeuwen 2004;
+    Chapman eqs. 1-9).  A wave that dies is a result: see `Wave.outcome`.
+    """
+    began = time.perf_counter()
+    count = layout.count
+    summary = np.empty((1, kernel.SUMMARY_SIZE))
+    out = np.empty((1, count, 4))
+    kernel.solve_rows(
+        0, 1, layout.spacing[None], layout.thickness[None], layout.height[None],
+        layout.density[None], physics.friction, physics.gravity, physics.push,
+        _checked(rtol), True, summary, out,
+    )  # fmt: skip
+    row, record = summary[0], out[0]
+    return Wave(
+        layout=layout,
+        physics=physics,
+        outcome=Outcome(int(row[kernel.END])),
+        hit=int(row[kernel.HIT]),
+        toppled=int(row[kernel.TOPPLED]),
+        arrival_times=record[:, kernel.OUT_ARRIVAL],
+        release_velocity=record[:, kernel.OUT_RELEASE],
+        impact_velocity=record[:-1, kernel.OUT_IMPACT],
+        stall_margin=record[:, kernel.OUT_MARGIN],
+        reach=float(row[kernel.REACH]),
+        error_estimate=float(row[kernel.ESTIMATE]),
+        converged=bool(row[kernel.ESTIMATE] <= rtol),
+        flushes=int(row[kernel.N_FLUSHES]),
+        releases=int(row[kernel.N_RELEASES]),
+        largest_flush_loss=float(row[kernel.LOSS]),
+        rtol=rtol,
+        run_time=time.perf_counter() - began,
+    )
+
+
+def simulate_batch(
+    spacing: ArrayLike,
+    thickness: ArrayLike,
+    physics: Physics,
+    *,
+    height: ArrayLike = 0.048,
+    density: ArrayLike = 1040.0,
+    rtol: float = 1e-6,
+    record: bool = True,
+) -> WaveBatch:
+    """Topple B rows of N dominoes over all cores; bit for bit what `simulate` gives one by one.
+
+    spacing: (B, N-1) [m]; thickness: (B, N) or (N,) [m]; height, density: scalar, (N,) or (B, N).
+    record: False leaves out what is kept of each domino.
+    The number of threads is Numba's (`numba.set_num_threads`).
+    ValueError names the layout and element that cannot stand.
+    """
+    began = time.perf_counter()
+    s, d, length, rho = _checked_batch(spacing, thickness, height, density)
+    rows, count = d.shape
+    summary = np.empty((rows, kernel.SUMMARY_SIZE))
+    out = np.empty((rows, count, 4) if record else (0, 0, 4))
+    _in_threads(
+        rows, count, s, d, length, rho, physics.friction, physics.gravity, physics.push,
+        _checked(rtol), record, summary, out,
+    )  # fmt: skip
+    outcome = summary[:, kernel.END].astype(np.int64)
+    total = summary[:, kernel.TOTAL_TIME]
+    # summed as Layout.length sums it, so that speeds agree to the last bit
+    way = np.cumsum(s + d[:, 1:], axis=1)[:, -1] if count > 1 else np.zeros(rows)
+    speed = np.where(np.isfinite(total) & (total > 0.0), way / np.maximum(total, 1e-300), 0.0)
+    empty = np.empty((rows, 0))
+    return WaveBatch(
+        outcome=outcome,
+        hit=summary[:, kernel.HIT].astype(np.int64),
+        toppled=summary[:, kernel.TOPPLED].astype(np.int64),
+        reach=summary[:, kernel.REACH],
+        total_time=total,
+        mean_speed=speed,
+        error_estimate=summary[:, kernel.ESTIMATE],
+        converged=summary[:, kernel.ESTIMATE] <= rtol,
+        flushes=summary[:, kernel.N_FLUSHES].astype(np.int64),
+        releases=summary[:, kernel.N_RELEASES].astype(np.int64),
+        largest_flush_loss=summary[:, kernel.LOSS],
+        lowest_stall_margin=summary[:, kernel.LOWEST],
+        arrival_times=out[:, :, kernel.OUT_ARRIVAL] if record else empty,
+        release_velocity=out[:, :, kernel.OUT_RELEASE] if record else empty,
+        impact_velocity=out[:, :-1, kernel.OUT_IMPACT] if record else empty,
+        stall_margin=out[:, :, kernel.OUT_MARGIN] if record else empty,
+        run_time=time.perf_counter() - began,
+    )
+
+
+_POOL: ThreadPoolExecutor | None = None
+
+
+def _in_threads(rows: int, count: int, *arguments: object) -> None:
+    """Share the rows among Numba's number of threads; the kernel holds no lock while it runs.
+
+    Plain threads rather than a parallel Numba loop: they may be called from several threads at
+    once and survive a fork.  Small pieces keep all cores busy where some waves die early.
+    """
+    global _POOL
+    threads = numba.get_num_threads()
+    piece = max(1, min(-(-rows // (4 * threads)), 200_000 // max(count, 1)))
+    if threads == 1 or rows * count < 2000:
+        kernel.solve_rows(0, rows, *arguments)
+        return
+    if _POOL is None:
+        _POOL = ThreadPoolExecutor(numba.config.NUMBA_NUM_THREADS, "domino")
+    jobs = [
+        _POOL.submit(kernel.solve_rows, i, min(i + piece, rows), *arguments)
+        for i in range(0, rows, piece)
+    ]
+    for job in jobs:
+        job.result()
+
+
+def _checked(rtol: float) -> float:
+    if not TIGHTEST <= rtol <= LOOSEST:
+        raise ValueError(f"rtol = {rtol}: choose a tolerance between {TIGHTEST} and {LOOSEST}")
+    return float(rtol)
+
+
+def _checked_batch(
+    spacing: ArrayLike, thickness: ArrayLike, height: ArrayLike, density: ArrayLike
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """The arrays of a batch as the kernel takes them; all that cannot stand is refused."""
+    s = np.ascontiguousarray(spacing, dtype=np.float64)
+    if s.ndim != 2:
+        raise ValueError(
+            f"spacing has shape {s.shape}: give one row a layout, (B, N-1); for one layout use "
+            "simulate()"
+        )
+    rows, count = s.shape[0], s.shape[1] + 1
+    d = _rows("thickness", thickness, rows, count)
+    d = np.ascontiguousarray(np.broadcast_to(d, (rows, count)))
+    length, rho = _rows("height", height, rows, count), _rows("density", density, rows, count)
+    for name, values, unit in (
+        ("spacing", s, "m"),
+        ("thickness", d, "m"),
+        ("height", length, "m"),
+        ("density", rho, "kg/m3"),
+    ):
+        good = (values > 0.0) & (values < np.inf)
+        if not good.all():
+            b, i = np.argwhere(~good)[0]
+            raise ValueError(
+                f"{name}[{b}, {i}] = {values[b, i]} {unit}: must be positive and finite"
+            )
+    if np.any(length[:, 1:] != length[:, :-1]) and count > 1:
+        tall, short = length[:, :-1], length[:, 1:]
+        low = (s >= tall) | (tall**2 - s**2 <= short**2 * (1.0 + 1e-12))
+        if not low.all():
+            b, i = np.argwhere(~low)[0]
+            raise ValueError(
+                f"layout {b}: domino {i} would strike above the top of domino {i + 1}; widen "
+                f"spacing[{b}, {i}] = {s[b, i]} m or make domino {i + 1} taller"
+            )
+    return s, d, length, rho
+
+
+def _rows(name: str, values: ArrayLike, rows: int, count: int) -> Floats:
+    """(1, N) or (B, N) from a scalar, (N,) or (B, N)."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0 or array.shape in ((1,), (1, 1)):
+        return np.full((1, count), float(array.reshape(())))
+    if array.shape == (count,):
+        return np.ascontiguousarray(array[None])
+    if array.shape in ((rows, count), (1, count)):
+        return np.ascontiguousarray(array)
+    raise ValueError(
+        f"{name} has shape {array.shape}: expected a number, ({count},) or ({rows}, {count}), as "
+        f"spacing has shape ({rows}, {count - 1})"
+    )
