@@ -63,6 +63,7 @@ PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4
 RING_ROWS = 65536  # dominoes remembered behind the leader, at most
 EPS = 2.220446049250313e-16
 TINY = 1e-290
+UNWATCHED, TO_HIT, TO_SWITCH = 0, 1, 2  # how an interval ends, for the watch on switches
 TOGETHER = 1e-9  # links flush within this Δ [rad] switch in one impact
 
 
@@ -294,11 +295,14 @@ def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, detect):
             if ring[row, STATE] == RELEASED:
                 state[BACK] = i + 1
                 return i + 1, 0.0, False
-        if detect:
-            v, jac = lanes[VER + end], lanes[JAC + end]
-            # A flush within 1e-12 rad behind the end still comes before the hit.
-            slack = 1e-12 * lanes[SIN + end] * jac
-            if v + slack >= switch_at(ring, row):
+        if detect > 0:
+            # A flush within 1e-12 rad behind a hit still comes before it; where the interval ends
+            # at a switch, one that is due at the same instant is no news.
+            if detect == TO_HIT:
+                slack = 1e-12 * lanes[SIN + end] * lanes[JAC + end]
+            else:
+                slack = -1e-13 / ring[row, P_L]
+            if lanes[VER + end] + slack >= switch_at(ring, row):
                 return i, 0.0, True
         if mu > 0.0:
             lean(lanes, count, ring, row, mu)
@@ -339,53 +343,31 @@ def renew_tails(ring, mask, low, n):
 
 # --- Switches -------------------------------------------------------------------------------------
 @numba.njit(**_JIT)
-def nearest_switch(ring, mask, n, low, angle, mu):
-    """The link whose switch is nearest in time to the leader's `angle`, by Newton's estimate.
-
-    Returns (link or -1, estimated step of the leader's angle, whether any link is past its switch).
-    """
-    half = 0.5 * angle
-    s, c = math.sin(half), math.cos(half)
-    v = 2.0 * s * s
-    s = 2.0 * s * c
-    jac = 1.0
-    best, step, past = -1, 1e300, False
-    for i in range(n - 1, low - 1, -1):
-        row = i & mask
-        over = v - switch_at(ring, row)
-        rate = s * jac
-        if rate > TINY:
-            x = -over / rate
-            if x < step:
-                best, step = i, x
-        if over >= 0.0:
-            past = True
-        s, v, omega, _, _ = link(ring, row, s, v, mu)
-        jac *= omega
-        if jac <= 0.0:
-            break
-    return best, step, past
-
-
-@numba.njit(**_JIT)
-def first_switch(ring, mask, n, low, a, b, mu):
-    """Leader's angle in [a, b] at which the first link of the stack switches."""
+def switch_angle(ring, mask, n, i, a, b, mu):
+    """Leader's angle in [a, b] at which link i switches: Newton from b, kept in a bracket."""
+    due = switch_at(ring, i & mask)
     lo, hi, x = a, b, b
-    for _ in range(200):
-        best, step, past = nearest_switch(ring, mask, n, low, x, mu)
-        if best < 0:
-            return b
-        if past:
+    for _ in range(100):
+        half = 0.5 * x
+        s, c = math.sin(half), math.cos(half)
+        v = 2.0 * s * s
+        s = 2.0 * s * c
+        jac = 1.0
+        for j in range(n - 1, i, -1):
+            s, v, omega, _, _ = link(ring, j & mask, s, v, mu)
+            jac *= omega
+        over = v - due
+        if over >= 0.0:
             hi = x
         else:
             lo = x
-        new = x + step
+        new = x - over / max(s * jac, TINY)
+        if abs(new - x) <= 2.0 * EPS * b:
+            return min(max(new, a), b)
         if not (lo < new < hi):
-            if abs(step) <= 4.0 * EPS * b:
-                return min(max(new, a), b)
             new = 0.5 * (lo + hi)
-        if abs(new - x) <= 2.0 * EPS * b or hi - lo <= 2.0 * EPS * b:
-            return new
+            if new <= lo or new >= hi:
+                return hi
         x = new
     return x
 
@@ -784,13 +766,12 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
         k = max(order_for(state, h, tol), floor_order, 3 if n < 3 else 0)
         count = spread(lanes, k, a, h)
         force = 2.0 * h * gravity * state[KAPPA] / state[U]
+        watch = UNWATCHED if mask == 0 else (TO_SWITCH if located else TO_HIT)
         low, tail, flagged = sweep(
-            lanes, count, ring, mask, n, state, mu, force, h, 0.1 * tol, mask > 0 and not located
+            lanes, count, ring, mask, n, state, mu, force, h, 0.1 * tol, watch
         )
         if flagged:
-            oldest = max(int(state[BACK]), n - mask if mask > 0 else 0)
-            deepest = max(oldest, n - int(state[DEPTH]) - 8)
-            end = first_switch(ring, mask, n, min(low, deepest), a, end, mu)
+            end = switch_angle(ring, mask, n, low, a, end, mu)
             located = True
             if end - a > 4.0 * EPS * b:
                 continue
@@ -831,7 +812,9 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
             state[U_ROUND] *= keep * keep
             if a >= b:  # the hit follows at once: its M is that of the new states
                 count = spread(lanes, 0, b, 0.0)
-                low, _, _ = sweep(lanes, count, ring, mask, n, state, mu, 0.0, 0.0, 0.1 * tol, False)
+                low, _, _ = sweep(
+                    lanes, count, ring, mask, n, state, mu, 0.0, 0.0, 0.1 * tol, UNWATCHED
+                )
                 state[M_END] = lanes[SUM_M]
                 state[DEPTH] = n - low
     return PROPAGATED
