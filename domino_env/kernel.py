@@ -719,7 +719,8 @@ def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, d
         f_lo += TO_START[k, j - 1] * f
         f_hi += TO_END[k, j - 1] * f
     f_off = max(abs(f_lo - 1.0 / math.sqrt(u0)), abs(f_hi - 1.0 / math.sqrt(u_end)))
-    t_error = (f_off / t) * (f_off + rough * sens)
+    off = f_off / t
+    t_error = 2.0 * off * (f_off / math.sqrt(math.sqrt(math.sqrt(max(off, TINY)))) + rough * sens)
     if not (local * sens <= tol * t and local * e_end <= tol * u_end):
         return ROUGH
     if t_error > tol * t:
@@ -736,7 +737,7 @@ def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, d
     off = max(f_off / t, rough / size, 1e-15)
     state[LOG_RHO] = math.log(1.0 / min(off, 0.5)) / ORDERS[k]
     state[LAST_H] = h
-    noise = 8.0 * EPS * size
+    noise = 16.0 * EPS * size
     cut = tail * u0
     state[TIME_ERROR] += h * (sens * (state[U_ERROR] + local + cut + noise) + t_error)
     state[TIME_ROUND] += h * (sens * (state[U_ROUND] + noise) + EPS * t)
