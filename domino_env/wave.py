@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -240,6 +241,14 @@ def simulate_batch(
 _POOL: ThreadPoolExecutor | None = None
 
 
+def _forget_pool() -> None:
+    global _POOL
+    _POOL = None
+
+
+os.register_at_fork(after_in_child=_forget_pool)  # a child has none of its parent's threads
+
+
 def _in_threads(rows: int, count: int, *arguments: object) -> None:
     """Share the rows among Numba's number of threads; the kernel holds no lock while it runs.
 
@@ -303,7 +312,14 @@ def _checked_batch(
                 f"layout {b}: domino {i} would strike above the top of domino {i + 1}; widen "
                 f"spacing[{b}, {i}] = {s[b, i]} m or make domino {i + 1} taller"
             )
-    return s, d, length, rho
+    return _read_only(s), _read_only(d), _read_only(length), _read_only(rho)
+
+
+def _read_only(array: Floats) -> Floats:
+    """A view like the arrays of a Layout, for which the kernel is compiled."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _rows(name: str, values: ArrayLike, rows: int, count: int) -> Floats:

@@ -1,0 +1,62 @@
+"""Toppling-domino chains: exact simulation of rows in which every domino may differ.
+
+    import domino_env as de
+
+    layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
+    wave = de.simulate(layout, de.Physics(friction=0.25, push=8.0))
+
+Names load when they are first used, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from domino_env.layout import Layout
+    from domino_env.physics import Physics
+    from domino_env.scene import Scene, UniformMark, load_scene, scene_names
+    from domino_env.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Layout": "layout",
+    "Physics": "physics",
+    "Outcome": "wave",
+    "Wave": "wave",
+    "WaveBatch": "wave",
+    "simulate": "wave",
+    "simulate_batch": "wave",
+    "Scene": "scene",
+    "UniformMark": "scene",
+    "load_scene": "scene",
+    "scene_names": "scene",
+}
+
+__all__ = [
+    "Layout",
+    "Outcome",
+    "Physics",
+    "Scene",
+    "UniformMark",
+    "Wave",
+    "WaveBatch",
+    "load_scene",
+    "scene_names",
+    "simulate",
+    "simulate_batch",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'domino_env' has no attribute '{name}'")
+    value = getattr(import_module(f"domino_env.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])
