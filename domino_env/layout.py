@@ -57,10 +57,14 @@ class Layout:
             _require_positive(name, array)
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        if not (np.isfinite(width) and width > 0.0):
-            raise ValueError(f"width = {width} m: must be positive and finite")
+        if not (isinstance(width, int | float | np.number) and 0.0 < width < np.inf):
+            raise ValueError(f"width = {width!r} m: must be one number, positive and finite")
         object.__setattr__(self, "width", float(width))
         _require_low_tips(gaps, values["height"])
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # built anew, so that a copy's arrays are read-only too: the kernel is compiled for those
+        return Layout, (self.spacing, self.thickness, self.height, self.width, self.density)
 
     @classmethod
     def uniform(
@@ -96,10 +100,18 @@ class Layout:
         """(N-1,) pivot to pivot [m]."""
         return self.spacing + self.thickness[1:]
 
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all gaps are equal, and all dominoes."""
+        arrays = (self.spacing, self.thickness, self.height, self.density)
+        return all(bool(np.all(array == array[:1])) for array in arrays)
+
     @cached_property
     def positions(self) -> Floats:
         """(N,) pivots (front bottom edges) along the row, the first at 0 [m]."""
-        return np.concatenate(([0.0], np.cumsum(self.pitch)))
+        places = np.concatenate(([0.0], np.cumsum(self.pitch)))
+        places.flags.writeable = False
+        return places
 
     @property
     def length(self) -> float:
@@ -166,7 +178,9 @@ def _require_positive(name: str, array: Floats) -> None:
     value = array[i]
     if name == "spacing" and value <= 0.0:
         what = "touch" if value == 0.0 else "overlap"
-        raise ValueError(f"spacing[{i}] = {value} m: dominoes {i} and {i + 1} {what}; widen the gap")
+        raise ValueError(
+            f"spacing[{i}] = {value} m: dominoes {i} and {i + 1} {what}; widen the gap"
+        )
     unit = _UNITS[name]
     raise ValueError(f"{name}[{i}] = {value} {unit}: must be positive and finite")
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import csv
+import difflib
+import io
 import json
+import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +16,13 @@ from domino_env.files import write_text
 from domino_env.layout import DENSITY, HEIGHT, WIDTH, Layout
 
 LARGEST_FILE = 256 * 1024 * 1024  # [bytes]; a million dominoes take about 80 MB
+UNIT = "SI: m, kg/m3"
 _COLUMNS = ("spacing", "thickness", "height", "density")
-_FACTOR = {"spacing": 1.0, "thickness": 1.0, "height": 1.0, "density": 1.0}
+# divided by, not multiplied with 0.001: 18 mm then reads as the very number 0.018
+_PER_UNIT = {"spacing": 1.0, "thickness": 1.0, "height": 1.0, "density": 1.0}
 for _name in ("spacing", "thickness", "height"):
-    _FACTOR[f"{_name}_mm"] = 1e-3
-    _FACTOR[f"{_name}_m"] = 1.0
+    _PER_UNIT[f"{_name}_mm"] = 1000.0
+    _PER_UNIT[f"{_name}_m"] = 1.0
 
 
 def write_csv(layout: Layout, path: Path) -> None:
@@ -32,7 +38,7 @@ def write_csv(layout: Layout, path: Path) -> None:
 def write_json(layout: Layout, path: Path) -> None:
     """Every array in full, SI units."""
     document = {
-        "unit": "SI: m, kg/m3",
+        "unit": UNIT,
         "spacing": layout.spacing.tolist(),
         "thickness": layout.thickness.tolist(),
         "height": layout.height.tolist(),
@@ -47,49 +53,50 @@ def read_csv(path: Path) -> Layout:
 
     One line a domino under a line of names: spacing (or spacing_mm) is the free gap in front of it,
     thickness (or thickness_mm), and if they differ height (height_mm) and density.  The last
-    spacing may be empty or missing.  Comma, semicolon or tab between the cells, decimal commas
-    where the cells are not divided by commas.  Other columns are left alone.
+    spacing leads nowhere: it may be empty or missing, and is not used.  Comma, semicolon or tab
+    between the cells, decimal commas where the cells are not divided by commas.  Other columns are
+    left alone.
     Raises ValueError with file, line and column.
     """
-    text = _text(path)
-    lines = [line for line in text.splitlines()]
-    if not lines:
-        raise ValueError(f"{path}: the file is empty; the first line names the columns")
-    divider = max(";\t,", key=lambda c: (lines[0].count(c), ";\t,".index(c) == 0))
-    table = list(csv.reader(lines, delimiter=divider))
-    names = [cell.strip().lower().replace(" ", "_") for cell in table[0]]
-    names = [n.replace("(mm)", "mm").replace("[mm]", "mm").replace("(m)", "m") for n in names]
+    divider, table = _table(path)
+    head, first = table[0]
+    names = [_column_name(cell) for cell in first]
     places: dict[str, tuple[int, float]] = {}
     for place, name in enumerate(names):
-        if name in _FACTOR:
+        if name in _PER_UNIT:
             kind = name.removesuffix("_mm").removesuffix("_m")
             if kind in places:
-                raise ValueError(f"{path}, line 1: two columns give the {kind}; keep one")
-            places[kind] = (place, _FACTOR[name])
+                raise ValueError(f"{path}, line {head}: two columns give the {kind}; keep one")
+            places[kind] = (place, _PER_UNIT[name])
     for kind in ("spacing", "thickness"):
         if kind not in places:
             raise ValueError(
-                f"{path}, line 1: no column for the {kind}; name one '{kind}' (metres) or "
+                f"{path}, line {head}: no column for the {kind}; name one '{kind}' (metres) or "
                 f"'{kind}_mm' (found: {', '.join(n for n in names if n) or 'nothing'})"
             )
     columns: dict[str, list[float]] = {kind: [] for kind in places}
-    rows = [(i + 1, row) for i, row in enumerate(table) if i > 0 and any(c.strip() for c in row)]
+    rows = table[1:]
     if not rows:
         raise ValueError(f"{path}: no dominoes below the line of names")
     for order, (line, row) in enumerate(rows):
-        for kind, (place, factor) in places.items():
+        for kind, (place, per_unit) in places.items():
             cell = row[place].strip() if place < len(row) else ""
-            if not cell and kind == "spacing" and order == len(rows) - 1:
+            if kind == "spacing" and order == len(rows) - 1:
                 continue
             where = f"{path}, line {line}, column '{names[place]}'"
+            if not cell and kind == "spacing":
+                raise ValueError(
+                    f"{where}: empty; give the free gap in front of every domino but the last"
+                )
             if not cell:
                 raise ValueError(f"{where}: empty; every domino needs a {kind}")
-            columns[kind].append(_number(cell, divider, where) * factor)
-    count = len(rows)
-    spacing = np.array(columns["spacing"][: count - 1])
+            value = _number(cell, divider, where) / per_unit
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{where}: {cell} must be more than 0 and finite")
+            columns[kind].append(value)
     try:
         return Layout(
-            spacing,
+            np.array(columns["spacing"]),
             np.array(columns["thickness"]),
             np.array(columns["height"]) if "height" in columns else HEIGHT,
             WIDTH,
@@ -110,9 +117,16 @@ def read_json(path: Path) -> Layout:
     for key in ("spacing", "thickness"):
         if key not in document:
             raise ValueError(f"{path}: the key '{key}' is missing")
-    given = {key: document[key] for key in (*_COLUMNS, "width") if key in document}
+    allowed = (*_COLUMNS, "width", "unit")
+    for key in document:
+        if key not in allowed:
+            near = difflib.get_close_matches(key, allowed, n=1)
+            hint = f"did you mean '{near[0]}'? " if near else ""
+            raise ValueError(f"{path}: unknown key '{key}': {hint}allowed: {', '.join(allowed)}")
+    if document.get("unit", UNIT) != UNIT:
+        raise ValueError(f"{path}: unit = {document['unit']!r}: a layout is read in '{UNIT}'")
     try:
-        return Layout(**given)
+        return Layout(**{key: value for key, value in document.items() if key != "unit"})
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -124,11 +138,44 @@ def _text(path: Path) -> str:
         raise ValueError(f"{path}: {size / 1e6:.0f} MB; a layout file has at most 268 MB")
     data = path.read_bytes()
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16")
+        try:
+            return data.decode("utf-16")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path}: starts like UTF-16 text but is not: {error}") from None
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")
+
+
+def _table(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+    """The sign between the cells, and every line that is not blank with its number."""
+    text = _text(path)
+    start = text.lstrip()
+    # some spreadsheets say on a line of its own what stands between the cells
+    told = start[4] if start[:4].lower() == "sep=" and start[4:5] in (";", "\t", ",") else ""
+    head = start.split("\n", 1)[0]
+    # of equal counts the first wins: a comma may be part of a name or a number
+    divider = told or max(";\t,", key=head.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=divider)
+    table = []
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                table.append((reader.line_num, row))
+    except csv.Error as error:
+        raise ValueError(f"{path}, line {reader.line_num}: not a table: {error}") from None
+    if told:
+        table = table[1:]
+    if not table:
+        raise ValueError(f"{path}: the file is empty; the first line names the columns")
+    return divider, table
+
+
+def _column_name(cell: str) -> str:
+    """`Spacing (mm)`, `spacing [mm]` and `spacing_mm` are one name."""
+    words = re.sub(r"[\s_()\[\]]+", " ", cell.lower()).split()
+    return "_".join(words)
 
 
 def _number(cell: str, divider: str, where: str) -> float:

@@ -24,7 +24,9 @@ class Physics:
     def __post_init__(self) -> None:
         _require("friction", self.friction, "", self.friction >= 0.0, "0 (no friction) or more")
         _require("gravity", self.gravity, " m/s²", self.gravity > 0.0, "more than 0; 9.81 on Earth")
-        _require("push", self.push, " rad/s", self.push > 0.0, "more than 0: nothing falls unpushed")
+        _require(
+            "push", self.push, " rad/s", self.push > 0.0, "more than 0: nothing falls unpushed"
+        )
         for name in ("friction", "gravity", "push"):
             object.__setattr__(self, name, float(getattr(self, name)))
 

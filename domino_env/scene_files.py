@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-import math
+import sys
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -19,7 +19,7 @@ LARGEST_FILE = 1_000_000  # [bytes]
 LARGEST_COUNT = 10_000_000
 OBJECTIVES = ("mean_speed",)
 
-_TOP = ("title", "objective", "row", "spacing", "thickness", "physics")
+_TOP = ("name", "title", "objective", "row", "spacing", "thickness", "physics")
 _ROW = ("count", "height", "width", "density", "first_thickness", "length")
 _RANGE = ("min", "max", "fixed")
 _PHYSICS = ("friction", "gravity", "push")
@@ -30,7 +30,8 @@ def read_scene(name: str | Path) -> Scene:
     from domino_env.scene import scene_names
 
     path = Path(name)
-    if path.suffix == ".toml" or path.is_file():
+    known = scene_names()
+    if str(name) not in known and (path.suffix == ".toml" or path.is_file()):
         if not path.is_file():
             raise ValueError(f"{path}: there is no such scene file")
         if path.stat().st_size > LARGEST_FILE:
@@ -40,7 +41,6 @@ def read_scene(name: str | Path) -> Scene:
         except UnicodeDecodeError:
             raise ValueError(f"{path}: not UTF-8 text; save the file as UTF-8") from None
         return parse_scene(text, path.stem, str(path))
-    known = scene_names()
     if str(name) not in known:
         near = difflib.get_close_matches(str(name), known, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
@@ -53,12 +53,15 @@ def read_scene(name: str | Path) -> Scene:
 
 
 def parse_scene(text: str, name: str, file: str) -> Scene:
-    """A scene from the text of its file; `file` is what errors call it."""
+    """A scene from the text of its file.
+
+    name: what the scene is called unless the text says it; file: what errors call the text.
+    """
     from domino_env.scene import Scene
 
     try:
         document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{file}: not TOML: {error}") from None
     _known(document, _TOP, file, "")
     row = _table(document, "row", _ROW, file)
@@ -66,15 +69,14 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
     objective = document.get("objective", OBJECTIVES[0])
     if objective not in OBJECTIVES:
         raise ValueError(f"{file}: objective = {objective!r}: choose {', '.join(OBJECTIVES)}")
-    title = document.get("title", name)
-    if not isinstance(title, str):
-        raise ValueError(f"{file}: title = {title!r}: give a line of text")
+    name, title = _line(document, "name", file, name), _line(document, "title", file, name)
     count = row.get("count")
     if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= LARGEST_COUNT:
         raise ValueError(
             f"{file}: row.count = {count!r}: give a whole number from 2 to {LARGEST_COUNT}"
         )
     thickness = _range(document, "thickness", file)
+    same = thickness[0] if thickness[0] == thickness[1] else None  # as thick as all the others
     defaults = Physics()
     try:
         physics = Physics(
@@ -92,7 +94,7 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
         height=_positive(row, "row", "height", file, HEIGHT),
         width=_positive(row, "row", "width", file, WIDTH),
         density=_positive(row, "row", "density", file, DENSITY),
-        first_thickness=_positive(row, "row", "first_thickness", file, thickness[0]),
+        first_thickness=_positive(row, "row", "first_thickness", file, same),
         spacing=_range(document, "spacing", file),
         thickness=thickness,
         length=None if length is None else _positive(row, "row", "length", file, None),
@@ -103,7 +105,8 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
 
 def to_toml(scene: Scene) -> str:
     """The text of a file that reads back as the same scene."""
-    lines = [f"title = {_quoted(scene.title)}", f"objective = {_quoted(scene.objective)}"]
+    lines = [f"name = {_quoted(scene.name)}", f"title = {_quoted(scene.title)}"]
+    lines += [f"objective = {_quoted(scene.objective)}"]
     lines += ["", "[row]", f"count = {scene.count}"]
     for key in ("height", "width", "density", "first_thickness"):
         lines.append(f"{key} = {getattr(scene, key)!r}")
@@ -120,7 +123,9 @@ def to_toml(scene: Scene) -> str:
 
 def _quoted(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c >= " " and c != "\x7f" else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    return (
+        '"' + "".join(c if c >= " " and c != "\x7f" else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    )
 
 
 def _known(table: dict[str, Any], allowed: tuple[str, ...], file: str, where: str) -> None:
@@ -128,7 +133,9 @@ def _known(table: dict[str, Any], allowed: tuple[str, ...], file: str, where: st
         if key not in allowed:
             near = difflib.get_close_matches(key, allowed, n=1)
             hint = f"did you mean '{near[0]}'? " if near else ""
-            raise ValueError(f"{file}: unknown key '{where}{key}': {hint}allowed: {', '.join(allowed)}")
+            raise ValueError(
+                f"{file}: unknown key '{where}{key}': {hint}allowed: {', '.join(allowed)}"
+            )
 
 
 def _table(
@@ -141,14 +148,22 @@ def _table(
     return table
 
 
-def _finite(
-    table: dict[str, Any], where: str, key: str, file: str, default: float | None
-) -> float:
+def _line(document: dict[str, Any], key: str, file: str, default: str) -> str:
+    value = document.get(key, default)
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError(f"{file}: {key} = {value!r}: give a line of text")
+    return value
+
+
+def _finite(table: dict[str, Any], where: str, key: str, file: str, default: float | None) -> float:
     value = table.get(key, default)
+    if value is None:
+        raise ValueError(f"{file}: {where}.{key} is missing: give a number, SI units")
+    # compared, not converted: TOML's whole numbers may be larger than any float
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not math.isfinite(value):  # type: ignore[arg-type]
+    if not (number and -sys.float_info.max <= value <= sys.float_info.max):
         raise ValueError(f"{file}: {where}.{key} = {value!r}: give a finite number, SI units")
-    return float(value)  # type: ignore[arg-type]
+    return float(value)
 
 
 def _positive(
@@ -164,7 +179,9 @@ def _range(document: dict[str, Any], name: str, file: str) -> Bounds:
     table = _table(document, name, _RANGE, file)
     if "fixed" in table:
         if len(table) > 1:
-            raise ValueError(f"{file}: {name}.fixed stands beside min or max: give one or the other")
+            raise ValueError(
+                f"{file}: {name}.fixed stands beside min or max: give one or the other"
+            )
         value = _positive(table, name, "fixed", file, None)
         return value, value
     for key in ("min", "max"):

@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 GRID_1D, GRID_2D = 1024, 96  # first look at the whole range, per axis
 KEEP = 6  # places that are looked at again, each time more closely
 FINEST = 1e-9  # [m] where looking closer ends
+LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
 
 
 def best_uniform(scene: Scene) -> Layout:
@@ -78,7 +79,13 @@ def _scores(scene: Scene, points: Floats) -> Floats:
     if scene.length is not None:
         gap = np.array([_gap_for(scene, d) for d in points[:, 1]])
     ones = np.ones(scene.count - 1)
-    return scene.score_batch(gap[:, None] * ones, points[:, 1][:, None] * ones, rtol=1e-11)
+    scores = np.empty(len(points))
+    piece = max(1, LARGEST_BATCH // scene.count)
+    for i in range(0, len(points), piece):
+        part = slice(i, i + piece)
+        spacing, thickness = gap[part, None] * ones, points[part, 1, None] * ones
+        scores[part] = scene.score_batch(spacing, thickness, rtol=1e-11)
+    return scores
 
 
 def _apart(points: Floats, scores: Floats, distance: Floats) -> list[int]:
