@@ -193,7 +193,8 @@ def _require_low_tips(spacing: Floats, height: Floats) -> None:
     if good.all():
         return
     i = int(np.argmin(good))
-    need = (np.sqrt(tall[i] ** 2 - short[i] ** 2), np.sqrt(strike[i]))
+    # rounded up, so that doing what the sentence says is enough
+    need = np.ceil(np.sqrt([tall[i] ** 2 - short[i] ** 2, strike[i]]) * 1e6) / 1e6
     raise ValueError(
         f"domino {i} (height {tall[i]} m) would strike {np.sqrt(strike[i]):.6g} m up, above the "
         f"top of domino {i + 1} (height[{i + 1}] = {short[i]} m): make spacing[{i}] = {spacing[i]} "

@@ -8,6 +8,7 @@ import io
 import json
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -153,23 +154,23 @@ def _table(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     text = _text(path)
     start = text.lstrip()
     # some spreadsheets say on a line of its own what stands between the cells
-    told = start[4] if start[:4].lower() == "sep=" and start[4:5] in (";", "\t", ",") else ""
-    head = start.split("\n", 1)[0]
-    # of equal counts the first wins: a comma may be part of a name or a number
-    divider = told or max(";\t,", key=head.count)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=divider)
-    table = []
-    try:
-        for row in reader:
-            if any(cell.strip() for cell in row):
-                table.append((reader.line_num, row))
-    except csv.Error as error:
-        raise ValueError(f"{path}, line {reader.line_num}: not a table: {error}") from None
-    if told:
-        table = table[1:]
+    told = start[4:5] if re.match(r"sep=[;,\t]\s", start, re.IGNORECASE) else ""
+    # otherwise what finds most names; of equals the first, as a comma may be part of a name
+    divider = told or max(";\t,", key=lambda sign: len(next(_lines(path, start, sign), (0, []))[1]))
+    table = list(_lines(path, text, divider))[1 if told else 0 :]
     if not table:
         raise ValueError(f"{path}: the file is empty; the first line names the columns")
     return divider, table
+
+
+def _lines(path: Path, text: str, divider: str) -> Iterator[tuple[int, list[str]]]:
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=divider)
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                yield reader.line_num, row
+    except csv.Error as error:
+        raise ValueError(f"{path}, line {reader.line_num}: not a table: {error}") from None
 
 
 def _column_name(cell: str) -> str:
