@@ -258,7 +258,7 @@ def _in_threads(rows: int, count: int, *arguments: object) -> None:
     global _POOL
     threads = numba.get_num_threads()
     piece = max(1, min(-(-rows // (4 * threads)), 200_000 // max(count, 1)))
-    if threads == 1 or rows * count < 2000:
+    if threads == 1 or rows * count < 400:
         kernel.solve_rows(0, rows, *arguments)
         return
     if _POOL is None:

@@ -1,0 +1,47 @@
+"""The `domino` command: each package adds its own subcommands.
+
+A subcommand is a module named in the entry-point group `domino.commands` that holds `SUMMARY`,
+`add_arguments(parser)` and `run(arguments) -> int`, and imports what is heavy inside `run`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib.metadata import entry_points
+
+from domino_env import __version__
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line, built from what is installed."""
+    top = argparse.ArgumentParser(
+        prog="domino", description="Simulate and design rows of toppling dominoes."
+    )
+    top.add_argument("--version", action="version", version=f"domino {__version__}")
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for entry in sorted(entry_points(group="domino.commands"), key=lambda e: e.name):
+        module = entry.load()
+        sub = commands.add_parser(entry.name, help=module.SUMMARY, description=module.__doc__)
+        sub.formatter_class = argparse.RawDescriptionHelpFormatter
+        module.add_arguments(sub)
+        sub.set_defaults(run=module.run)
+    return top
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run a command; bad input ends with one line on standard error and exit status 2."""
+    arguments = parser().parse_args(words)
+    try:
+        return int(arguments.run(arguments))
+    except (ValueError, OSError) as error:
+        print(f"domino: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("domino: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

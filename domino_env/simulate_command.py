@@ -1,0 +1,116 @@
+"""Topple one row and print when each domino is hit, how fast the wave runs and how it ends.
+
+LAYOUT is a .csv file, one line a domino under a line of names (spacing_mm and thickness_mm, or
+spacing and thickness in metres; height and density if they differ), or a .json file.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from domino_env.scene import Scene
+    from domino_env.wave import Wave
+
+SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `domino simulate`."""
+    parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
+    parser.add_argument("--scene", help="a scene's physics and rules, by name or .toml file")
+    parser.add_argument("--friction", type=float, help="between dominoes (0.25)")
+    parser.add_argument("--gravity", type=float, help="[m/s²] (9.81)")
+    parser.add_argument("--push", type=float, help="angular velocity of the first [rad/s] (8)")
+    parser.add_argument("--rtol", type=float, default=1e-8, help="relative error allowed (1e-8)")
+    parser.add_argument("--csv", metavar="FILE", help="write the table, SI units, for other programs")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate, print, and write the table if asked to."""
+    from dataclasses import replace
+    from pathlib import Path
+
+    from domino_env.files import write_text
+    from domino_env.layout import Layout
+    from domino_env.physics import Physics
+    from domino_env.scene import load_scene
+    from domino_env.wave import simulate
+
+    layout = Layout.read(arguments.layout)
+    scene = load_scene(arguments.scene) if arguments.scene else None
+    physics = scene.physics if scene else Physics()
+    given = {k: getattr(arguments, k) for k in ("friction", "gravity", "push")}
+    physics = replace(physics, **{k: v for k, v in given.items() if v is not None})
+    wave = simulate(layout, physics, rtol=arguments.rtol)
+    print("\n".join(_table(wave)))
+    print("\n".join(_verdict(wave, scene)))
+    if arguments.csv:
+        write_text(Path(arguments.csv), "\n".join(_csv(wave)) + "\n")
+        print(f"table written to {arguments.csv}")
+    return 0
+
+
+def _table(wave: Wave) -> list[str]:
+    """A line a domino, up to the last one that was struck."""
+    layout = wave.layout
+    lines = ["domino  gap behind   thickness     arrival   wave speed  hit with"]
+    lines += ["            [mm]        [mm]         [s]        [m/s]   [rad/s]"]
+    for i in range(wave.hit):
+        t = wave.arrival_times[i]
+        start = f"{i:6d}"
+        thick = f"{layout.thickness[i] * 1e3:10.3f}"
+        if i == 0:
+            lines.append(f"{start}{'':12}  {thick}  {t:10.6f}   {'':10}  push {wave.physics.push:g}")
+            continue
+        gap = f"{layout.spacing[i - 1] * 1e3:10.3f}"
+        speed = layout.pitch[i - 1] / (t - wave.arrival_times[i - 1])
+        with_ = wave.impact_velocity[i - 1]
+        lines.append(f"{start}  {gap}  {thick}  {t:10.6f}   {speed:10.4f}  {with_:8.3f}")
+    return lines
+
+
+def _verdict(wave: Wave, scene: Scene | None) -> list[str]:
+    lines = ["", f"{wave.outcome.name}: {wave.explanation}"]
+    if wave.mean_speed > 0.0:
+        lines.append(
+            f"mean speed {wave.mean_speed:.6f} m/s over {wave.layout.length:.4f} m, "
+            f"last domino hit after {wave.arrival_times[-1]:.6f} s"
+        )
+    lines.append(
+        f"{wave.flushes} flushes (largest loss of speed {wave.largest_flush_loss:.2%}), "
+        f"{wave.releases} releases; relative error of the times below {wave.error_estimate:.1e}"
+    )
+    if not wave.converged:
+        lines.append(
+            f"the row is so close to a stall that rounding keeps the tolerance {wave.rtol:g} out "
+            "of reach; the error estimate holds"
+        )
+    if scene is not None:
+        broken = scene.violations(wave.layout)
+        if broken:
+            lines += [f"not a layout of scene '{scene.name}': {b}" for b in broken]
+        else:
+            score, mark = scene.score_wave(wave), scene.uniform().score
+            lines.append(
+                f"score {score:.6f} on '{scene.name}', {score / mark - 1.0:+.2%} against the best "
+                f"uniform pitch ({mark:.6f})"
+            )
+    return lines
+
+
+def _csv(wave: Wave) -> list[str]:
+    lines = ["number,position,arrival_time,release_velocity,impact_velocity,stall_margin"]
+    impact = [*wave.impact_velocity, float("nan")]
+    for i in range(wave.hit):
+        values = (
+            wave.layout.positions[i],
+            wave.arrival_times[i],
+            wave.release_velocity[i],
+            impact[i],
+            wave.stall_margin[i],
+        )
+        cells = [repr(float(x)) if abs(x) < float("inf") else "" for x in values]
+        lines.append(",".join([str(i), *cells]))
+    return lines

@@ -1,0 +1,34 @@
+"""Search without learning: spacing schedules, always against the best uniform pitch.
+
+    from optimize import search, METHODS
+
+    result = search("sprint", method="cma", budget=5000, seed=0)
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from optimize.methods import METHODS
+    from optimize.problem import Problem
+    from optimize.result import SearchResult
+    from optimize.search import search
+
+__all__ = ["METHODS", "Problem", "SearchResult", "search"]
+
+_HOMES = {
+    "METHODS": "methods",
+    "Problem": "problem",
+    "SearchResult": "result",
+    "search": "search",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'optimize' has no attribute '{name}'")
+    value = getattr(import_module(f"optimize.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value

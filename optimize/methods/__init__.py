@@ -1,0 +1,35 @@
+"""Search methods, one idea a file, loaded when asked for.
+
+A method is a function `run(budget, rng)`: it asks `budget.score` for designs in the unit box until
+BudgetSpent ends it, or returns when it has nothing left to try.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from importlib import import_module
+
+import numpy as np
+
+from optimize.budget import Budget
+
+Method = Callable[[Budget, np.random.Generator], None]
+
+METHODS = {
+    "uniform": "uniform_pitch",
+    "random": "random_layouts",
+    "cma": "evolution",
+    "l-bfgs": "quasi_newton",
+}
+"""Name of each method, and the module here that holds it."""
+
+
+def load(name: str) -> Method:
+    """The method of that name.  ValueError with a suggestion where there is none."""
+    if name not in METHODS:
+        near = difflib.get_close_matches(name, METHODS, n=1)
+        hint = f"did you mean '{near[0]}'? " if near else ""
+        raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(METHODS)}")
+    method: Method = import_module(f"optimize.methods.{METHODS[name]}").run
+    return method

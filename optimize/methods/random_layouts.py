@@ -1,0 +1,15 @@
+"""The floor: layouts drawn at random, evenly from the whole box."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from optimize.budget import Budget
+
+BATCH = 256
+
+
+def run(budget: Budget, rng: np.random.Generator) -> None:
+    """Draw and score until the budget is spent."""
+    while True:
+        budget.score(rng.random((BATCH, budget.problem.dimension)))

@@ -1,0 +1,45 @@
+"""SearchResult: what a search has found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from domino_env.layout import Layout
+from domino_env.scene import Scene, UniformMark
+from domino_env.wave import Wave
+
+Trace = tuple[tuple[int, int, float, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchResult:
+    """The best layout of a search, simulated closely, beside the best uniform pitch.
+
+    scene, method, seed: what was asked.
+    layout, wave, score: the best found; `score` as the scene judges it, at a relative error of
+        1e-10.
+    uniform: the best uniform layout, its wave and score.
+    trace: (evaluations, simulated falls, seconds, best score) at every improvement.
+    evaluations, falls, seconds: spent in all.
+    interrupted: whether it was ended by hand.
+    """
+
+    scene: Scene
+    method: str
+    seed: int
+    layout: Layout
+    wave: Wave
+    score: float
+    uniform: UniformMark
+    trace: Trace
+    evaluations: int
+    falls: int
+    seconds: float
+    interrupted: bool
+
+    @property
+    def gain(self) -> float:
+        """score / uniform score - 1; nan where the uniform row does not propagate."""
+        if self.uniform.score <= 0.0:
+            return float("nan")
+        return self.score / self.uniform.score - 1.0
