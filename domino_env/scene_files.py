@@ -72,16 +72,14 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
     name, title = _line(document, "name", file, name), _line(document, "title", file, name)
     count = row.get("count")
     if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= LARGEST_COUNT:
-        raise ValueError(
-            f"{file}: row.count = {count!r}: give a whole number from 2 to {LARGEST_COUNT}"
-        )
+        what = "row.count is missing" if count is None else f"row.count = {count!r}"
+        raise ValueError(f"{file}: {what}: give a whole number from 2 to {LARGEST_COUNT}")
     thickness = _range(document, "thickness", file)
     same = thickness[0] if thickness[0] == thickness[1] else None  # as thick as all the others
     defaults = Physics()
+    values = [_finite(forces, "physics", key, file, getattr(defaults, key)) for key in _PHYSICS]
     try:
-        physics = Physics(
-            *(_finite(forces, "physics", key, file, getattr(defaults, key)) for key in _PHYSICS)
-        )
+        physics = Physics(*values)
     except ValueError as error:
         raise ValueError(f"{file}: physics.{error}") from None
     length = row.get("length")
