@@ -25,7 +25,7 @@ test: $(VENV)/.dev
 	$(BIN)/python -m pytest
 
 bench: $(VENV)/.core
-	$(BIN)/python -m bench
+	$(BIN)/python -m domino_env.bench
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
