@@ -7,6 +7,7 @@ A subcommand is a module named in the entry-point group `domino.commands` that h
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import entry_points
@@ -34,13 +35,19 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run a command; bad input ends with one line on standard error and exit status 2."""
     arguments = parser().parse_args(words)
     try:
-        return int(arguments.run(arguments))
-    except (ValueError, OSError) as error:
-        print(f"domino: {error}", file=sys.stderr)
-        return 2
+        code = int(arguments.run(arguments))
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        # whoever read the output has enough; what is left in the buffer has nowhere to go
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         print("domino: interrupted", file=sys.stderr)
         return 130
+    except (ValueError, OSError) as error:
+        print(f"domino: {error}", file=sys.stderr)
+        return 2
 
 
 if __name__ == "__main__":

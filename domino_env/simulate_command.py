@@ -7,6 +7,7 @@ spacing and thickness in metres; height and density if they differ), or a .json 
 from __future__ import annotations
 
 import argparse
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from domino_env.wave import Wave
 
 SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
+THICK = 0.5  # [m] a domino thicker than this was probably measured in millimetres
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,11 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--gravity", type=float, help="[m/s²] (9.81)")
     parser.add_argument("--push", type=float, help="angular velocity of the first [rad/s] (8)")
     parser.add_argument("--rtol", type=float, default=1e-8, help="relative error allowed (1e-8)")
-    parser.add_argument("--csv", metavar="FILE", help="write the table, SI units, for other programs")
+    parser.add_argument(
+        "--csv", metavar="FILE", help="write the table, SI units, for other programs"
+    )
+    parser.add_argument("--json", action="store_true", help="print all of it as JSON, SI units")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, print, and write the table if asked to."""
+    import json
     from dataclasses import replace
     from pathlib import Path
 
@@ -44,10 +50,16 @@ def run(arguments: argparse.Namespace) -> int:
     given = {k: getattr(arguments, k) for k in ("friction", "gravity", "push")}
     physics = replace(physics, **{k: v for k, v in given.items() if v is not None})
     wave = simulate(layout, physics, rtol=arguments.rtol)
-    print("\n".join(_table(wave)))
-    print("\n".join(_verdict(wave, scene)))
+    judged = _judged(wave, scene) if scene else {}
     if arguments.csv:
         write_text(Path(arguments.csv), "\n".join(_csv(wave)) + "\n")
+    if arguments.json:
+        print(json.dumps(_document(wave) | judged, indent=1, allow_nan=False))
+        return 0
+    print("\n".join(_table(wave) + _verdict(wave)))
+    if scene:
+        print("\n".join(_judgement(judged)))
+    if arguments.csv:
         print(f"table written to {arguments.csv}")
     return 0
 
@@ -62,7 +74,9 @@ def _table(wave: Wave) -> list[str]:
         start = f"{i:6d}"
         thick = f"{layout.thickness[i] * 1e3:10.3f}"
         if i == 0:
-            lines.append(f"{start}{'':12}  {thick}  {t:10.6f}   {'':10}  push {wave.physics.push:g}")
+            lines.append(
+                f"{start}{'':12}  {thick}  {t:10.6f}   {'':10}  push {wave.physics.push:g}"
+            )
             continue
         gap = f"{layout.spacing[i - 1] * 1e3:10.3f}"
         speed = layout.pitch[i - 1] / (t - wave.arrival_times[i - 1])
@@ -71,7 +85,7 @@ def _table(wave: Wave) -> list[str]:
     return lines
 
 
-def _verdict(wave: Wave, scene: Scene | None) -> list[str]:
+def _verdict(wave: Wave) -> list[str]:
     lines = ["", f"{wave.outcome.name}: {wave.explanation}"]
     if wave.mean_speed > 0.0:
         lines.append(
@@ -87,17 +101,68 @@ def _verdict(wave: Wave, scene: Scene | None) -> list[str]:
             f"the row is so close to a stall that rounding keeps the tolerance {wave.rtol:g} out "
             "of reach; the error estimate holds"
         )
-    if scene is not None:
-        broken = scene.violations(wave.layout)
-        if broken:
-            lines += [f"not a layout of scene '{scene.name}': {b}" for b in broken]
-        else:
-            score, mark = scene.score_wave(wave), scene.uniform().score
-            lines.append(
-                f"score {score:.6f} on '{scene.name}', {score / mark - 1.0:+.2%} against the best "
-                f"uniform pitch ({mark:.6f})"
-            )
+    thickest = wave.layout.thickness.max()
+    if thickest > THICK:
+        lines.append(
+            f"a domino is {thickest:g} m thick: if the file is in millimetres, name its columns "
+            "spacing_mm and thickness_mm"
+        )
     return lines
+
+
+def _judged(wave: Wave, scene: Scene) -> dict[str, object]:
+    """What the scene says of the wave: the rules it breaks, or its score and the mark's."""
+    broken = scene.violations(wave.layout)
+    if wave.physics != scene.physics:
+        broken.append(f"friction, gravity or push differ: the scene has {scene.physics}")
+    if broken:
+        return {"scene": scene.name, "violations": broken}
+    score, mark = scene.score_wave(wave), scene.uniform().score
+    # a wave that dies has no speed to compare
+    gain = score / mark - 1.0 if score > 0.0 and mark > 0.0 else None
+    return {"scene": scene.name, "violations": [], "score": score, "uniform_score": mark} | (
+        {} if gain is None else {"gain": gain}
+    )
+
+
+def _judgement(judged: dict[str, object]) -> list[str]:
+    name, broken = judged["scene"], judged["violations"]
+    if isinstance(broken, list) and broken:
+        return [f"not a layout of scene '{name}': {sentence}" for sentence in broken]
+    if "gain" in judged:
+        against = f"{judged['gain']:+.2%} against the best uniform pitch"
+    else:
+        against = "below zero for a wave that dies; the best uniform pitch"
+    return [f"score {judged['score']:.6f} on '{name}', {against} ({judged['uniform_score']:.6f})"]
+
+
+def _document(wave: Wave) -> dict[str, object]:
+    """The wave as JSON; null where the wave did not come."""
+
+    def cells(values: object) -> list[float | None]:
+        return [x if math.isfinite(x) else None for x in map(float, values)]  # type: ignore[call-overload]
+
+    return {
+        "outcome": wave.outcome.name,
+        "explanation": wave.explanation,
+        "mean_speed": wave.mean_speed,
+        "hit": wave.hit,
+        "toppled": wave.toppled,
+        "reach": wave.reach,
+        "error_estimate": wave.error_estimate,
+        "converged": wave.converged,
+        "flushes": wave.flushes,
+        "releases": wave.releases,
+        "largest_flush_loss": wave.largest_flush_loss,
+        "friction": wave.physics.friction,
+        "gravity": wave.physics.gravity,
+        "push": wave.physics.push,
+        "positions": cells(wave.layout.positions),
+        "arrival_times": cells(wave.arrival_times),
+        "release_velocity": cells(wave.release_velocity),
+        "impact_velocity": cells(wave.impact_velocity),
+        "stall_margin": cells(wave.stall_margin),
+    }
 
 
 def _csv(wave: Wave) -> list[str]:
@@ -111,6 +176,6 @@ def _csv(wave: Wave) -> list[str]:
             impact[i],
             wave.stall_margin[i],
         )
-        cells = [repr(float(x)) if abs(x) < float("inf") else "" for x in values]
+        cells = [repr(float(x)) if math.isfinite(x) else "" for x in values]
         lines.append(",".join([str(i), *cells]))
     return lines
