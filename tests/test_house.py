@@ -1,0 +1,191 @@
+"""The house itself: style, types, who imports whom, what is installed, and how it is set up."""
+
+from __future__ import annotations
+
+import email
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import domino_env
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("domino_env", "optimize", "agents")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+
+
+def output_of(*words: object, cwd: Path = ROOT, **environment: str) -> str:
+    """What a program prints that must succeed; all it said, where it did not."""
+    done = subprocess.run(
+        [str(w) for w in words],
+        cwd=cwd,
+        env=os.environ | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+def tool(name: str) -> Path:
+    """A program of this environment."""
+    return Path(sys.executable).with_name(name)
+
+
+# style, types, imports --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["ruff", "check"], ["ruff", "format", "--check"], ["mypy"], ["lint-imports"]],
+    ids=" ".join,
+)
+def test_the_linters_have_nothing_to_say(words: list[str]) -> None:
+    output_of(tool(words[0]), *words[1:])
+
+
+def loaded_by(script: str) -> set[str]:
+    """The top-level modules (and scipy.optimize) that a fresh interpreter has after a script."""
+    tail = "; import sys; print(*sorted(sys.modules))"
+    modules = output_of(sys.executable, "-W", "error", "-c", script + tail).split()
+    return {m.partition(".")[0] for m in modules} | ({"scipy.optimize"} & set(modules))
+
+
+def test_importing_the_package_loads_next_to_nothing() -> None:
+    loaded = loaded_by("import domino_env")
+    assert "domino_env" in loaded
+    assert not loaded & {"numpy", "numba", "scipy", "gymnasium", "torch", "cvxpy", "cma"}
+    assert not loaded & {"matplotlib", "pygame", "tqdm"}
+
+
+def test_layouts_and_physics_need_no_compiler() -> None:
+    loaded = loaded_by("import domino_env as de; de.Layout([0.02], 0.0075); de.Physics()")
+    assert not loaded & {"numba", "scipy"}
+
+
+def test_simulating_loads_no_search_and_no_picture() -> None:
+    loaded = loaded_by(
+        "import domino_env as de; s = de.load_scene('sprint'); s.score(s.layout(0.018))"
+    )
+    assert "numba" in loaded
+    heavy = {"torch", "cvxpy", "cma", "matplotlib", "pygame", "gymnasium", "scipy.optimize"}
+    assert not loaded & heavy
+
+
+def test_every_public_name_loads() -> None:
+    for name in domino_env.__all__:
+        assert getattr(domino_env, name).__name__ == name
+    assert set(domino_env.__all__) <= set(dir(domino_env))
+    with pytest.raises(AttributeError, match="has no attribute 'simulat'"):
+        domino_env.simulat  # noqa: B018 - reading it is the test
+
+
+# what is installed ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of the working tree, built in a copy: a build leaves files behind."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    litter = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    for name in (*PACKAGES, "tests"):
+        shutil.copytree(ROOT / name, source / name, ignore=litter)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source / name)
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "--no-deps"]
+    output_of(*pip, "--no-build-isolation", "--no-index", "--wheel-dir", folder, source)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    sources = {
+        str(path.relative_to(ROOT))
+        for package in PACKAGES
+        for pattern in ("*.py", "*.toml", "py.typed")
+        for path in (ROOT / package).rglob(pattern)
+    }
+    assert {"domino_env/scenes/sprint.toml", "domino_env/py.typed"} <= sources
+    kept = {name for name in names if ".dist-info/" not in name}
+    assert kept == sources
+
+
+def test_the_wheel_says_what_the_project_file_says(wheel: Path) -> None:
+    archive = zipfile.ZipFile(wheel)
+    (name,) = (n for n in archive.namelist() if n.endswith(".dist-info/METADATA"))
+    metadata = email.message_from_bytes(archive.read(name))
+    assert metadata["Version"] == domino_env.__version__
+    assert metadata["License-Expression"] == "MIT"
+    assert metadata["Requires-Python"] == ">=3.11"
+    assert {"rl", "dist", "verify", "dev"} <= set(metadata.get_all("Provides-Extra", []))
+
+
+def test_an_installed_wheel_works_away_from_the_sources(wheel: Path, tmp_path: Path) -> None:
+    site, work = tmp_path / "site", tmp_path / "work"
+    work.mkdir()
+    zipfile.ZipFile(wheel).extractall(site)
+    script = (
+        "import domino_env as de; assert de.__file__.startswith(r'" + str(site) + "'), de.__file__;"
+        "print(*(de.load_scene(n).count for n in de.scene_names()));"
+        "from domino_env.command import main; main(['--help'])"
+    )
+    said = output_of(sys.executable, "-c", script, cwd=work, PYTHONPATH=str(site))
+    assert said.startswith("60 30 40 1000 40 40\n")
+    assert "simulate" in said
+
+
+def test_every_requirement_is_pinned_to_the_version_under_test() -> None:
+    from importlib.metadata import version
+
+    from packaging.requirements import Requirement
+    from packaging.utils import canonicalize_name
+
+    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
+    pins = dict(line.split("==") for line in lines if line and not line.startswith("#"))
+    pins = {canonicalize_name(name): number for name, number in pins.items()}
+    extras = PROJECT["project"]["optional-dependencies"]
+    core = [Requirement(text) for text in PROJECT["project"]["dependencies"]]
+    for requirement in [*core, *(Requirement(text) for group in extras.values() for text in group)]:
+        assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)])
+    for requirement in [*core, *(Requirement(text) for text in extras["dev"])]:
+        assert version(requirement.name) == pins[canonicalize_name(requirement.name)]
+
+
+# make -------------------------------------------------------------------------------------------
+
+
+def test_make_does_nothing_twice(tmp_path: Path) -> None:
+    venv = tmp_path / "venv"
+    (venv / "bin").mkdir(parents=True)
+    (venv / "bin" / "python").touch()
+    plan = ["make", "--dry-run", f"VENV={venv}"]
+    assert "install" in output_of(*plan, "run")
+    (venv / ".core").touch()
+    assert "install" not in output_of(*plan, "run")
+    assert "[dev]" in output_of(*plan, "test")
+    assert "setuptools" not in output_of(*plan, "test")  # what `run` installed stays
+    (venv / ".dev").touch()
+    assert output_of(*plan, "test").split() == [f"{venv}/bin/python", "-m", "pytest"]
+
+
+def test_make_says_that_it_needs_a_newer_python(tmp_path: Path) -> None:
+    words = ["make", "test", "PYTHON=", f"VENV={tmp_path / 'venv'}"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "Python 3.11 or newer is needed: install it" in done.stderr
+
+
+def test_ci_runs_the_tests() -> None:
+    script = ROOT / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    assert "make test" in script.read_text()
