@@ -26,7 +26,7 @@ import math
 import numba
 import numpy as np
 
-from domino_env.quadrature import CLOSED, NODES, ORDERS, RUNNING, TO_END, TO_START, WEIGHTS
+from domino_env.quadrature import CLOSED, NODES, ORDERS, PLACES, RUNNING, TO_END, TO_START, WEIGHTS
 
 _JIT = {"cache": True, "nogil": True, "error_model": "numpy"}
 
@@ -45,15 +45,16 @@ LANE_ROWS = 15
 # only: what lies further back is covered by the bound on the tail.
 P_L, S_L, REST, D_L, V_FLUSH, V_RELEASE = 0, 1, 2, 3, 4, 5  # p, s, 1 - s, d; where states switch
 INERTIA, HALF_WEIGHT, SLENDER, STATE, TAIL, END_WEIGHT = 6, 7, 8, 9, 10, 11
-RING_COLUMNS = 12
+DUE = 12  # 1 - cos θ_{i+1} at which the link next switches
+RING_COLUMNS = 13
 TIP, CORNER, RELEASED = 0.0, 1.0, 2.0
 
 # The state of a chain between two falls.
 U, TIME, TIME_LOW, U_ERROR, TIME_ERROR, U_ROUND, TIME_ROUND = 0, 1, 2, 3, 4, 5, 6
 BACK, KAPPA, DEPTH, LOG_RHO, LAST_H, WORST = 7, 8, 9, 10, 11, 12
 FLUSHES, RELEASES, FLUSH_LOSS, MARGIN, LOWEST_MARGIN, ANGLE, PART = 13, 14, 15, 16, 17, 18, 19
-U_IMPACT, FALL_TIME, M_END, CUT, WORST_ROUND = 20, 21, 22, 23, 24
-STATE_SIZE = 25
+U_IMPACT, FALL_TIME, M_END, CUT, WORST_ROUND, LAST_DUE = 20, 21, 22, 23, 24, 25
+STATE_SIZE = 26
 
 # What a record holds of each domino.
 OUT_ARRIVAL, OUT_RELEASE, OUT_IMPACT, OUT_MARGIN = 0, 1, 2, 3
@@ -203,28 +204,64 @@ def join(ring, mask, i, height, gap, thickness_next):
     ring[row, V_FLUSH] = gap / pitch  # cos θ = d/p
     # cos θ = (p² + d² - L²) / 2pd, for the tip and for the corner
     ring[row, V_RELEASE] = (height - gap) * (height + gap) / (2.0 * pitch * thickness_next)
+    ring[row, DUE] = min(ring[row, V_FLUSH], ring[row, V_RELEASE])
 
 
 @numba.njit(**_JIT)
-def switch_at(ring, row):
-    """1 - cos θ_{i+1} at which the link next changes its state."""
-    flush, release = ring[row, V_FLUSH], ring[row, V_RELEASE]
-    if ring[row, STATE] == TIP and flush < release:
-        return flush
-    return release
+def can_flush(ring, row):
+    """Whether the link is to go from tip to corner, rather than be released."""
+    return ring[row, STATE] == TIP and ring[row, V_FLUSH] < ring[row, V_RELEASE]
+
+
+@numba.njit(**_JIT)
+def flush(ring, row, state):
+    """From tip to corner."""
+    ring[row, STATE] = CORNER
+    ring[row, DUE] = ring[row, V_RELEASE]
+    state[FLUSHES] += 1.0
+
+
+@numba.njit(**_JIT)
+def release(ring, row, i, state):
+    """Domino i loses i+1: it and all behind it leave the stack."""
+    ring[row, STATE] = RELEASED
+    state[BACK] = i + 1
+    state[RELEASES] += 1.0
+
+
+@numba.njit(**_JIT)
+def half_angle(x):
+    """sin and cos of x in [0, π/4] by their series, to rounding; unlike the library's, in lanes."""
+    q = x * x
+    s = 1.0 - q / 272.0
+    s = 1.0 - q * s / 210.0
+    s = 1.0 - q * s / 156.0
+    s = 1.0 - q * s / 110.0
+    s = 1.0 - q * s / 72.0
+    s = 1.0 - q * s / 42.0
+    s = 1.0 - q * s / 20.0
+    s = 1.0 - q * s / 6.0
+    c = 1.0 - q / 306.0
+    c = 1.0 - q * c / 240.0
+    c = 1.0 - q * c / 182.0
+    c = 1.0 - q * c / 132.0
+    c = 1.0 - q * c / 90.0
+    c = 1.0 - q * c / 56.0
+    c = 1.0 - q * c / 30.0
+    c = 1.0 - q * c / 12.0
+    c = 1.0 - q * c / 2.0
+    return x * s, c
 
 
 @numba.njit(**_JIT)
 def spread(lanes, k, a, h):
     """Lay the lanes over the interval [a, a + h] of the leader's angle; returns their number."""
-    m = ORDERS[k]
-    for j in range(m + 2):
-        x = 0.0 if j == 0 else (1.0 if j == m + 1 else NODES[k, j - 1])
-        half = 0.5 * (a + h * x)
-        s, c = math.sin(half), math.cos(half)
+    count = ORDERS[k] + 2
+    for j in range(count):
+        s, c = half_angle(0.5 * (a + h * PLACES[k, j]))
         lanes[SIN + j] = 2.0 * s * c
         lanes[VER + j] = 2.0 * s * s
-    return m + 2
+    return count
 
 
 @numba.njit(**_JIT)
@@ -264,45 +301,46 @@ def tail_size(lanes, count, mu, force, h, behind):
 
 
 @numba.njit(**_JIT)
-def catch_up(ring, row, v, state):
+def catch_up(ring, row, i, v, state):
     """Make up for switches beyond an earlier cut: they had no weight then, and need no impact."""
-    if ring[row, STATE] == TIP and ring[row, V_FLUSH] < ring[row, V_RELEASE]:
-        ring[row, STATE] = CORNER
-        state[FLUSHES] += 1.0
+    if can_flush(ring, row):
+        flush(ring, row, state)
     if v > ring[row, V_RELEASE] * (1.0 + 1e-9):
-        ring[row, STATE] = RELEASED
-        state[RELEASES] += 1.0
+        release(ring, row, i, state)
 
 
 @numba.njit(**_JIT)
-def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, detect):
+def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, watch):
     """Walk all lanes down the stack of leader n until the rest cannot matter.
 
     Returns (lowest domino included, bound on the tail, whether some link switches on the way).
+    state[LAST_DUE] is the lowest link that is due at the very end of the interval, n if none.
     """
     end = count - 1
     lead(lanes, count, ring, n & mask, mu)
     back = int(state[BACK])
-    first_check = max(4, int(state[DEPTH]) - 6)
+    first_check = max(4, int(state[DEPTH]) - 2)
     oldest = max(back, n - mask) if mask > 0 else back
+    state[LAST_DUE] = n
     i = n
     while i > oldest:
         i -= 1
         row = i & mask
-        if mask > 0 and lanes[VER] > switch_at(ring, row) * (1.0 + 1e-9):
-            catch_up(ring, row, lanes[VER], state)
-            if ring[row, STATE] == RELEASED:
-                state[BACK] = i + 1
-                return i + 1, 0.0, False
-        if detect > 0:
+        if lanes[VER + end] >= ring[row, DUE] * (1.0 - 1e-6) and watch != UNWATCHED:
+            if lanes[VER] > ring[row, DUE] * (1.0 + 1e-9):
+                catch_up(ring, row, i, lanes[VER], state)
+                if ring[row, STATE] == RELEASED:
+                    return i + 1, 0.0, False
             # A flush within 1e-12 rad behind a hit still comes before it; where the interval ends
             # at a switch, one that is due at the same instant is no news.
-            if detect == TO_HIT:
-                slack = 1e-12 * lanes[SIN + end] * lanes[JAC + end]
-            else:
-                slack = -1e-13 / ring[row, P_L]
-            if lanes[VER + end] + slack >= switch_at(ring, row):
+            over = lanes[VER + end] - ring[row, DUE]
+            if watch == TO_HIT and over + 1e-12 * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
                 return i, 0.0, True
+            if watch == TO_SWITCH:
+                if over * ring[row, P_L] >= 1e-3 * TOGETHER:
+                    return i, 0.0, True
+                if over * ring[row, P_L] >= -TOGETHER:
+                    state[LAST_DUE] = i
         if mu > 0.0:
             lean(lanes, count, ring, row, mu)
             ring[row, END_WEIGHT] = lanes[WGT + end]
@@ -315,9 +353,7 @@ def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, detect):
             if tail <= tol:
                 return i, tail, False
     if i > back:  # the ring ends before the row does
-        row = i & mask
-        tail = tail_size(lanes, count, mu, force, h, ring[row, TAIL])
-        return i, tail, False
+        return i, tail_size(lanes, count, mu, force, h, ring[i & mask, TAIL]), False
     return i, 0.0, False
 
 
@@ -344,7 +380,7 @@ def renew_tails(ring, mask, low, n):
 @numba.njit(**_JIT)
 def switch_angle(ring, mask, n, i, a, b, mu):
     """Leader's angle in [a, b] at which link i switches: Newton from b, kept in a bracket."""
-    due = switch_at(ring, i & mask)
+    due = ring[i & mask, DUE]
     lo, hi, x = a, b, b
     for _ in range(100):
         half = 0.5 * x
@@ -389,62 +425,65 @@ def census(ring, mask, n, back, s, v, mu, state):
         if mask > 0 and n - i > mask:
             return fallen + i + 1
         row = i & mask
-        if mask > 0 and v > switch_at(ring, row) * (1.0 + 1e-9):
-            catch_up(ring, row, v, state)
+        if mask > 0 and v > ring[row, DUE] * (1.0 + 1e-9):
+            catch_up(ring, row, i, v, state)
             if ring[row, STATE] == RELEASED:
                 return fallen + i + 1
         s, v, _, _, _ = link(ring, row, s, v, mu)
 
 
 @numba.njit(**_JIT)
-def switch(ring, mask, n, low, angle, mu, state):
+def switch(ring, mask, n, due_link, low, angle, mu, state):
     """Switch every link that is due at the leader's `angle`; returns ω⁺/ω⁻ of the impact.
 
-    Links flush at the same instant switch together.  Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the new
-    states (eq. 8 with the seed's collision replaced by a flush).
+    due_link is the one that the angle was found for; those due with it reach down to
+    state[LAST_DUE].  Links flush at the same instant switch together: Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the new
+    states, J⁺ = 0 behind the first of them.  state[M_END] holds Σ w I J⁻ with the old w down to
+    domino `low`; behind the last link that switches, w changes by a common factor.
     """
     half = 0.5 * angle
     s, c = math.sin(half), math.cos(half)
     v = 2.0 * s * s
     s = 2.0 * s * c
     row = n & mask
-    w, before, after = 1.0, 1.0, 1.0
-    old, new = ring[row, INERTIA], ring[row, INERTIA]
-    i, back = n, int(state[BACK])
+    jac, w_old, w_new = 1.0, 1.0, 1.0
+    part = ring[row, INERTIA]  # Σ w_old I J⁻ so far
+    before, after = part, part  # Σ w_new I J⁻, Σ w_new I J⁺
+    stop = min(int(state[LAST_DUE]), due_link)
     flushed = False
-    while i > back and (mask == 0 or n - i < mask):
+    i = n
+    while i > stop:
         i -= 1
         row = i & mask
-        now_flush = False
-        if ring[row, STATE] == TIP and ring[row, V_FLUSH] < ring[row, V_RELEASE]:
-            now_flush = ring[row, P_L] * (ring[row, V_FLUSH] - v) <= TOGETHER
-        elif v >= ring[row, V_RELEASE] * (1.0 - 1e-12):
+        over = v - ring[row, DUE]
+        due = over * ring[row, P_L] >= -TOGETHER
+        if not can_flush(ring, row) and over >= -1e-12 * ring[row, DUE]:
             census(ring, mask, i, int(state[BACK]), s, v, mu, state)
-            ring[row, STATE] = RELEASED
-            state[BACK] = i + 1
-            state[RELEASES] += 1.0
+            release(ring, row, i, state)
             break
         s_i, v_i, omega, _, ratio = link(ring, row, s, v, mu)
-        before *= omega
-        if now_flush:
+        w_old *= ratio
+        if due and can_flush(ring, row):
             flushed = True
-            ring[row, STATE] = CORNER
-            state[FLUSHES] += 1.0
-            s_i, v_i, omega, _, ratio = link(ring, row, s, v, mu)
-            after = 0.0
-        else:
-            after *= omega
-        w *= ratio
-        old += w * ring[row, INERTIA] * before
-        new += w * ring[row, INERTIA] * after
+            flush(ring, row, state)
+            s_i, v_i, _, _, ratio = link(ring, row, s, v, mu)
+        w_new *= ratio
+        jac *= omega
+        term = ring[row, INERTIA] * jac
+        part += w_old * term
+        before += w_new * term
+        if not flushed:
+            after += w_new * term
         s, v = s_i, v_i
-        if i < low and not now_flush:
-            break
+        if i == stop and i > low and abs(w_old) < 1e-4 * abs(w_new):
+            stop = low  # no common factor to go by
     if not flushed or mu == 0.0:
         return 1.0
-    if new == 0.0:
+    if i > low and ring[i & mask, STATE] != RELEASED:
+        before += (state[M_END] - part) * (w_new / w_old)
+    if after == 0.0:
         return 0.0
-    return old / new
+    return before / after
 
 
 # --- One interval: the affine map -----------------------------------------------------------------
@@ -751,9 +790,20 @@ def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, d
 
 
 @numba.njit(**_JIT)
+def stack_at(lanes, ring, mask, n, angle, mu, tol, watch, state):
+    """M of the stack at one angle of the leader; returns the lowest domino included."""
+    count = spread(lanes, 0, angle, 0.0)
+    low, _, _ = sweep(lanes, count, ring, mask, n, state, mu, 0.0, 0.0, 0.3 * tol, watch)
+    state[M_END] = lanes[SUM_M]
+    state[DEPTH] = n - low
+    return low
+
+
+@numba.njit(**_JIT)
 def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
     """Let leader n fall from upright to angle b: u, time and their errors move on in `state`."""
     a, step, end, located, floor_order = 0.0, b, b, False, 0
+    due_link = n
     tol = 0.3 * rtol
     for _ in range(4000):
         if a >= b:
@@ -772,9 +822,10 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
         )
         if flagged:
             end = switch_angle(ring, mask, n, low, a, end, mu)
-            located = True
+            located, due_link = True, low
             if end - a > 4.0 * EPS * b:
                 continue
+            low = stack_at(lanes, ring, mask, n, a, mu, tol, TO_SWITCH, state)
         else:
             done = ROUGH
             ok, e_error, u_error, q_off, r_off = affine_map(lanes, k, h, mu, gravity)
@@ -802,7 +853,7 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
             step = max(step, 3.0 * h)
         if located:
             located, step = False, b
-            keep = switch(ring, mask, n, low, end, mu, state)
+            keep = switch(ring, mask, n, due_link, low, end, mu, state)
             if not keep > 0.0:
                 state[ANGLE] = end
                 return JAMMED
@@ -811,12 +862,10 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
             state[U_ERROR] *= keep * keep
             state[U_ROUND] *= keep * keep
             if a >= b:  # the hit follows at once: its M is that of the new states
-                count = spread(lanes, 0, b, 0.0)
-                low, _, _ = sweep(
-                    lanes, count, ring, mask, n, state, mu, 0.0, 0.0, 0.3 * tol, UNWATCHED
-                )
-                state[M_END] = lanes[SUM_M]
-                state[DEPTH] = n - low
+                stack_at(lanes, ring, mask, n, b, mu, tol, UNWATCHED, state)
+    if a < b:
+        state[ANGLE] = a
+        return NO_RIGID_ANSWER
     return PROPAGATED
 
 

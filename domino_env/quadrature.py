@@ -13,7 +13,7 @@ _ROOM = 32
 
 def _rules() -> tuple[np.ndarray, ...]:
     shape = (len(ORDERS), _ROOM)
-    nodes, weights, to_start, to_end = (np.zeros(shape) for _ in range(4))
+    nodes, weights, to_start, to_end, places = (np.zeros(shape) for _ in range(5))
     running = np.zeros((len(ORDERS), _ROOM, _ROOM))
     closed = np.zeros((len(ORDERS), _ROOM, _ROOM))
     for k, m in enumerate(ORDERS):
@@ -28,14 +28,15 @@ def _rules() -> tuple[np.ndarray, ...]:
             integral[i] = (values[:, i + 1] - values[:, i - 1]) / (2 * i + 1)
         points = np.concatenate(([-1.0], x, [1.0]))
         nodes[k, :m], weights[k, :m] = (x + 1.0) / 2.0, w / 2.0
+        places[k, : m + 2] = (points + 1.0) / 2.0
         running[k, :m, :m] = scale @ integral / 2.0
         to_start[k, :m] = scale @ (-1.0) ** n
         to_end[k, :m] = scale.sum(axis=1)
         closed[k, : m + 2, : m + 2] = np.linalg.inv(legendre.legvander(points, int(m) + 1)).T
-    return nodes, weights, running, to_start, to_end, closed
+    return nodes, weights, places, running, to_start, to_end, closed
 
 
-NODES, WEIGHTS, RUNNING, TO_START, TO_END, CLOSED = _rules()
-"""NODES, WEIGHTS, TO_START, TO_END: (rule, node); RUNNING: (rule, node, row), ∫ from 0 to x_row of
-the node's Lagrange polynomial; CLOSED: (rule, point, n), Legendre coefficients of the polynomial
-through start, nodes and end."""
+NODES, WEIGHTS, PLACES, RUNNING, TO_START, TO_END, CLOSED = _rules()
+"""NODES, WEIGHTS, TO_START, TO_END: (rule, node); PLACES: (rule, lane), the nodes with both ends;
+RUNNING: (rule, node, row), ∫ from 0 to x_row of the node's Lagrange polynomial; CLOSED: (rule,
+point, n), Legendre coefficients of the polynomial through start, nodes and end."""
