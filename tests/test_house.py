@@ -17,6 +17,8 @@ import domino_env
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("domino_env", "optimize", "agents")
+# these tests may themselves run under make, whose options must not reach another make
+_SURROUNDINGS = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL")}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 
 
@@ -25,7 +27,7 @@ def output_of(*words: object, cwd: Path = ROOT, **environment: str) -> str:
     done = subprocess.run(
         [str(w) for w in words],
         cwd=cwd,
-        env=os.environ | environment,
+        env=_SURROUNDINGS | environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -168,7 +170,7 @@ def test_make_does_nothing_twice(tmp_path: Path) -> None:
     venv = tmp_path / "venv"
     (venv / "bin").mkdir(parents=True)
     (venv / "bin" / "python").touch()
-    plan = ["make", "--dry-run", f"VENV={venv}"]
+    plan = ["make", "--no-print-directory", "--dry-run", f"VENV={venv}"]
     assert "install" in output_of(*plan, "run")
     (venv / ".core").touch()
     assert "install" not in output_of(*plan, "run")
@@ -180,7 +182,9 @@ def test_make_does_nothing_twice(tmp_path: Path) -> None:
 
 def test_make_says_that_it_needs_a_newer_python(tmp_path: Path) -> None:
     words = ["make", "test", "PYTHON=", f"VENV={tmp_path / 'venv'}"]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        words, cwd=ROOT, env=_SURROUNDINGS, capture_output=True, text=True, check=False
+    )
     assert done.returncode != 0
     assert "Python 3.11 or newer is needed: install it" in done.stderr
 
