@@ -229,28 +229,19 @@ def release(ring, row, i, state):
     state[RELEASES] += 1.0
 
 
+_ODD = [(-1.0) ** n / math.factorial(2 * n + 1) for n in range(10)]
+S3, S5, S7, S9, S11, S13, S15, S17 = _ODD[1:9]
+_EVEN = [(-1.0) ** n / math.factorial(2 * n) for n in range(10)]
+C2, C4, C6, C8, C10, C12, C14, C16, C18 = _EVEN[1:10]
+
+
 @numba.njit(**_JIT)
 def half_angle(x):
     """sin and cos of x in [0, π/4] by their series, to rounding; unlike the library's, in lanes."""
     q = x * x
-    s = 1.0 - q / 272.0
-    s = 1.0 - q * s / 210.0
-    s = 1.0 - q * s / 156.0
-    s = 1.0 - q * s / 110.0
-    s = 1.0 - q * s / 72.0
-    s = 1.0 - q * s / 42.0
-    s = 1.0 - q * s / 20.0
-    s = 1.0 - q * s / 6.0
-    c = 1.0 - q / 306.0
-    c = 1.0 - q * c / 240.0
-    c = 1.0 - q * c / 182.0
-    c = 1.0 - q * c / 132.0
-    c = 1.0 - q * c / 90.0
-    c = 1.0 - q * c / 56.0
-    c = 1.0 - q * c / 30.0
-    c = 1.0 - q * c / 12.0
-    c = 1.0 - q * c / 2.0
-    return x * s, c
+    s = S3 + q * (S5 + q * (S7 + q * (S9 + q * (S11 + q * (S13 + q * (S15 + q * S17))))))
+    c = C4 + q * (C6 + q * (C8 + q * (C10 + q * (C12 + q * (C14 + q * (C16 + q * C18))))))
+    return x + x * (q * s), 1.0 + q * (C2 + q * c)
 
 
 @numba.njit(**_JIT)
@@ -258,7 +249,9 @@ def spread(lanes, k, a, h):
     """Lay the lanes over the interval [a, a + h] of the leader's angle; returns their number."""
     count = ORDERS[k] + 2
     for j in range(count):
-        s, c = half_angle(0.5 * (a + h * PLACES[k, j]))
+        lanes[EXPO + j] = 0.5 * (a + h * PLACES[k, j])
+    for j in range(count):  # apart from the table, so that it vectorises
+        s, c = half_angle(lanes[EXPO + j])
         lanes[SIN + j] = 2.0 * s * c
         lanes[VER + j] = 2.0 * s * s
     return count
@@ -748,15 +741,17 @@ def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, d
             return ROUGH
         state[ANGLE] = a + h * first_zero(lanes, SPEED2, k, x_low)
         return DEAD
+    for j in range(last + 1):
+        lanes[SLOWNESS + j] = 1.0 / math.sqrt(lanes[SPEED2 + j])
     t, sens, f_lo, f_hi = 0.0, 0.0, 0.0, 0.0
     for j in range(1, last):
-        f = 1.0 / math.sqrt(lanes[SPEED2 + j])
+        f = lanes[SLOWNESS + j]
         w = WEIGHTS[k, j - 1] * f
         t += w
         sens += 0.5 * w * f * f * lanes[MAP_E + j]
         f_lo += TO_START[k, j - 1] * f
         f_hi += TO_END[k, j - 1] * f
-    f_off = max(abs(f_lo - 1.0 / math.sqrt(u0)), abs(f_hi - 1.0 / math.sqrt(u_end)))
+    f_off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last]))
     off = f_off / t
     t_error = 2.0 * off * (f_off / math.sqrt(math.sqrt(math.sqrt(max(off, TINY)))) + rough * sens)
     if not (local * sens <= tol * t and local * e_end <= tol * u_end):
