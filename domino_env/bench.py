@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def single_waves() -> list[str]:
             for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
                 wave = simulate(layout, physics, rtol=rtol)
                 error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
-                seconds = median_time(lambda l=layout, p=physics, r=rtol: simulate(l, p, rtol=r))
+                seconds = median_time(partial(simulate, layout, physics, rtol=rtol))
                 lines.append(
                     f"{name:26} {friction:8.2f}   {rtol:.0e}   {seconds * 1e3:9.4f}   "
                     f"{error:.1e}   {wave.error_estimate:.1e}"
@@ -60,7 +61,7 @@ def long_rows() -> list[str]:
     for count in (1_000, 10_000, 100_000):
         uniform = Layout.uniform(count, pitch=0.016)
         random = Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075)
-        times = [median_time(lambda row=row: simulate(row, Physics()), 3) for row in (uniform, random)]
+        times = [median_time(partial(simulate, row, Physics()), 3) for row in (uniform, random)]
         lines.append(f"{count:7d}   {times[0]:10.4f}   {times[1]:10.4f}")
     return lines
 
@@ -76,7 +77,9 @@ def batches() -> list[str]:
         def task(rtol: float = rtol) -> object:
             return simulate_batch(spacing, thickness, Physics(), rtol=rtol, record=False)
 
-        lines.append(f"rtol {rtol:.0e}: {len(spacing) / median_time(task, 7):9.0f} layouts a second")
+        lines.append(
+            f"rtol {rtol:.0e}: {len(spacing) / median_time(task, 7):9.0f} layouts a second"
+        )
     return lines
 
 

@@ -9,10 +9,14 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import threading
 from collections.abc import Sequence
 from importlib.metadata import entry_points
 
 from domino_env import __version__
+
+
+NOTICE_AFTER = 2.0  # [s] of silence
 
 
 def parser() -> argparse.ArgumentParser:
@@ -34,6 +38,9 @@ def parser() -> argparse.ArgumentParser:
 def main(words: Sequence[str] | None = None) -> int:
     """Run a command; bad input ends with one line on standard error and exit status 2."""
     arguments = parser().parse_args(words)
+    notice = threading.Timer(NOTICE_AFTER, _say_that_it_compiles)
+    notice.daemon = True
+    notice.start()
     try:
         code = int(arguments.run(arguments))
         sys.stdout.flush()
@@ -48,6 +55,15 @@ def main(words: Sequence[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"domino: {error}", file=sys.stderr)
         return 2
+    finally:
+        notice.cancel()
+
+
+def _say_that_it_compiles() -> None:
+    """Explain a long silence: the kernel is compiled at its first use after an install."""
+    kernel = sys.modules.get("domino_env.kernel")
+    if kernel is not None and not kernel.solve_rows.signatures:
+        print("compiling the simulator, once, for about half a minute ...", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ Q, and its time is the integral of 1/√u.  Nothing is stepped in time.
 
 Symbols (i is the domino behind, i+1 the one it leans on; p, s, d are taken in units of L_i):
 
-    L_i, d_i   height, thickness            s_i      free gap in front of i        p_i = s_i + d_{i+1}
+    L_i, d_i   height, thickness            s_i      free gap in front of i; p_i = s_i + d_{i+1}
     θ, v       lean, 1 - cos θ              Δ_i      θ_i - θ_{i+1}
     Ω, Ψ       dθ_i/dθ_{i+1}, d²θ_i/dθ_{i+1}²        J, D     the same to the leader: ω_i, α_i
     A, B       arms of the contact force on i, on i+1 (friction included)
@@ -430,7 +430,8 @@ def switch(ring, mask, n, due_link, low, angle, mu, state):
     """Switch every link that is due at the leader's `angle`; returns ω⁺/ω⁻ of the impact.
 
     due_link is the one that the angle was found for; those due with it reach down to
-    state[LAST_DUE].  Links flush at the same instant switch together: Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the new
+    state[LAST_DUE].
+    Links flush at the same instant switch together: Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the new
     states, J⁺ = 0 behind the first of them.  state[M_END] holds Σ w I J⁻ with the old w down to
     domino `low`; behind the last link that switches, w changes by a common factor.
     """
@@ -827,7 +828,20 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
             if ok:
                 creep = k == len(ORDERS) - 1 or n > 6
                 done = ride(
-                    lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, deep, creep
+                    lanes,
+                    k,
+                    a,
+                    h,
+                    mu,
+                    e_error,
+                    u_error,
+                    q_off,
+                    r_off,
+                    tail,
+                    tol,
+                    state,
+                    deep,
+                    creep,
                 )
             if done == DEAD:
                 return STALLED
@@ -1044,7 +1058,7 @@ def record(out, n, outcome, state):
     if len(out) == 0:
         return
     out[n, OUT_MARGIN] = state[MARGIN]
-    if n + 1 < len(out) and state[PART] == 1.0 and (outcome == PROPAGATED or outcome == JAMMED):
+    if n + 1 < len(out) and state[PART] == 1.0 and outcome in (PROPAGATED, JAMMED):
         out[n, OUT_IMPACT] = math.sqrt(state[U_IMPACT])
         out[n + 1, OUT_ARRIVAL] = state[TIME]
         if outcome == PROPAGATED:
@@ -1074,9 +1088,7 @@ def chain(
     if count > 3 and is_uniform(spacing, thickness, height, density):
         join(ring, 0, 0, height[0], spacing[0], thickness[0])
         ring[0, TAIL] = count * ring[0, INERTIA]
-        outcome, first = uniform_chain(
-            lanes, ring, count, mu, gravity, rtol, state, deep, out
-        )
+        outcome, first = uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out)
         mask = 0
         if outcome != PROPAGATED:
             return ending(ring, mask, first, mu, state, outcome)
@@ -1107,7 +1119,7 @@ def ending(ring, mask, n, mu, state, outcome):
     half = 0.5 * state[ANGLE]
     s, c = math.sin(half), math.cos(half)
     toppled = census(ring, mask, n, int(state[BACK]), 2.0 * s * c, 2.0 * s * s, mu, state)
-    if outcome == OUT_OF_REACH or outcome == PROPAGATED:  # the leader is just at tipping
+    if outcome in (OUT_OF_REACH, PROPAGATED):  # the leader is just at tipping
         toppled = n + 1
     struck = n + 2 if outcome == JAMMED and state[PART] == 1.0 else n + 1
     return outcome, n, struck, toppled

@@ -96,7 +96,7 @@ class Wave:
 
     @property
     def mean_speed(self) -> float:
-        """[m/s] from the first pivot to the last, over the last arrival time; 0 unless propagated."""
+        """[m/s] first pivot to last, over the last arrival time; 0 unless propagated."""
         if self.outcome != Outcome.PROPAGATED or len(self.arrival_times) < 2:
             return 0.0
         return float(self.layout.length / self.arrival_times[-1])
@@ -238,15 +238,8 @@ def simulate_batch(
     )
 
 
-_POOL: ThreadPoolExecutor | None = None
-
-
-def _forget_pool() -> None:
-    global _POOL
-    _POOL = None
-
-
-os.register_at_fork(after_in_child=_forget_pool)  # a child has none of its parent's threads
+_POOLS: dict[int, ThreadPoolExecutor] = {}  # by their number of threads
+os.register_at_fork(after_in_child=_POOLS.clear)  # a child has none of its parent's threads
 
 
 def _in_threads(rows: int, count: int, *arguments: object) -> None:
@@ -255,16 +248,15 @@ def _in_threads(rows: int, count: int, *arguments: object) -> None:
     Plain threads rather than a parallel Numba loop: they may be called from several threads at
     once and survive a fork.  Small pieces keep all cores busy where some waves die early.
     """
-    global _POOL
     threads = numba.get_num_threads()
     piece = max(1, min(-(-rows // (4 * threads)), 200_000 // max(count, 1)))
     if threads == 1 or rows * count < 400:
         kernel.solve_rows(0, rows, *arguments)
         return
-    if _POOL is None:
-        _POOL = ThreadPoolExecutor(numba.config.NUMBA_NUM_THREADS, "domino")
+    if threads not in _POOLS:
+        _POOLS[threads] = ThreadPoolExecutor(threads, "domino")
     jobs = [
-        _POOL.submit(kernel.solve_rows, i, min(i + piece, rows), *arguments)
+        _POOLS[threads].submit(kernel.solve_rows, i, min(i + piece, rows), *arguments)
         for i in range(0, rows, piece)
     ]
     for job in jobs:

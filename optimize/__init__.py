@@ -1,8 +1,8 @@
 """Search without learning: spacing schedules, always against the best uniform pitch.
 
-    from optimize import search, METHODS
+from optimize import search, METHODS
 
-    result = search("sprint", method="cma", budget=5000, seed=0)
+result = search("sprint", method="cma", budget=5000, seed=0)
 """
 
 from __future__ import annotations

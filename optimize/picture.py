@@ -61,9 +61,7 @@ def _draw_rows(axes: Axes, result: SearchResult) -> None:
         front = layout.positions[:shown] * 1e3
         thick = layout.thickness[:shown] * 1e3
         tall = layout.height[:shown] * 1e3
-        boxes = [
-            Rectangle((x - d, base), d, h) for x, d, h in zip(front, thick, tall, strict=True)
-        ]
+        boxes = [Rectangle((x - d, base), d, h) for x, d, h in zip(front, thick, tall, strict=True)]
         axes.add_collection(PatchCollection(boxes, facecolor=colour, edgecolor="none"))
         axes.axhline(base, color=INK, linewidth=0.6)
         more = f" (first {shown} of {layout.count})" if shown < layout.count else ""
@@ -95,9 +93,7 @@ def _draw_spacing(axes: Axes, result: SearchResult) -> None:
     _style(axes, "spacing [mm]")
     if result.scene.free_thickness:
         right = axes.twinx()
-        right.step(
-            gaps, 1e3 * result.layout.thickness[1:], color=BEST, linestyle=":", where="mid"
-        )
+        right.step(gaps, 1e3 * result.layout.thickness[1:], color=BEST, linestyle=":", where="mid")
         right.set_ylabel("thickness, dotted [mm]")
         right.spines["top"].set_visible(False)
     axes.legend(frameon=False, fontsize=9, loc="upper center", ncols=2)
@@ -128,7 +124,9 @@ def _draw_search(axes: Axes, result: SearchResult) -> None:
     if trace:
         seconds = [t for t, _ in trace] + [result.seconds]
         scores = [score for _, score in trace] + [trace[-1][1]]
-        axes.step(seconds, scores, color=BEST, where="post", label=f"{result.method} {scores[-1]:.4f}")
+        axes.step(
+            seconds, scores, color=BEST, where="post", label=f"{result.method} {scores[-1]:.4f}"
+        )
         low = min(mark if mark > 0.0 else scores[0], scores[0])
         axes.set_ylim(max(low, 0.9 * scores[-1]) - 0.01 * scores[-1], 1.01 * scores[-1])
     _style(axes, "best mean speed [m/s]")

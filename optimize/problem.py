@@ -29,7 +29,9 @@ class Problem:
         bounds = [scene.spacing] * pairs * scene.free_spacing
         bounds += [scene.thickness] * pairs * scene.free_thickness
         if not bounds:
-            raise ValueError(f"scene '{scene.name}' leaves nothing free: there is nothing to search")
+            raise ValueError(
+                f"scene '{scene.name}' leaves nothing free: there is nothing to search"
+            )
         self.low = np.array([b[0] for b in bounds])
         self.high = np.array([b[1] for b in bounds])
         self.dimension = len(bounds)
@@ -60,7 +62,8 @@ class Problem:
         """The design of a layout of this scene."""
         values = [layout.spacing] * self.scene.free_spacing
         values += [layout.thickness[1:]] * self.scene.free_thickness
-        return np.clip((np.concatenate(values) - self.low) / (self.high - self.low), 0.0, 1.0)
+        design: Floats = (np.concatenate(values) - self.low) / (self.high - self.low)
+        return np.clip(design, 0.0, 1.0)
 
     def score(self, designs: Floats) -> Floats:
         """(B,) scores of designs (B, n), higher is better; see `Scene.score`."""
@@ -71,7 +74,9 @@ class Problem:
             )
         if not np.isfinite(designs).all():
             b, i = np.argwhere(~np.isfinite(designs))[0]
-            raise ValueError(f"design {b} has {designs[b, i]} at place {i}: every entry is in [0, 1]")
+            raise ValueError(
+                f"design {b} has {designs[b, i]} at place {i}: every entry is in [0, 1]"
+            )
         scores = self.scene.score_batch(*self.parts(designs), rtol=self.rtol)
         self.evaluations += len(designs)
         reach = np.where(scores < 0.0, scores + 1.0, 1.0)
@@ -97,4 +102,5 @@ def meet_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
         free = (moved > low) & (moved < high)
         share = off / np.maximum(free.sum(axis=1), 1)
         moved = np.clip(moved + free * share[:, None], low, high)
-    return moved
+    result: Floats = moved
+    return result

@@ -11,6 +11,7 @@ from typing import Any
 
 import cma
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from optimize.budget import Budget
 from optimize.problem import Floats
@@ -21,6 +22,12 @@ MANY = 200  # variables from which on the covariance is kept diagonal
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """One CMA-ES after the other until the budget is spent."""
+    # The covariance is small: threads of the linear algebra only wait for each other.
+    with threadpool_limits(1, user_api="blas"):
+        _restart(budget, rng)
+
+
+def _restart(budget: Budget, rng: np.random.Generator) -> None:
     problem = budget.problem
     n = problem.dimension
     default = 2 * (4 + int(3 * np.log(n)))  # twice the usual: more often a good basin
@@ -46,7 +53,9 @@ def _descend(
 ) -> int:
     """One run until it has converged; returns its evaluations."""
     before = budget.problem.evaluations
-    strategy = cma.CMAEvolutionStrategy(np.clip(start, 0.02, 0.98), step, _options(rng, start, size))
+    strategy = cma.CMAEvolutionStrategy(
+        np.clip(start, 0.02, 0.98), step, _options(rng, start, size)
+    )
     while not strategy.stop():
         designs = strategy.ask()
         strategy.tell(designs, -budget.score(np.array(designs)))
