@@ -15,7 +15,6 @@ from importlib.metadata import entry_points
 
 from domino_env import __version__
 
-
 NOTICE_AFTER = 2.0  # [s] of silence
 
 
