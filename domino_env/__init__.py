@@ -17,6 +17,13 @@ if TYPE_CHECKING:
     from domino_env.layout import Layout
     from domino_env.physics import Physics
     from domino_env.scene import Scene, UniformMark, load_scene, scene_names
+    from domino_env.steady import (
+        SteadyWave,
+        existence_limit,
+        smallest_push,
+        steady_wave,
+        terminal_speed_estimate,
+    )
     from domino_env.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
 
 __version__ = "0.1.0"
@@ -30,6 +37,11 @@ _HOMES = {
     "simulate": "wave",
     "simulate_batch": "wave",
     "Scene": "scene",
+    "SteadyWave": "steady",
+    "existence_limit": "steady",
+    "smallest_push": "steady",
+    "steady_wave": "steady",
+    "terminal_speed_estimate": "steady",
     "UniformMark": "scene",
     "load_scene": "scene",
     "scene_names": "scene",
@@ -40,13 +52,18 @@ __all__ = [
     "Outcome",
     "Physics",
     "Scene",
+    "SteadyWave",
     "UniformMark",
     "Wave",
     "WaveBatch",
+    "existence_limit",
     "load_scene",
     "scene_names",
     "simulate",
     "simulate_batch",
+    "smallest_push",
+    "steady_wave",
+    "terminal_speed_estimate",
 ]
 
 

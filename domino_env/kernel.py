@@ -54,7 +54,8 @@ U, TIME, TIME_LOW, U_ERROR, TIME_ERROR, U_ROUND, TIME_ROUND = 0, 1, 2, 3, 4, 5, 
 BACK, KAPPA, DEPTH, LOG_RHO, LAST_H, WORST = 7, 8, 9, 10, 11, 12
 FLUSHES, RELEASES, FLUSH_LOSS, MARGIN, LOWEST_MARGIN, ANGLE, PART = 13, 14, 15, 16, 17, 18, 19
 U_IMPACT, FALL_TIME, M_END, CUT, WORST_ROUND, LAST_DUE = 20, 21, 22, 23, 24, 25
-STATE_SIZE = 26
+COMPOSING, GAIN, OFFSET, NEED = 26, 27, 28, 29  # u = GAIN u_0 + OFFSET, u_0 > NEED
+STATE_SIZE = 30
 
 # What a record holds of each domino.
 OUT_ARRIVAL, OUT_RELEASE, OUT_IMPACT, OUT_MARGIN = 0, 1, 2, 3
@@ -696,6 +697,7 @@ def slow_time(lanes, count, x_low):
 
 # --- One fall -------------------------------------------------------------------------------------
 FINE, ROUGH, DEAD = 0, 1, 2
+RUN, CREEP, LAST_RESORT = 0, 1, 2
 
 
 @numba.njit(**_JIT)
@@ -712,14 +714,17 @@ def order_for(state, h, tol):
 
 
 @numba.njit(**_JIT)
-def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, deep, creep):
+def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
     """Carry u and the time over the interval [a, a + h], whose map is in the lanes.
 
     FINE: done, errors booked.  ROUGH: the rule does not resolve it, nothing is changed.  DEAD: u
     reaches zero, at state[ANGLE].
     deep: find the true minimum of u always, not only where a stall is near.
-    creep: where only the root of u is unresolved, integrate the polynomial of u in small panels.
+    creep: CREEP where only the root of u is unresolved: integrate the polynomial of u in small
+        panels; LAST_RESORT: book the error, however large.
     """
+    e_error, u_error, q_off, r_off = errors
+    last_resort = creep == LAST_RESORT
     last = ORDERS[k] + 1
     u0 = state[U]
     size, u_low = u0, u0
@@ -738,7 +743,7 @@ def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, d
         series(lanes, SPEED2, k)
         x_low, u_low = lowest_point(lanes, SPEED2, k)
     if u_low <= 0.0:
-        if local > max(tol * size, 1e-6 * abs(u_low)) and h > 1e-13:
+        if local > max(tol * size, 1e-6 * abs(u_low)) and not last_resort:
             return ROUGH
         state[ANGLE] = a + h * first_zero(lanes, SPEED2, k, x_low)
         return DEAD
@@ -755,19 +760,22 @@ def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, d
     f_off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last]))
     off = f_off / t
     t_error = 2.0 * off * (f_off / math.sqrt(math.sqrt(math.sqrt(max(off, TINY)))) + rough * sens)
-    if not (local * sens <= tol * t and local * e_end <= tol * u_end):
+    if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
         return ROUGH
     if t_error > tol * t:
-        if not creep:
+        if creep == RUN:
             return ROUGH
         if not known:
             series(lanes, SPEED2, k)
             x_low, u_low = lowest_point(lanes, SPEED2, k)
         off = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
         t_slow, sens_slow = slow_time(lanes, last + 1, x_low)
-        if not off * sens_slow <= tol * t_slow:
+        limit = off <= 64.0 * EPS * size  # no rule sees u more sharply
+        if not (off * sens_slow <= tol * t_slow or limit or last_resort):
             return ROUGH
         t, sens, t_error = t_slow, sens_slow, off * sens_slow + 1e-14 * t_slow
+        if limit:
+            state[TIME_ROUND] += h * t_error
     off = max(f_off / t, rough / size, 1e-15)
     state[LOG_RHO] = math.log(1.0 / min(off, 0.5)) / ORDERS[k]
     state[LAST_H] = h
@@ -783,6 +791,40 @@ def ride(lanes, k, a, h, mu, e_error, u_error, q_off, r_off, tail, tol, state, d
     state[FALL_TIME] += h * t
     state[MARGIN] = min(state[MARGIN], u_low)
     return FINE
+
+
+@numba.njit(**_JIT)
+def compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state):
+    """Take the map of an interval into that of all falls so far, instead of riding a wave on it.
+
+    u = GAIN u_0 + OFFSET; the wave does not stall as long as u_0 > NEED.
+    """
+    last = ORDERS[k] + 1
+    size = TINY
+    for j in range(1, last + 1):
+        size = max(size, abs(lanes[MAP_U + j]))
+    series(lanes, MAP_U, k)
+    off = abs(lanes[COEF + last]) + abs(lanes[COEF + last - 1]) + (r_off + q_off * size) / ORDERS[k]
+    if not (e_error <= tol and u_error <= tol * size and off <= tol * size):
+        return ROUGH
+    _, u_low = lowest_point(lanes, MAP_U, k)
+    gain = max(state[GAIN], TINY)
+    state[NEED] = max(state[NEED], -(state[OFFSET] + u_low) / gain)
+    state[OFFSET] = lanes[MAP_E + last] * (state[OFFSET] + lanes[MAP_U + last])
+    state[GAIN] *= lanes[MAP_E + last]
+    state[LOG_RHO] = math.log(1.0 / min(max(off / size, 1e-15), 0.5)) / ORDERS[k]
+    state[LAST_H] = h
+    state[CUT] = tail
+    state[M_END] = lanes[SUM_M + last]
+    return FINE
+
+
+@numba.njit(**_JIT)
+def slow_down(state, keep):
+    """An impact leaves the leader the part `keep` of its angular velocity."""
+    k2 = keep * keep
+    for place in (U, U_ERROR, U_ROUND, GAIN, OFFSET):
+        state[place] *= k2
 
 
 @numba.njit(**_JIT)
@@ -825,24 +867,14 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
         else:
             done = ROUGH
             ok, e_error, u_error, q_off, r_off = affine_map(lanes, k, h, mu, gravity)
-            if ok:
-                creep = k == len(ORDERS) - 1 or n > 6
-                done = ride(
-                    lanes,
-                    k,
-                    a,
-                    h,
-                    mu,
-                    e_error,
-                    u_error,
-                    q_off,
-                    r_off,
-                    tail,
-                    tol,
-                    state,
-                    deep,
-                    creep,
-                )
+            if ok and state[COMPOSING] > 0.0:
+                done = compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state)
+            elif ok:
+                creep = CREEP if k == len(ORDERS) - 1 or n > 6 else RUN
+                if h <= 1e-9 * b:
+                    creep = LAST_RESORT
+                errors = (e_error, u_error, q_off, r_off)
+                done = ride(lanes, k, a, h, errors, tail, tol, state, deep, creep)
             if done == DEAD:
                 return STALLED
             if done == ROUGH:
@@ -867,9 +899,7 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
                 state[ANGLE] = end
                 return JAMMED
             state[FLUSH_LOSS] = max(state[FLUSH_LOSS], 1.0 - keep)
-            state[U] *= keep * keep
-            state[U_ERROR] *= keep * keep
-            state[U_ROUND] *= keep * keep
+            slow_down(state, keep)
             if a >= b:  # the hit follows at once: its M is that of the new states
                 stack_at(lanes, ring, mask, n, b, mu, tol, UNWATCHED, state)
     if a < b:
@@ -888,10 +918,9 @@ def hit(ring, mask, n, mu, state):
     if not m > 0.0:
         return JAMMED
     keep = m / (m + ring[(n + 1) & mask, INERTIA])
-    state[U] *= keep * keep
-    noise = (4.0 * EPS + 2.0 * state[CUT]) * state[U]
-    state[U_ERROR] = state[U_ERROR] * keep * keep + noise
-    state[U_ROUND] = state[U_ROUND] * keep * keep + 4.0 * EPS * state[U]
+    slow_down(state, keep)
+    state[U_ERROR] += (4.0 * EPS + 2.0 * state[CUT]) * state[U]
+    state[U_ROUND] += 4.0 * EPS * state[U]
     return PROPAGATED
 
 
@@ -903,6 +932,7 @@ def begin(state, push):
         state[j] = 0.0
     state[U] = push * push
     state[LOWEST_MARGIN] = 1.0
+    state[GAIN] = 1.0
 
 
 @numba.njit(**_JIT)
@@ -935,6 +965,8 @@ def heaviest_force(height, thickness):
 @numba.njit(**_JIT)
 def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep):
     """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
+    if state[COMPOSING] > 0.0:
+        state[U] = gravity * state[KAPPA]  # something of its size: it weighs what may be cut
     state[FALL_TIME] = 0.0
     state[MARGIN] = state[U]
     released = state[U]
@@ -954,7 +986,8 @@ def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
     state[ANGLE] = b
     state[PART] = 1.0
     if strikes:
-        add_time(state)
+        if state[COMPOSING] == 0.0:
+            add_time(state)
         state[U_IMPACT] = state[U]
         return hit(ring, mask, n, mu, state)
     return PROPAGATED
@@ -1030,9 +1063,8 @@ def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out):
                 if not closed:
                     tail = 0.0
                 ring[0, TAIL] = inertia + behind
-        done = ride(
-            lanes, k, 0.0, b, mu, e_error, u_error, q_off, r_off, tail, tol, state, deep, True
-        )
+        errors = (e_error, u_error, q_off, r_off)
+        done = ride(lanes, k, 0.0, b, errors, tail, tol, state, deep, CREEP)
         if done == ROUGH:
             outcome = fall(lanes, ring, 0, n, b, mu, gravity, rtol, state, deep)
             closed = False
@@ -1071,6 +1103,7 @@ def chain(
 ):
     """A whole chain.  Returns (outcome, leader at the end, dominoes struck, dominoes past tipping).
 
+    push = 0 rides no wave but composes the maps of all falls: GAIN, OFFSET and NEED in `state`.
     out: (N, 4) arrival time, velocity just after being hit, velocity just before hitting the next,
     stall margin; or (0, 4) where only the summary in `state` is wanted.
     """
@@ -1085,7 +1118,9 @@ def chain(
     state[KAPPA] = heaviest_force(height[0], thickness[0])
     first, mask = 0, len(ring) - 1
     outcome = PROPAGATED
-    if count > 3 and is_uniform(spacing, thickness, height, density):
+    if push == 0.0:
+        state[COMPOSING] = 1.0
+    elif count > 3 and is_uniform(spacing, thickness, height, density):
         join(ring, 0, 0, height[0], spacing[0], thickness[0])
         ring[0, TAIL] = count * ring[0, INERTIA]
         outcome, first = uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out)
@@ -1181,3 +1216,50 @@ def solve_rows(
         row[ESTIMATE] = state[WORST]
         row[N_FLUSHES], row[N_RELEASES] = state[FLUSHES], state[RELEASES]
         row[LOSS], row[LOWEST] = state[FLUSH_LOSS], state[LOWEST_MARGIN]
+
+
+# --- The wave that never changes --------------------------------------------------------------------
+@numba.njit(**_JIT)
+def endless(ring, mask, n, spacing, thickness, height, density, state):
+    """Fill the ring with a row that repeats a pattern of P dominoes for ever behind leader n."""
+    period = len(thickness)
+    state[BACK] = 0.0
+    for i in range(n - mask, n + 2):
+        j, ahead = i % period, (i + 1) % period
+        row = i & mask
+        stand(ring, mask, i, height[j], thickness[j], density[j])
+        join(ring, mask, i, height[j], spacing[j], thickness[ahead])
+        ring[row, TAIL] = ring[row, INERTIA] * (i - n + mask + 2)
+
+
+@numba.njit(**_JIT)
+def period_falls(
+    spacing, thickness, height, density, mu, gravity, rtol, lanes, ring, state, u, out
+):
+    """The P falls of one period of an endless row, each with the stack of all that fell before.
+
+    u > 0: ride a wave that enters with u; out (P, 3) gets time, release and impact velocity.
+    u = 0: compose their maps.  Returns (outcome, leader, largest tail left beyond the ring).
+    """
+    period, mask = len(thickness), len(ring) - 1
+    begin(state, 1.0)
+    state[U] = u
+    state[COMPOSING] = 1.0 if u == 0.0 else 0.0
+    for j in range(period):
+        state[KAPPA] = max(state[KAPPA], heaviest_force(height[j], thickness[j]))
+    base = period * (1 + 2 * (mask + 1) // period)
+    tail = 0.0
+    for j in range(period):
+        n = base + j
+        endless(ring, mask, n, spacing, thickness, height, density, state)
+        state[DEPTH] = 0.0
+        released = state[U]
+        outcome = step(lanes, ring, mask, n, True, mu, gravity, rtol, state, True)
+        if outcome != PROPAGATED:
+            return outcome, j, tail
+        tail = max(tail, state[CUT])
+        if u > 0.0:
+            out[j, 0] = state[FALL_TIME]
+            out[j, 1] = math.sqrt(released)
+            out[j, 2] = math.sqrt(state[U_IMPACT])
+    return PROPAGATED, period, tail
