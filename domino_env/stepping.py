@@ -75,7 +75,7 @@ def step_row(
     return SteppedWave(outcome, arrival, used, time.perf_counter() - began)
 
 
-class _Spent(Exception):
+class _SpentError(Exception):
     """The evaluations allowed are used up."""
 
 
@@ -95,7 +95,7 @@ def _adaptive(
         nonlocal used
         used += 1
         if used > most:
-            raise _Spent
+            raise _SpentError
         return y[1], eq.acceleration(rows, n, back, y[0], y[1] * y[1], mu, gravity)
 
     def arrives(_: float, y: Floats) -> float:
@@ -142,7 +142,7 @@ def _adaptive(
                 atol=(rtol * end, rtol * 1.0 / swing),
                 events=events,
             )
-        except _Spent:
+        except _SpentError:
             return eq.UNFINISHED, used
         if done.status != 1:  # the step size fell to nothing, or time ran out
             return (eq.NO_RIGID_ANSWER if done.status == -1 else eq.UNFINISHED), used
