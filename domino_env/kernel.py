@@ -1218,7 +1218,7 @@ def solve_rows(
         row[LOSS], row[LOWEST] = state[FLUSH_LOSS], state[LOWEST_MARGIN]
 
 
-# --- The wave that never changes --------------------------------------------------------------------
+# --- The wave that never changes ------------------------------------------------------------------
 @numba.njit(**_JIT)
 def endless(ring, mask, n, spacing, thickness, height, density, state):
     """Fill the ring with a row that repeats a pattern of P dominoes for ever behind leader n."""
