@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 
 from optimize.problem import Floats, Problem
+
+PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
+KEPT = 8  # best designs kept for a closer look at the end
+
+Step = tuple[int, int, float, float]
 
 
 class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a search
@@ -17,27 +23,27 @@ class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a sea
 class Budget:
     """A problem with a meter: methods ask it for scores until it raises `BudgetSpent`.
 
-    evaluations, seconds: what may be spent; None for no limit.
-    best, best_score: the best design so far, None and -inf before the first.
+    evaluations, seconds: what may be spent; None for no limit.  The clock starts with the object.
     trace: (evaluations, falls, seconds, best score) at every improvement.
+    finalists: the last improvements, (score, design) each, the best last.
+    watch: called with the budget after every batch.
     """
 
     def __init__(
         self,
         problem: Problem,
-        evaluations: int | None,
-        seconds: float | None,
+        evaluations: int | None = None,
+        seconds: float | None = None,
         watch: Callable[[Budget], None] | None = None,
     ) -> None:
         self.problem = problem
         self.evaluations = evaluations
         self.seconds = seconds
-        self.best: Floats | None = None
-        self.best_score = -np.inf
-        self.trace: list[tuple[int, int, float, float]] = []
+        self.trace: list[Step] = []
+        self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self._watch = watch
+        self._piece = max(8, PIECE // problem.scene.count)
         self._began = time.perf_counter()
-        self._piece = max(8, 40_000 // problem.scene.count)
 
     @property
     def elapsed(self) -> float:
@@ -45,52 +51,60 @@ class Budget:
         return time.perf_counter() - self._began
 
     @property
-    def spent(self) -> bool:
-        """Whether nothing is left."""
-        done = self.problem.evaluations
-        if self.evaluations is not None and done >= self.evaluations:
-            return True
-        return self.seconds is not None and self.elapsed >= self.seconds
+    def part(self) -> float:
+        """The part that is spent, 0 to 1, of what runs out first."""
+        parts = [0.0]
+        if self.evaluations is not None:
+            parts.append(self.problem.evaluations / self.evaluations)
+        if self.seconds is not None:
+            parts.append(self.elapsed / self.seconds)
+        return min(max(parts), 1.0)
 
-    def score(self, designs: Floats) -> Floats:
-        """Scores of designs (B, n).  Raises BudgetSpent where not all of them can be paid for.
+    @property
+    def best_score(self) -> float:
+        """The best score so far; -inf before the first."""
+        return self.finalists[-1][0] if self.finalists else -np.inf
+
+    @property
+    def best(self) -> Floats:
+        """The best design so far.  ValueError before the first."""
+        if not self.finalists:
+            raise ValueError("nothing has been scored yet")
+        return self.finalists[-1][1]
+
+    def scores(self, designs: Floats, rtol: float | None = None) -> Floats:
+        """(B,) scores of designs (B, n).  Raises BudgetSpent where not all can be paid for.
 
         What can be paid for is simulated first, so that nothing of the budget is lost.
         """
+        designs = np.asarray(designs, dtype=np.float64)
         scores = np.empty(len(designs))
         at = 0
         while at < len(designs):
-            if self.spent:
+            if self.finalists and self.part >= 1.0:  # even a budget of no time gets a first look
                 raise BudgetSpent
             piece = min(self._piece, len(designs) - at)
             if self.evaluations is not None:
                 piece = min(piece, self.evaluations - self.problem.evaluations)
-            part = np.asarray(designs[at : at + piece], dtype=np.float64)
-            scores[at : at + piece] = self.problem.score(part)
+            part = designs[at : at + piece]
+            scores[at : at + piece] = self.problem.scores(part, rtol)
             self._note(part, scores[at : at + piece])
             at += piece
         return scores
 
-    def score_and_gradient(self, design: Floats, step: float = 1e-5) -> tuple[float, Floats]:
-        """Score and its gradient at one design, by differences in one batch.
+    def score(self, design: Floats) -> float:
+        """The score of one design (n,)."""
+        return float(self.scores(np.asarray(design)[None])[0])
 
-        Central where both sides lie in the box, one-sided at its faces.
-        """
-        ahead = np.minimum(design + step, 1.0)
-        behind = np.maximum(design - step, 0.0)
-        n = len(design)
-        points = np.repeat(design[None], 2 * n + 1, axis=0)
-        points[np.arange(n), np.arange(n)] = ahead
-        points[n + np.arange(n), np.arange(n)] = behind
-        scores = self.score(points)
-        gradient = (scores[:n] - scores[n : 2 * n]) / (ahead - behind)
-        return float(scores[-1]), gradient
+    def score_and_gradient(self, design: Floats) -> tuple[float, Floats]:
+        """Score and gradient of one design (n,): see `Problem.score_and_gradient`."""
+        return self.problem.score_and_gradient(design, self.scores)
 
     def _note(self, designs: Floats, scores: Floats) -> None:
         i = int(np.argmax(scores))
         if scores[i] > self.best_score:
-            self.best, self.best_score = designs[i].copy(), float(scores[i])
-            spent = (self.problem.evaluations, self.problem.falls, self.elapsed, self.best_score)
-            self.trace.append(spent)
+            spent = self.problem.evaluations, self.problem.falls, self.elapsed
+            self.trace.append((*spent, float(scores[i])))
+            self.finalists.append((float(scores[i]), designs[i].copy()))
         if self._watch is not None:
             self._watch(self)

@@ -1,135 +1,302 @@
-"""The picture of a run: both rows to scale, spacing and wave speed along them, the search."""
+"""The picture of a run: both rows to scale, spacing and wave speed along them, the search.
+
+Inches on paper, millimetres along the row.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from domino_env.files import write_bytes
 from domino_env.layout import Layout
 from domino_env.wave import Wave
+from optimize.problem import Floats
 from optimize.result import SearchResult
 
-UNIFORM, BEST, INK, FAINT = "#8a8f98", "#0b6e99", "#222222", "#d9dce1"
-SHOWN = 120  # dominoes drawn of a longer row
+MARK, BEST = "#7c828c", "#0b6e99"  # the colours of the uniform row and of the one found
+INK, SOFT, FAINT = "#1d2126", "#5c636d", "#dfe2e6"
+
+WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
+SPAN = WIDTH - LEFT - RIGHT
+HEAD, LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.85, 0.30, 1.75, 0.18, 0.62, 0.55
+
+LONGEST = 45.0  # heights; of a longer row the two ends are shown
+SHORTEST = 8.0  # heights; a shorter row leaves room
+SMALL = 0.36  # inches a domino's height takes in a long row
+SPLIT = 0.4  # inches between the two ends
+
+
+@dataclass(frozen=True)
+class _Window:
+    """A part of the row: where on paper [in], and what of the row [mm].
+
+    from_end: whether places count from the last pivot.
+    """
+
+    left: float
+    width: float
+    low: float
+    high: float
+    from_end: bool
+
+    def shift(self, layout: Layout) -> float:
+        """What to add to a place along the row [mm]."""
+        return -1e3 * layout.length if self.from_end else 0.0
 
 
 def draw(result: SearchResult, path: Path) -> None:
     """Draw the result of a search into a PNG file."""
-    figure = Figure(figsize=(11.0, 9.0), dpi=130, layout="constrained")
+    figure = picture(result)
+    write_bytes(path, lambda file: figure.savefig(file, format="png", dpi=140))
+
+
+def picture(result: SearchResult) -> Figure:
+    """The figure, from top to bottom; Matplotlib's global state is not touched."""
+    windows, scale, tall = _windows(result)
+    panels: list[Callable[[Axes, SearchResult, _Window], None]] = [_spacing, _speed]
+    if result.scene.free_thickness:
+        panels.insert(1, _thickness)
+    row = tall * scale + LABEL
+    along = len(panels) * (PANEL + BETWEEN)
+    height = HEAD + 2 * row + along + UNDER_AXIS + PANEL + FOOT
+    figure = Figure(figsize=(WIDTH, height), facecolor="white")
     FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(4, 1, height_ratios=[1.15, 1.0, 1.0, 1.0], hspace=0.08)
-    rows = figure.add_subplot(grid[0])
-    spacing = figure.add_subplot(grid[1])
-    speed = figure.add_subplot(grid[2], sharex=spacing)
-    search = figure.add_subplot(grid[3])
-    figure.suptitle(_headline(result), fontsize=13, x=0.02, ha="left", color=INK)
-    _draw_rows(rows, result)
-    _draw_spacing(spacing, result)
-    _draw_speed(speed, result)
-    _draw_search(search, result)
-    write_bytes(path, lambda file: figure.savefig(file, format="png"))
+
+    def text(y: float, words: str, **style: Any) -> None:
+        figure.text(LEFT / WIDTH, y / height, words, va="center", **style)
+
+    text(height - 0.30, _headline(result), size=14.5, color=INK, weight="bold")
+    text(height - 0.58, _subtitle(result), size=9.5, color=SOFT)
+    y = height - HEAD
+    for layout, wave, colour, name in _pairs(result):
+        y -= row
+        for window in windows:
+            axes = _axes(figure, window.left, y, window.width, row)
+            _row(axes, layout, wave, colour, window, row / scale)
+        text(y + row - 0.15, _row_label(layout, wave, name), size=9.5, color=colour)
+    for panel in panels:
+        y -= BETWEEN + PANEL
+        for window in windows:
+            axes = _axes(figure, window.left, y, window.width, PANEL)
+            panel(axes, result, window)
+            axes.set_xlim(window.low, window.high)
+            axes.tick_params(labelbottom=panel is panels[-1])
+            if panel is panels[-1]:
+                axes.set_xlabel(f"position from the {_origin(window)} pivot [mm]")
+            if window is not windows[0]:
+                axes.set_ylabel("")
+                axes.tick_params(labelleft=False)
+    _search(_axes(figure, LEFT, FOOT, SPAN, PANEL), result)
+    return figure
 
 
-def _headline(result: SearchResult) -> str:
-    name, wave = result.scene.name, result.wave
-    if wave.mean_speed == 0.0:
-        return f"{name}: no layout found that topples to the end"
-    mark = result.uniform.wave.mean_speed
-    if mark == 0.0:
-        return f"{name}: {wave.mean_speed:.4f} m/s; no uniform pitch topples to the end"
-    return (
-        f"{name}: {wave.mean_speed:.4f} m/s, {result.gain:+.2%} against the best uniform pitch "
-        f"({mark:.4f} m/s)"
-    )
+def _pairs(result: SearchResult) -> list[tuple[Layout, Wave, str, str]]:
+    mark = result.uniform
+    return [
+        (mark.layout, mark.wave, MARK, "best uniform pitch"),
+        (result.layout, result.wave, BEST, f"found by {result.method}"),
+    ]
 
 
-def _draw_rows(axes: Axes, result: SearchResult) -> None:
-    """Both rows from the side, the same scale, the wave running to the right."""
-    tallest = result.scene.height * 1e3
-    pairs = ((result.uniform.layout, UNIFORM, "best uniform"), (result.layout, BEST, result.method))
-    ends = []
-    for level, (layout, colour, label) in enumerate(pairs):
-        base = -level * 1.75 * tallest
-        shown = min(layout.count, SHOWN)
-        front = layout.positions[:shown] * 1e3
-        thick = layout.thickness[:shown] * 1e3
-        tall = layout.height[:shown] * 1e3
-        boxes = [Rectangle((x - d, base), d, h) for x, d, h in zip(front, thick, tall, strict=True)]
-        axes.add_collection(PatchCollection(boxes, facecolor=colour, edgecolor="none"))
-        axes.axhline(base, color=INK, linewidth=0.6)
-        more = f" (first {shown} of {layout.count})" if shown < layout.count else ""
-        axes.text(-thick[0], base + 1.12 * tallest, label + more, fontsize=9, color=colour)
-        ends.append(front[-1])
-    axes.set_xlim(-result.layout.thickness[0] * 1e3 - 5.0, max(ends) + 5.0)
-    axes.set_ylim(-1.75 * tallest - 4.0, 1.6 * tallest)
-    axes.set_aspect("equal", adjustable="box", anchor="W")
-    axes.set_yticks([])
-    axes.set_xlabel("position along the row [mm]")
-    for side in ("left", "right", "top", "bottom"):
-        axes.spines[side].set_visible(False)
+def _windows(result: SearchResult) -> tuple[list[_Window], float, float]:
+    """What is shown of the rows, inches a millimetre, and height of the tallest domino [mm]."""
+    layouts = [layout for layout, _, _, _ in _pairs(result)]
+    tall = 1e3 * max(layout.height.max() for layout in layouts)
+    low = -1e3 * result.layout.thickness[0] - 0.8 * tall
+    high = max(1e3 * max(layout.length for layout in layouts) + 0.25 * tall, low + SHORTEST * tall)
+    if high - low <= LONGEST * tall:
+        return [_Window(LEFT, SPAN, low, high, False)], SPAN / (high - low), tall
+    scale = SMALL / tall
+    half = 0.5 * (SPAN - SPLIT)
+    shown = half / scale
+    first = _Window(LEFT, half, low, low + shown, False)
+    last = _Window(LEFT + half + SPLIT, half, 0.4 * tall - shown, 0.4 * tall, True)
+    return [first, last], scale, tall
 
 
-def _style(axes: Axes, ylabel: str) -> None:
+def _origin(window: _Window) -> str:
+    return "last" if window.from_end else "first"
+
+
+def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes at a place in inches, in the style of this page."""
+    across, up = figure.get_size_inches()
+    axes = figure.add_axes((left / across, bottom / up, width / across, height / up))
     axes.grid(color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set_ylabel(ylabel)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(colors=SOFT, labelsize=9)
+    axes.xaxis.label.set_color(SOFT)
+    axes.yaxis.label.set_color(SOFT)
+    return axes
 
 
-def _draw_spacing(axes: Axes, result: SearchResult) -> None:
-    gaps = np.arange(result.scene.count - 1)
-    low, high = (1e3 * b for b in result.scene.spacing)
-    for bound in {low, high}:
-        axes.axhline(bound, color=FAINT, linewidth=1.5)
-    axes.plot(gaps, 1e3 * result.uniform.layout.spacing, color=UNIFORM, label="best uniform")
-    axes.plot(gaps, 1e3 * result.layout.spacing, color=BEST, marker=".", label=result.method)
-    _style(axes, "spacing [mm]")
-    if result.scene.free_thickness:
-        right = axes.twinx()
-        right.step(gaps, 1e3 * result.layout.thickness[1:], color=BEST, linestyle=":", where="mid")
-        right.set_ylabel("thickness, dotted [mm]")
-        right.spines["top"].set_visible(False)
-    axes.legend(frameon=False, fontsize=9, loc="upper center", ncols=2)
+# words ------------------------------------------------------------------------------------------
 
 
-def local_speed(layout: Layout, wave: Wave) -> np.ndarray:
+def _headline(result: SearchResult) -> str:
+    name, speed, gain = result.scene.name, result.wave.mean_speed, result.gain
+    if result.score <= 0.0:
+        return f"{name}: no row found that topples to the end"
+    if gain is None:
+        return f"{name}: {speed:.4f} m/s, where no uniform pitch topples to the end"
+    compared = "faster" if gain >= 0.0 else "slower"
+    return f"{name}: {speed:.4f} m/s, {abs(gain):.2%} {compared} than the best uniform pitch"
+
+
+def _subtitle(result: SearchResult) -> str:
+    physics = result.scene.physics
+    return (
+        f"{result.scene.title} · {result.scene.count} dominoes, friction {physics.friction:g}, "
+        f"push {physics.push:g} rad/s"
+    )
+
+
+def _row_label(layout: Layout, wave: Wave, name: str) -> str:
+    if wave.mean_speed == 0.0:
+        ended = wave.outcome.name.lower().replace("_", " ")
+        return f"{name}: {ended}, {wave.hit} of {layout.count} were struck"
+    return (
+        f"{name}: {layout.length * 1e3:.1f} mm in {wave.arrival_times[-1]:.4f} s, "
+        f"{wave.mean_speed:.4f} m/s"
+    )
+
+
+# along the row ----------------------------------------------------------------------------------
+
+
+def _row(axes: Axes, layout: Layout, wave: Wave, colour: str, window: _Window, room: float) -> None:
+    """Dominoes from the side, to scale; pale where the wave did not come.
+
+    room: what the height of the axes stands for [mm].
+    """
+    axes.set_xlim(window.low, window.high)
+    axes.set_ylim(-0.02 * room, 0.98 * room)
+    axes.grid(visible=False)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.spines[["left", "bottom"]].set_visible(False)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    front = 1e3 * layout.positions + window.shift(layout)
+    thick, tall = 1e3 * layout.thickness, 1e3 * layout.height
+    shown = np.flatnonzero((front > window.low) & (front - thick < window.high))
+    boxes = [Rectangle((front[i] - thick[i], 0.0), thick[i], tall[i]) for i in shown]
+    colours = [colour if i < wave.hit else FAINT for i in shown]
+    axes.add_collection(PatchCollection(boxes, facecolor=colours, edgecolor="none"))
+    if not window.from_end:
+        push = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.0}
+        at = 0.88 * tall[0]
+        axes.annotate("", (-thick[0], at), (-thick[0] - 0.6 * tall[0], at), arrowprops=push)
+
+
+def local_speed(layout: Layout, wave: Wave) -> Floats:
     """(N-1,) pitch over the time between two arrivals [m/s]; nan where the wave did not come."""
     times = np.where(np.isfinite(wave.arrival_times), wave.arrival_times, np.nan)
-    speed: np.ndarray = layout.pitch / np.diff(times)
-    return speed
+    return np.asarray(layout.pitch / np.diff(times))
 
 
-def _draw_speed(axes: Axes, result: SearchResult) -> None:
-    gaps = np.arange(result.scene.count - 1)
-    uniform, best = result.uniform, result
-    axes.plot(gaps, local_speed(uniform.layout, uniform.wave), color=UNIFORM)
-    axes.plot(gaps, local_speed(best.layout, best.wave), color=BEST, marker=".")
-    _style(axes, "local wave speed [m/s]")
-    axes.set_xlabel("gap number")
+def _curves(axes: Axes, result: SearchResult, window: _Window, mark: Floats, best: Floats) -> None:
+    """What the two rows have at each gap, drawn halfway between its pivots."""
+    style: dict[str, Any] = {"linewidth": 1.5}
+    for layout, values, colour in (
+        (result.uniform.layout, mark, MARK),
+        (result.layout, best, BEST),
+    ):
+        middles = 500.0 * (layout.positions[:-1] + layout.positions[1:]) + window.shift(layout)
+        axes.plot(middles, values, color=colour, **style)
+        style |= {"marker": "o", "markersize": 3.0}
 
 
-def _draw_search(axes: Axes, result: SearchResult) -> None:
-    """Best score against time; what dies scores below zero and is left out."""
-    trace = [(t, score) for _, _, t, score in result.trace if score > 0.0]
-    mark = result.uniform.score
-    if mark > 0.0:
-        axes.axhline(mark, color=UNIFORM, linewidth=1.5, label=f"best uniform {mark:.4f}")
-    if trace:
-        seconds = [t for t, _ in trace] + [result.seconds]
-        scores = [score for _, score in trace] + [trace[-1][1]]
-        axes.step(
-            seconds, scores, color=BEST, where="post", label=f"{result.method} {scores[-1]:.4f}"
-        )
-        low = min(mark if mark > 0.0 else scores[0], scores[0])
-        axes.set_ylim(max(low, 0.9 * scores[-1]) - 0.01 * scores[-1], 1.01 * scores[-1])
-    _style(axes, "best mean speed [m/s]")
-    axes.set_xlabel(f"seconds of search ({result.evaluations} layouts simulated)")
-    axes.set_xlim(left=0.0)
-    axes.legend(frameon=False, fontsize=9, loc="lower right")
+def _spacing(axes: Axes, result: SearchResult, window: _Window) -> None:
+    mark, best = 1e3 * result.uniform.layout.spacing, 1e3 * result.layout.spacing
+    _bounds(axes, result.scene.spacing, mark, best)
+    _curves(axes, result, window, mark, best)
+    axes.set_ylabel("spacing [mm]")
+
+
+def _thickness(axes: Axes, result: SearchResult, window: _Window) -> None:
+    mark, best = 1e3 * result.uniform.layout.thickness[1:], 1e3 * result.layout.thickness[1:]
+    _bounds(axes, result.scene.thickness, mark, best)
+    _curves(axes, result, window, mark, best)
+    axes.set_ylabel("thickness [mm]")
+
+
+def _bounds(axes: Axes, bounds: tuple[float, float], *values: Floats) -> None:
+    """The scene's bounds, dashed, where they are near what is drawn."""
+    low, high = min(v.min() for v in values), max(v.max() for v in values)
+    room = max(0.12 * (high - low), 0.02 * high)
+    axes.set_ylim(low - room, high + room)
+    for bound in bounds:
+        axes.axhline(1e3 * bound, color=SOFT, linewidth=0.8, linestyle=(0, (4, 4)))
+
+
+def _speed(axes: Axes, result: SearchResult, window: _Window) -> None:
+    mark = local_speed(result.uniform.layout, result.uniform.wave)
+    best = local_speed(result.layout, result.wave)
+    _curves(axes, result, window, mark, best)
+    axes.set_ylabel("local wave speed [m/s]")
+    both = np.concatenate([mark, best])
+    both = both[np.isfinite(both)]
+    if len(both) == 0:
+        return
+    low, high = both.min(), both.max()
+    if high > 2.0 * low:  # a tight gap at the end would flatten everything else
+        axes.set_yscale("log")
+        _plain(axes.yaxis, [a * 10.0**k for k in range(-4, 4) for a in (1, 1.5, 2, 3, 5, 7)])
+    axes.set_ylim(0.93 * low, 1.07 * high)
+
+
+# the search -------------------------------------------------------------------------------------
+
+
+def _search(axes: Axes, result: SearchResult) -> None:
+    """Best score against time, with the uniform pitch's score as a line."""
+    times = np.array([t for _, _, t, _ in result.trace])
+    scores = np.array([score for _, _, _, score in result.trace])
+    mark, last = result.uniform.score, scores[-1]
+    axes.axhline(mark, color=MARK, linewidth=1.5)
+    axes.step(times, scores, color=BEST, linewidth=1.5, where="post")
+    for name, score, other, colour in (
+        ("best uniform pitch", mark, last, MARK),
+        (result.method, last, mark, BEST),
+    ):
+        above = score > other or (score == other and colour == BEST)
+        axes.annotate(
+            f"{name} {score:.4f}", (1.0, score), (0.0, 4.0 if above else -4.0),
+            xycoords=("axes fraction", "data"), textcoords="offset points", ha="right",
+            va="bottom" if above else "top", size=9, color=colour,
+        )  # fmt: skip
+    lowest = scores[scores > 0.0].min() if last > 0.0 else scores.min()
+    if last > 0.0:  # how it began would flatten the rest
+        lowest = max(lowest, 0.85 * last)
+    low, high = min(lowest, mark if mark > 0.0 else lowest), max(last, mark)
+    room = 0.2 * (high - low) + 0.005 * abs(high)
+    axes.set_ylim(low - room, high + room)
+    if times[-1] > 30.0 * times[0]:  # most happens early
+        axes.set_xscale("log")
+        _plain(axes.xaxis, [a * 10.0**k for k in range(-6, 7) for a in (1, 3)])
+    axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
+    axes.set_ylabel("best score [m/s]")
+    axes.set_xlabel(
+        f"seconds of search ({result.method}, seed {result.seed}, {result.evaluations} rows)"
+    )
+
+
+def _plain(axis: Axis, ticks: list[float]) -> None:
+    """Plain numbers on a logarithmic axis."""
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.layout import Layout
 from domino_env.scene import Scene
+from optimize.projection import nearest_with_sum
 
 Floats = NDArray[np.float64]
+
+# A score's error is smooth but for jumps of its tolerance, where the simulator changes its rule:
+# differences over this step need the closer tolerance, and then are good to about 1e-8.
+STEP = 1e-5
+GRADIENT_RTOL = 1e-10
 
 
 class Problem:
     """The design vector of a scene, how it becomes a layout, and what the layout scores.
 
     A design x has one entry in [0, 1] for each free gap, then one for each free thickness, running
-    from its least to its largest value.  Where the scene asks for a length, a design is first moved
-    to the nearest one (in metres) that meets it: no layout outside the rules is ever simulated.
+    from its least to its largest value.  Where the scene asks for a length, a design stands for the
+    nearest one (in metres) that meets it: no layout outside the rules is ever simulated.
 
-    scene: the scene.  dimension: length of x.  rtol: how closely the waves are simulated.
+    scene: the scene.  dimension: n, length of x.  rtol: how closely the waves are simulated.
+    low, high: (n,) what 0 and 1 stand for [m].
     evaluations, falls: layouts and single falls simulated so far.
+
+    Raises ValueError for a scene that leaves nothing free.
     """
 
     def __init__(self, scene: Scene, rtol: float = 1e-6) -> None:
@@ -38,69 +49,104 @@ class Problem:
         self.evaluations = 0
         self.falls = 0
 
-    def parts(self, designs: Floats) -> tuple[Floats, Floats | None]:
-        """Free gaps and thicknesses of dominoes 1 … N-1, (B, N-1) each [m], of designs (B, n)."""
-        values = self.low + np.clip(designs, 0.0, 1.0) * (self.high - self.low)
-        np.clip(values, self.low, self.high, out=values)
-        scene, pairs = self.scene, self.scene.count - 1
-        if scene.length is not None:
-            fixed = 0.0 if scene.free_thickness else pairs * scene.thickness[0]
-            fixed += 0.0 if scene.free_spacing else pairs * scene.spacing[0]
-            values = meet_sum(values, self.low, self.high, scene.length - fixed)
-        if not scene.free_spacing:
-            return np.full((len(values), pairs), scene.spacing[0]), values
-        if not scene.free_thickness:
-            return values, None
-        return values[:, :pairs], values[:, pairs:]
+    @property
+    def equality(self) -> tuple[Floats, float] | None:
+        """Coefficients a (n,) and right side b of a·x = b [m]; None where no length is asked."""
+        if self.scene.length is None:
+            return None
+        return self.high - self.low, self._total - float(self.low.sum())
+
+    @property
+    def _total(self) -> float:
+        """What the free gaps and thicknesses add up to where a length is asked [m]."""
+        scene = self.scene
+        assert scene.length is not None
+        fixed = scene.spacing[0] * (not scene.free_spacing)
+        fixed += scene.thickness[0] * (not scene.free_thickness)
+        return scene.length - (scene.count - 1) * fixed
+
+    def values(self, designs: Floats) -> Floats:
+        """The free gaps and thicknesses that designs (B, n) stand for, (B, n) [m]."""
+        values: Floats = np.clip(self.low + designs * (self.high - self.low), self.low, self.high)
+        if self.scene.length is None:
+            return values
+        return nearest_with_sum(values, self.low, self.high, self._total)
+
+    def project(self, designs: Floats) -> Floats:
+        """The nearest designs (in metres) within the box and of the right length, (B, n)."""
+        return self._scaled(self.values(designs))
 
     def layout(self, design: Floats) -> Layout:
         """The layout of one design (n,)."""
-        spacing, thickness = self.parts(np.asarray(design)[None])
+        spacing, thickness = self._parts(np.asarray(design, dtype=np.float64)[None])
         return self.scene.layout(spacing[0], None if thickness is None else thickness[0])
 
     def design(self, layout: Layout) -> Floats:
-        """The design of a layout of this scene."""
+        """The design of a layout of this scene, (n,)."""
         values = [layout.spacing] * self.scene.free_spacing
         values += [layout.thickness[1:]] * self.scene.free_thickness
-        design: Floats = (np.concatenate(values) - self.low) / (self.high - self.low)
-        return np.clip(design, 0.0, 1.0)
+        return self._scaled(np.concatenate(values))
 
-    def score(self, designs: Floats) -> Floats:
-        """(B,) scores of designs (B, n), higher is better; see `Scene.score`."""
+    def scores(self, designs: Floats, rtol: float | None = None) -> Floats:
+        """(B,) scores of designs (B, n), higher is better; see `Scene.score`.
+
+        rtol: how closely to simulate, the problem's own where None.
+        """
+        designs = self._checked(designs)
+        scores = self.scene.score_batch(*self._parts(designs), rtol=rtol or self.rtol)
+        self.evaluations += len(designs)
+        self.falls += self._falls(scores)
+        return scores
+
+    def score(self, design: Floats) -> float:
+        """The score of one design (n,)."""
+        return float(self.scores(np.asarray(design)[None])[0])
+
+    def score_and_gradient(
+        self, design: Floats, scores: Callable[[Floats, float], Floats] | None = None
+    ) -> tuple[float, Floats]:
+        """The score of one design (n,) and its gradient (n,), by differences in one batch.
+
+        Central where both neighbours lie in the box, one-sided at its faces; 2n + 1 evaluations.
+        scores: takes designs and a tolerance, `self.scores` where None (a meter may stand between).
+        """
+        design = np.clip(np.asarray(design, dtype=np.float64), 0.0, 1.0)
+        n = self.dimension
+        ahead, behind = np.minimum(design + STEP, 1.0), np.maximum(design - STEP, 0.0)
+        points = np.repeat(design[None], 2 * n + 1, axis=0)
+        i = np.arange(n)
+        points[1 + i, i], points[1 + n + i, i] = ahead, behind
+        found = (scores or self.scores)(points, GRADIENT_RTOL)
+        gradient = (found[1 : n + 1] - found[n + 1 :]) / (ahead - behind)
+        return float(found[0]), gradient
+
+    def _parts(self, designs: Floats) -> tuple[Floats, Floats | None]:
+        """Gaps and, where free, thicknesses of dominoes 1 … N-1, (B, N-1) each [m]."""
+        values, pairs = self.values(designs), self.scene.count - 1
+        if not self.scene.free_spacing:
+            return np.full((len(values), pairs), self.scene.spacing[0]), values
+        if not self.scene.free_thickness:
+            return values, None
+        return values[:, :pairs], values[:, pairs:]
+
+    def _scaled(self, values: Floats) -> Floats:
+        return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))
+
+    def _falls(self, scores: Floats) -> int:
+        """Falls simulated: all of them for a wave that ran through, else what its score tells."""
+        reach = np.where(scores < 0.0, scores + 1.0, 1.0)
+        return int(np.ceil(reach * self.scene.count).sum())
+
+    def _checked(self, designs: Floats) -> Floats:
         designs = np.asarray(designs, dtype=np.float64)
         if designs.ndim != 2 or designs.shape[1] != self.dimension:
             raise ValueError(
                 f"designs have shape {designs.shape}: expected (any number, {self.dimension})"
             )
-        if not np.isfinite(designs).all():
-            b, i = np.argwhere(~np.isfinite(designs))[0]
+        good = np.isfinite(designs)
+        if not good.all():
+            b, i = np.argwhere(~good)[0]
             raise ValueError(
                 f"design {b} has {designs[b, i]} at place {i}: every entry is in [0, 1]"
             )
-        scores = self.scene.score_batch(*self.parts(designs), rtol=self.rtol)
-        self.evaluations += len(designs)
-        reach = np.where(scores < 0.0, scores + 1.0, 1.0)
-        self.falls += int(np.ceil(reach * self.scene.count).sum())
-        return scores
-
-
-def meet_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """The point nearest to each row of `values` within the bounds whose entries add up to `total`.
-
-    Shifting all entries alike and clipping is that projection; the shift is found by bisection and
-    what rounding leaves is spread over the entries that can still move.
-    """
-    down = np.full(len(values), (low - high).min()) - np.abs(total)
-    up = -down
-    for _ in range(80):
-        shift = 0.5 * (down + up)
-        short = np.clip(values + shift[:, None], low, high).sum(axis=1) < total
-        down, up = np.where(short, shift, down), np.where(short, up, shift)
-    moved = np.clip(values + up[:, None], low, high)
-    for _ in range(2):
-        off = total - moved.sum(axis=1)
-        free = (moved > low) & (moved < high)
-        share = off / np.maximum(free.sum(axis=1), 1)
-        moved = np.clip(moved + free * share[:, None], low, high)
-    result: Floats = moved
-    return result
+        return designs

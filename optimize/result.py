@@ -19,7 +19,8 @@ class SearchResult:
     layout, wave, score: the best found; `score` as the scene judges it, at a relative error of
         1e-10.
     uniform: the best uniform layout, its wave and score.
-    trace: (evaluations, simulated falls, seconds, best score) at every improvement.
+    trace: (evaluations, simulated falls, seconds, best score) at every improvement, and at the end;
+        its scores are the search's own, at a relative error of 1e-6.
     evaluations, falls, seconds: spent in all.
     interrupted: whether it was ended by hand.
     """
@@ -38,8 +39,11 @@ class SearchResult:
     interrupted: bool
 
     @property
-    def gain(self) -> float:
-        """score / uniform score - 1; nan where the uniform row does not propagate."""
-        if self.uniform.score <= 0.0:
-            return float("nan")
-        return self.score / self.uniform.score - 1.0
+    def gain(self) -> float | None:
+        """score / uniform score - 1; None where one of the two rows does not run through."""
+        return gain(self.score, self.uniform.score)
+
+
+def gain(score: float, mark: float) -> float | None:
+    """How much better a score is than the mark; None where a wave died, which has no speed."""
+    return score / mark - 1.0 if score > 0.0 and mark > 0.0 else None

@@ -1,105 +1,161 @@
-"""A run's folder: everything a search found, readable without the program, written whole."""
+"""A run's folder: everything a search found, readable without the program, written whole.
+
+scene.toml     the scene
+layout.csv     the best row, a line a domino; layout.json, the same
+trace.csv      evaluations, simulated falls, seconds and best score at every improvement
+summary.json   what came out, SI units
+result.png     the picture
+"""
 
 from __future__ import annotations
 
 import json
 import platform
 import time
-from importlib.metadata import version
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from domino_env.files import write_text
+from domino_env.layout import Layout
 from domino_env.scene import Scene
-from optimize.budget import Budget
-from optimize.result import SearchResult, Trace
+from optimize.budget import Budget, Step
+from optimize.result import SearchResult
 
 PAUSE = 2.0  # [s] between two savings of the best so far
-FILES = ("scene.toml", "layout.csv", "layout.json", "trace.csv", "summary.json", "result.png")
+SUMMARY = "summary.json"
+FILES = ("scene.toml", "layout.csv", "layout.json", "trace.csv", SUMMARY, "result.png")
 
 
 class RunFolder:
     """The folder of one run.
 
-    Opening it makes it, or takes over that of an earlier run; a folder that holds other things is
-    refused, as is one that cannot be written.  While the search runs, `watch` keeps the best layout
-    and the trace on disk, so that a run that is killed loses a few seconds of them.
+    A new or empty folder, or that of an earlier run, whose files are replaced once this one has
+    something to keep.  Raises ValueError for a folder that holds anything else or that cannot be
+    written, before any time is spent.
     """
 
-    def __init__(self, path: Path, scene: Scene) -> None:
+    def __init__(self, path: Path, scene: Scene, method: str, seed: int) -> None:
         self.path = path
         self.scene = scene
-        self._saved = 0.0
+        self.method = method
+        self.seed = seed
+        self._saved = float("-inf")
         self._score = float("-inf")
         if path.exists() and not path.is_dir():
             raise ValueError(f"{path} is a file: name a folder for the run")
         if path.is_dir():
-            others = [f.name for f in path.iterdir() if f.name not in FILES and f.name[0] != "."]
-            if others:
-                raise ValueError(
-                    f"{path} holds {others[0]} and is no run's folder: choose another with --out"
-                )
+            _require_a_run(path)
         try:
-            for name in FILES:
-                (path / name).unlink(missing_ok=True)
-            write_text(path / "scene.toml", scene.to_toml())
+            write_text(path / ".writable", "")
+            (path / ".writable").unlink()
         except OSError as error:
             raise ValueError(f"{path} cannot be written: {error.strerror}") from None
 
-    def watch(self, budget: Budget) -> None:
-        """Keep the best so far, if it is new and the last saving some seconds old."""
-        if budget.best is None or budget.best_score == self._score:
+    def save(self, budget: Budget) -> None:
+        """Keep the best so far, if there is a new one and the last saving is some seconds old.
+
+        A run that is killed thus loses a few seconds.
+        """
+        if budget.best_score == self._score or time.monotonic() - self._saved < PAUSE:
             return
-        if time.monotonic() - self._saved < PAUSE:
-            return
-        layout = budget.problem.layout(budget.best)
-        layout.to_csv(self.path / "layout.csv")
-        layout.to_json(self.path / "layout.json")
-        write_text(self.path / "trace.csv", _trace_text(tuple(budget.trace)))
+        first = self._score == float("-inf")
         self._saved, self._score = time.monotonic(), budget.best_score
+        # a full disk now may have room at the end, and must not cost the search
+        with suppress(OSError):
+            if first:
+                self._begin()
+            self._keep(budget.problem.layout(budget.best), budget.trace)
+            self._summarise(
+                {
+                    "finished": False,
+                    "scene": self.scene.name,
+                    "method": self.method,
+                    "seed": self.seed,
+                    "score": budget.best_score,
+                    "evaluations": budget.problem.evaluations,
+                    "simulated_falls": budget.problem.falls,
+                    "seconds": budget.elapsed,
+                    "versions": versions(),
+                }
+            )
 
     def finish(self, result: SearchResult) -> None:
-        """Write the result, its summary and its picture."""
+        """Write the result, its picture and its summary."""
         from optimize.picture import draw
 
-        result.layout.to_csv(self.path / "layout.csv")
-        result.layout.to_json(self.path / "layout.json")
-        write_text(self.path / "trace.csv", _trace_text(result.trace))
+        if self._score == float("-inf"):
+            self._begin()
+        self._keep(result.layout, result.trace)
         draw(result, self.path / "result.png")
-        write_text(self.path / "summary.json", json.dumps(summary(result), indent=1) + "\n")
+        self._summarise({"finished": True} | summary(result))
+
+    def _begin(self) -> None:
+        """Take away what an earlier run left, so that no file of it passes for one of this."""
+        for name in FILES:
+            (self.path / name).unlink(missing_ok=True)
+        write_text(self.path / "scene.toml", self.scene.to_toml())
+
+    def _keep(self, layout: Layout, trace: list[Step] | tuple[Step, ...]) -> None:
+        layout.to_csv(self.path / "layout.csv")
+        layout.to_json(self.path / "layout.json")
+        lines = ["evaluations,simulated_falls,seconds,best_score"]
+        lines += [f"{n},{falls},{t:.6f},{score!r}" for n, falls, t, score in trace]
+        write_text(self.path / "trace.csv", "\n".join(lines) + "\n")
+
+    def _summarise(self, document: dict[str, Any]) -> None:
+        text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
+        write_text(self.path / SUMMARY, text + "\n")
+
+
+def _require_a_run(path: Path) -> None:
+    """Refuse a folder whose files are not all those of an earlier run."""
+    names = sorted(f.name for f in path.iterdir() if not f.name.startswith("."))
+    others = [name for name in names if name not in FILES]
+    if names and (others or SUMMARY not in names):
+        raise ValueError(
+            f"{path} holds {(others or names)[0]} and is no run's folder: name another one"
+        )
 
 
 def summary(result: SearchResult) -> dict[str, Any]:
-    """What summary.json holds; SI units."""
-    wave = result.wave
-    gain = result.gain
+    """What summary.json holds of a result; SI units."""
+    wave, mark = result.wave, result.uniform
     return {
         "scene": result.scene.name,
         "method": result.method,
         "seed": result.seed,
-        "score": result.score,
-        "mean_speed": wave.mean_speed,
-        "uniform_mean_speed": result.uniform.wave.mean_speed,
-        "uniform_spacing": float(result.uniform.layout.spacing[0]),
-        "uniform_thickness": float(result.uniform.layout.thickness[-1]),
-        "gain": gain if gain == gain else None,
         "outcome": wave.outcome.name,
         "explanation": wave.explanation,
+        "score": result.score,
+        "mean_speed": wave.mean_speed,
+        "uniform_mean_speed": mark.wave.mean_speed,
+        "gain": result.gain,
+        "length": result.layout.length,
+        "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,
+        "uniform_outcome": mark.wave.outcome.name,
+        "uniform_score": mark.score,
+        "uniform_spacing": float(mark.layout.spacing[0]),
+        "uniform_thickness": float(mark.layout.thickness[-1]),
         "evaluations": result.evaluations,
         "simulated_falls": result.falls,
         "seconds": result.seconds,
         "interrupted": result.interrupted,
         "error_estimate": wave.error_estimate,
+        "converged": wave.converged,
+        "lowest_stall_margin": float(min(m for m in wave.stall_margin if m == m)),
         "flushes": wave.flushes,
+        "releases": wave.releases,
         "largest_flush_loss": wave.largest_flush_loss,
-        "versions": {
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("domino-chains", "numpy", "scipy", "numba", "cma")},
-        },
+        "versions": versions(),
     }
 
 
-def _trace_text(trace: Trace) -> str:
-    lines = ["evaluations,simulated_falls,seconds,best_score"]
-    lines += [f"{n},{falls},{t:.6f},{score!r}" for n, falls, t, score in trace]
-    return "\n".join(lines) + "\n"
+def versions() -> dict[str, str]:
+    """Of everything a result may depend on."""
+    found = {"python": platform.python_version()}
+    for name in ("domino-chains", "numpy", "scipy", "numba", "cma"):
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from domino_env.layout import Layout
 from domino_env.scene import Scene, load_scene
+from domino_env.wave import Wave
 from optimize import methods
 from optimize.budget import Budget, BudgetSpent
 from optimize.problem import Problem
+from optimize.progress import Watch, progress_line
 from optimize.result import SearchResult
+from optimize.runs import RunFolder
 
 DEFAULT_BUDGET = 20_000  # evaluations, where nothing is said
 
@@ -23,20 +26,26 @@ def search(
     seed: int = 0,
     *,
     seconds: float | None = None,
-    watch: Callable[[Budget], None] | None = None,
+    progress: bool | None = None,
+    folder: str | Path | None = None,
+    watch: Watch | None = None,
 ) -> SearchResult:
     """Search a layout of a scene that beats the best uniform pitch.
 
     scene: a scene, its name, or the path of its file.
     method: one of `METHODS`.
-    budget: layouts that may be simulated; 20 000 where neither budget nor seconds is given.
+    budget: layouts that may be simulated, never exceeded; 20 000 where neither budget nor seconds
+        is given.  The best few are simulated once more, closely, at the end; that is not counted.
     seed: of all randomness; the same seed and budget of evaluations give the same result to the
         bit (a budget of seconds cannot).
     seconds: time that may be spent, not counting the search of the uniform pitch.
+    progress: whether to show a line with the best so far; None: on a terminal.
+    folder: where to write the run, see `optimize.runs`; None: nowhere.
     watch: called with the Budget after every batch.
 
     Ctrl-C ends the search with the best so far.  Raises ValueError for an unknown method or scene,
-    a budget that is not positive, or a scene that leaves nothing free.
+    a budget that is not positive, a folder that holds something else, or a scene that leaves
+    nothing free.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
@@ -47,32 +56,62 @@ def search(
         raise ValueError(f"budget = {budget}: give at least one evaluation")
     if seconds is not None and not seconds > 0.0:
         raise ValueError(f"seconds = {seconds}: give a time of more than 0 s")
+    if seed < 0:
+        raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
     problem = Problem(scene)
+    files = None if folder is None else RunFolder(Path(folder), scene, method, seed)
     uniform = scene.uniform()
-    problem.score(problem.design(uniform.layout)[None])  # compiles what is not compiled yet
-    problem.evaluations = problem.falls = 0
-    meter = Budget(problem, budget, seconds, watch)
+    warmed = Problem(scene)
+    warmed.score(warmed.design(uniform.layout))  # compiles what is not compiled yet
     interrupted = False
-    try:
-        run(meter, np.random.default_rng(seed))
-    except BudgetSpent:
-        pass
-    except KeyboardInterrupt:
-        interrupted = True
-    spent = meter.elapsed
-    layout = uniform.layout if meter.best is None else problem.layout(meter.best)
-    wave = scene.simulate(layout)
-    return SearchResult(
+    with progress_line(f"{scene.name}, {method}", uniform.score, progress) as show:
+
+        def look(meter: Budget) -> None:
+            show(meter)
+            if files is not None:
+                files.save(meter)
+            if watch is not None:
+                watch(meter)
+
+        meter = Budget(problem, budget, seconds, look)
+        try:
+            run(meter, np.random.default_rng(seed))
+        except BudgetSpent:
+            pass
+        except KeyboardInterrupt:
+            interrupted = True
+        spent = meter.elapsed
+    layout, wave, score = _best(scene, meter)
+    end = (problem.evaluations, problem.falls, spent, meter.best_score)
+    result = SearchResult(
         scene=scene,
         method=method,
         seed=seed,
         layout=layout,
         wave=wave,
-        score=scene.score_wave(wave),
+        score=score,
         uniform=uniform,
-        trace=tuple(meter.trace),
+        trace=(*meter.trace, end),
         evaluations=problem.evaluations,
         falls=problem.falls,
         seconds=spent,
         interrupted=interrupted,
     )
+    if files is not None:
+        files.finish(result)
+    return result
+
+
+def _best(scene: Scene, meter: Budget) -> tuple[Layout, Wave, float]:
+    """The best of the finalists, simulated closely.
+
+    A hair above a stall, a row may run through at the search's tolerance and not at a closer one.
+    """
+    if not meter.finalists:
+        raise KeyboardInterrupt  # ended by hand before anything was found
+    found = []
+    for _, design in reversed(meter.finalists):
+        layout = meter.problem.layout(design)
+        wave = scene.simulate(layout)
+        found.append((layout, wave, scene.score_wave(wave)))
+    return max(found, key=lambda one: one[2])

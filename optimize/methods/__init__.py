@@ -1,7 +1,9 @@
 """Search methods, one idea a file, loaded when asked for.
 
-A method is a function `run(budget, rng)`: it asks `budget.score` for designs in the unit box until
-BudgetSpent ends it, or returns when it has nothing left to try.
+A method is a function `run(budget, rng)`.  It asks `budget` for scores of designs in the unit box
+(`scores` of a batch, `score`, `score_and_gradient`) until BudgetSpent ends it, or returns when it
+has nothing left to try.  All its randomness comes from `rng`; what it has found is the budget's to
+remember.
 """
 
 from __future__ import annotations
@@ -9,12 +11,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable
 from importlib import import_module
+from typing import TYPE_CHECKING
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
-from optimize.budget import Budget
+    from optimize.budget import Budget
 
-Method = Callable[[Budget, np.random.Generator], None]
+    Method = Callable[[Budget, np.random.Generator], None]
 
 METHODS = {
     "uniform": "uniform_pitch",
@@ -28,7 +32,7 @@ METHODS = {
 def load(name: str) -> Method:
     """The method of that name.  ValueError with a suggestion where there is none."""
     if name not in METHODS:
-        near = difflib.get_close_matches(name, METHODS, n=1)
+        near = difflib.get_close_matches(name.lower().replace("_", "-"), METHODS, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(METHODS)}")
     method: Method = import_module(f"optimize.methods.{METHODS[name]}").run

@@ -43,7 +43,6 @@ def _restart(budget: Budget, rng: np.random.Generator) -> None:
         else:
             size = int(default * (0.5 * 2**doubled) ** (rng.random() ** 2))
             step = WIDE * 10.0 ** (-1.5 * rng.random())
-            assert budget.best is not None
             near = budget.best if rng.random() < 0.5 else rng.random(n)
             used["small"] += _descend(budget, rng, near, step, max(default, size))
 
@@ -58,7 +57,7 @@ def _descend(
     )
     while not strategy.stop():
         designs = strategy.ask()
-        strategy.tell(designs, -budget.score(np.array(designs)))
+        strategy.tell(designs, -budget.scores(np.array(designs)))
     return budget.problem.evaluations - before
 
 
@@ -74,5 +73,6 @@ def _options(rng: np.random.Generator, start: Floats, size: int) -> dict[str, An
         "tolfunhist": 1e-6,  # what a restart can gain is far more
         "tolx": 1e-5,
         "maxiter": np.inf,
-        "verbose": -9,
+        "verbose": -10,  # at -9 it would still obey a file in the working directory
+        "verb_log": 0,
     }

@@ -21,7 +21,6 @@ def run(budget: Budget, rng: np.random.Generator) -> None:
     start = problem.design(problem.scene.uniform().layout)
     while True:
         _descend(budget, start)
-        assert budget.best is not None
         if rng.random() < 0.5:
             start = rng.random(problem.dimension)
         else:

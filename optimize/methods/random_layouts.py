@@ -12,4 +12,4 @@ BATCH = 256
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """Draw and score until the budget is spent."""
     while True:
-        budget.score(rng.random((BATCH, budget.problem.dimension)))
+        budget.scores(rng.random((BATCH, budget.problem.dimension)))

@@ -10,4 +10,4 @@ from optimize.budget import Budget
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """Score the best uniform layout once."""
     problem = budget.problem
-    budget.score(problem.design(problem.scene.uniform().layout)[None])
+    budget.score(problem.design(problem.scene.uniform().layout))

@@ -1,0 +1,49 @@
+"""A line on the terminal while a search runs: how far, the best speed, the gain over uniform."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from optimize.budget import Budget
+
+FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
+
+
+class Watch(Protocol):
+    """What is told of a search after every batch."""
+
+    def __call__(self, budget: Budget, /) -> None:
+        """Look at the budget."""
+
+
+@contextmanager
+def progress_line(name: str, mark: float, shown: bool | None) -> Iterator[Watch]:
+    """A watch that keeps the line.
+
+    name: what to call the search.  mark: the uniform score.  shown: None for where standard error
+    is a terminal.
+    """
+    if not (sys.stderr.isatty() if shown is None else shown):
+        yield lambda budget: None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=1.0, desc=name, bar_format=FORMAT, leave=False, dynamic_ncols=True) as line:
+
+        def watch(budget: Budget) -> None:
+            line.set_postfix_str(best_so_far(budget.best_score, mark), refresh=False)
+            line.update(budget.part - line.n)
+
+        yield watch
+
+
+def best_so_far(score: float, mark: float) -> str:
+    """The best speed and its gain over uniform, in words."""
+    if score <= 0.0:
+        return f"no row runs through yet, the best to {1.0 + score:.0%}"
+    gain = f", {score / mark - 1.0:+.2%} over uniform" if mark > 0.0 else ""
+    return f"best {score:.5f} m/s{gain}"

@@ -1,0 +1,36 @@
+"""The nearest point within bounds whose entries have a given sum."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
+    """The point of {low ≤ x ≤ high, Σ x = total} nearest to each row of `values`.
+
+    values: (B, n).  low, high: (n,), low < high.  total: between Σ low and Σ high; beyond them the
+    corner low or high is returned.
+
+    The projection shifts all entries alike and clips them.  The sum is piecewise linear in the
+    shift, with a corner wherever an entry meets or leaves a bound, so sorting the corners gives the
+    shift exactly.
+    """
+    rows, n = values.shape
+    corners = np.concatenate([low - values, high - values], axis=1)
+    order = np.argsort(corners, axis=1, kind="stable")
+    corners = np.take_along_axis(corners, order, axis=1)
+    movable = np.cumsum(np.where(order < n, 1.0, -1.0), axis=1)  # entries between their bounds
+    rise = movable[:, :-1] * np.diff(corners, axis=1)
+    sums = low.sum() + np.concatenate([np.zeros((rows, 1)), np.cumsum(rise, axis=1)], axis=1)
+    k = np.clip((sums <= total).sum(axis=1) - 1, 0, 2 * n - 2)
+    every = np.arange(rows)
+    step = (total - sums[every, k]) / np.maximum(movable[every, k], 1.0)
+    shift = np.clip(corners[every, k] + step, corners[:, 0], corners[:, -1])
+    moved = np.clip(values + shift[:, None], low, high)
+    # what rounding has left goes to the entries that can still move
+    free = (moved > low) & (moved < high)
+    share = (total - moved.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
+    return np.asarray(np.clip(moved + free * share[:, None], low, high))
