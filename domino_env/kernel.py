@@ -1140,11 +1140,11 @@ def chain(
             elif n > 0:
                 ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
         outcome = step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep)
+        if outcome == PROPAGATED and not strikes and n + 1 < count:
+            outcome = OUT_OF_REACH
         record(out, n, outcome, state)
         if outcome != PROPAGATED:
             return ending(ring, mask, n, mu, state, outcome)
-        if not strikes and n + 1 < count:
-            return ending(ring, mask, n, mu, state, OUT_OF_REACH)
     return ending(ring, mask, count - 1, mu, state, PROPAGATED)
 
 
