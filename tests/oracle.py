@@ -1,11 +1,13 @@
-"""An independent, slow solution of a toppling chain, to test the kernel against.
+"""An independent, slow solution of a toppling chain, to test the simulator against.
 
-The full Newton-Euler system: one torque equation a domino about its pivot, one contact condition a
-link, forces and arms as plane vectors, one dense linear solve per instant, DOP853 in time, events
-located on its dense output.  Impacts are dense solves for all impulses at once.  No weights, no
-elimination, no integration in the leading angle, and no code shared with the package.
+The whole Newton-Euler system, with nothing eliminated: one torque equation a domino about its
+pivot, one contact condition a link, forces and arms as plane vectors, solved at every instant as
+one dense linear system for all angular accelerations and contact forces.  DOP853 moves it on in
+time; hits, flushes, releases and stalls are located on its dense output.  Impacts are dense solves
+for all angular velocities and impulses at once.  It knows of no weights, no leading angle as the
+variable, no closed form of a switch, and shares no code with the package.
 
-Axes: x along the row, z up; angles and torques are positive in the direction of the fall.
+Axes: x along the row, z up.  Angles and torques are positive in the direction of the fall.
 """
 
 from __future__ import annotations
@@ -14,299 +16,321 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
 
-TIP, CORNER, RELEASED = "tip", "corner", "released"
+TIP, CORNER = 0, 1
 TOGETHER = 1e-9  # [rad] links this close to flush switch in one impact
 
 
 @dataclass
 class Result:
-    """What became of the wave; lists grow by one entry a fall."""
+    """What became of a wave.  Times and velocities get an entry a domino, as far as it came."""
 
-    outcome: str = ""
-    leader: int = 0
-    arrival: list[float] = field(default_factory=lambda: [0.0])
-    release_velocity: list[float] = field(default_factory=list)
-    impact_velocity: list[float] = field(default_factory=list)
-    margin: list[float] = field(default_factory=list)
+    outcome: str = ""  # as the names of domino_env.Outcome
+    leader: int = 0  # who led at the end
+    lead: float = 0.0  # its angle then [rad]
+    hit: int = 1  # dominoes struck, the first and one struck in vain among them
+    toppled: int = 0  # dominoes past their tipping angle
+    reach: float = 0.0  # falls done and the part of the last one, over all
+    arrival: list[float] = field(default_factory=lambda: [0.0])  # [s]
+    release_velocity: list[float] = field(default_factory=list)  # just after being hit [rad/s]
+    impact_velocity: list[float] = field(default_factory=list)  # just before hitting [rad/s]
+    margin: list[float] = field(default_factory=list)  # of each fall: lowest ω² over the first
     flushes: int = 0
     releases: int = 0
     largest_flush_loss: float = 0.0
 
 
-def up(a):
+def up(angle):
     """Unit vector from the foot of a domino to its top."""
-    return np.array([np.sin(a), np.cos(a)])
+    return np.stack([np.sin(angle), np.cos(angle)], axis=-1)
 
 
-def ahead(a):
-    """Unit vector normal to its front face; the derivative of `up` by the angle."""
-    return np.array([np.cos(a), -np.sin(a)])
+def ahead(angle):
+    """Unit vector normal to its front; the derivative of `up` by the angle, -`up` that of this."""
+    return np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
+
+
+def dot(a, b):
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
 
 
 def torque(arm, force):
     """In the direction of the fall."""
-    return arm[1] * force[0] - arm[0] * force[1]
+    return arm[..., 1] * force[..., 0] - arm[..., 0] * force[..., 1]
+
+
+@dataclass
+class Contacts:
+    """The links of a stack, an entry each: i behind, i+1 ahead.
+
+    condition(θ_i, θ_{i+1}) = 0 while they touch; its derivatives.  Arms are the contact point seen
+    from either pivot.  normal: the direction of the force on the one ahead; along: the surface.
+    """
+
+    first: np.ndarray  # (m, 2) by θ_i and θ_{i+1}
+    second: np.ndarray  # (m, 3) by θ_i twice, θ_i and θ_{i+1}, θ_{i+1} twice
+    arm_behind: np.ndarray  # (m, 2)
+    arm_ahead: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
 
 
 class Chain:
-    """A row, its contact states, and the equations of its stack."""
+    """A row, the states of its links, and the equations of its stack."""
 
     def __init__(self, spacing, thickness, height, density, friction, gravity, width=0.024):
         self.d = np.asarray(thickness, float)
-        n = len(self.d)
+        count = len(self.d)
         self.s = np.asarray(spacing, float)
-        self.height = np.broadcast_to(np.asarray(height, float), n)
-        mass = np.broadcast_to(np.asarray(density, float), n) * self.height * self.d * width
-        self.mass = mass
-        self.inertia = mass * (self.height**2 + self.d**2) / 3.0
+        self.height = np.broadcast_to(np.asarray(height, float), count)
+        self.mass = np.broadcast_to(np.asarray(density, float), count) * self.height * self.d
+        self.mass = self.mass * width
+        self.inertia = self.mass * (self.height**2 + self.d**2) / 3.0
+        self.tipping = np.arctan2(self.d, self.height)
         self.x = np.concatenate(([0.0], np.cumsum(self.s + self.d[1:])))
-        self.mu, self.g = friction, gravity
-        self.state = [TIP] * (n - 1)
-        self.back = 0
+        self.friction, self.gravity = friction, gravity
+        self.state = np.full(count - 1, TIP)  # of the link of i and i+1
+        self.back = 0  # the last domino that still leans on another
 
     # geometry ---------------------------------------------------------------------------------
-
     def angles(self, n, lead):
-        """Angles of back … n when n leans by `lead`: each rests against the next."""
-        theta = np.zeros(n + 1)
-        theta[n] = lead
+        """Angles of dominoes back … n where n leans by `lead` and each rests against the next."""
+        theta = [lead]
         for i in range(n - 1, self.back - 1, -1):
-            b = theta[i + 1]
-            reach = self.x[i + 1] - self.x[i]
-            if self.state[i] == TIP:  # L sin(θ_i - θ_b) = (P_b - P_i)·f_b - d
-                theta[i] = b + np.arcsin((reach * np.cos(b) - self.d[i + 1]) / self.height[i])
-            else:  # the front face of i points at the rear bottom edge of b
-                edge = np.array([reach, 0.0]) - self.d[i + 1] * ahead(b)
-                theta[i] = np.arctan2(edge[0], edge[1])
-        return theta
+            b = theta[-1]
+            pivots = np.array([self.x[i + 1] - self.x[i], 0.0])
+            if self.state[i] == TIP:  # its tip lies in the plane of the rear face of the next
+                gap = dot(pivots, ahead(b)) - self.d[i + 1]
+                theta.append(b + np.arcsin(gap / self.height[i]))
+            else:  # its front face passes through the rear bottom edge of the next
+                edge = pivots - self.d[i + 1] * ahead(b)
+                theta.append(np.arctan2(edge[0], edge[1]))
+        return np.array(theta[::-1])
 
-    def contact(self, i, theta, state):
-        """Contact of i and i+1: first and second derivatives of the condition, arms, directions."""
-        a, b = theta[i], theta[i + 1]
-        foot = np.array([self.x[i] - self.x[i + 1], 0.0])  # of i, seen from the foot of i+1
-        d, length = self.d[i + 1], self.height[i]
-        if state == TIP:  # tip on the rear face of b: (tip - foot_b)·f_b + d = 0
-            tip = foot + length * up(a)
-            first = (length * ahead(a) @ ahead(b), -tip @ up(b))
-            second = (-length * up(a) @ ahead(b), -length * ahead(a) @ up(b), -tip @ ahead(b))
-            arm_a, arm_b = length * up(a), tip
-            normal, along = ahead(b), up(b)
-            slides = 1.0  # the tip slides over b
-        else:  # rear bottom edge of b on the front face of a: (edge - foot_a)·f_a = 0
-            edge = -foot - d * ahead(b)
-            first = (-edge @ up(a), d * up(b) @ ahead(a))
-            second = (-edge @ ahead(a), -d * up(b) @ up(a), d * ahead(b) @ ahead(a))
-            arm_a, arm_b = edge, -d * ahead(b)
-            normal, along = ahead(a), up(a)
-            slides = -1.0  # the edge of b slides over a
-        return first, second, arm_a, arm_b, normal, along, slides
+    def contacts(self, n, theta, state=None):
+        """The links of back … n, in the states given or in those of the chain."""
+        links = slice(self.back, n)
+        state = self.state if state is None else state
+        a, b = theta[:-1], theta[1:]
+        d, length = self.d[self.back + 1 : n + 1, None], self.height[links, None]
+        foot = np.zeros((len(a), 2))  # of the one behind, from the pivot of the one ahead
+        foot[:, 0] = self.x[links] - self.x[self.back + 1 : n + 1]
+        ua, fa, ub, fb = up(a), ahead(a), up(b), ahead(b)
 
-    def velocity_ratios(self, n, theta, states):
-        """ω_i/ω_n of back … n from the contact conditions."""
-        ratio = np.zeros(n + 1)
-        ratio[n] = 1.0
-        for i in range(n - 1, self.back - 1, -1):
-            first = self.contact(i, theta, states[i])[0]
-            ratio[i] = -first[1] / first[0] * ratio[i + 1]
-        return ratio
+        # tip on the rear face:  tip · ahead_b + d = 0,  tip from the pivot of the one ahead
+        tip = foot + length * ua
+        on_tip = Contacts(
+            first=np.stack([dot(length * fa, fb), -dot(tip, ub)], -1),
+            second=np.stack([-dot(length * ua, fb), -dot(length * fa, ub), -dot(tip, fb)], -1),
+            arm_behind=length * ua, arm_ahead=tip, normal=fb, along=ub,
+        )  # fmt: skip
+        # rear bottom edge on the front face:  edge · ahead_a = 0,  edge from the pivot behind
+        edge = -foot - d * fb
+        on_edge = Contacts(
+            first=np.stack([-dot(edge, ua), dot(d * ub, fa)], -1),
+            second=np.stack([-dot(edge, fa), -dot(d * ub, ua), dot(d * fb, fa)], -1),
+            arm_behind=edge, arm_ahead=-d * fb, normal=fa, along=ua,
+        )  # fmt: skip
+        is_tip = (state[links] == TIP)[:, None]
+        return Contacts(
+            *(
+                np.where(is_tip, getattr(on_tip, name), getattr(on_edge, name))
+                for name in ("first", "second", "arm_behind", "arm_ahead", "normal", "along")
+            )
+        )
 
-    def force_on_next(self, i, theta, state, ratio):
-        """Force of i on i+1 per unit of normal force, friction against the sliding, and arms."""
-        _, _, arm_a, arm_b, normal, along, slides = self.contact(i, theta, state)
-        # velocity of a material point of a domino: ω (z, -x) of its arm
-        v_a = ratio[i] * np.array([arm_a[1], -arm_a[0]])
-        v_b = ratio[i + 1] * np.array([arm_b[1], -arm_b[0]])
-        sliding = (v_a - v_b) @ along  # of i past i+1
-        if abs(sliding) < 1e-13:
-            sliding = -1.0
-        return normal + self.mu * np.sign(sliding) * along, arm_a, arm_b
+    def ratios(self, contacts):
+        """ω_i/ω_n of back … n: the conditions, differentiated once."""
+        links = -contacts.first[:, 1] / contacts.first[:, 0]
+        return np.append(np.cumprod(links[::-1])[::-1], 1.0)
 
-    # motion -----------------------------------------------------------------------------------
+    # equations --------------------------------------------------------------------------------
+    def system(self, n, contacts):
+        """The matrix of torque equations and contact conditions.
 
-    def acceleration(self, n, lead, speed):
-        """(α of back … n, normal forces): one dense solve."""
-        theta = self.angles(n, lead)
-        ratio = self.velocity_ratios(n, theta, self.state)
-        omega = ratio * speed
-        first_one, size = self.back, n + 1 - self.back
+        Unknowns: angular accelerations (or velocities after an impact) of back … n, then the
+        normal forces (or impulses) of their links, each with its friction.
+        """
+        ratio = self.ratios(contacts)[:, None]
+        # material points move at ω (z, -x) of their arms
+        turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+        sliding = dot(
+            ratio[:-1] * (contacts.arm_behind @ turn) - ratio[1:] * (contacts.arm_ahead @ turn),
+            contacts.along,
+        )
+        # behind a link just laid flush nothing moves: what will slide, slides down
+        sense = np.where(np.abs(sliding) < 1e-13, -1.0, np.sign(sliding))
+        force = contacts.normal + self.friction * sense[:, None] * contacts.along  # on the next
+        size = len(ratio)
         matrix = np.zeros((2 * size - 1, 2 * size - 1))
-        right = np.zeros(2 * size - 1)
-        for i in range(first_one, n + 1):
-            k = i - first_one
-            weight = np.array([0.0, -self.mass[i] * self.g])
-            centre = 0.5 * self.height[i] * up(theta[i]) - 0.5 * self.d[i] * ahead(theta[i])
-            matrix[k, k] = self.inertia[i]
-            right[k] = torque(centre, weight)
-            if i == n:
-                continue
-            force, arm_a, arm_b = self.force_on_next(i, theta, self.state[i], ratio)
-            matrix[k, size + k] += torque(arm_a, force)  # i gets the opposite force
-            matrix[k + 1, size + k] -= torque(arm_b, force)
-            (fa, fb), (faa, fab, fbb), *_ = self.contact(i, theta, self.state[i])
-            a, b = omega[i], omega[i + 1]
-            matrix[size + k, k], matrix[size + k, k + 1] = fa, fb
-            right[size + k] = -(faa * a * a + 2.0 * fab * a * b + fbb * b * b)
-        solution = np.linalg.solve(matrix, right)
-        return solution[:size], solution[size:]
+        k = np.arange(size)
+        j = k[:-1]
+        matrix[k, k] = self.inertia[self.back : n + 1]
+        matrix[j, size + j] = torque(contacts.arm_behind, force)  # it gets the opposite force
+        matrix[j + 1, size + j] = -torque(contacts.arm_ahead, force)
+        matrix[size + j, j], matrix[size + j, j + 1] = contacts.first.T
+        return matrix
 
-    def impact(self, n, theta, omega, states):
-        """Angular velocities of back … n after an inelastic impact into `states`."""
-        ratio = self.velocity_ratios(n, theta, states)
-        size = n + 1 - self.back
-        matrix = np.zeros((2 * size - 1, 2 * size - 1))
-        right = np.zeros(2 * size - 1)
-        for i in range(self.back, n + 1):
-            k = i - self.back
-            matrix[k, k] = self.inertia[i]
-            right[k] = self.inertia[i] * omega[i]
-            if i == n:
-                continue
-            force, arm_a, arm_b = self.force_on_next(i, theta, states[i], ratio)
-            matrix[k, size + k] += torque(arm_a, force)
-            matrix[k + 1, size + k] -= torque(arm_b, force)
-            first = self.contact(i, theta, states[i])[0]
-            matrix[size + k, k], matrix[size + k, k + 1] = first
-        return np.linalg.solve(matrix, right)[:size]
+    def motion(self, n, lead, speed):
+        """(accelerations of back … n, normal forces, effective inertia of the leader).
 
-    # events -----------------------------------------------------------------------------------
-
-    def to_flush(self, n, lead):
-        """Smallest angle by which a tip link that can still flush is short of it."""
+        The last is a unit torque on the leader over the acceleration it causes: where it is not
+        positive, rigid bodies have no answer (Painlevé).
+        """
         theta = self.angles(n, lead)
-        found = [1.0]
-        for i in range(self.back, n):
-            if self.state[i] == TIP:
-                found.append(theta[i] - theta[i + 1])
-        return min(found)
+        contacts = self.contacts(n, theta)
+        omega = self.ratios(contacts) * speed
+        size = len(theta)
+        stack = slice(self.back, n + 1)
+        centre = 0.5 * (self.height[stack, None] * up(theta) - self.d[stack, None] * ahead(theta))
+        right = np.zeros((2 * size - 1, 2))
+        right[:size, 0] = centre[:, 0] * self.mass[stack] * self.gravity
+        a, b = omega[:-1], omega[1:]
+        squares = np.stack([a * a, 2.0 * a * b, b * b], -1)
+        right[size:, 0] = -(contacts.second * squares).sum(axis=1)
+        right[size - 1, 1] = 1.0
+        found = np.linalg.solve(self.system(n, contacts), right)
+        return found[:size, 0], found[size:, 0], 1.0 / found[size - 1, 1]
 
-    def to_release(self, n, lead):
-        """Smallest distance, over the height, by which a contact is short of slipping off."""
+    def impact(self, n, theta, omega, state):
+        """(angular velocities after, impulses) of an inelastic impact into the states given."""
+        size = len(theta)
+        momenta = np.zeros(2 * size - 1)
+        momenta[:size] = self.inertia[self.back : n + 1] * omega
+        found = np.linalg.solve(self.system(n, self.contacts(n, theta, state)), momenta)
+        return found[:size], found[size:]
+
+    # switches ---------------------------------------------------------------------------------
+    def short_of_flush(self, n, lead):
+        """By what angle each link is short of its faces meeting; inf where they have met."""
         theta = self.angles(n, lead)
-        found = [1.0]
-        for i in range(self.back, n):
-            _, _, arm_a, arm_b, _, along, _ = self.contact(i, theta, self.state[i])
-            if self.state[i] == TIP:  # the tip above the bottom edge of the face it rests on
-                edge = -self.d[i + 1] * ahead(theta[i + 1])
-                found.append((arm_b - edge) @ along / self.height[i])
-            else:  # the edge below the top of the face
-                found.append((self.height[i] - arm_a @ along) / self.height[i])
-        return min(found)
+        return np.where(self.state[self.back : n] == TIP, theta[:-1] - theta[1:], np.inf)
+
+    def short_of_slipping(self, n, lead):
+        """How far each contact is from the end of its face, over the height."""
+        theta = self.angles(n, lead)
+        links = slice(self.back, n)
+        contacts = self.contacts(n, theta)
+        edge = -self.d[self.back + 1 : n + 1, None] * ahead(theta[1:])
+        above_edge = dot(contacts.arm_ahead - edge, contacts.along)
+        below_top = self.height[links] - dot(contacts.arm_behind, contacts.along)
+        return np.where(self.state[links] == TIP, above_edge, below_top) / self.height[links]
 
 
 def topple(
     spacing, thickness, friction=0.25, gravity=9.81, push=8.0, height=0.048, density=1040.0,
-    rtol=1e-12,
+    rtol=1e-13,
 ):  # fmt: skip
-    """Let a row fall; the reference for `simulate`."""
+    """Let a row fall: the reference for `simulate`."""
     chain = Chain(spacing, thickness, height, density, friction, gravity)
     count = len(chain.d)
     result = Result()
     time, speed = 0.0, push
     for n in range(count):
-        last = n == count - 1 or chain.s[n] >= chain.height[n]
-        if last:
-            target = np.arctan2(chain.d[n], chain.height[n])
-        else:
-            target = np.arcsin(chain.s[n] / chain.height[n])
-        result.leader = n
+        strikes = n + 1 < count and chain.s[n] < chain.height[n]
+        target = np.arcsin(chain.s[n] / chain.height[n]) if strikes else chain.tipping[n]
         result.release_velocity.append(speed)
         start, lead, lowest = speed, 0.0, speed
+
+        def ended(outcome, *, falls=n, at=target, goal=target):
+            result.outcome, result.leader, result.lead = outcome, falls, at
+            result.reach = (falls + at / goal) / count
+            past = chain.angles(falls, at) > chain.tipping[chain.back : falls + 1]
+            # a leader that has come to its tipping angle goes on
+            falling = outcome in ("PROPAGATED", "OUT_OF_REACH")
+            result.toppled = falls + 1 if falling else chain.back + int(past.sum())
+            return result
+
         while lead < target:
-            lead, speed, time, low, event = _advance(chain, n, lead, speed, time, target, rtol)
+            if not chain.motion(n, lead, speed)[2] > 0.0:
+                return ended("NO_RIGID_ANSWER", at=lead)
+            lead, speed, spent, low, event = advance(chain, n, lead, speed, target, rtol)
+            time += spent
             lowest = min(lowest, low)
             if event == "stall":
-                result.outcome = "STALLED"
                 result.margin.append(0.0)
-                return result
+                return ended("STALLED", at=lead)
+            if event == "paradox":
+                return ended("NO_RIGID_ANSWER", at=lead)
             if event == "flush":
-                speed, loss = _flush(chain, n, lead, speed, result)
+                before = speed
+                speed = flush(chain, n, lead, speed, result)
+                if not speed > 0.0:
+                    return ended("JAMMED", at=lead)
+                lowest = min(lowest, speed)
+                loss = 1.0 - speed / before
                 result.largest_flush_loss = max(result.largest_flush_loss, loss)
-                if speed <= 0.0:
-                    result.outcome = "JAMMED"
-                    return result
-            if event == "release":
-                _release(chain, n, lead, result)
+            if event == "slip":
+                release(chain, n, lead, result)
         result.margin.append((lowest / start) ** 2)
-        if last:
-            result.outcome = "PROPAGATED" if n == count - 1 else "OUT_OF_REACH"
-            return result
+        if not strikes:
+            return ended("PROPAGATED" if n + 1 == count else "OUT_OF_REACH")
+        result.hit += 1
         result.arrival.append(time)
         result.impact_velocity.append(speed)
-        theta = np.append(chain.angles(n, target), 0.0)
-        before = np.append(chain.velocity_ratios(n, theta, chain.state)[: n + 1] * speed, 0.0)
-        after = chain.impact(n + 1, theta, before, chain.state)
-        speed = after[-1]
-        if speed <= 0.0:
-            result.outcome = "JAMMED"
-            return result
-    return result
+        theta = chain.angles(n, target)
+        omega = chain.ratios(chain.contacts(n, theta)) * speed
+        struck = chain.impact(n + 1, np.append(theta, 0.0), np.append(omega, 0.0), chain.state)
+        speed = struck[0][-1]
+        if not speed > 0.0:
+            return ended("JAMMED")
+    raise AssertionError("the last domino ends every wave")
 
 
-def _advance(chain, n, lead, speed, time, target, rtol):
-    """Integrate until the target or the next event; (angle, speed, time, lowest speed, event)."""
+def advance(chain, n, lead, speed, target, rtol):
+    """Let n fall on to the target or the next event: (angle, speed, time, lowest speed, event)."""
 
-    def motion(_, y):
-        return [y[1], chain.acceleration(n, y[0], y[1])[0][-1]]
+    def fall(_, y):
+        return [y[1], chain.motion(n, y[0], y[1])[0][-1]]
 
-    def hit(_, y):
-        return y[0] - target
-
-    def stall(_, y):
-        return y[1]
-
-    def flush(_, y):
-        return chain.to_flush(n, y[0])
-
-    def release(_, y):
-        return chain.to_release(n, y[0])
-
-    events = [hit, stall]
+    events = {
+        "hit": lambda _, y: target - y[0],
+        "stall": lambda _, y: y[1],
+        "paradox": lambda _, y: chain.motion(n, y[0], y[1])[2],
+    }
     if n > chain.back:
-        events += [flush, release]
-    for event in events:
-        event.terminal = True
-    hit.direction, stall.direction = 1, -1
-    flush.direction = release.direction = -1
-    horizon = 3.0 * (target - lead) / speed + 1.0
+        events["flush"] = lambda _, y: min(1.0, chain.short_of_flush(n, y[0]).min())
+        events["slip"] = lambda _, y: chain.short_of_slipping(n, y[0]).min()
+    for event in events.values():
+        event.terminal, event.direction = True, -1
     run = solve_ivp(
-        motion, (0.0, horizon), [lead, speed], "DOP853", events=events, rtol=rtol, atol=1e-14,
-        dense_output=True, max_step=(target - lead) / speed / 12.0,
+        fall, (0.0, np.inf), [lead, speed], "DOP853", events=list(events.values()), rtol=rtol,
+        atol=[1e-14, 1e-14 * speed], dense_output=True, max_step=(target - lead) / speed / 8.0,
     )  # fmt: skip
+    if run.status != 1:  # the acceleration grows beyond all bounds on the way to a paradox
+        assert run.status == -1, run.message
+        return run.y[0, -1], run.y[1, -1], run.t[-1], run.y[1].min(), "paradox"
     which = next(k for k, times in enumerate(run.t_events) if len(times))
-    t, y = run.t_events[which][0], run.y_events[which][0]
-    fine = run.sol(np.linspace(0.0, t, 400))[1]
-    name = ("hit", "stall", "flush", "release")[which]
-    at = target if name == "hit" else y[0]
-    if name == "hit" and n > chain.back and chain.to_flush(n, target) < 1e-11:
-        name = "flush"  # both at the same angle: flush first
-    return at, y[1], time + t, float(fine.min()), name
+    name, t, (angle, end) = list(events)[which], run.t_events[which][0], run.y_events[which][0]
+    if name == "hit":
+        angle = target
+        if n > chain.back and chain.short_of_flush(n, target).min() < 1e-11:
+            name = "flush"  # both at the same angle: flush first
+    return angle, end, t, lowest_speed(run.sol, t), name
 
 
-def _flush(chain, n, lead, speed, result):
-    """The impact that lays links flush; (speed after, part lost)."""
+def lowest_speed(solution, end):
+    times = np.linspace(0.0, end, 200)
+    speeds = solution(times)[1]
+    k = int(np.argmin(speeds))
+    near = (times[max(k - 1, 0)], times[min(k + 1, len(times) - 1)])
+    inner = minimize_scalar(lambda t: solution(t)[1], bounds=near, method="bounded")
+    return float(min(inner.fun, speeds[k]))
+
+
+def flush(chain, n, lead, speed, result):
+    """The impact that lays links flush, all that are within TOGETHER: the speed after it."""
     theta = chain.angles(n, lead)
-    before = chain.velocity_ratios(n, theta, chain.state) * speed
-    states = list(chain.state)
-    for i in range(chain.back, n):
-        if states[i] == TIP and theta[i] - theta[i + 1] <= TOGETHER:
-            states[i] = CORNER
-            result.flushes += 1
-    after = chain.impact(n, theta, before[: n + 1], states)[-1]
-    chain.state = states
-    return after, 1.0 - after / speed
+    omega = chain.ratios(chain.contacts(n, theta)) * speed
+    now = chain.short_of_flush(n, lead) <= TOGETHER
+    chain.state[chain.back : n][now] = CORNER
+    result.flushes += int(now.sum())
+    return chain.impact(n, theta, omega, chain.state)[0][-1]
 
 
-def _release(chain, n, lead, result):
+def release(chain, n, lead, result):
     """The foremost link that slips off leaves with all behind it."""
-    theta = chain.angles(n, lead)
-    for i in range(n - 1, chain.back - 1, -1):
-        _, _, arm_a, arm_b, _, along, _ = chain.contact(i, theta, chain.state[i])
-        edge = -chain.d[i + 1] * ahead(theta[i + 1])
-        tip = chain.state[i] == TIP
-        room = (arm_b - edge) @ along if tip else chain.height[i] - arm_a @ along
-        if room / chain.height[i] < 1e-9:
-            chain.state[i] = RELEASED
-            chain.back = i + 1
-            result.releases += 1
-            return
+    slipping = np.flatnonzero(chain.short_of_slipping(n, lead) < 1e-9)
+    chain.back += int(slipping[-1]) + 1
+    result.releases += 1
