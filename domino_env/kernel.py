@@ -54,8 +54,8 @@ U, TIME, TIME_LOW, U_ERROR, TIME_ERROR, U_ROUND, TIME_ROUND = 0, 1, 2, 3, 4, 5, 
 BACK, KAPPA, DEPTH, LOG_RHO, LAST_H, WORST = 7, 8, 9, 10, 11, 12
 FLUSHES, RELEASES, FLUSH_LOSS, MARGIN, LOWEST_MARGIN, ANGLE, PART = 13, 14, 15, 16, 17, 18, 19
 U_IMPACT, FALL_TIME, M_END, CUT, WORST_ROUND, LAST_DUE = 20, 21, 22, 23, 24, 25
-COMPOSING, GAIN, OFFSET, NEED = 26, 27, 28, 29  # u = GAIN u_0 + OFFSET, u_0 > NEED
-STATE_SIZE = 30
+COMPOSING, GAIN, OFFSET, NEED, NOISE = 26, 27, 28, 29, 30  # u = GAIN u_0 + OFFSET, u_0 > NEED
+STATE_SIZE = 31
 
 # What a record holds of each domino.
 OUT_ARRIVAL, OUT_RELEASE, OUT_IMPACT, OUT_MARGIN = 0, 1, 2, 3
@@ -167,7 +167,6 @@ def lean_free(lanes, count, ring, row):
             lanes[VER + j] = v
             lanes[JAC + j] = jac
             lanes[SUM_M + j] += inertia * jac * jac
-            lanes[SUM_G + j] += half * (slender * s - v)
     else:
         for j in range(count):
             s, v, omega, _, _ = corner(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, 0.0)
@@ -176,7 +175,10 @@ def lean_free(lanes, count, ring, row):
             lanes[VER + j] = v
             lanes[JAC + j] = jac
             lanes[SUM_M + j] += inertia * jac * jac
-            lanes[SUM_G + j] += half * (slender * s - v)
+    # only what changed since the start of the interval: its small differences stay exact
+    at_start = slender * lanes[SIN] - lanes[VER]
+    for j in range(count):
+        lanes[SUM_G + j] += half * ((slender * lanes[SIN + j] - lanes[VER + j]) - at_start)
 
 
 # --- The stack ------------------------------------------------------------------------------------
@@ -272,7 +274,7 @@ def lead(lanes, count, ring, row, mu):
         if mu > 0.0:
             lanes[SUM_G + j] = half * (s - slender * (1.0 - v))
         else:
-            lanes[SUM_G + j] = half * (slender * s - v)
+            lanes[SUM_G + j] = half * ((slender * s - v) - (slender * lanes[SIN] - lanes[VER]))
     ring[row, END_WEIGHT] = 1.0
 
 
@@ -496,11 +498,11 @@ def affine_map(lanes, k, h, mu, gravity):
     lanes[MAP_E] = 1.0
     lanes[MAP_U] = 0.0
     if mu == 0.0:
-        m0, v0 = lanes[SUM_M], lanes[SUM_G]
+        m0 = lanes[SUM_M]
         scale = 2.0 * gravity / m0
         for j in range(1, m + 2):
             lanes[MAP_E + j] = m0 / lanes[SUM_M + j]
-            lanes[MAP_U + j] = scale * (v0 - lanes[SUM_G + j])
+            lanes[MAP_U + j] = -scale * lanes[SUM_G + j]
         return True, 0.0, 0.0, 0.0, 0.0
     g2 = 2.0 * gravity * h
     for j in range(m + 2):
@@ -770,7 +772,7 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
             x_low, u_low = lowest_point(lanes, SPEED2, k)
         off = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
         t_slow, sens_slow = slow_time(lanes, last + 1, x_low)
-        limit = off <= 64.0 * EPS * size  # no rule sees u more sharply
+        limit = off <= 64.0 * EPS * size + 8.0 * state[NOISE]  # no rule sees u more sharply
         if not (off * sens_slow <= tol * t_slow or limit or last_resort):
             return ROUGH
         t, sens, t_error = t_slow, sens_slow, off * sens_slow + 1e-14 * t_slow
@@ -779,7 +781,7 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
     off = max(f_off / t, rough / size, 1e-15)
     state[LOG_RHO] = math.log(1.0 / min(off, 0.5)) / ORDERS[k]
     state[LAST_H] = h
-    noise = 16.0 * EPS * size
+    noise = 16.0 * EPS * size + state[NOISE]
     cut = tail * u0
     state[TIME_ERROR] += h * (sens * (state[U_ERROR] + local + cut + noise) + t_error)
     state[TIME_ROUND] += h * (sens * (state[U_ROUND] + noise) + EPS * t)
@@ -805,6 +807,7 @@ def compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state):
         size = max(size, abs(lanes[MAP_U + j]))
     series(lanes, MAP_U, k)
     off = abs(lanes[COEF + last]) + abs(lanes[COEF + last - 1]) + (r_off + q_off * size) / ORDERS[k]
+    off -= 8.0 * state[NOISE]  # no rule sees U more sharply
     if not (e_error <= tol and u_error <= tol * size and off <= tol * size):
         return ROUGH
     _, u_low = lowest_point(lanes, MAP_U, k)
@@ -965,6 +968,7 @@ def heaviest_force(height, thickness):
 @numba.njit(**_JIT)
 def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep):
     """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
+    state[NOISE] = 8.0 * EPS * gravity * state[KAPPA]
     if state[COMPOSING] > 0.0:
         state[U] = gravity * state[KAPPA]  # something of its size: it weighs what may be cut
     state[FALL_TIME] = 0.0
@@ -1039,6 +1043,7 @@ def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out):
     lead(lanes, lanes_used, ring, 0, mu)
     inertia = ring[0, INERTIA]
     e_error, u_error, q_off, r_off, tail, closed = 0.0, 0.0, 0.0, 0.0, 0.0, False
+    state[NOISE] = 8.0 * EPS * gravity * state[KAPPA]
     for n in range(count - 1):
         state[FALL_TIME] = 0.0
         state[MARGIN] = state[U]
