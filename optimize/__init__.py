@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from optimize.methods import METHODS
     from optimize.problem import Problem
     from optimize.result import SearchResult
-    from optimize.search import search
+    from optimize.searching import search
 
 __all__ = ["METHODS", "Problem", "SearchResult", "search"]
 
@@ -22,7 +22,7 @@ _HOMES = {
     "METHODS": "methods",
     "Problem": "problem",
     "SearchResult": "result",
-    "search": "search",
+    "search": "searching",  # a module called search would hide the function
 }
 
 

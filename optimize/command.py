@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scene import load_scene
     from optimize import methods
     from optimize.runs import FILES
-    from optimize.search import search
+    from optimize.searching import search
 
     methods.load(arguments.method)
     scene = load_scene(arguments.scene)

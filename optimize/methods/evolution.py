@@ -51,21 +51,21 @@ def _descend(
     budget: Budget, rng: np.random.Generator, start: Floats, step: float, size: int
 ) -> int:
     """One run until it has converged; returns its evaluations."""
-    before = budget.problem.evaluations
-    strategy = cma.CMAEvolutionStrategy(
-        np.clip(start, 0.02, 0.98), step, _options(rng, start, size)
-    )
+    before, n = budget.problem.evaluations, len(start)
+    centre = np.full(max(n, 2), 0.5)  # pycma wants two variables; the second may be idle
+    centre[:n] = np.clip(start, 0.02, 0.98)
+    strategy = cma.CMAEvolutionStrategy(centre, step, _options(rng, n, size))
     while not strategy.stop():
         designs = strategy.ask()
-        strategy.tell(designs, -budget.scores(np.array(designs)))
+        strategy.tell(designs, -budget.scores(np.array(designs)[:, :n]))
     return budget.problem.evaluations - before
 
 
-def _options(rng: np.random.Generator, start: Floats, size: int) -> dict[str, Any]:
+def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
     return {
         "bounds": [0.0, 1.0],
         "popsize": size,
-        "CMA_diagonal": len(start) > MANY,
+        "CMA_diagonal": n > MANY,
         # nan keeps pycma from seeding numpy's global stream; all its draws come from ours
         "seed": np.nan,
         "randn": lambda *shape: rng.standard_normal(shape),

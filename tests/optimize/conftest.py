@@ -1,0 +1,35 @@
+"""Small scenes on which a search takes milliseconds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import domino_env as de
+from domino_env.scene import Scene
+
+
+def small_scene(name: str) -> Scene:
+    """One of the kinds of problem that scenes can be, with few dominoes."""
+    sprint = de.load_scene("sprint")
+    kinds = {
+        "spacing": {"count": 7},
+        "one-gap": {"count": 2},
+        "thickness": {"count": 6, "spacing": (0.018, 0.018), "thickness": (0.004, 0.012)},
+        "both": {"count": 6, "thickness": (0.004, 0.012)},
+        "length": {"count": 9, "length": 0.18},
+        "length-both": {"count": 7, "length": 0.12, "thickness": (0.004, 0.012)},
+        "dying": {"count": 9, "thickness": (0.005, 0.014), "physics": de.Physics(0.5, 9.81, 4.0)},
+        "dead": {"count": 6, "physics": de.Physics(push=0.5)},
+    }
+    return replace(sprint, name=name, title=f"a small scene: {name}", **kinds[name])
+
+
+KINDS = ["spacing", "one-gap", "thickness", "both", "length", "length-both", "dying", "dead"]
+
+
+@pytest.fixture(scope="session")
+def scenes() -> dict[str, Scene]:
+    """All kinds; their uniform marks are found once."""
+    return {name: small_scene(name) for name in KINDS}
