@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from domino_env.forces import Diagnosis, diagnose
     from domino_env.layout import Layout
     from domino_env.physics import Physics
     from domino_env.scene import Scene, UniformMark, load_scene, scene_names
@@ -37,6 +38,8 @@ _HOMES = {
     "simulate": "wave",
     "simulate_batch": "wave",
     "Scene": "scene",
+    "Diagnosis": "forces",
+    "diagnose": "forces",
     "SteadyWave": "steady",
     "existence_limit": "steady",
     "smallest_push": "steady",
@@ -48,6 +51,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "Diagnosis",
     "Layout",
     "Outcome",
     "Physics",
@@ -56,6 +60,7 @@ __all__ = [
     "UniformMark",
     "Wave",
     "WaveBatch",
+    "diagnose",
     "existence_limit",
     "load_scene",
     "scene_names",

@@ -54,8 +54,10 @@ U, TIME, TIME_LOW, U_ERROR, TIME_ERROR, U_ROUND, TIME_ROUND = 0, 1, 2, 3, 4, 5, 
 BACK, KAPPA, DEPTH, LOG_RHO, LAST_H, WORST = 7, 8, 9, 10, 11, 12
 FLUSHES, RELEASES, FLUSH_LOSS, MARGIN, LOWEST_MARGIN, ANGLE, PART = 13, 14, 15, 16, 17, 18, 19
 U_IMPACT, FALL_TIME, M_END, CUT, WORST_ROUND, LAST_DUE = 20, 21, 22, 23, 24, 25
-COMPOSING, GAIN, OFFSET, NEED, NOISE = 26, 27, 28, 29, 30  # u = GAIN u_0 + OFFSET, u_0 > NEED
-STATE_SIZE = 31
+COMPOSING, GAIN, OFFSET, NEED, NOISE = 26, 27, 28, 29, 30
+SWITCHED, W_BEFORE, W_AFTER = 31, 32, 33  # angle of the last switch, speeds around it
+# u = GAIN u_0 + OFFSET, u_0 > NEED
+STATE_SIZE = 34
 
 # What a record holds of each domino.
 OUT_ARRIVAL, OUT_RELEASE, OUT_IMPACT, OUT_MARGIN = 0, 1, 2, 3
@@ -841,9 +843,9 @@ def stack_at(lanes, ring, mask, n, angle, mu, tol, watch, state):
 
 
 @numba.njit(**_JIT)
-def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
-    """Let leader n fall from upright to angle b: u, time and their errors move on in `state`."""
-    a, step, end, located, floor_order = 0.0, b, b, False, 0
+def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep):
+    """Let leader n fall from angle a to b: u, time and their errors move on in `state`."""
+    step, end, located, floor_order = b, b, False, 0
     due_link = n
     tol = 0.3 * rtol
     for _ in range(4000):
@@ -902,7 +904,9 @@ def fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep):
                 state[ANGLE] = end
                 return JAMMED
             state[FLUSH_LOSS] = max(state[FLUSH_LOSS], 1.0 - keep)
+            state[SWITCHED], state[W_BEFORE] = end, math.sqrt(state[U])
             slow_down(state, keep)
+            state[W_AFTER] = math.sqrt(state[U])
             if a >= b:  # the hit follows at once: its M is that of the new states
                 stack_at(lanes, ring, mask, n, b, mu, tol, UNWATCHED, state)
     if a < b:
@@ -975,7 +979,7 @@ def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep):
     state[MARGIN] = state[U]
     released = state[U]
     b = fall_angle(ring, mask, n, strikes)
-    outcome = fall(lanes, ring, mask, n, b, mu, gravity, rtol, state, deep)
+    outcome = fall(lanes, ring, mask, n, 0.0, b, mu, gravity, rtol, state, deep)
     return close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
 
 
@@ -1071,7 +1075,7 @@ def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out):
         errors = (e_error, u_error, q_off, r_off)
         done = ride(lanes, k, 0.0, b, errors, tail, tol, state, deep, CREEP)
         if done == ROUGH:
-            outcome = fall(lanes, ring, 0, n, b, mu, gravity, rtol, state, deep)
+            outcome = fall(lanes, ring, 0, n, 0.0, b, mu, gravity, rtol, state, deep)
             closed = False
             lanes_used = spread(lanes, k, 0.0, b)
             lead(lanes, lanes_used, ring, 0, mu)
@@ -1268,3 +1272,154 @@ def period_falls(
             out[j, 1] = math.sqrt(released)
             out[j, 2] = math.sqrt(state[U_IMPACT])
     return PROPAGATED, period, tail
+
+
+# --- Forces, for those who ask --------------------------------------------------------------------
+# What a diagnosis holds of each domino i: the least contact force on the next [N/m of width], the
+# least impulse at a hit and at a flush [N s/m], the largest friction coefficient the floor needs to
+# keep it from sliding, the least load on its pivot over its weight, the largest part of speed lost
+# in a flush while it led, and the stall margin of its fall.
+D_FORCE, D_HIT, D_FLUSH, D_FLOOR, D_LOAD, D_LOSS, D_MARGIN = range(7)
+D_COLUMNS = 7
+DEEPEST = 400  # dominoes behind the leader whose forces are followed
+PIECES = 16  # looks at the stack in each fall
+
+
+@numba.njit(**_JIT)
+def stack_geometry(ring, mask, n, low, angle, mu, height, geo, flushing):
+    """Rows of geo for dominoes low … n: sin, cos, J before, J after, D, w, arms A and B [m].
+
+    flushing: links whose faces are flush have tip contact before and corner contact after.
+    """
+    half = 0.5 * angle
+    s, c = math.sin(half), math.cos(half)
+    v = 2.0 * s * s
+    s = 2.0 * s * c
+    before, after, drv, w = 1.0, 1.0, 0.0, 1.0
+    geo[n, :] = (s, 1.0 - v, 1.0, 1.0, 0.0, 1.0, 0.0, 0.0)
+    for i in range(n - 1, low - 1, -1):
+        row = i & mask
+        s_i, v_i, omega, psi, ratio = link(ring, row, s, v, mu)
+        old = omega
+        if flushing and ring[row, STATE] == CORNER:
+            over = ring[row, P_L] * (v - ring[row, V_FLUSH])
+            if abs(over) <= 2.0 * TOGETHER:
+                old, omega = 1.0 - ring[row, P_L] * s, 0.0
+        drv = omega * drv + psi * after * after
+        before, after, w = old * before, omega * after, w * ratio
+        if ring[row, STATE] == TIP:
+            sd = ring[row, S_L] - ring[row, P_L] * v
+            cd = math.sqrt(max((1.0 + sd) * (ring[row, REST] + ring[row, P_L] * v), TINY))
+            arm = height[i] * (cd + mu * sd)
+        else:
+            r2 = ring[row, S_L] ** 2 + 2.0 * ring[row, P_L] * ring[row, D_L] * v
+            arm = height[i] * math.sqrt(r2)
+        s, v = s_i, v_i
+        geo[i, :] = (s, 1.0 - v, before, after, drv, w, arm, arm * ratio)
+
+
+@numba.njit(**_JIT)
+def contact_impulses(ring, mask, n, low, geo, gain_before, gain_after, found, column):
+    """Least impulse of each contact when the leader goes from one speed to another."""
+    passed = 0.0
+    for i in range(low, n):
+        turn = ring[i & mask, INERTIA] * (geo[i, 3] * gain_after - geo[i, 2] * gain_before)
+        arm_back = geo[i - 1, 7] if i > low else 0.0
+        passed = (arm_back * passed - turn) / geo[i, 6]
+        found[i, column] = min(found[i, column], passed)
+
+
+@numba.njit(**_JIT)
+def contact_forces(ring, mask, n, low, geo, u, gravity, mu, height, thickness, found):
+    """Least contact forces and loads on the pivots, at one instant."""
+    m, g, d = 0.0, 0.0, 0.0
+    for i in range(low, n + 1):
+        row = i & mask
+        weight = gravity * ring[row, HALF_WEIGHT] * (geo[i, 0] - ring[row, SLENDER] * geo[i, 1])
+        m += geo[i, 5] * ring[row, INERTIA] * geo[i, 3]
+        g += geo[i, 5] * weight
+        d += geo[i, 5] * ring[row, INERTIA] * geo[i, 4]
+    lead = (g - u * d) / m
+    force, push_x, push_z = 0.0, 0.0, 0.0
+    for i in range(low, n + 1):
+        row = i & mask
+        s, c = geo[i, 0], geo[i, 1]
+        weight = gravity * ring[row, HALF_WEIGHT] * (s - ring[row, SLENDER] * c)
+        alpha = geo[i, 3] * lead + geo[i, 4] * u
+        omega2 = geo[i, 3] * geo[i, 3] * u
+        arm_back = geo[i - 1, 7] if i > low else 0.0
+        back_x, back_z = push_x, push_z
+        push_x, push_z = 0.0, 0.0
+        if i < n:
+            force = (weight - ring[row, INERTIA] * alpha + arm_back * force) / geo[i, 6]
+            found[i, D_FORCE] = min(found[i, D_FORCE], force)
+            # normal and friction on i+1, along the face that is slid upon
+            j = i + 1 if ring[row, STATE] == TIP else i
+            push_x = force * (geo[j, 1] - mu * geo[j, 0])
+            push_z = force * (-geo[j, 0] - mu * geo[j, 1])
+        mass = 2.0 * ring[row, HALF_WEIGHT] / height[i]
+        x = 0.5 * (height[i] * s - thickness[i] * c)
+        z = 0.5 * (height[i] * c + thickness[i] * s)
+        floor_x = mass * (alpha * z - omega2 * x) - back_x + push_x
+        floor_z = mass * (gravity - alpha * x - omega2 * z) - back_z + push_z
+        load = floor_z / (mass * gravity)
+        found[i, D_LOAD] = min(found[i, D_LOAD], load)
+        need = abs(floor_x) / floor_z if floor_z > 0.0 else np.inf
+        found[i, D_FLOOR] = max(found[i, D_FLOOR], need)
+
+
+@numba.njit(**_JIT)
+def diagnose_chain(spacing, thickness, height, density, mu, gravity, push, rtol, ring, found):
+    """A chain with its forces looked at; returns (outcome, leader).  found: (N, D_COLUMNS)."""
+    count, mask = len(thickness), len(ring) - 1
+    lanes, state = np.zeros(LANE_ROWS * PITCH), np.zeros(STATE_SIZE)
+    geo = np.zeros((count, 8))
+    begin(state, push)
+    stand(ring, mask, 0, height[0], thickness[0], density[0])
+    state[KAPPA] = heaviest_force(height[0], thickness[0])
+    for n in range(count):
+        strikes = n + 1 < count and spacing[n] < height[n]
+        if n + 1 < count:
+            d = thickness[n + 1]
+            stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
+            join(ring, mask, n, height[n], spacing[n], d)
+            state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
+        if n > 0:
+            ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+        state[NOISE] = 8.0 * EPS * gravity * state[KAPPA]
+        state[FALL_TIME], state[FLUSH_LOSS] = 0.0, 0.0
+        state[MARGIN] = state[U]
+        released = state[U]
+        b = fall_angle(ring, mask, n, strikes)
+        outcome = PROPAGATED
+        for piece in range(PIECES + 1):
+            at = b * piece / PIECES
+            if piece > 0:
+                flushes, keep = state[FLUSHES], state[FLUSH_LOSS]
+                came_from = b * (piece - 1) / PIECES
+                outcome = fall(lanes, ring, mask, n, came_from, at, mu, gravity, rtol, state, True)
+                if outcome != PROPAGATED:
+                    break
+                if state[FLUSHES] > flushes:
+                    low = max(int(state[BACK]), n - DEEPEST)
+                    stack_geometry(ring, mask, n, low, state[SWITCHED], mu, height, geo, True)
+                    contact_impulses(
+                        ring, mask, n, low, geo, state[W_BEFORE], state[W_AFTER], found, D_FLUSH
+                    )
+                state[FLUSH_LOSS] = max(keep, state[FLUSH_LOSS])
+            low = max(int(state[BACK]), n - DEEPEST)
+            stack_geometry(ring, mask, n, low, at, mu, height, geo, False)
+            contact_forces(ring, mask, n, low, geo, state[U], gravity, mu, height, thickness, found)
+        found[n, D_LOSS] = state[FLUSH_LOSS]
+        came = math.sqrt(state[U])
+        outcome = close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
+        found[n, D_MARGIN] = state[MARGIN]
+        if outcome != PROPAGATED:
+            return outcome, n
+        if not strikes:
+            return (PROPAGATED if n + 1 == count else OUT_OF_REACH), n
+        went = math.sqrt(state[U])
+        low = max(int(state[BACK]), n + 1 - DEEPEST)
+        stack_geometry(ring, mask, n + 1, low, 0.0, mu, height, geo, False)
+        contact_impulses(ring, mask, n + 1, low, geo, came, went, found, D_HIT)
+    return PROPAGATED, count - 1

@@ -1,0 +1,89 @@
+"""What happens between the dominoes: forces, floor friction, flushes; computed only when called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env import kernel
+from domino_env.layout import Layout
+from domino_env.physics import Physics
+from domino_env.wave import Outcome
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Where a row leans on what the model assumes; per domino, nan where the wave did not come.
+
+    outcome: how the wave ended.
+    least_contact_force: (N-1,) smallest force between domino i and i+1 while they touch [N].
+        Negative where the model keeps a contact closed that would open.
+    least_hit_impulse, least_flush_impulse: (N-1,) smallest impulse of that contact in hits and in
+        flushes [N s]; nan for flushes where there was none.  Negative likewise.
+    floor_friction: (N,) coefficient of friction with the floor that keeps the pivot from sliding;
+        inf where the pivot is not pressed down at all.
+    least_load: (N,) smallest load on the pivot over the domino's weight; negative where it lifts.
+    flush_loss: (N,) largest part of the leader's speed lost in one flush while domino i led.
+    stall_margin: (N,) lowest u = ω² over its value at release, as domino i led.
+
+    Forces are looked at at 17 angles of each fall, impulses at every hit and, of several flushes
+    within a sixteenth of a fall, at the last.
+    """
+
+    outcome: Outcome
+    least_contact_force: Floats
+    least_hit_impulse: Floats
+    least_flush_impulse: Floats
+    floor_friction: Floats
+    least_load: Floats
+    flush_loss: Floats
+    stall_margin: Floats
+
+    @property
+    def opened(self) -> NDArray[np.int64]:
+        """Contacts (i leaning on i+1) that the model keeps closed although they would open."""
+        least = np.fmin(
+            np.fmin(self.least_contact_force, self.least_hit_impulse), self.least_flush_impulse
+        )
+        scale = np.nanmax(np.abs(least), initial=0.0)
+        return np.flatnonzero(least < -1e-9 * scale)
+
+    @property
+    def lifted(self) -> NDArray[np.int64]:
+        """Dominoes whose pivot would lift off the floor if nothing held it down."""
+        return np.flatnonzero(self.least_load < 0.0)
+
+
+def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
+    """Contact forces and impulses, floor friction, lifted pivots and flush losses of a wave.
+
+    Dominoes more than 400 behind the leader are taken to lie still.
+    """
+    size = 2
+    while size < min(layout.count + 1, kernel.RING_ROWS):
+        size *= 2
+    found = np.full((layout.count, kernel.D_COLUMNS), np.nan)
+    found[:, [kernel.D_FORCE, kernel.D_HIT, kernel.D_FLUSH, kernel.D_LOAD]] = np.inf
+    found[:, kernel.D_FLOOR] = -np.inf
+    outcome, _ = kernel.diagnose_chain(
+        layout.spacing, layout.thickness, layout.height, layout.density, physics.friction,
+        physics.gravity, physics.push, rtol, np.zeros((size, kernel.RING_COLUMNS)), found,
+    )  # fmt: skip
+    unseen = np.isinf(found)
+    unseen[:, kernel.D_FLOOR] &= found[:, kernel.D_FLOOR] < 0.0
+    found[unseen] = np.nan
+    width = layout.width
+    return Diagnosis(
+        outcome=Outcome(outcome),
+        least_contact_force=found[:-1, kernel.D_FORCE] * width,
+        least_hit_impulse=found[:-1, kernel.D_HIT] * width,
+        least_flush_impulse=found[:-1, kernel.D_FLUSH] * width,
+        floor_friction=found[:, kernel.D_FLOOR],
+        least_load=found[:, kernel.D_LOAD],
+        flush_loss=found[:, kernel.D_LOSS],
+        stall_margin=found[:, kernel.D_MARGIN],
+    )

@@ -1,0 +1,100 @@
+"""Contact forces, impulses and floor reactions against the oracle's dense solves."""
+
+import numpy as np
+import oracle
+import pytest
+
+import domino_env as de
+from domino_env import kernel
+
+COUNT, GRAVITY = 7, 9.81
+
+
+def stacks(seed, friction):
+    """The same row in the kernel's ring and as the oracle's chain."""
+    rng = np.random.default_rng(seed)
+    spacing, thickness = rng.uniform(0.01, 0.03, COUNT - 1), rng.uniform(0.005, 0.01, COUNT)
+    density = rng.uniform(500.0, 2000.0, COUNT)
+    ring = np.zeros((8, kernel.RING_COLUMNS))
+    for i in range(COUNT):
+        kernel.stand(ring, 7, i, 0.048, thickness[i], density[i])
+    for i in range(COUNT - 1):
+        kernel.join(ring, 7, i, 0.048, spacing[i], thickness[i + 1])
+    chain = oracle.Chain(spacing, thickness, 0.048, density, friction, GRAVITY, width=1.0)
+    return ring, chain, np.full(COUNT, 0.048), thickness
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("seed", range(4))
+def test_forces_at_one_instant(seed, friction):
+    ring, chain, height, thickness = stacks(seed, friction)
+    n, angle, speed = COUNT - 1, 0.05, 6.0
+    geo, found = np.zeros((COUNT, 8)), np.full((COUNT, kernel.D_COLUMNS), np.inf)
+    found[:, kernel.D_FLOOR] = -np.inf
+    kernel.stack_geometry(ring, 7, n, 0, angle, friction, height, geo, False)
+    kernel.contact_forces(ring, 7, n, 0, geo, speed**2, GRAVITY, friction, height, thickness, found)
+    alpha, normals, _ = chain.motion(n, angle, speed)
+    np.testing.assert_allclose(found[:-1, kernel.D_FORCE], normals, rtol=1e-9)
+
+    # the floor: Newton's second law of each centre of mass
+    theta = chain.angles(n, angle)
+    contacts = chain.contacts(n, theta)
+    omega = chain.ratios(contacts) * speed
+    up, ahead = oracle.up(theta), oracle.ahead(theta)
+    arm = 0.5 * (height[:, None] * up - thickness[:, None] * ahead)
+    turned = np.stack([arm[:, 1], -arm[:, 0]], -1)
+    floor = chain.mass[:, None] * (alpha[:, None] * turned - omega[:, None] ** 2 * arm)
+    floor[:, 1] += chain.mass * GRAVITY
+    onward = normals[:, None] * (contacts.normal - friction * contacts.along)  # tips slide down
+    floor[:-1] += onward
+    floor[1:] -= onward
+    load = floor[:, 1] / (chain.mass * GRAVITY)
+    np.testing.assert_allclose(found[:, kernel.D_LOAD], load, rtol=1e-8, atol=1e-9)
+    pressed = load > 0.0
+    need = np.abs(floor[:, 0]) / floor[:, 1]
+    np.testing.assert_allclose(found[pressed, kernel.D_FLOOR], need[pressed], rtol=1e-8)
+    assert np.isinf(found[~pressed, kernel.D_FLOOR]).all()
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("seed", range(4))
+def test_impulses_of_a_hit(seed, friction):
+    ring, chain, height, _ = stacks(seed, friction)
+    n = COUNT - 1
+    geo, found = np.zeros((COUNT, 8)), np.full((COUNT, kernel.D_COLUMNS), np.inf)
+    kernel.stack_geometry(ring, 7, n, 0, 0.0, friction, height, geo, False)
+    theta = chain.angles(n, 0.0)
+    omega = chain.ratios(chain.contacts(n, theta)) * 9.0
+    omega[-1] = 0.0
+    after, impulses = chain.impact(n, theta, omega, chain.state)
+    kernel.contact_impulses(ring, 7, n, 0, geo, 9.0, after[-1], found, kernel.D_HIT)
+    np.testing.assert_allclose(found[:-1, kernel.D_HIT], impulses, rtol=1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.25])
+def test_a_diagnosis_agrees_with_the_wave(friction):
+    layout = de.Layout(np.random.default_rng(0).uniform(0.002, 0.04, 29), 0.0075)
+    physics = de.Physics(friction)
+    wave, found = de.simulate(layout, physics, rtol=1e-10), de.diagnose(layout, physics)
+    assert found.outcome is wave.outcome
+    np.testing.assert_allclose(found.stall_margin, wave.stall_margin, rtol=1e-6)
+    assert found.flush_loss.max() == pytest.approx(wave.largest_flush_loss, rel=1e-6, abs=1e-12)
+    assert found.least_contact_force.shape == (29,)
+    assert found.floor_friction.shape == (30,)
+    if friction > 0.0:  # nearly every flush with friction would open a contact
+        assert len(found.opened) > 0
+
+
+def test_a_uniform_row_keeps_its_contacts_closed():
+    found = de.diagnose(de.Layout.uniform(40, pitch=0.024), de.Physics())
+    assert len(found.opened) == 0
+    assert len(found.lifted) == 0
+    assert np.nanmax(found.floor_friction) < 1.0
+    assert np.isnan(found.least_flush_impulse).all()
+
+
+def test_what_the_wave_did_not_reach_is_nan():
+    found = de.diagnose(de.Layout.uniform(20, spacing=0.004), de.Physics(push=3.0))
+    assert found.outcome is de.Outcome.STALLED
+    assert np.isnan(found.least_load[-1])
+    assert np.isnan(found.least_contact_force[-1])
