@@ -29,7 +29,7 @@ def test_newton_is_lagrange_without_friction(leader, lead):
 
     def inertia_seen(angle):
         theta = chain.angles(leader, angle)
-        ratio = chain.velocity_ratios(leader, theta, chain.state)
+        ratio = chain.ratios(chain.contacts(leader, theta))
         return float((chain.inertia[:count] * ratio**2).sum())
 
     h = 1e-4
@@ -38,10 +38,10 @@ def test_newton_is_lagrange_without_friction(leader, lead):
         - (inertia_seen(lead + 2 * h) - inertia_seen(lead - 2 * h))
     ) / (12.0 * h)
     theta = chain.angles(leader, lead)
-    ratio = chain.velocity_ratios(leader, theta, chain.state)
+    ratio = chain.ratios(chain.contacts(leader, theta))
     r = 0.5 * np.hypot(chain.height, chain.d)
     lean = theta - np.arctan2(chain.d, chain.height)
     force = chain.mass * 9.81 * r * np.sin(lean)
     lagrange = (force @ ratio - 0.5 * speed**2 * slope) / inertia_seen(lead)
-    newton = chain.acceleration(leader, lead, speed)[0][-1]
+    newton = chain.motion(leader, lead, speed)[0][-1]
     assert newton == pytest.approx(lagrange, rel=1e-9)
