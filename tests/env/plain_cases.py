@@ -1,0 +1,85 @@
+"""Small rows that between them walk every line of the kernel, compiled or not.
+
+Run as a script, prints their results as JSON: with NUMBA_DISABLE_JIT=1 in plain Python, which is
+also how the coverage of the kernel is measured (`make coverage`).
+"""
+
+import json
+
+import numpy as np
+
+import domino_env as de
+
+H = 0.048
+
+
+def results():
+    """Outcome, counts and times of every case, by name."""
+    rng = np.random.default_rng(7)
+    found = {}
+
+    def add(name, layout, physics, rtol=1e-7):
+        wave = de.simulate(layout, physics, rtol=rtol)
+        times = [float(t) for t in wave.arrival_times if np.isfinite(t)]
+        counts = [wave.hit, wave.toppled, wave.flushes, wave.releases]
+        found[name] = [int(wave.outcome), *counts, wave.reach, wave.largest_flush_loss, *times]
+
+    random = rng.uniform(0.002, 0.034, 11)
+    spacing = [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020]
+    for friction in (0.0, 0.3):
+        name = f"friction {friction}"
+        physics = de.Physics(friction, 9.81, 12.0)
+        add(f"{name}: random", de.Layout(random, 0.0075), physics)
+        add(f"{name}: tight tolerance", de.Layout(random[:5], 0.0075), physics, 1e-13)
+        add(f"{name}: uniform", de.Layout.uniform(12, pitch=0.03), physics, 1e-4)
+        add(f"{name}: uniform, dies", de.Layout.uniform(8, spacing=0.002), de.Physics(friction))
+        push = de.Physics(friction, 9.81, 24.0)
+        add(f"{name}: releases", de.Layout(spacing, 0.0075), push)
+        runs = np.r_[np.full(4, 0.005), np.full(3, 0.02)]
+        add(f"{name}: flush together", de.Layout(runs, 0.0075), push)
+        add(f"{name}: out of reach", de.Layout([0.02, 0.05, 0.02], 0.0075), physics)
+        near = de.Layout([0.01, H * (1 - 1e-7), 0.02], 0.0075)
+        add(f"{name}: nearly out of reach", near, push)
+        row = de.Layout(rng.uniform(0.004, 0.012, 7), 0.0075)
+        least = de.smallest_push(row, physics, rtol=1e-9)
+        found[f"{name}: smallest push"] = [least]
+        for excess in (-1e-6, 1e-9, 1e-4):
+            push = de.Physics(friction, 9.81, least * (1.0 + excess))
+            add(f"{name}: {excess} from a stall", row, push)
+        steady = de.steady_wave([0.02, 0.03], 0.0075, physics=physics, rtol=1e-5)
+        found[f"{name}: steady"] = [steady.speed, *steady.omega_release]
+    thick = [0.0075, 0.0075, 0.05, 0.05, 0.0075]
+    add("jams", de.Layout(np.full(4, 0.02), thick), de.Physics(1.0))
+    flush = de.Layout(
+        [0.00312, 0.03171, 0.00059],
+        [0.00761, 0.00966, 0.04176, 0.00073],
+        density=[1953.55, 45.87, 2085.53, 1.096],
+    )
+    add("jams in a flush", flush, de.Physics(1.095, 9.81, 4.54))
+    heavy = de.Layout(
+        [0.00078, 0.0021, 0.00753, 0.00185],
+        [0.05316, 0.00037, 0.08296, 0.01271, 0.03667],
+        density=[492.9, 1.765, 3.108, 7835.0, 1.913],
+    )
+    add("no rigid answer", heavy, de.Physics(0.48656, 9.81, 80.93))
+    large = de.Layout(2.0 ** np.arange(-6, -1), 2.0 ** np.arange(-7, -1), 2.0 ** np.arange(-3, 3))
+    add("growing", large, de.Physics(0.1, 9.81, 20.0))
+    for name, layout, push in (
+        ("flushes", de.Layout(random, 0.0075), 12.0),
+        ("stall", de.Layout.uniform(5, spacing=0.003), 4.0),
+        ("out of reach", de.Layout([0.02, 0.05], 0.0075), 8.0),
+    ):
+        seen = de.diagnose(layout, de.Physics(0.25, 9.81, push))
+        found[f"diagnosis: {name}"] = [float(np.nanmin(seen.least_load)), len(seen.opened)]
+    near = np.linspace(0.006, 0.03, 8)
+    add("every link goes flush", de.Layout(near, 0.0075), de.Physics(0.25, 9.81, 12.0), 1e-3)
+    add("hardly moves", de.Layout.uniform(4, spacing=0.001), de.Physics(0.25, 9.81, 2.7))
+    batch = de.simulate_batch(
+        np.stack([random, random[::-1]]), np.full(12, 0.0075), de.Physics(), record=False
+    )
+    found["batch"] = [float(t) for t in batch.mean_speed]
+    return found
+
+
+if __name__ == "__main__":
+    print(json.dumps(results()))
