@@ -20,6 +20,7 @@ from scipy.optimize import minimize_scalar
 
 TIP, CORNER = 0, 1
 TOGETHER = 1e-9  # [rad] links this close to flush switch in one impact
+PARADOX = 1e-6  # effective inertia over the leader's own: less counts as none, DOP853 crawls there
 
 
 @dataclass
@@ -243,7 +244,7 @@ def topple(
             return result
 
         while lead < target:
-            if not chain.motion(n, lead, speed)[2] > 0.0:
+            if not chain.motion(n, lead, speed)[2] > PARADOX * chain.inertia[n]:
                 return ended("NO_RIGID_ANSWER", at=lead)
             lead, speed, spent, low, event = advance(chain, n, lead, speed, target, rtol)
             time += spent
@@ -287,7 +288,7 @@ def advance(chain, n, lead, speed, target, rtol):
     events = {
         "hit": lambda _, y: target - y[0],
         "stall": lambda _, y: y[1],
-        "paradox": lambda _, y: chain.motion(n, y[0], y[1])[2],
+        "paradox": lambda _, y: chain.motion(n, y[0], y[1])[2] - PARADOX * chain.inertia[n],
     }
     if n > chain.back:
         events["flush"] = lambda _, y: min(1.0, chain.short_of_flush(n, y[0]).min())
