@@ -1046,44 +1046,48 @@ def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out):
     lanes_used = spread(lanes, k, 0.0, b)
     lead(lanes, lanes_used, ring, 0, mu)
     inertia = ring[0, INERTIA]
-    e_error, u_error, q_off, r_off, tail, closed = 0.0, 0.0, 0.0, 0.0, 0.0, False
+    e_error, u_error, q_off, r_off, tail, behind = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    depth, closed = 0, False
     state[NOISE] = 8.0 * EPS * gravity * state[KAPPA]
     for n in range(count - 1):
         state[FALL_TIME] = 0.0
         state[MARGIN] = state[U]
         released = state[U]
+        force = 2.0 * b * gravity * state[KAPPA] / state[U]
+        if closed:  # as u falls, what was cut off weighs more
+            tail = tail_size(lanes, lanes_used, mu, force, b, behind)
+            closed = tail <= 0.3 * tol
         if not closed:
-            if n > 0 and mu > 0.0:
-                before = lanes[WGT + lanes_used - 1]
-                lean(lanes, lanes_used, ring, 0, mu)
-                ratio = abs(lanes[WGT + lanes_used - 1] / before)
-            elif n > 0:
-                before = lanes[JAC + lanes_used - 1]
-                lean_free(lanes, lanes_used, ring, 0)
-                ratio = lanes[JAC + lanes_used - 1] / before
+            while depth < n:
+                if mu > 0.0:
+                    before = lanes[WGT]
+                    lean(lanes, lanes_used, ring, 0, mu)
+                    ratio = abs(lanes[WGT] / before)
+                else:
+                    before = lanes[JAC]
+                    lean_free(lanes, lanes_used, ring, 0)
+                    ratio = lanes[JAC] / before
+                depth += 1
+                tail = 0.0
+                if depth > 4 and ratio < 1.0:
+                    behind = inertia * ratio / (1.0 - ratio)
+                    ring[0, TAIL] = inertia + behind
+                    tail = tail_size(lanes, lanes_used, mu, force, b, behind)
+                    if tail <= 0.3 * tol:
+                        closed = True
+                        break
+            if depth == n:  # nothing is left out
+                tail = 0.0
             ok, e_error, u_error, q_off, r_off = affine_map(lanes, k, b, mu, gravity)
             if not ok:
                 return PROPAGATED, n
-            if n > 4 and ratio < 1.0:
-                force = 2.0 * b * gravity * state[KAPPA] / state[U]
-                behind = inertia * ratio / (1.0 - ratio)
-                tail = tail_size(lanes, lanes_used, mu, force, b, behind)
-                closed = tail <= 0.3 * tol
-                if not closed:
-                    tail = 0.0
-                ring[0, TAIL] = inertia + behind
         errors = (e_error, u_error, q_off, r_off)
         done = ride(lanes, k, 0.0, b, errors, tail, tol, state, deep, CREEP)
         if done == ROUGH:
             outcome = fall(lanes, ring, 0, n, 0.0, b, mu, gravity, rtol, state, deep)
-            closed = False
+            depth, closed = 0, False  # the lanes were used: begin again
             lanes_used = spread(lanes, k, 0.0, b)
             lead(lanes, lanes_used, ring, 0, mu)
-            for _ in range(n):
-                if mu > 0.0:
-                    lean(lanes, lanes_used, ring, 0, mu)
-                else:
-                    lean_free(lanes, lanes_used, ring, 0)
         else:
             outcome = STALLED if done == DEAD else PROPAGATED
         outcome = close_fall(ring, 0, n, b, released, True, mu, state, outcome)

@@ -176,3 +176,15 @@ def test_a_hundred_thousand_dominoes(count):
     wave = de.simulate(de.Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075), de.Physics())
     assert wave.outcome is de.Outcome.PROPAGATED
     assert wave.error_estimate < 1e-8
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.25])
+@pytest.mark.parametrize("gap", [0.004, 0.016, 0.030])
+def test_the_stack_is_cut_anew_as_a_strong_push_fades(friction, gap):
+    """What was nothing beside a push of 2700 rad/s is much when the wave has slowed down."""
+    layout, physics = de.Layout.uniform(60, spacing=gap), de.Physics(friction, 9.81, 2694.0)
+    exact = de.simulate(layout, physics, rtol=1e-13).arrival_times[1:]
+    for rtol in (1e-3, 1e-4, 1e-6):
+        wave = de.simulate(layout, physics, rtol=rtol)
+        error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
+        assert error <= wave.error_estimate <= rtol
