@@ -20,7 +20,7 @@ from scipy.optimize import minimize_scalar
 
 TIP, CORNER = 0, 1
 TOGETHER = 1e-9  # [rad] links this close to flush switch in one impact
-PARADOX = 1e-6  # effective inertia over the leader's own: less counts as none, DOP853 crawls there
+PARADOX = 1e-5  # of the leader's inertia: where less is effective, DOP853 crawls; counts as none
 
 
 @dataclass
