@@ -1,8 +1,13 @@
-"""The oracle by itself: published and twice-computed numbers, and the seed's Lagrangian form."""
+"""The oracle by itself: published and twice-computed numbers, balances, and a rigid-body engine."""
+
+import json
+from pathlib import Path
 
 import numpy as np
 import oracle
 import pytest
+
+HINGED = Path(__file__).parent / "data" / "hinged_rows.json"
 
 
 def test_the_first_falls_of_the_classic_row():
@@ -17,31 +22,64 @@ def test_the_first_hit_of_equal_dominoes_loses_half_the_energy():
     assert 2.0 * after**2 / before**2 == pytest.approx(0.5, abs=1e-12)
 
 
-@pytest.mark.parametrize("leader", [1, 4])
-@pytest.mark.parametrize("lead", [0.02, 0.12])
-def test_newton_is_lagrange_without_friction(leader, lead):
-    """Eq. 5: α_0 I K = Σ torque_k J_k - ½ I ω_0² K′, K′ by differences of K."""
-    rng = np.random.default_rng(leader)
-    count = leader + 1
-    spacing, thickness = rng.uniform(0.01, 0.03, leader), rng.uniform(0.005, 0.01, count)
-    chain = oracle.Chain(spacing, thickness, 0.048, 1040.0, 0.0, 9.81)
-    speed = 7.0
+def test_a_uniform_row_becomes_the_steady_wave():
+    """Pitch 32 mm, friction 0.25: 26.25904 hits a second, 10.18480 and 19.00991 rad/s."""
+    result = oracle.topple(np.full(19, 0.0245), np.full(20, 0.0075), 0.25, 9.8, 5 * np.pi)
+    assert 1.0 / np.diff(result.arrival)[-1] == pytest.approx(26.25904, rel=1e-5)
+    assert result.release_velocity[-2] == pytest.approx(10.18480, rel=1e-5)
+    assert result.impact_velocity[-1] == pytest.approx(19.00991, rel=1e-5)
 
-    def inertia_seen(angle):
-        theta = chain.angles(leader, angle)
-        ratio = chain.ratios(chain.contacts(leader, theta))
-        return float((chain.inertia[:count] * ratio**2).sum())
 
-    h = 1e-4
-    slope = (
-        8.0 * (inertia_seen(lead + h) - inertia_seen(lead - h))
-        - (inertia_seen(lead + 2 * h) - inertia_seen(lead - 2 * h))
-    ) / (12.0 * h)
-    theta = chain.angles(leader, lead)
-    ratio = chain.ratios(chain.contacts(leader, theta))
-    r = 0.5 * np.hypot(chain.height, chain.d)
-    lean = theta - np.arctan2(chain.d, chain.height)
-    force = chain.mass * 9.81 * r * np.sin(lean)
-    lagrange = (force @ ratio - 0.5 * speed**2 * slope) / inertia_seen(lead)
-    newton = chain.motion(leader, lead, speed)[0][-1]
-    assert newton == pytest.approx(lagrange, rel=1e-9)
+def test_a_row_of_the_rigid_body_engine():
+    """From domino 10 on, within 0.1 %."""
+    row = json.loads(HINGED.read_text())["rows"][1]
+    count = 28
+    result = oracle.topple(
+        row["spacing"][: count - 1], row["thickness"][:count], row["friction"], row["gravity"],
+        row["push"], row["height"], row["density"], rtol=1e-10,
+    )  # fmt: skip
+    engine = np.array(row["hit_times"])
+    ours, theirs = result.arrival[-1] - result.arrival[10], engine[count - 1] - engine[10]
+    assert result.flushes > 3
+    assert ours == pytest.approx(theirs, rel=1e-3)
+
+
+@pytest.mark.parametrize("state", [oracle.TIP, oracle.CORNER])
+def test_contact_conditions_are_differentiated_rightly(state):
+    """By central differences of the angle that a link gives to the one behind."""
+    chain = oracle.Chain([0.015, 0.02], [0.007, 0.008, 0.009], 0.048, 1040.0, 0.3, 9.81)
+    chain.state[1] = state  # the corner would be past its flush
+    lead, h = 1.25 if state == oracle.CORNER else 0.3, 1e-4
+    rear = [chain.angles(2, lead + k * h)[1] for k in (-2, -1, 0, 1, 2)]
+    first = (rear[0] - 8 * rear[1] + 8 * rear[3] - rear[4]) / (12 * h)
+    second = (-rear[0] + 16 * rear[1] - 30 * rear[2] + 16 * rear[3] - rear[4]) / (12 * h * h)
+    contacts = chain.contacts(2, chain.angles(2, lead))
+    (fa, fb), (faa, fab, fbb) = contacts.first[1], contacts.second[1]
+    assert -fb / fa == pytest.approx(first, rel=1e-8)
+    bend = -(faa * first**2 + 2 * fab * first + fbb) / fa
+    assert bend == pytest.approx(second, rel=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_forces_and_power_balance(friction):
+    """What gravity does, less what friction takes, is what the kinetic energy gains."""
+    rng = np.random.default_rng(3)
+    chain = oracle.Chain(
+        rng.uniform(0.01, 0.03, 4), rng.uniform(0.005, 0.01, 5), 0.048, 1040.0, friction, 9.81
+    )
+    lead, speed = 0.15, 6.0
+    theta = chain.angles(4, lead)
+    contacts = chain.contacts(4, theta)
+    omega = chain.ratios(contacts) * speed
+    alpha, normal, inertia = chain.motion(4, lead, speed)
+    weight = 0.5 * chain.mass * 9.81 * np.hypot(chain.height, chain.d)
+    gravity = (weight * np.sin(theta - chain.tipping)) @ omega
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    slip = oracle.dot(
+        omega[:-1, None] * (contacts.arm_behind @ turn)
+        - omega[1:, None] * (contacts.arm_ahead @ turn),
+        contacts.along,
+    )
+    gain = (chain.inertia * alpha) @ omega
+    assert gain == pytest.approx(gravity - friction * normal @ np.abs(slip), rel=1e-11)
+    assert inertia > chain.inertia[4]
