@@ -1,8 +1,9 @@
 """CMA-ES with restarts (Hansen 2016, arXiv 1604.00772; BIPOP: Hansen 2009), on ask and tell.
 
 The first run starts at the best uniform layout with a step as wide as the box, which on the scenes
-here finds better basins than a careful start.  Later runs alternate between large populations and
-small ones from anywhere, each kind given about the same number of evaluations.
+here finds better basins than a careful start.  Later runs alternate between ever larger populations
+from anywhere and small ones from there again or around the best, each kind given about the same
+number of evaluations.
 """
 
 from __future__ import annotations
@@ -41,10 +42,11 @@ def _restart(budget: Budget, rng: np.random.Generator) -> None:
             doubled += 1
             used["large"] += _descend(budget, rng, rng.random(n), WIDE, size)
         else:
-            size = int(default * (0.5 * 2**doubled) ** (rng.random() ** 2))
-            step = WIDE * 10.0 ** (-1.5 * rng.random())
-            near = budget.best if rng.random() < 0.5 else rng.random(n)
-            used["small"] += _descend(budget, rng, near, step, max(default, size))
+            # from the uniform row again, or close around the best so far
+            wide = rng.random() < 0.7
+            step = WIDE if wide else WIDE * 10.0 ** (-1.5 * rng.random())
+            near = start if wide else budget.best
+            used["small"] += _descend(budget, rng, near, step, default)
 
 
 def _descend(
