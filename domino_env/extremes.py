@@ -25,14 +25,17 @@ RAN = frozenset({Outcome.PROPAGATED})
 class Extreme:
     """One row at the edge.
 
-    group: what is extreme.  name: how much.  expected: outcomes that are right.
+    group: what is extreme.  name: how much.  expected: outcomes that are right, where the case is
+        built for one; None where another way of solving has to tell.
+    exact: short and ill-conditioned enough to be held against sixty digits.
     """
 
     group: str
     name: str
     layout: Layout
     physics: Physics
-    expected: frozenset[Outcome] = RAN
+    expected: frozenset[Outcome] | None = None
+    exact: bool = False
 
 
 def _ends(*outcomes: Outcome) -> frozenset[Outcome]:
@@ -56,8 +59,8 @@ def extremes(million: bool = True) -> Iterator[Extreme]:
 
 
 def hesitant_row() -> Layout:
-    """A dozen dominoes whose tight third gap nearly stops the wave."""
-    return Layout([0.02, 0.012, 0.004, *[0.015] * 8], D)
+    """Five dominoes whose tight third gap nearly stops the wave."""
+    return Layout([0.02, 0.012, 0.004, 0.015], D)
 
 
 def dipping_push(layout: Layout, physics: Physics, dip: float) -> float:
@@ -84,7 +87,7 @@ def near_stall() -> Iterator[Extreme]:
     """The leader all but stops: u dips to a fraction of its value at release."""
     for friction in (0.25, 0.0):
         row, physics = hesitant_row(), Physics(friction)
-        for power in (1, 3, 5, 7, 9, 11, 13, 14):
+        for power in (1, 3, 6, 9, 12, 14):
             push = dipping_push(row, physics, 10.0**-power)
             yield Extreme(
                 "near stall",
@@ -92,6 +95,7 @@ def near_stall() -> Iterator[Extreme]:
                 row,
                 replace(physics, push=push),
                 RAN if power < 13 else _ends(Outcome.PROPAGATED, Outcome.STALLED),
+                exact=True,
             )
 
 
@@ -102,57 +106,53 @@ def smallest_pushes() -> Iterator[Extreme]:
         least = smallest_push(row, physics)
         for power in (3, 6, 9, 12):
             for sign in (1, -1):
-                close = power == 12
+                right = Outcome.PROPAGATED if sign > 0 else Outcome.STALLED
                 yield Extreme(
                     "smallest push",
                     f"μ = {friction:g}, times 1 {'+' if sign > 0 else '-'} 1e-{power}",
                     row,
                     replace(physics, push=least * (1.0 + sign * 10.0**-power)),
-                    _ends(Outcome.PROPAGATED, Outcome.STALLED)
-                    if close
-                    else _ends(Outcome.PROPAGATED if sign > 0 else Outcome.STALLED),
+                    _ends(right),
                 )
 
 
 def near_touching() -> Iterator[Extreme]:
-    """Gaps of a millionth of the height, alone and all along the row."""
+    """Gaps of a millionth of the height and less, alone and all along the row."""
     for power in (2, 4, 6, 8):
         gap = 10.0**-power * H
         gaps = np.full(19, 0.015)
         gaps[9] = gap
-        yield Extreme(
-            "near touching", f"one gap 1e-{power} of the height", Layout(gaps, D), Physics()
-        )
+        much = f"1e-{power} of the height"
+        for friction in (0.25, 0.0):
+            name = f"μ = {friction:g}, one gap {much}"
+            yield Extreme("near touching", name, Layout(gaps, D), Physics(friction, push=30.0))
         yield Extreme(
             "near touching",
-            f"thin dominoes (d/L = 0.001), all gaps 1e-{power} of the height",
+            f"thin dominoes (d/L = 0.001), all gaps {much}",
             Layout.uniform(20, spacing=gap, thickness=0.001 * H),
             Physics(friction=0.1, push=1e3),
-            _ends(*Outcome),
         )
         yield Extreme(
             "near touching",
-            f"standard dominoes, all gaps 1e-{power} of the height, no friction",
+            f"μ = 0, all gaps {much}",
             Layout.uniform(20, spacing=gap),
             Physics(friction=0.0, push=1e4),
-            _ends(*Outcome),
         )
 
 
 def near_out_of_reach() -> Iterator[Extreme]:
-    """Gaps that the top edge only just bridges, and one that it does not."""
+    """Gaps that the top edge only just bridges, and some that it does not."""
     for power in (2, 4, 6, 8, 10, 12):
         gaps = np.full(11, 0.015)
         gaps[5] = H * (1.0 - 10.0**-power)
-        yield Extreme(
-            "out of reach", f"one gap with 1 - s/L = 1e-{power}", Layout(gaps, D), Physics()
-        )
-        yield Extreme(
-            "out of reach",
-            f"all gaps with 1 - s/L = 1e-{power}",
-            Layout.uniform(12, spacing=gaps[5]),
-            Physics(),
-        )
+        near = f"1 - s/L = 1e-{power}"
+        for friction in (0.25, 0.0):
+            physics = Physics(friction)
+            for name, row in (
+                ("one gap", Layout(gaps, D)),
+                ("all gaps", Layout.uniform(12, spacing=gaps[5])),
+            ):
+                yield Extreme("out of reach", f"μ = {friction:g}, {name} {near}", row, physics)
     for gap in (H, np.nextafter(H, 1.0), 2.0 * H):
         gaps = np.full(11, 0.015)
         gaps[5] = gap
@@ -172,7 +172,6 @@ def slenderness() -> Iterator[Extreme]:
                     f"d/L = {a:g}, s/L = {share:g}, μ = {friction:g}",
                     Layout.uniform(20, spacing=share * H, thickness=a * H),
                     Physics(friction, push=60.0),
-                    _ends(*Outcome),
                 )
 
 
@@ -189,7 +188,6 @@ def unequal_neighbours() -> Iterator[Extreme]:
                     f"μ = {friction:g}, thickness 1 : {many:g}, {name}",
                     Layout(np.full(19, 0.02), thick),
                     Physics(friction, push=200.0),
-                    _ends(*Outcome),
                 )
             density = np.full(20, 1040.0)
             density[1::2] *= many
@@ -198,7 +196,6 @@ def unequal_neighbours() -> Iterator[Extreme]:
                 f"μ = {friction:g}, density 1 : {many:g}",
                 Layout(np.full(19, 0.02), D, density=density),
                 Physics(friction, push=50.0),
-                _ends(*Outcome),
             )
 
 
@@ -210,7 +207,6 @@ def friction_to_the_jam() -> Iterator[Extreme]:
             f"μ = {friction:g}, gap 12 mm",
             Layout.uniform(20, spacing=0.012),
             Physics(friction, push=100.0),
-            _ends(*Outcome),
         )
     # At the first hit domino 1 is driven by B = L cos Δ - μ d; it vanishes at this friction.
     edge = math.sqrt(H * H - 0.012**2) / D
@@ -278,7 +274,6 @@ def flushes_close_together() -> Iterator[Extreme]:
                 f"gaps {'growing' if sign > 0 else 'shrinking'} by 1e-{power:g} each",
                 Layout(gaps, D),
                 Physics(),
-                _ends(*Outcome),
             )
 
 

@@ -166,12 +166,17 @@ class _Row:
         bend = {i: (more[i] - 2 * here[i] + less[i]) / self.nudge**2 for i in here}
         return here, rate, bend
 
-    def solve(self, n: int, lean: Leans, rate: Leans, rhs: list[Leans]) -> list[Number]:
-        """x with I_k J_k x = rhs_k + torques of the contacts, for each right-hand side."""
+    def solve(
+        self, n: int, lean: Leans, rate: Leans, rhs: list[Leans], sliding: Leans | None = None
+    ) -> list[Number]:
+        """x with I_k J_k x = rhs_k + torques of the contacts, for each right-hand side.
+
+        sliding: rates of motion that friction opposes, where they are not `rate`.
+        """
         order = range(self.back, n + 1)
         matrix = [[self.inertia[k] * rate[k], *[mp.mpf(0)] * (n - self.back)] for k in order]
         for i in range(self.back, n):
-            on_i, on_next = self.arms(i, lean, rate)
+            on_i, on_next = self.arms(i, lean, sliding or rate)
             matrix[i - self.back][i - self.back + 1] = on_i
             matrix[i + 1 - self.back][i - self.back + 1] = -on_next
         return [x[0] for x in _solved(matrix, [[r[k] for k in order] for r in rhs])]
@@ -216,7 +221,7 @@ class _Row:
         second = self.panel(n, middle, b, first[-1])
         half = _polynomial(whole[:-1])(mp.mpf("0.5"))
         off = max(abs(second[-1] - whole[-1]), abs(half - first[-1]))
-        if off <= GOOD * u or depth == 12:
+        if off <= GOOD * u or depth == 40:
             rides = [_slow_time(_polynomial(part[:-1]), middle - a) for part in (first, second)]
             if None in rides:
                 return None
@@ -271,7 +276,8 @@ class _Row:
             return u
         _, new_rate, _ = self.motion(n, angle)
         before = {k: self.inertia[k] * rate[k] for k in new_rate}
-        ratio = self.solve(n, lean, new_rate, [before])[0]
+        # all behind a flush is stopped: during the impact it still slides as it did before
+        ratio = self.solve(n, lean, new_rate, [before], sliding=rate)[0]
         return u * ratio * ratio if ratio > 0 else None
 
     # the row ---------------------------------------------------------------------------------
