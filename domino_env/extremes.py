@@ -113,6 +113,7 @@ def smallest_pushes() -> Iterator[Extreme]:
                     row,
                     replace(physics, push=least * (1.0 + sign * 10.0**-power)),
                     _ends(right),
+                    exact=sign > 0,
                 )
 
 
