@@ -457,6 +457,7 @@ def switch(ring, mask, n, due_link, low, angle, mu, state):
         over = v - ring[row, DUE]
         due = over * ring[row, P_L] >= -TOGETHER
         if not can_flush(ring, row) and over >= -1e-12 * ring[row, DUE]:
+            s, v, _, _, _ = link(ring, row, s, v, mu)
             census(ring, mask, i, int(state[BACK]), s, v, mu, state)
             release(ring, row, i, state)
             break

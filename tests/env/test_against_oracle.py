@@ -213,3 +213,23 @@ def test_no_rigid_answer():
     )  # fmt: skip
     assert wave.outcome is de.Outcome.NO_RIGID_ANSWER
     assert wave.mean_speed == 0.0
+
+
+@pytest.mark.parametrize("seed", [1203, 1354])
+def test_links_behind_a_release_are_not_counted_flush(seed):
+    """What slips off takes the links behind it along as they are: once counted flush too soon."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(4, 13))
+    friction = rng.choice([0, 0.25, rng.uniform(0, 0.8)])
+    wide = rng.random() < 0.6
+    spacing = (
+        rng.uniform(0.001, 0.047, count - 1)
+        if wide
+        else rng.choice([0.002, 0.005, 0.01, 0.02, 0.03], count - 1)
+    )
+    thick = rng.random() < 0.5
+    thickness = rng.uniform(0.003, 0.02, count) if thick else np.full(count, 0.0075)
+    push = rng.uniform(4, 40)
+    density = rng.uniform(200, 4000, count) if rng.random() < 0.5 else np.full(count, 1040.0)
+    wave = compare(spacing, thickness, friction=friction, push=push, density=density)
+    assert wave.releases > 0
