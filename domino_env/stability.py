@@ -97,7 +97,7 @@ def _of_itself(wave: Wave) -> list[str]:
         complaints.append("arrival times do not grow")
     if int(struck.sum()) != wave.hit:
         complaints.append(f"{wave.hit} dominoes are said to be struck, {struck.sum()} have a time")
-    if not 0.0 <= wave.error_estimate < math.inf:
+    if not (wave.error_estimate < math.inf or not wave.converged) or wave.error_estimate < 0.0:
         complaints.append(f"the error estimate is {wave.error_estimate}")
     reached = wave.release_velocity[struck]
     if np.isnan(reached[:-1]).any() or not np.all(reached[:-1] > 0.0):
