@@ -210,7 +210,7 @@ def local_speed(layout: Layout, wave: Wave) -> Floats:
 
 def _curves(axes: Axes, result: SearchResult, window: _Window, mark: Floats, best: Floats) -> None:
     """What the two rows have at each gap, drawn halfway between its pivots."""
-    style: dict[str, Any] = {"linewidth": 1.5}
+    style: dict[str, Any] = {"linewidth": 1.5, "marker": "o" if len(mark) == 1 else ""}
     for layout, values, colour in (
         (result.uniform.layout, mark, MARK),
         (result.layout, best, BEST),
@@ -251,6 +251,9 @@ def _speed(axes: Axes, result: SearchResult, window: _Window) -> None:
     both = np.concatenate([mark, best])
     both = both[np.isfinite(both)]
     if len(both) == 0:
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, "neither wave came to the second domino", color=SOFT, ha="center",
+                  va="center", transform=axes.transAxes)  # fmt: skip
         return
     low, high = both.min(), both.max()
     if high > 2.0 * low:  # a tight gap at the end would flatten everything else
@@ -269,16 +272,9 @@ def _search(axes: Axes, result: SearchResult) -> None:
     mark, last = result.uniform.score, scores[-1]
     axes.axhline(mark, color=MARK, linewidth=1.5)
     axes.step(times, scores, color=BEST, linewidth=1.5, where="post")
-    for name, score, other, colour in (
-        ("best uniform pitch", mark, last, MARK),
-        (result.method, last, mark, BEST),
-    ):
-        above = score > other or (score == other and colour == BEST)
-        axes.annotate(
-            f"{name} {score:.4f}", (1.0, score), (0.0, 4.0 if above else -4.0),
-            xycoords=("axes fraction", "data"), textcoords="offset points", ha="right",
-            va="bottom" if above else "top", size=9, color=colour,
-        )  # fmt: skip
+    above = scores[0] < mark  # where the curve is not
+    _beside(axes, f"best uniform pitch {mark:.4f}", 0.005, mark, MARK, above=above)
+    _beside(axes, f"{result.method} {last:.4f}", 1.0, last, BEST, above=last >= mark)
     lowest = scores[scores > 0.0].min() if last > 0.0 else scores.min()
     if last > 0.0:  # how it began would flatten the rest
         lowest = max(lowest, 0.85 * last)
@@ -289,10 +285,19 @@ def _search(axes: Axes, result: SearchResult) -> None:
         axes.set_xscale("log")
         _plain(axes.xaxis, [a * 10.0**k for k in range(-6, 7) for a in (1, 3)])
     axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
-    axes.set_ylabel("best score [m/s]")
+    axes.set_ylabel("best score [m/s]" if high > 0.0 else "best score (below 0: it dies)")
     axes.set_xlabel(
         f"seconds of search ({result.method}, seed {result.seed}, {result.evaluations} rows)"
     )
+
+
+def _beside(axes: Axes, words: str, x: float, y: float, colour: str, *, above: bool) -> None:
+    """Words at a height of the curves, just above or below it; x is a part of the width."""
+    axes.annotate(
+        words, (x, y), (0.0, 4.0 if above else -4.0), size=9, color=colour,
+        xycoords=("axes fraction", "data"), textcoords="offset points",
+        ha="left" if x < 0.5 else "right", va="bottom" if above else "top",
+    )  # fmt: skip
 
 
 def _plain(axis: Axis, ticks: list[float]) -> None:
