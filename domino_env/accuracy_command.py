@@ -61,7 +61,7 @@ def _error_against_time(
     from domino_env.files import write_text
     from domino_env.scene import load_scene
 
-    progress("preparing the rows")
+    progress("compiling, and preparing the rows")
     rows = scene_rows(load_scene(arguments.scene)) if arguments.scene else standard_rows()
     runs = list(measure(rows, arguments.budget, arguments.quick, progress))
     done()
@@ -85,7 +85,10 @@ def _stability(
     done()
     print("\n".join(as_table(verdicts)))
     wrong = sum(bool(v.complaints) for v in verdicts)
-    print(f"\n{len(verdicts)} rows at the edge, {wrong or 'none'} not answered as it should be")
+    judged = (
+        f"{wrong} not answered as they should be" if wrong else "all answered as they should be"
+    )
+    print(f"\n{len(verdicts)} rows at the edge: {judged}")
     write_text(folder / "stability.csv", as_csv(verdicts))
     draw_stability(verdicts, folder / "stability.png")
     print(f"{folder / 'stability.csv'}, {folder / 'stability.png'}")

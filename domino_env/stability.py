@@ -60,7 +60,7 @@ def judge(extreme: Extreme, rtol: float = RTOL) -> Verdict:
         against, lowest = "tightest run", float(np.nanmin(tight.stall_margin))
         slack = tight.error_estimate
     undecided = wave.outcome != right and min(lowest, _lowest(wave)) < CLOSE
-    complaints = _of_itself(wave)
+    complaints = of_itself(wave)
     if wave.outcome != right and not undecided:
         complaints.append(f"the outcome is {right.name} by the {against}")
     if extreme.expected is not None and wave.outcome not in extreme.expected:
@@ -88,7 +88,7 @@ def _lowest(wave: Wave) -> float:
     return float(np.nanmin(wave.stall_margin))
 
 
-def _of_itself(wave: Wave) -> list[str]:
+def of_itself(wave: Wave) -> list[str]:
     """What is wrong with a wave whatever the truth."""
     complaints = []
     times = wave.arrival_times
@@ -121,7 +121,7 @@ def similar_rows() -> Iterator[Verdict]:
                 began = time.perf_counter()
                 times, wave = _dimensionless(gaps, thick, friction, size, gravity, 1.0 / size)
                 error = error_of(times, unit)
-                complaints = _of_itself(wave)
+                complaints = of_itself(wave)
                 if not error <= SAME:
                     complaints.append(f"off the same row of another size by {error:.1e}")
                 yield Verdict(
