@@ -376,10 +376,32 @@ def renew_tails(ring, mask, low, n):
 
 # --- Switches -------------------------------------------------------------------------------------
 @numba.njit(**_JIT)
-def switch_angle(ring, mask, n, i, a, b, mu):
-    """Leader's angle in [a, b] at which link i switches: Newton from b, kept in a bracket."""
+def switch_guess(lanes, k, a, h, due):
+    """Leader's angle at which 1 - cos θ_{i+1} comes to `due`, as the lanes at link i tell.
+
+    A cubic between the two lanes around it.
+    """
+    last = ORDERS[k] + 1
+    j = 1
+    while j < last and lanes[VER + j] < due:
+        j += 1
+    v0, v1 = lanes[VER + j - 1], lanes[VER + j]
+    rate0, rate1 = lanes[SIN + j - 1] * lanes[JAC + j - 1], lanes[SIN + j] * lanes[JAC + j]
+    x0, x1 = PLACES[k, j - 1], PLACES[k, j]
+    if not (v0 < due < v1 and rate0 * h > TINY and rate1 * h > TINY):
+        return a + h * x1
+    t = (due - v0) / (v1 - v0)
+    m0, m1 = (v1 - v0) / (rate0 * h), (v1 - v0) / (rate1 * h)
+    s = 1.0 - t
+    x = x0 * s * s * (1.0 + 2.0 * t) + x1 * t * t * (3.0 - 2.0 * t) + t * s * (m0 * s - m1 * t)
+    return a + h * min(max(x, x0), x1)
+
+
+@numba.njit(**_JIT)
+def switch_angle(ring, mask, n, i, a, b, guess, mu):
+    """Leader's angle in [a, b] at which link i switches: Newton from a guess, kept in a bracket."""
     due = ring[i & mask, DUE]
-    lo, hi, x = a, b, b
+    lo, hi, x = a, b, guess
     for _ in range(100):
         half = 0.5 * x
         s, c = math.sin(half), math.cos(half)
@@ -395,7 +417,7 @@ def switch_angle(ring, mask, n, i, a, b, mu):
         else:
             lo = x
         new = x - over / max(s * jac, TINY)
-        if abs(new - x) <= 2.0 * EPS * b:
+        if abs(new - x) <= 1e-10 * (b - a):  # the next step would be its square
             return min(max(new, a), b)
         if not (lo < new < hi):
             new = 0.5 * (lo + hi)
@@ -865,7 +887,8 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep):
             lanes, count, ring, mask, n, state, mu, force, h, 0.3 * tol, watch
         )
         if flagged:
-            end = switch_angle(ring, mask, n, low, a, end, mu)
+            guess = switch_guess(lanes, k, a, h, ring[low & mask, DUE])
+            end = switch_angle(ring, mask, n, low, a, end, guess, mu)
             located, due_link = True, low
             if end - a > 4.0 * EPS * b:
                 continue
