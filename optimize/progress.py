@@ -45,5 +45,5 @@ def best_so_far(score: float, mark: float) -> str:
     """The best speed and its gain over uniform, in words."""
     if score <= 0.0:
         return f"no row runs through yet, the best to {1.0 + score:.0%}"
-    gain = f", {score / mark - 1.0:+.2%} over uniform" if mark > 0.0 else ""
+    gain = f", {score / mark - 1.0:+.2%} against uniform" if mark > 0.0 else ""
     return f"best {score:.5f} m/s{gain}"

@@ -125,4 +125,4 @@ def test_a_terminal_sees_a_line_with_the_best_speed_and_the_gain(
     assert main(["optimize", str(scene_file), *words]) == 0
     shown = terminal.text.split("\r")
     assert any(line.startswith("both, cma") and "%|" in line for line in shown)
-    assert any("m/s, +" in line and "% over uniform" in line for line in shown)
+    assert any("m/s, +" in line and "% against uniform" in line for line in shown)
