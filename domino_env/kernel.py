@@ -26,7 +26,20 @@ import math
 import numba
 import numpy as np
 
-from domino_env.quadrature import CLOSED, NODES, ORDERS, PLACES, RUNNING, TO_END, TO_START, WEIGHTS
+from domino_env.quadrature import (
+    CLOSED,
+    HIGH,
+    NODES,
+    ORDERS,
+    PLACES,
+    RECUR_0,
+    RECUR_Z,
+    RUNNING,
+    TO_END,
+    TO_START,
+    TOP,
+    WEIGHTS,
+)
 
 _JIT = {"cache": True, "nogil": True, "error_model": "numpy"}
 
@@ -595,7 +608,7 @@ def series_at(lanes, count, x):
     dy, ddy = lanes[COEF + 1], 0.0
     for n in range(1, count - 1):
         f = 2 * n + 1.0
-        p2 = (f * z * p1 - n * p0) / (n + 1.0)
+        p2 = RECUR_Z[n] * (z * p1) - RECUR_0[n] * p0
         d2 = d0 + f * p1
         c2 = c0 + f * d1
         a = lanes[COEF + n + 1]
@@ -647,9 +660,10 @@ def lowest_point(lanes, values, k):
         new = x - dy / ddy if ddy > 0.0 else 0.5 * (lo + hi)
         if not (lo <= new <= hi):
             new = 0.5 * (lo + hi)
-        if abs(new - x) <= 1e-15:
-            break
+        done = abs(new - x) <= 1e-9  # u is flat there: its error is the square of that
         x = new
+        if done:
+            break
     y, _, _ = series_at(lanes, count, x)
     return x, min(y, lanes[values + j])
 
@@ -734,7 +748,8 @@ def order_for(state, h, tol):
         return 3
     rho = max(state[LOG_RHO] + math.log(state[LAST_H] / h), 0.35)
     need = 0.5 * math.log(1.0 / tol) / rho
-    for k in range(1, len(ORDERS)):
+    # A short interval tells little of what a much longer one holds: look with more than six nodes.
+    for k in range(2 if h > 4.0 * state[LAST_H] else 1, len(ORDERS)):
         if ORDERS[k] >= need:
             return k
     return len(ORDERS) - 1
@@ -776,7 +791,7 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         return DEAD
     for j in range(last + 1):
         lanes[SLOWNESS + j] = 1.0 / math.sqrt(lanes[SPEED2 + j])
-    t, sens, f_lo, f_hi = 0.0, 0.0, 0.0, 0.0
+    t, sens, f_lo, f_hi, f_high, f_top = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(1, last):
         f = lanes[SLOWNESS + j]
         w = WEIGHTS[k, j - 1] * f
@@ -784,9 +799,17 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         sens += 0.5 * w * f * f * lanes[MAP_E + j]
         f_lo += TO_START[k, j - 1] * f
         f_hi += TO_END[k, j - 1] * f
-    f_off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last]))
-    off = f_off / t
-    t_error = 2.0 * off * (f_off / math.sqrt(math.sqrt(math.sqrt(max(off, TINY)))) + rough * sens)
+        f_high += HIGH[k, j - 1] * f
+        f_top += TOP[k, j - 1] * f
+    off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
+    if k > 0:
+        # What is seen at the ends may be zero by chance; then the last two coefficients tell how
+        # large the first neglected ones are, if all decay like a power series.
+        high, top = abs(f_high) / t, abs(f_top) / t
+        root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
+        off = max(off, high * root, top * math.sqrt(math.sqrt(top)))
+    fine = off * t / math.sqrt(math.sqrt(math.sqrt(max(off, TINY))))
+    t_error = 2.0 * off * (fine + rough * sens)
     if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
         return ROUGH
     if t_error > tol * t:
@@ -795,15 +818,15 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         if not known:
             series(lanes, SPEED2, k)
             x_low, u_low = lowest_point(lanes, SPEED2, k)
-        off = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
+        left = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
         t_slow, sens_slow = slow_time(lanes, last + 1, x_low)
-        limit = off <= 64.0 * EPS * size + 8.0 * state[NOISE]  # no rule sees u more sharply
-        if not (off * sens_slow <= tol * t_slow or limit or last_resort):
+        limit = left <= 64.0 * EPS * size + 8.0 * state[NOISE]  # no rule sees u more sharply
+        if not (left * sens_slow <= tol * t_slow or limit or last_resort):
             return ROUGH
-        t, sens, t_error = t_slow, sens_slow, off * sens_slow + 1e-14 * t_slow
+        t, sens, t_error = t_slow, sens_slow, left * sens_slow + 1e-14 * t_slow
         if limit:
             state[TIME_ROUND] += h * t_error
-    off = max(f_off / t, rough / size, 1e-15)
+    off = max(off, rough / size, 1e-15)
     state[LOG_RHO] = math.log(1.0 / min(off, 0.5)) / ORDERS[k]
     state[LAST_H] = h
     noise = 16.0 * EPS * size + state[NOISE]
