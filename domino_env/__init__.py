@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from domino_env.forces import Diagnosis, diagnose
+    from domino_env.gradient import Gradient
     from domino_env.layout import Layout
     from domino_env.physics import Physics
     from domino_env.scene import Scene, UniformMark, load_scene, scene_names
@@ -32,6 +33,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Layout": "layout",
     "Physics": "physics",
+    "Gradient": "gradient",
     "Outcome": "wave",
     "Wave": "wave",
     "WaveBatch": "wave",
@@ -52,6 +54,7 @@ _HOMES = {
 
 __all__ = [
     "Diagnosis",
+    "Gradient",
     "Layout",
     "Outcome",
     "Physics",

@@ -98,7 +98,22 @@ class Budget:
 
     def score_and_gradient(self, design: Floats) -> tuple[float, Floats]:
         """Score and gradient of one design (n,): see `Problem.score_and_gradient`."""
-        return self.problem.score_and_gradient(design, self.scores)
+        scores, gradients = self.scores_and_gradients(np.asarray(design)[None])
+        return float(scores[0]), gradients[0]
+
+    def scores_and_gradients(self, designs: Floats) -> tuple[Floats, Floats]:
+        """Scores (B,) and gradients (B, n) of designs (B, n): see `Problem.scores_and_gradients`.
+
+        Raises BudgetSpent where not all can be paid for.
+        """
+        left = len(designs)
+        if self.evaluations is not None:
+            left = self.evaluations - self.problem.evaluations
+        if left < len(designs) or (self.finalists and self.part >= 1.0):
+            raise BudgetSpent
+        scores, gradients = self.problem.scores_and_gradients(designs, self.scores)
+        self._note(designs, scores)
+        return scores, gradients
 
     def _note(self, designs: Floats, scores: Floats) -> None:
         i = int(np.argmax(scores))
