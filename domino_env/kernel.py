@@ -1386,9 +1386,9 @@ B_INERTIA, B_HALF, B_SLENDER = 12 * PITCH, 13 * PITCH, 14 * PITCH
 BAR_ROWS = 15
 
 # What is gathered of each domino: derivatives with respect to p, s, d of its link (units of L_i),
-# to its inertia, half weight and slenderness; and of the chain.
+# to its inertia, half weight and slenderness; and of the chain. In the order of B_PITCH and so on.
 G_PITCH, G_GAP, G_THICK, G_INERTIA, G_HALF, G_SLENDER = range(6)
-PARTS = 6
+PARTS = 8  # two unused, for the vectors' sake
 G_FRICTION, G_GRAVITY, G_PUSH = range(3)
 
 FLUSHING = 3.0  # a link at the instant of its flush: tip contact before, corner contact after
@@ -1585,50 +1585,121 @@ def retrace(lanes, count, ring, n, low, mu, trail):
 
 
 @numba.njit(**_JIT)
-def stack_back(bars, count, ring, n, low, mu, trail, parts):
-    """Pull the seeds of the three sums back through the stack; leaves bars of sin and 1 - cos of
-    the leader in its lanes, with what they have of the seeds."""
-    for j in range(count):
-        bars[B_SIN + j], bars[B_VER + j] = 0.0, 0.0
-        bars[B_WGT + j], bars[B_JAC + j], bars[B_DRV + j] = 0.0, 0.0, 0.0
-    for i in range(low, n):
-        above, here = trail[n - i - 1], trail[n - i]
-        if mu > 0.0:  # a constant in the call lets the compiler make a loop for each contact
-            if ring[i, STATE] == TIP:
-                lean_back(bars, above, here, count, ring, i, mu, True)
-            else:
-                lean_back(bars, above, here, count, ring, i, mu, False)
-        elif ring[i, STATE] == TIP:
-            lean_free_back(bars, above, here, count, ring, i, True)
+def link_back(bars, above, here, count, ring, i, mu):
+    """Lead all bars up over one link, whatever its contact."""
+    if mu > 0.0:  # a constant in the call lets the compiler make a loop for each contact
+        if ring[i, STATE] == TIP:
+            lean_back(bars, above, here, count, ring, i, mu, True)
         else:
-            lean_free_back(bars, above, here, count, ring, i, False)
-        gather(bars, count, parts[i])
-    half, slender = ring[n, HALF_WEIGHT], ring[n, SLENDER]
-    for j in range(count):
-        s, v, g = trail[0, SIN + j], trail[0, VER + j], bars[SEED_G + j]
-        bars[B_SIN + j] += g * half if mu > 0.0 else g * half * slender
-        bars[B_VER + j] += g * half * slender if mu > 0.0 else -g * half
-        parts[n, G_INERTIA] += bars[SEED_M + j]
-        if mu > 0.0:
-            parts[n, G_HALF] += g * (s - slender * (1.0 - v))
-            parts[n, G_SLENDER] -= g * half * (1.0 - v)
-        else:
-            parts[n, G_HALF] += g * (slender * s - v)
-            parts[n, G_SLENDER] += g * half * s
+            lean_back(bars, above, here, count, ring, i, mu, False)
+    elif ring[i, STATE] == TIP:
+        lean_free_back(bars, above, here, count, ring, i, True)
+    else:
+        lean_free_back(bars, above, here, count, ring, i, False)
 
 
 @numba.njit(**_JIT)
-def ride_back(lanes, bars, trail, ring, tape, u_bar, t_bar, m_bar, mu, gravity, parts, whole):
-    """One interval in reverse.
+def lead_back(bars, first, count, ring, n, mu):
+    """`lead` in reverse; `first` are the lanes at the leader."""
+    half, slender = ring[n, HALF_WEIGHT], ring[n, SLENDER]
+    for j in range(count):
+        s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
+        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = 0.0, 0.0, 0.0
+        bars[B_INERTIA + j] = bars[SEED_M + j]
+        if mu > 0.0:
+            bars[B_SIN + j] += g * half
+            bars[B_VER + j] += g * half * slender
+            bars[B_HALF + j] = g * (s - slender * (1.0 - v))
+            bars[B_SLENDER + j] = -g * half * (1.0 - v)
+        else:
+            bars[B_SIN + j] += g * half * slender
+            bars[B_VER + j] -= g * half
+            bars[B_HALF + j] = g * (slender * s - v)
+            bars[B_SLENDER + j] = g * half * s
 
-    u_bar, t_bar, m_bar: of u and M at its end, and of its time.
-    Returns bars of u at its start, of its first and of its last angle.
+
+@numba.njit(**_JIT)
+def no_bars(bars, count):
+    for j in range(count):
+        bars[B_SIN + j], bars[B_VER + j] = 0.0, 0.0
+        bars[B_WGT + j], bars[B_JAC + j], bars[B_DRV + j] = 0.0, 0.0, 0.0
+        bars[B_MU + j] = 0.0
+
+
+@numba.njit(**_JIT)
+def angle_bar(bars, first, j):
+    """Bar of the angle of a lane."""
+    return (1.0 - first[VER + j]) * bars[B_SIN + j] + first[SIN + j] * bars[B_VER + j]
+
+
+@numba.njit(**_JIT)
+def stack_back(bars, count, ring, n, low, mu, trail, parts):
+    """Pull the seeds of the three sums back through the stack."""
+    no_bars(bars, count)
+    for i in range(low, n):
+        link_back(bars, trail[n - i - 1], trail[n - i], count, ring, i, mu)
+        gather(bars, count, parts[i])
+    lead_back(bars, trail[0], count, ring, n, mu)
+    gather(bars, count, parts[n])
+
+
+@numba.njit(**_JIT)
+def tabulate(bars, k, ring, n, low, mu, trail, table):
+    """What one unit of each seed adds to each part: for stacks that many falls share.
+
+    table[sum and lane, depth and part]; one depth more holds what it adds to the bars of the last
+    angle and of the friction.
     """
-    n, a, h, k, low, u0, x_low = int(tape[1]), tape[2], tape[3], int(tape[4]), int(tape[5]), tape[6], tape[7]  # noqa: E501  # fmt: skip
+    count, depth = ORDERS[k] + 2, n - low
+    table[:] = 0.0
+    for q in range(3):
+        for j in range(count):
+            bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
+            bars[SEED_M + q * PITCH + j] = 1.0
+        no_bars(bars, count)
+        for i in range(low, n + 1):
+            if i < n:
+                link_back(bars, trail[n - i - 1], trail[n - i], count, ring, i, mu)
+            else:
+                lead_back(bars, trail[0], count, ring, n, mu)
+            for j in range(count):
+                for c in range(6):
+                    table[q * PITCH + j, (n - i) * PARTS + c] = bars[B_PITCH + c * PITCH + j]
+        for j in range(count):
+            x, at = angle_bar(bars, trail[0], j), (depth + 1) * PARTS
+            table[q * PITCH + j, at] = PLACES[k, j] * x
+            table[q * PITCH + j, at + 1] = bars[B_MU + j] if mu > 0.0 else 0.0
+
+
+@numba.njit(**_JIT)
+def stack_back_again(bars, count, n, low, table, sums, parts, whole):
+    """`stack_back` by the table; returns the bar of the last angle."""
+    depth = n - low
+    size = (depth + 2) * PARTS
+    for x in range(size):
+        sums[x] = 0.0
+    for q in range(3):
+        for j in range(count):
+            seed, row = bars[SEED_M + q * PITCH + j], table[q * PITCH + j]
+            if seed != 0.0:
+                for x in range(size):
+                    sums[x] += seed * row[x]
+    for level in range(depth + 1):
+        for c in range(PARTS):
+            parts[n - level, c] += sums[level * PARTS + c]
+    at = (depth + 1) * PARTS
+    whole[G_FRICTION] += sums[at + 1]
+    return sums[at]
+
+
+@numba.njit(**_JIT)
+def ride_seeds(lanes, bars, tape, u_bar, t_bar, m_bar, mu, gravity, whole):
+    """The time and the map of one interval in reverse: seeds of M, G and D, from lanes that hold
+    its map.  Returns bars of u at its start and of its length.
+    """
+    h, k, u0, x_low = tape[3], int(tape[4]), tape[6], tape[7]
     end = ORDERS[k] + 1
-    count = spread(lanes, k, a, h)
-    retrace(lanes, count, ring, n, low, mu, trail)
-    affine_map(lanes, k, h, mu, gravity)
+    count = end + 1
     lanes[SPEED2] = u0
     for j in range(1, end + 1):
         lanes[SPEED2 + j] = lanes[MAP_E + j] * (u0 + lanes[MAP_U + j])
@@ -1660,7 +1731,7 @@ def ride_back(lanes, bars, trail, ring, tape, u_bar, t_bar, m_bar, mu, gravity, 
         lanes[SLOWNESS + j] = lanes[MAP_E + j] * x
         u0_bar += lanes[SLOWNESS + j]
     for j in range(count):
-        bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j], bars[B_MU + j] = 0.0, 0.0, 0.0, 0.0
+        bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
     if mu > 0.0:
         for i in range(1, end):
             r_bar = WEIGHTS[k, i - 1] * lanes[SLOWNESS + end]
@@ -1690,15 +1761,38 @@ def ride_back(lanes, bars, trail, ring, tape, u_bar, t_bar, m_bar, mu, gravity, 
             bars[SEED_G] -= bars[SEED_G + j]
             whole[G_GRAVITY] += lanes[MAP_U + j] / gravity * x
     bars[SEED_M + end] += m_bar
+    return u0_bar, h_bar
+
+
+@numba.njit(**_JIT)
+def trace(lanes, trail, ring, tape, mu, gravity):
+    """Sweep and map of an interval once more."""
+    n, k, h, low = int(tape[1]), int(tape[4]), tape[3], int(tape[5])
+    count = spread(lanes, k, tape[2], h)
+    retrace(lanes, count, ring, n, low, mu, trail)
+    affine_map(lanes, k, h, mu, gravity)
+
+
+@numba.njit(**_JIT)
+def ride_back(lanes, bars, trail, ring, tape, u_bar, t_bar, m_bar, mu, gravity, parts, whole):
+    """One interval in reverse.
+
+    u_bar, t_bar, m_bar: of u and M at its end, and of its time.
+    Returns bars of u at its start, of its first and of its last angle.
+    """
+    n, k, low = int(tape[1]), int(tape[4]), int(tape[5])
+    count = ORDERS[k] + 2
+    trace(lanes, trail, ring, tape, mu, gravity)
+    u0_bar, end_bar = ride_seeds(lanes, bars, tape, u_bar, t_bar, m_bar, mu, gravity, whole)
     stack_back(bars, count, ring, n, low, mu, trail, parts)
-    # the angles a + h x_j of the lanes
-    a_bar, end_bar = 0.0, h_bar
-    for j in range(count):
-        x = (1.0 - trail[0, VER + j]) * bars[B_SIN + j] + trail[0, SIN + j] * bars[B_VER + j]
-        a_bar += x
+    first_bar = 0.0
+    for j in range(count):  # the angles a + h x_j of the lanes
+        x = angle_bar(bars, trail[0], j)
+        first_bar += x
         end_bar += PLACES[k, j] * x
-        whole[G_FRICTION] += bars[B_MU + j]
-    return u0_bar, a_bar - end_bar, end_bar
+        if mu > 0.0:
+            whole[G_FRICTION] += bars[B_MU + j]
+    return u0_bar, first_bar - end_bar, end_bar
 
 
 @numba.njit(**_JIT)
@@ -1714,10 +1808,10 @@ def mass_back(lanes, bars, trail, ring, n, low, angle, m_bar, mu, parts, whole):
     """M of the stack at one angle in reverse; returns the bar of the angle."""
     lanes[SIN], lanes[VER] = pose(angle)
     retrace(lanes, 1, ring, n, low, mu, trail)
-    bars[SEED_M], bars[SEED_G], bars[SEED_D], bars[B_MU] = m_bar, 0.0, 0.0, 0.0
+    bars[SEED_M], bars[SEED_G], bars[SEED_D] = m_bar, 0.0, 0.0
     stack_back(bars, 1, ring, n, low, mu, trail, parts)
     whole[G_FRICTION] += bars[B_MU]
-    return (1.0 - trail[0, VER]) * bars[B_SIN] + trail[0, SIN] * bars[B_VER]
+    return angle_bar(bars, trail[0], 0)
 
 
 @numba.njit(**_JIT)
@@ -1798,12 +1892,11 @@ def flush_back(trail, ring, n, low, angle, u_bar, u, mu, parts, whole):
         parts[i, G_THICK] += d_bar
         whole[G_FRICTION] += mu_bar
     parts[n, G_INERTIA] += before_bar + after_bar
-    angle_bar = (1.0 - trail[0, VER]) * s_bar + trail[0, SIN] * v_bar
-    return keep * keep * u_bar, angle_bar
+    return keep * keep * u_bar, (1.0 - trail[0, VER]) * s_bar + trail[0, SIN] * v_bar
 
 
 @numba.njit(**_JIT)
-def switch_back(trail, ring, tape, angle_bar, mu, parts):
+def switch_back(trail, ring, tape, x_bar, mu, parts):
     """The angle of a switch in reverse, by the implicit function theorem: at that angle 1 - cos
     θ_{i+1} is what the link waits for."""
     n, due_link, flushes = int(tape[1]), int(tape[3]), tape[4] == 1.0
@@ -1817,7 +1910,7 @@ def switch_back(trail, ring, tape, angle_bar, mu, parts):
     rate = s * jac
     if abs(rate) < TINY:
         return  # the link stands still: no angle is the answer, and this one is kept
-    due_bar = angle_bar / rate
+    due_bar = x_bar / rate
     p_l, s_l, d_l = ring[due_link, P_L], ring[due_link, S_L], ring[due_link, D_L]
     if flushes:  # s / p
         parts[due_link, G_GAP] += due_bar / p_l
@@ -1847,12 +1940,14 @@ AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # what an interval ends at
 
 
 @numba.njit(**_JIT)
-def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, parts, whole):
+def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole):
     """Walk the tape back, gathering bars in `parts` and `whole`; returns the bar of the first u.
 
     ring: all dominoes and links, in the states of the end.
+    table: room for what the falls of a uniform row share; empty for others.
     """
     u_bar, m_bar, t_bar = 0.0, 0.0, 0.0
+    held_rule, held_depth, sums = -1, -1, np.empty(table.shape[1])
     edge, edge_bar, edge_row = AT_SPLIT, 0.0, 0
     counted = len(arrival_bar)
     last_hit = used - 1
@@ -1895,9 +1990,24 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, parts
                 switch_back(trail, ring, row, edge_bar, mu, parts)
                 edge, edge_bar = AT_SPLIT, 0.0
         else:
-            u_bar, start_bar, end_bar = ride_back(
-                lanes, bars, trail, ring, row, u_bar, t_bar, m_bar, mu, gravity, parts, whole
-            )
+            k, depth = int(row[4]), n - int(row[5])
+            if len(table) > 0 and depth < n and edge == AT_HIT and row[2] == 0.0:
+                if k != held_rule or depth != held_depth:
+                    trace(lanes, trail, ring, row, mu, gravity)
+                    tabulate(bars, k, ring, n, n - depth, mu, trail, table)
+                    held_rule, held_depth = k, depth
+                u_bar, end_bar = ride_seeds(
+                    lanes, bars, row, u_bar, t_bar, m_bar, mu, gravity, whole
+                )
+                end_bar += stack_back_again(
+                    bars, ORDERS[k] + 2, n, n - depth, table, sums, parts, whole
+                )
+                start_bar = 0.0  # a fall starts upright, always
+            else:
+                held_rule = -1
+                u_bar, start_bar, end_bar = ride_back(
+                    lanes, bars, trail, ring, row, u_bar, t_bar, m_bar, mu, gravity, parts, whole
+                )
             edge_bar += end_bar
             if edge == AT_HIT:  # sin θ = s
                 parts[n, G_GAP] += edge_bar / math.sqrt(ring[n, REST] * (1.0 + ring[n, S_L]))
@@ -1934,7 +2044,12 @@ def pull(
     lanes, bars = np.zeros(LANE_ROWS * PITCH), np.zeros(BAR_ROWS * PITCH)
     trail, parts = np.empty((depth + 2, 5 * PITCH)), np.zeros((count, PARTS))
     whole[:] = 0.0
-    u_bar = rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, parts, whole)
+    table = np.empty((0, 0))
+    if count > 3 and is_uniform(spacing, thickness, height, density):
+        table = np.empty((3 * PITCH, (depth + 2) * PARTS))
+    u_bar = rewind(
+        tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole
+    )
     whole[G_PUSH] = 2.0 * push * u_bar
     bodies_bar[:] = 0.0
     for i in range(count):
