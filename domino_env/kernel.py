@@ -1451,3 +1451,266 @@ def diagnose_chain(spacing, thickness, height, density, mu, gravity, push, rtol,
         stack_geometry(ring, mask, n + 1, low, 0.0, mu, height, geo, False)
         contact_impulses(ring, mask, n + 1, low, geo, came, went, found, D_HIT)
     return PROPAGATED, count - 1
+
+
+# --- The environment: one domino a step, all rows of a batch in one call --------------------------
+# What a row remembers between two steps, besides its ring and its state: dominoes placed after the
+# first, last pivot [m], sum of the rewards paid (what was given at reset counts as paid), phase,
+# and once it is over: why, how far it came, its score, and whether `solve` has to be asked again.
+B_PLACED, B_WAY, B_PAID, B_PHASE, B_OUTCOME, B_REACH, B_SCORE, B_DOUBT = range(8)
+BOOK_SIZE = 8
+IDLE, RUNS, OVER = 0.0, 1.0, 2.0
+
+# The rules that all rows share: physics, the speed to lead against and the score to beat [m/s],
+# course length (0: free), bounds [m], the height that rewards and observations are scaled by [m],
+# whether single steps are paid, and how many dominoes are seen behind the front.
+(
+    G_FRICTION, G_GRAVITY, G_PUSH, G_RTOL, G_REFERENCE, G_UNIFORM, G_LENGTH,
+    G_GAP_LOW, G_GAP_HIGH, G_THICK_LOW, G_THICK_HIGH, G_UNIT, G_PAYS, G_WINDOW,
+) = range(14)  # fmt: skip
+RULES_SIZE = 14
+
+FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut off there
+LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
+
+
+@numba.njit(**_JIT)
+def between(action, low, high):
+    """The value that an action in [-1, 1] stands for; beyond them, the nearer bound."""
+    value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
+    return min(max(value, low), high)
+
+
+@numba.njit(**_JIT)
+def reachable(low, high, least, most):
+    """[low, high] narrowed to [least, most]; a single value where rounding leaves none."""
+    new_low, new_high = max(low, least), min(high, most)
+    if new_low > new_high:
+        middle = min(max(0.5 * (least + most), low), high)
+        return middle, middle
+    return new_low, new_high
+
+
+@numba.njit(**_JIT)
+def pitch_bounds(rules, pairs_left, way):
+    """Least and largest pitch of this pair from which the course length can still be met."""
+    low = rules[G_GAP_LOW] + rules[G_THICK_LOW]
+    high = rules[G_GAP_HIGH] + rules[G_THICK_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    left, after = rules[G_LENGTH] - way, pairs_left - 1
+    return left - after * high, left - after * low
+
+
+@numba.njit(**_JIT)
+def thickness_bounds(rules, pairs_left, way):
+    """Bounds of the next domino's thickness: some gap must still fit its pitch."""
+    low, high = rules[G_THICK_LOW], rules[G_THICK_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    least, most = pitch_bounds(rules, pairs_left, way)
+    return reachable(low, high, least - rules[G_GAP_HIGH], most - rules[G_GAP_LOW])
+
+
+@numba.njit(**_JIT)
+def gap_bounds(rules, pairs_left, way, thickness):
+    """Bounds of the next gap, once the thickness of the domino behind it is chosen."""
+    low, high = rules[G_GAP_LOW], rules[G_GAP_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    least, most = pitch_bounds(rules, pairs_left, way)
+    return reachable(low, high, least - thickness, most - thickness)
+
+
+@numba.njit(**_JIT)
+def choose(action, rules, pairs_left, way):
+    """Gap and thickness that an action stands for."""
+    thickness, gap = rules[G_THICK_LOW], rules[G_GAP_LOW]
+    if rules[G_THICK_LOW] < rules[G_THICK_HIGH]:
+        low, high = thickness_bounds(rules, pairs_left, way)
+        thickness = between(action[len(action) - 1], low, high)
+    if rules[G_GAP_LOW] < rules[G_GAP_HIGH]:
+        low, high = gap_bounds(rules, pairs_left, way, thickness)
+        gap = between(action[0], low, high)
+    return gap, thickness
+
+
+@numba.njit(**_JIT)
+def open_row(rules, ring, state, book, thickness, height, density):
+    """The first domino stands and has been pushed."""
+    begin(state, rules[G_PUSH])
+    stand(ring, len(ring) - 1, 0, height[0], thickness[0], density[0])
+    state[KAPPA] = heaviest_force(height[0], thickness[0])
+    book[:] = 0.0
+    book[B_PHASE] = RUNS
+
+
+@numba.njit(**_JIT)
+def next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density):
+    """Domino n+1 is placed and leader n falls, as in `chain`."""
+    mask = len(ring) - 1
+    strikes = False
+    if n + 1 < len(thickness):
+        d = thickness[n + 1]
+        strikes = spacing[n] < height[n]
+        stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
+        join(ring, mask, n, height[n], spacing[n], d)
+        state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
+    if n % 4 == 0 and n > 0:
+        renew_tails(ring, mask, max(n - 1 - int(state[DEPTH]), 0, n - mask), n)
+    elif n > 0:
+        ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+    outcome = step(
+        lanes, ring, mask, n, strikes, rules[G_FRICTION], rules[G_GRAVITY], rules[G_RTOL], state,
+        False,
+    )  # fmt: skip
+    if outcome == PROPAGATED and not strikes and n + 1 < len(thickness):
+        return OUT_OF_REACH
+    return outcome
+
+
+@numba.njit(**_JIT)
+def close_row(rules, state, book, n, outcome, spacing, thickness, height, density):
+    """The wave has run through or died under leader n: what the row is worth."""
+    count = len(thickness)
+    book[B_PHASE], book[B_OUTCOME] = OVER, outcome
+    if outcome == PROPAGATED:
+        book[B_REACH] = 1.0
+        book[B_SCORE] = book[B_WAY] / state[TIME]
+        if state[WORST] > rules[G_RTOL] or is_uniform(spacing, thickness, height, density):
+            book[B_DOUBT] = 1.0
+    else:
+        book[B_REACH] = (n + state[PART]) / count
+        book[B_SCORE] = book[B_REACH] - 1.0
+        if n >= count - 2 and state[WORST] > rules[G_RTOL]:
+            book[B_DOUBT] = 1.0
+
+
+@numba.njit(**_JIT)
+def worth(score, uniform):
+    """The return of an episode: the gain over the best uniform row, in per cent."""
+    if uniform > 0.0:
+        return 100.0 * (score / uniform - 1.0)
+    return 100.0 * (score - uniform) / max(-uniform, 1e-9)
+
+
+@numba.njit(**_JIT)
+def place_next(rules, lanes, ring, state, book, spacing, thickness, height, density):
+    """Let the leader fall on the domino just laid down in spacing and thickness; returns the
+    lead gained over a wave at the reference speed, in heights."""
+    n = int(book[B_PLACED])
+    count = len(thickness)
+    pitch = spacing[n] + thickness[n + 1]
+    book[B_PLACED] = n + 1.0
+    book[B_WAY] += pitch
+    outcome = next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density)
+    lead = (pitch - rules[G_REFERENCE] * state[FALL_TIME]) / rules[G_UNIT]
+    if outcome == PROPAGATED and n + 2 == count:  # the last domino falls free
+        n += 1
+        outcome = next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density)
+        if outcome == PROPAGATED:
+            close_row(rules, state, book, n, outcome, spacing, thickness, height, density)
+    if outcome != PROPAGATED:
+        close_row(rules, state, book, n, outcome, spacing, thickness, height, density)
+    return lead
+
+
+@numba.njit(**_JIT)
+def observe(rules, progress, state, book, spacing, thickness, seen):
+    """Write what is seen of a row; the order of the entries is that of the environment's page."""
+    placed, way, unit = int(book[B_PLACED]), book[B_WAY], rules[G_UNIT]
+    dead = book[B_PHASE] == OVER and book[B_OUTCOME] != PROPAGATED
+    front = 0.0 if dead else math.sqrt(state[U] * unit / rules[G_GRAVITY])
+    lead = (way - rules[G_REFERENCE] * state[TIME]) / (unit * LEAD_UNIT)
+    speed = way / (state[TIME] * rules[G_REFERENCE]) - 1.0 if state[TIME] > 0.0 else 0.0
+    seen[0] = min(front, FRONT_LIMIT)
+    seen[1] = min(max(lead, -LEAD_LIMIT), LEAD_LIMIT)
+    seen[2] = min(max(speed, -1.0), SPEED_LIMIT)
+    at = 3
+    if rules[G_LENGTH] > 0.0:
+        left = max(rules[G_LENGTH] - way, 0.0)
+        pairs = len(spacing) - placed
+        least = rules[G_GAP_LOW] + rules[G_THICK_LOW]
+        most = rules[G_GAP_HIGH] + rules[G_THICK_HIGH]
+        mean = 2.0 * (left / pairs - least) / (most - least) - 1.0 if pairs > 0 else 0.0
+        seen[at] = min(left / rules[G_LENGTH], 1.0)
+        seen[at + 1] = min(max(mean, -1.0), 1.0)
+        at += 2
+    window = int(rules[G_WINDOW])
+    if rules[G_GAP_LOW] < rules[G_GAP_HIGH]:
+        scale = 2.0 / (rules[G_GAP_HIGH] - rules[G_GAP_LOW])
+        for j in range(window):
+            i = placed - 1 - j
+            seen[at + j] = (
+                min(max(scale * (spacing[i] - rules[G_GAP_LOW]) - 1.0, -1.0), 1.0)
+                if i >= 0
+                else 0.0
+            )
+        at += window
+    if rules[G_THICK_LOW] < rules[G_THICK_HIGH]:
+        scale = 2.0 / (rules[G_THICK_HIGH] - rules[G_THICK_LOW])
+        for j in range(window):
+            i = placed - j
+            x = scale * (thickness[i] - rules[G_THICK_LOW]) - 1.0
+            seen[at + j] = min(max(x, -1.0), 1.0) if i > 0 else 0.0
+        at += window
+    for j in range(progress.shape[1]):
+        seen[at + j] = progress[placed, j]
+
+
+@numba.njit(**_JIT)
+def reset_rows(
+    first, last, rules, progress, rings, states, books, spacing, thickness, height, density, chosen,
+    given, seen,
+):  # fmt: skip
+    """Begin anew in the rows that are chosen, with the first `given` gaps as they are laid down.
+
+    A row whose wave does not get past what is given is OVER afterwards.
+    """
+    lanes = np.zeros(LANE_ROWS * PITCH)
+    for b in range(first, last):
+        if not chosen[b]:
+            continue
+        h, rho = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
+        open_row(rules, rings[b], states[b], books[b], thickness[b], h, rho)
+        for _ in range(given[b]):
+            lead = place_next(
+                rules, lanes, rings[b], states[b], books[b], spacing[b], thickness[b], h, rho
+            )
+            books[b, B_PAID] += lead * rules[G_PAYS]
+            if books[b, B_PHASE] == OVER:
+                break
+        observe(rules, progress, states[b], books[b], spacing[b], thickness[b], seen[b])
+
+
+@numba.njit(**_JIT)
+def step_rows(
+    first, last, rules, progress, rings, states, books, spacing, thickness, height, density,
+    actions, seen, rewards, ended,
+):  # fmt: skip
+    """One step of those rows first … last - 1 that run; returns how many episodes have ended.
+
+    actions: (B, A); seen: (B, O) observations; rewards: (B,); ended: (B,) booleans.  Of rows that
+    are over, only rewards (0) and ended (False) are written.
+    """
+    lanes = np.zeros(LANE_ROWS * PITCH)
+    number = 0
+    for b in range(first, last):
+        state, book = states[b], books[b]
+        rewards[b], ended[b] = 0.0, False
+        if book[B_PHASE] != RUNS:
+            continue
+        h, rho = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
+        n = int(book[B_PLACED])
+        gap, thick = choose(actions[b], rules, spacing.shape[1] - n, book[B_WAY])
+        spacing[b, n], thickness[b, n + 1] = gap, thick
+        lead = place_next(rules, lanes, rings[b], state, book, spacing[b], thickness[b], h, rho)
+        if book[B_PHASE] == OVER:
+            rewards[b] = worth(book[B_SCORE], rules[G_UNIFORM]) - book[B_PAID]
+            ended[b] = True
+            number += 1
+        else:
+            rewards[b] = lead * rules[G_PAYS]
+            book[B_PAID] += rewards[b]
+        observe(rules, progress, state, book, spacing[b], thickness[b], seen[b])
+    return number
