@@ -1387,9 +1387,9 @@ BAR_ROWS = 15
 
 # What is gathered of each domino: derivatives with respect to p, s, d of its link (units of L_i),
 # to its inertia, half weight and slenderness; and of the chain. In the order of B_PITCH and so on.
-G_PITCH, G_GAP, G_THICK, G_INERTIA, G_HALF, G_SLENDER = range(6)
+PART_PITCH, PART_GAP, PART_THICK, PART_INERTIA, PART_HALF, PART_SLENDER = range(6)
 PARTS = 8  # two unused, for the vectors' sake
-G_FRICTION, G_GRAVITY, G_PUSH = range(3)
+WHOLE_FRICTION, WHOLE_GRAVITY, WHOLE_PUSH = range(3)
 
 FLUSHING = 3.0  # a link at the instant of its flush: tip contact before, corner contact after
 
@@ -1556,12 +1556,12 @@ def gather(bars, count, parts):
         inertia += bars[B_INERTIA + j]
         half += bars[B_HALF + j]
         slender += bars[B_SLENDER + j]
-    parts[G_PITCH] += p
-    parts[G_GAP] += s
-    parts[G_THICK] += d
-    parts[G_INERTIA] += inertia
-    parts[G_HALF] += half
-    parts[G_SLENDER] += slender
+    parts[PART_PITCH] += p
+    parts[PART_GAP] += s
+    parts[PART_THICK] += d
+    parts[PART_INERTIA] += inertia
+    parts[PART_HALF] += half
+    parts[PART_SLENDER] += slender
 
 
 @numba.njit(**_JIT)
@@ -1688,7 +1688,7 @@ def stack_back_again(bars, count, n, low, table, sums, parts, whole):
         for c in range(PARTS):
             parts[n - level, c] += sums[level * PARTS + c]
     at = (depth + 1) * PARTS
-    whole[G_FRICTION] += sums[at + 1]
+    whole[WHOLE_FRICTION] += sums[at + 1]
     return sums[at]
 
 
@@ -1739,7 +1739,7 @@ def ride_seeds(lanes, bars, tape, u_bar, t_bar, m_bar, mu, gravity, whole):
                 r_bar += RUNNING[k, i - 1, j - 1] * lanes[SLOWNESS + j]
             inv, rate = 1.0 / lanes[SUM_M + i], lanes[RATE + i]
             bars[SEED_G + i] = r_bar * 2.0 * gravity * h * inv / lanes[MAP_E + i]
-            whole[G_GRAVITY] += r_bar * rate / gravity
+            whole[WHOLE_GRAVITY] += r_bar * rate / gravity
             h_bar += r_bar * rate / h
             bars[SEED_M + i] = -r_bar * rate * inv
             lanes[COEF + i] = lanes[MAP_E + i] * lanes[SPEED2 + i] - r_bar * rate
@@ -1759,7 +1759,7 @@ def ride_seeds(lanes, bars, tape, u_bar, t_bar, m_bar, mu, gravity, whole):
             bars[SEED_G + j] = -2.0 * gravity / m0 * x
             bars[SEED_M] += (e_bar / lanes[SUM_M + j]) - lanes[MAP_U + j] / m0 * x
             bars[SEED_G] -= bars[SEED_G + j]
-            whole[G_GRAVITY] += lanes[MAP_U + j] / gravity * x
+            whole[WHOLE_GRAVITY] += lanes[MAP_U + j] / gravity * x
     bars[SEED_M + end] += m_bar
     return u0_bar, h_bar
 
@@ -1791,7 +1791,7 @@ def ride_back(lanes, bars, trail, ring, tape, u_bar, t_bar, m_bar, mu, gravity, 
         first_bar += x
         end_bar += PLACES[k, j] * x
         if mu > 0.0:
-            whole[G_FRICTION] += bars[B_MU + j]
+            whole[WHOLE_FRICTION] += bars[B_MU + j]
     return u0_bar, first_bar - end_bar, end_bar
 
 
@@ -1810,7 +1810,7 @@ def mass_back(lanes, bars, trail, ring, n, low, angle, m_bar, mu, parts, whole):
     retrace(lanes, 1, ring, n, low, mu, trail)
     bars[SEED_M], bars[SEED_G], bars[SEED_D] = m_bar, 0.0, 0.0
     stack_back(bars, 1, ring, n, low, mu, trail, parts)
-    whole[G_FRICTION] += bars[B_MU]
+    whole[WHOLE_FRICTION] += bars[B_MU]
     return angle_bar(bars, trail[0], 0)
 
 
@@ -1826,11 +1826,11 @@ def hit_back(ring, tape, u_bar, mu, parts, whole):
     keep = m / (m + other)
     keep_bar = 2.0 * keep * u * u_bar
     m_bar = keep_bar * other / ((m + other) * (m + other))
-    parts[n + 1, G_INERTIA] -= keep_bar * m / ((m + other) * (m + other))
+    parts[n + 1, PART_INERTIA] -= keep_bar * m / ((m + other) * (m + other))
     up_bar, down_bar = m_end * m_bar / down, -m_end * m_bar * f / down
-    parts[n, G_THICK] -= mu * up_bar
-    parts[n, G_GAP] += mu * down_bar - s_l / cd * (up_bar + down_bar)
-    whole[G_FRICTION] += s_l * down_bar - d_l * up_bar
+    parts[n, PART_THICK] -= mu * up_bar
+    parts[n, PART_GAP] += mu * down_bar - s_l / cd * (up_bar + down_bar)
+    whole[WHOLE_FRICTION] += s_l * down_bar - d_l * up_bar
     return keep * keep * u_bar, f * m_bar
 
 
@@ -1867,7 +1867,7 @@ def flush_back(trail, ring, n, low, angle, u_bar, u, mu, parts, whole):
         p_l, s_l, rest, d_l = ring[i, P_L], ring[i, S_L], ring[i, REST], ring[i, D_L]
         seed = before_bar + (after_bar if i >= first else 0.0)
         w, jac = trail[n - i, WGT], trail[n - i, JAC]
-        parts[i, G_INERTIA] += seed * w * jac
+        parts[i, PART_INERTIA] += seed * w * jac
         w_bar += seed * ring[i, INERTIA] * jac
         jac_bar += seed * ring[i, INERTIA] * w
         s, v, w, jac = trail[n - i - 1, SIN], trail[n - i - 1, VER], trail[n - i - 1, WGT], trail[n - i - 1, JAC]  # noqa: E501  # fmt: skip
@@ -1887,11 +1887,11 @@ def flush_back(trail, ring, n, low, angle, u_bar, u, mu, parts, whole):
                 )
                 s_bar, v_bar, p_bar, gap_bar, d_bar = s_bar + s_2, v_bar + v_2, p_bar + p_2, gap_bar + gap_2, d_bar + d_2  # noqa: E501  # fmt: skip
         w_bar, jac_bar = w_bar * ratio, jac_bar * omega
-        parts[i, G_PITCH] += p_bar
-        parts[i, G_GAP] += gap_bar
-        parts[i, G_THICK] += d_bar
-        whole[G_FRICTION] += mu_bar
-    parts[n, G_INERTIA] += before_bar + after_bar
+        parts[i, PART_PITCH] += p_bar
+        parts[i, PART_GAP] += gap_bar
+        parts[i, PART_THICK] += d_bar
+        whole[WHOLE_FRICTION] += mu_bar
+    parts[n, PART_INERTIA] += before_bar + after_bar
     return keep * keep * u_bar, (1.0 - trail[0, VER]) * s_bar + trail[0, SIN] * v_bar
 
 
@@ -1913,12 +1913,12 @@ def switch_back(trail, ring, tape, x_bar, mu, parts):
     due_bar = x_bar / rate
     p_l, s_l, d_l = ring[due_link, P_L], ring[due_link, S_L], ring[due_link, D_L]
     if flushes:  # s / p
-        parts[due_link, G_GAP] += due_bar / p_l
-        parts[due_link, G_PITCH] -= due_bar * s_l / (p_l * p_l)
+        parts[due_link, PART_GAP] += due_bar / p_l
+        parts[due_link, PART_PITCH] -= due_bar * s_l / (p_l * p_l)
     else:  # (1 - s²) / 2pd
-        parts[due_link, G_GAP] -= due_bar * s_l / (p_l * d_l)
-        parts[due_link, G_PITCH] -= due_bar * ring[due_link, V_RELEASE] / p_l
-        parts[due_link, G_THICK] -= due_bar * ring[due_link, V_RELEASE] / d_l
+        parts[due_link, PART_GAP] -= due_bar * s_l / (p_l * d_l)
+        parts[due_link, PART_PITCH] -= due_bar * ring[due_link, V_RELEASE] / p_l
+        parts[due_link, PART_THICK] -= due_bar * ring[due_link, V_RELEASE] / d_l
     s_bar, v_bar = 0.0, -due_bar
     for i in range(due_link + 1, n):
         p_l, s_l, rest, d_l = ring[i, P_L], ring[i, S_L], ring[i, REST], ring[i, D_L]
@@ -1931,9 +1931,9 @@ def switch_back(trail, ring, tape, x_bar, mu, parts):
             s_bar, v_bar, p_bar, gap_bar, d_bar, _, _, _, _ = corner_back(
                 s, v, p_l, s_l, d_l, mu, s_bar, v_bar, 0.0, 0.0, 0.0
             )
-        parts[i, G_PITCH] += p_bar
-        parts[i, G_GAP] += gap_bar
-        parts[i, G_THICK] += d_bar
+        parts[i, PART_PITCH] += p_bar
+        parts[i, PART_GAP] += gap_bar
+        parts[i, PART_THICK] += d_bar
 
 
 AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # what an interval ends at
@@ -1961,7 +1961,7 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
             struck, low = int(tape[edge_row, 1]), int(tape[edge_row, 2])
             b = fall_angle(ring, -1, struck, True)
             x_bar = mass_back(lanes, bars, trail, ring, struck, low, b, m_bar, mu, parts, whole)
-            parts[struck, G_GAP] += x_bar / math.cos(b)
+            parts[struck, PART_GAP] += x_bar / math.cos(b)
             m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
         if kind == FLIP:
             ring[n, STATE] = TIP
@@ -2010,7 +2010,7 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
                 )
             edge_bar += end_bar
             if edge == AT_HIT:  # sin θ = s
-                parts[n, G_GAP] += edge_bar / math.sqrt(ring[n, REST] * (1.0 + ring[n, S_L]))
+                parts[n, PART_GAP] += edge_bar / math.sqrt(ring[n, REST] * (1.0 + ring[n, S_L]))
             elif edge == AT_SWITCH:
                 switch_back(trail, ring, tape[edge_row], edge_bar, mu, parts)
             edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
@@ -2050,11 +2050,11 @@ def pull(
     u_bar = rewind(
         tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole
     )
-    whole[G_PUSH] = 2.0 * push * u_bar
+    whole[WHOLE_PUSH] = 2.0 * push * u_bar
     bodies_bar[:] = 0.0
     for i in range(count):
         length, d, rho = height[i], thickness[i], density[i]
-        inertia_bar, half_bar, slender_bar = parts[i, G_INERTIA], parts[i, G_HALF], parts[i, G_SLENDER]  # noqa: E501  # fmt: skip
+        inertia_bar, half_bar, slender_bar = parts[i, PART_INERTIA], parts[i, PART_HALF], parts[i, PART_SLENDER]  # noqa: E501  # fmt: skip
         square = (length * length + d * d) / 3.0
         bodies_bar[0, i] += (
             rho * length * (square + 2.0 * d * d / 3.0) * inertia_bar
@@ -2068,7 +2068,7 @@ def pull(
         )
         bodies_bar[2, i] = length * d * (square * inertia_bar + 0.5 * length * half_bar)
         if i + 1 < count:
-            p_bar, s_bar, d_bar = parts[i, G_PITCH], parts[i, G_GAP], parts[i, G_THICK]
+            p_bar, s_bar, d_bar = parts[i, PART_PITCH], parts[i, PART_GAP], parts[i, PART_THICK]
             gap_bar[i] = (p_bar + s_bar) / length
             bodies_bar[0, i + 1] += (p_bar + d_bar) / length
             bodies_bar[1, i] -= (
@@ -2311,3 +2311,266 @@ def diagnose_chain(spacing, thickness, height, density, mu, gravity, push, rtol,
         stack_geometry(ring, mask, n + 1, low, 0.0, mu, height, geo, False)
         contact_impulses(ring, mask, n + 1, low, geo, came, went, found, D_HIT)
     return PROPAGATED, count - 1
+
+
+# --- The environment: one domino a step, all rows of a batch in one call --------------------------
+# What a row remembers between two steps, besides its ring and its state: dominoes placed after the
+# first, last pivot [m], sum of the rewards paid (what was given at reset counts as paid), phase,
+# and once it is over: why, how far it came, its score, and whether `solve` has to be asked again.
+B_PLACED, B_WAY, B_PAID, B_PHASE, B_OUTCOME, B_REACH, B_SCORE, B_DOUBT = range(8)
+BOOK_SIZE = 8
+IDLE, RUNS, OVER = 0.0, 1.0, 2.0
+
+# The rules that all rows share: physics, the speed to lead against and the score to beat [m/s],
+# course length (0: free), bounds [m], the height that rewards and observations are scaled by [m],
+# whether single steps are paid, and how many dominoes are seen behind the front.
+(
+    G_FRICTION, G_GRAVITY, G_PUSH, G_RTOL, G_REFERENCE, G_UNIFORM, G_LENGTH,
+    G_GAP_LOW, G_GAP_HIGH, G_THICK_LOW, G_THICK_HIGH, G_UNIT, G_PAYS, G_WINDOW,
+) = range(14)  # fmt: skip
+RULES_SIZE = 14
+
+FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut off there
+LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
+
+
+@numba.njit(**_JIT)
+def between(action, low, high):
+    """The value that an action in [-1, 1] stands for; beyond them, the nearer bound."""
+    value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
+    return min(max(value, low), high)
+
+
+@numba.njit(**_JIT)
+def reachable(low, high, least, most):
+    """[low, high] narrowed to [least, most]; a single value where rounding leaves none."""
+    new_low, new_high = max(low, least), min(high, most)
+    if new_low > new_high:
+        middle = min(max(0.5 * (least + most), low), high)
+        return middle, middle
+    return new_low, new_high
+
+
+@numba.njit(**_JIT)
+def pitch_bounds(rules, pairs_left, way):
+    """Least and largest pitch of this pair from which the course length can still be met."""
+    low = rules[G_GAP_LOW] + rules[G_THICK_LOW]
+    high = rules[G_GAP_HIGH] + rules[G_THICK_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    left, after = rules[G_LENGTH] - way, pairs_left - 1
+    return left - after * high, left - after * low
+
+
+@numba.njit(**_JIT)
+def thickness_bounds(rules, pairs_left, way):
+    """Bounds of the next domino's thickness: some gap must still fit its pitch."""
+    low, high = rules[G_THICK_LOW], rules[G_THICK_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    least, most = pitch_bounds(rules, pairs_left, way)
+    return reachable(low, high, least - rules[G_GAP_HIGH], most - rules[G_GAP_LOW])
+
+
+@numba.njit(**_JIT)
+def gap_bounds(rules, pairs_left, way, thickness):
+    """Bounds of the next gap, once the thickness of the domino behind it is chosen."""
+    low, high = rules[G_GAP_LOW], rules[G_GAP_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    least, most = pitch_bounds(rules, pairs_left, way)
+    return reachable(low, high, least - thickness, most - thickness)
+
+
+@numba.njit(**_JIT)
+def choose(action, rules, pairs_left, way):
+    """Gap and thickness that an action stands for."""
+    thickness, gap = rules[G_THICK_LOW], rules[G_GAP_LOW]
+    if rules[G_THICK_LOW] < rules[G_THICK_HIGH]:
+        low, high = thickness_bounds(rules, pairs_left, way)
+        thickness = between(action[len(action) - 1], low, high)
+    if rules[G_GAP_LOW] < rules[G_GAP_HIGH]:
+        low, high = gap_bounds(rules, pairs_left, way, thickness)
+        gap = between(action[0], low, high)
+    return gap, thickness
+
+
+@numba.njit(**_JIT)
+def open_row(rules, ring, state, book, thickness, height, density):
+    """The first domino stands and has been pushed."""
+    begin(state, rules[G_PUSH])
+    stand(ring, len(ring) - 1, 0, height[0], thickness[0], density[0])
+    state[KAPPA] = heaviest_force(height[0], thickness[0])
+    book[:] = 0.0
+    book[B_PHASE] = RUNS
+
+
+@numba.njit(**_JIT)
+def next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density):
+    """Domino n+1 is placed and leader n falls, as in `chain`."""
+    mask = len(ring) - 1
+    strikes = False
+    if n + 1 < len(thickness):
+        d = thickness[n + 1]
+        strikes = spacing[n] < height[n]
+        stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
+        join(ring, mask, n, height[n], spacing[n], d)
+        state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
+    if n % 4 == 0 and n > 0:
+        renew_tails(ring, mask, max(n - 1 - int(state[DEPTH]), 0, n - mask), n)
+    elif n > 0:
+        ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+    outcome = step(
+        lanes, ring, mask, n, strikes, rules[G_FRICTION], rules[G_GRAVITY], rules[G_RTOL], state,
+        False, ring[:0],
+    )  # fmt: skip
+    if outcome == PROPAGATED and not strikes and n + 1 < len(thickness):
+        return OUT_OF_REACH
+    return outcome
+
+
+@numba.njit(**_JIT)
+def close_row(rules, state, book, n, outcome, spacing, thickness, height, density):
+    """The wave has run through or died under leader n: what the row is worth."""
+    count = len(thickness)
+    book[B_PHASE], book[B_OUTCOME] = OVER, outcome
+    if outcome == PROPAGATED:
+        book[B_REACH] = 1.0
+        book[B_SCORE] = book[B_WAY] / state[TIME]
+        if state[WORST] > rules[G_RTOL] or is_uniform(spacing, thickness, height, density):
+            book[B_DOUBT] = 1.0
+    else:
+        book[B_REACH] = (n + state[PART]) / count
+        book[B_SCORE] = book[B_REACH] - 1.0
+        if n >= count - 2 and state[WORST] > rules[G_RTOL]:
+            book[B_DOUBT] = 1.0
+
+
+@numba.njit(**_JIT)
+def worth(score, uniform):
+    """The return of an episode: the gain over the best uniform row, in per cent."""
+    if uniform > 0.0:
+        return 100.0 * (score / uniform - 1.0)
+    return 100.0 * (score - uniform) / max(-uniform, 1e-9)
+
+
+@numba.njit(**_JIT)
+def place_next(rules, lanes, ring, state, book, spacing, thickness, height, density):
+    """Let the leader fall on the domino just laid down in spacing and thickness; returns the
+    lead gained over a wave at the reference speed, in heights."""
+    n = int(book[B_PLACED])
+    count = len(thickness)
+    pitch = spacing[n] + thickness[n + 1]
+    book[B_PLACED] = n + 1.0
+    book[B_WAY] += pitch
+    outcome = next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density)
+    lead = (pitch - rules[G_REFERENCE] * state[FALL_TIME]) / rules[G_UNIT]
+    if outcome == PROPAGATED and n + 2 == count:  # the last domino falls free
+        n += 1
+        outcome = next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density)
+        if outcome == PROPAGATED:
+            close_row(rules, state, book, n, outcome, spacing, thickness, height, density)
+    if outcome != PROPAGATED:
+        close_row(rules, state, book, n, outcome, spacing, thickness, height, density)
+    return lead
+
+
+@numba.njit(**_JIT)
+def observe(rules, progress, state, book, spacing, thickness, seen):
+    """Write what is seen of a row; the order of the entries is that of the environment's page."""
+    placed, way, unit = int(book[B_PLACED]), book[B_WAY], rules[G_UNIT]
+    dead = book[B_PHASE] == OVER and book[B_OUTCOME] != PROPAGATED
+    front = 0.0 if dead else math.sqrt(state[U] * unit / rules[G_GRAVITY])
+    lead = (way - rules[G_REFERENCE] * state[TIME]) / (unit * LEAD_UNIT)
+    speed = way / (state[TIME] * rules[G_REFERENCE]) - 1.0 if state[TIME] > 0.0 else 0.0
+    seen[0] = min(front, FRONT_LIMIT)
+    seen[1] = min(max(lead, -LEAD_LIMIT), LEAD_LIMIT)
+    seen[2] = min(max(speed, -1.0), SPEED_LIMIT)
+    at = 3
+    if rules[G_LENGTH] > 0.0:
+        left = max(rules[G_LENGTH] - way, 0.0)
+        pairs = len(spacing) - placed
+        least = rules[G_GAP_LOW] + rules[G_THICK_LOW]
+        most = rules[G_GAP_HIGH] + rules[G_THICK_HIGH]
+        mean = 2.0 * (left / pairs - least) / (most - least) - 1.0 if pairs > 0 else 0.0
+        seen[at] = min(left / rules[G_LENGTH], 1.0)
+        seen[at + 1] = min(max(mean, -1.0), 1.0)
+        at += 2
+    window = int(rules[G_WINDOW])
+    if rules[G_GAP_LOW] < rules[G_GAP_HIGH]:
+        scale = 2.0 / (rules[G_GAP_HIGH] - rules[G_GAP_LOW])
+        for j in range(window):
+            i = placed - 1 - j
+            seen[at + j] = (
+                min(max(scale * (spacing[i] - rules[G_GAP_LOW]) - 1.0, -1.0), 1.0)
+                if i >= 0
+                else 0.0
+            )
+        at += window
+    if rules[G_THICK_LOW] < rules[G_THICK_HIGH]:
+        scale = 2.0 / (rules[G_THICK_HIGH] - rules[G_THICK_LOW])
+        for j in range(window):
+            i = placed - j
+            x = scale * (thickness[i] - rules[G_THICK_LOW]) - 1.0
+            seen[at + j] = min(max(x, -1.0), 1.0) if i > 0 else 0.0
+        at += window
+    for j in range(progress.shape[1]):
+        seen[at + j] = progress[placed, j]
+
+
+@numba.njit(**_JIT)
+def reset_rows(
+    first, last, rules, progress, rings, states, books, spacing, thickness, height, density, chosen,
+    given, seen,
+):  # fmt: skip
+    """Begin anew in the rows that are chosen, with the first `given` gaps as they are laid down.
+
+    A row whose wave does not get past what is given is OVER afterwards.
+    """
+    lanes = np.zeros(LANE_ROWS * PITCH)
+    for b in range(first, last):
+        if not chosen[b]:
+            continue
+        h, rho = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
+        open_row(rules, rings[b], states[b], books[b], thickness[b], h, rho)
+        for _ in range(given[b]):
+            lead = place_next(
+                rules, lanes, rings[b], states[b], books[b], spacing[b], thickness[b], h, rho
+            )
+            books[b, B_PAID] += lead * rules[G_PAYS]
+            if books[b, B_PHASE] == OVER:
+                break
+        observe(rules, progress, states[b], books[b], spacing[b], thickness[b], seen[b])
+
+
+@numba.njit(**_JIT)
+def step_rows(
+    first, last, rules, progress, rings, states, books, spacing, thickness, height, density,
+    actions, seen, rewards, ended,
+):  # fmt: skip
+    """One step of those rows first … last - 1 that run; returns how many episodes have ended.
+
+    actions: (B, A); seen: (B, O) observations; rewards: (B,); ended: (B,) booleans.  Of rows that
+    are over, only rewards (0) and ended (False) are written.
+    """
+    lanes = np.zeros(LANE_ROWS * PITCH)
+    number = 0
+    for b in range(first, last):
+        state, book = states[b], books[b]
+        rewards[b], ended[b] = 0.0, False
+        if book[B_PHASE] != RUNS:
+            continue
+        h, rho = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
+        n = int(book[B_PLACED])
+        gap, thick = choose(actions[b], rules, spacing.shape[1] - n, book[B_WAY])
+        spacing[b, n], thickness[b, n + 1] = gap, thick
+        lead = place_next(rules, lanes, rings[b], state, book, spacing[b], thickness[b], h, rho)
+        if book[B_PHASE] == OVER:
+            rewards[b] = worth(book[B_SCORE], rules[G_UNIFORM]) - book[B_PAID]
+            ended[b] = True
+            number += 1
+        else:
+            rewards[b] = lead * rules[G_PAYS]
+            book[B_PAID] += rewards[b]
+        observe(rules, progress, state, book, spacing[b], thickness[b], seen[b])
+    return number
