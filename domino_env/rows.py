@@ -235,7 +235,7 @@ class Rows:
         spacing, thickness = self._spacing[rows], self._thickness[rows]
         doubtful = self.books[rows, kernel.B_DOUBT] > 0.0
         for i in np.flatnonzero(doubtful):
-            b = rows[int(i)]
+            b = rows[i]
             wave = simulate(
                 Layout(spacing[i], thickness[i], scene.height, scene.width, scene.density),
                 scene.physics,
@@ -248,13 +248,13 @@ class Rows:
         books = self.books[rows]
         scores = books[:, kernel.B_SCORE]
         layouts, waves, outcomes, gains = (np.empty(len(rows), object) for _ in range(4))
-        for i, book in enumerate(books.tolist()):
+        for j, book in enumerate(books.tolist()):
             placed = int(book[kernel.B_PLACED])
-            layout = LateLayout.of(scene, spacing[i, :placed], thickness[i, : placed + 1])
-            layouts[i] = layout
-            waves[i] = LateWave.of(layout, scene, self.rtol, book[kernel.B_REACH])
-            outcomes[i] = Outcome(int(book[kernel.B_OUTCOME]))
-            gains[i] = self._worth(book[kernel.B_SCORE]) / 100.0
+            layout = LateLayout.of(scene, spacing[j, :placed], thickness[j, : placed + 1])
+            layouts[j] = layout
+            waves[j] = LateWave.of(layout, scene, self.rtol, book[kernel.B_REACH])
+            outcomes[j] = Outcome(int(book[kernel.B_OUTCOME]))
+            gains[j] = self._worth(book[kernel.B_SCORE]) / 100.0
         return {
             "score": scores,
             "gain": gains.astype(np.float64),
