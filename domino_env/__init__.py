@@ -20,6 +20,7 @@ from domino_env.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
     from domino_env.forces import Diagnosis, diagnose
+    from domino_env.gradient import Gradient
     from domino_env.layout import Layout
     from domino_env.physics import Physics
     from domino_env.scene import Scene, UniformMark, load_scene, scene_names
@@ -37,6 +38,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Layout": "layout",
     "Physics": "physics",
+    "Gradient": "gradient",
     "Outcome": "wave",
     "Wave": "wave",
     "WaveBatch": "wave",
@@ -57,6 +59,7 @@ _HOMES = {
 
 __all__ = [
     "Diagnosis",
+    "Gradient",
     "Layout",
     "Outcome",
     "Physics",
