@@ -1235,6 +1235,21 @@ def record(out, n, outcome, state):
 
 
 @numba.njit(**_JIT)
+def lay(ring, mask, n, spacing, thickness, height, density, state):
+    """Make ready for the fall of leader n: the domino that it is to hit, and the bound on what
+    lies behind."""
+    if n + 1 < len(thickness):
+        d = thickness[n + 1]
+        stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
+        join(ring, mask, n, height[n], spacing[n], d)
+        state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
+    if n % 4 == 0 and n > 0:
+        renew_tails(ring, mask, max(n - 1 - int(state[DEPTH]), 0, n - mask), n)
+    elif n > 0:
+        ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+
+
+@numba.njit(**_JIT)
 def chain(
     spacing, thickness, height, density, mu, gravity, push, rtol, lanes, ring, state, deep, out,
     tape,
@@ -1270,16 +1285,8 @@ def chain(
             return ending(ring, mask, first, mu, state, outcome)
     for n in range(first, count):
         strikes = n + 1 < count and spacing[n] < height[n]
-        if n + 1 < count and mask > 0:
-            d = thickness[n + 1]
-            stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
-            join(ring, mask, n, height[n], spacing[n], d)
-            state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
         if mask > 0:
-            if n % 4 == 0 and n > 0:
-                renew_tails(ring, mask, max(n - 1 - int(state[DEPTH]), 0, n - mask), n)
-            elif n > 0:
-                ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+            lay(ring, mask, n, spacing, thickness, height, density, state)
         outcome = step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep, tape)
         if outcome == PROPAGATED and not strikes and n + 1 < count:
             outcome = OUT_OF_REACH
@@ -2430,23 +2437,14 @@ def open_row(rules, ring, state, book, thickness, height, density):
 @numba.njit(**_JIT)
 def next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density):
     """Domino n+1 is placed and leader n falls, as in `chain`."""
-    mask = len(ring) - 1
-    strikes = False
-    if n + 1 < len(thickness):
-        d = thickness[n + 1]
-        strikes = spacing[n] < height[n]
-        stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
-        join(ring, mask, n, height[n], spacing[n], d)
-        state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
-    if n % 4 == 0 and n > 0:
-        renew_tails(ring, mask, max(n - 1 - int(state[DEPTH]), 0, n - mask), n)
-    elif n > 0:
-        ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+    mask, count = len(ring) - 1, len(thickness)
+    strikes = n + 1 < count and spacing[n] < height[n]
+    lay(ring, mask, n, spacing, thickness, height, density, state)
     outcome = step(
         lanes, ring, mask, n, strikes, rules[G_FRICTION], rules[G_GRAVITY], rules[G_RTOL], state,
         False, ring[:0],
     )  # fmt: skip
-    if outcome == PROPAGATED and not strikes and n + 1 < len(thickness):
+    if outcome == PROPAGATED and not strikes and n + 1 < count:
         return OUT_OF_REACH
     return outcome
 
