@@ -5,7 +5,10 @@
     layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
     wave = de.simulate(layout, de.Physics(friction=0.25, push=8.0))
 
-Names load when they are first used, so that importing the package costs nothing.
+    env = gymnasium.make("DominoChain-v0", scene="sprint")
+
+Names load when they are first used, so that importing the package costs nothing.  All that
+importing does is to register the environments, where and when Gymnasium is loaded.
 """
 
 from __future__ import annotations
@@ -13,8 +16,11 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from domino_env.registration import register_with_gymnasium
+
 if TYPE_CHECKING:
     from domino_env.forces import Diagnosis, diagnose
+    from domino_env.gradient import Gradient
     from domino_env.layout import Layout
     from domino_env.physics import Physics
     from domino_env.scene import Scene, UniformMark, load_scene, scene_names
@@ -32,6 +38,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Layout": "layout",
     "Physics": "physics",
+    "Gradient": "gradient",
     "Outcome": "wave",
     "Wave": "wave",
     "WaveBatch": "wave",
@@ -52,6 +59,7 @@ _HOMES = {
 
 __all__ = [
     "Diagnosis",
+    "Gradient",
     "Layout",
     "Outcome",
     "Physics",
@@ -82,3 +90,6 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
+
+
+register_with_gymnasium()

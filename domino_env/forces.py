@@ -63,9 +63,7 @@ def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
 
     Dominoes more than 400 behind the leader are taken to lie still.
     """
-    size = 2
-    while size < min(layout.count + 1, kernel.RING_ROWS):
-        size *= 2
+    size = kernel.ring_size(layout.count)
     found = np.full((layout.count, kernel.D_COLUMNS), np.nan)
     found[:, [kernel.D_FORCE, kernel.D_HIT, kernel.D_FLUSH, kernel.D_LOAD]] = np.inf
     found[:, kernel.D_FLOOR] = -np.inf

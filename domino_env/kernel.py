@@ -26,7 +26,20 @@ import math
 import numba
 import numpy as np
 
-from domino_env.quadrature import CLOSED, NODES, ORDERS, PLACES, RUNNING, TO_END, TO_START, WEIGHTS
+from domino_env.quadrature import (
+    CLOSED,
+    HIGH,
+    NODES,
+    ORDERS,
+    PLACES,
+    RECUR_0,
+    RECUR_Z,
+    RUNNING,
+    TO_END,
+    TO_START,
+    TOP,
+    WEIGHTS,
+)
 
 _JIT = {"cache": True, "nogil": True, "error_model": "numpy"}
 
@@ -46,7 +59,8 @@ LANE_ROWS = 15
 P_L, S_L, REST, D_L, V_FLUSH, V_RELEASE = 0, 1, 2, 3, 4, 5  # p, s, 1 - s, d; where states switch
 INERTIA, HALF_WEIGHT, SLENDER, STATE, TAIL, END_WEIGHT = 6, 7, 8, 9, 10, 11
 DUE = 12  # 1 - cos θ_{i+1} at which the link next switches
-RING_COLUMNS = 13
+NOTED = 13  # 1 if the tape knows that it turned corner
+RING_COLUMNS = 14
 TIP, CORNER, RELEASED = 0.0, 1.0, 2.0
 
 # The state of a chain between two falls.
@@ -57,7 +71,16 @@ U_IMPACT, FALL_TIME, M_END, CUT, WORST_ROUND, LAST_DUE = 20, 21, 22, 23, 24, 25
 COMPOSING, GAIN, OFFSET, NEED, NOISE = 26, 27, 28, 29, 30
 SWITCHED, W_BEFORE, W_AFTER = 31, 32, 33  # angle of the last switch, speeds around it
 # u = GAIN u_0 + OFFSET, u_0 > NEED
-STATE_SIZE = 34
+CREPT, TAPED = 34, 35  # where u was lowest if its time was taken in panels, else -1; rows of tape
+STATE_SIZE = 36
+
+# A tape remembers what a chain did, for those who ask for gradients. One row an event:
+# RIDE    leader, first angle, length, rule, lowest domino, u at the start, CREPT
+# SWITCH  leader, angle, link, 1 if it flushed, lowest domino, u before, number of flips that follow
+# FLIP    link that went from tip to corner since the last ride
+# HIT     leader, lowest domino, u before, M
+RIDE, SWITCH, FLIP, HIT_NEXT = 0.0, 1.0, 2.0, 3.0
+TAPE_COLUMNS = 8
 
 # What a record holds of each domino.
 OUT_ARRIVAL, OUT_RELEASE, OUT_IMPACT, OUT_MARGIN = 0, 1, 2, 3
@@ -193,6 +216,7 @@ def stand(ring, mask, i, height, thickness, density):
     ring[row, HALF_WEIGHT] = 0.5 * mass * height  # times gravity where it is used
     ring[row, SLENDER] = thickness / height
     ring[row, STATE] = TIP
+    ring[row, NOTED] = 0.0
     ring[row, TAIL] = ring[row, INERTIA]
     ring[row, END_WEIGHT] = 0.0
 
@@ -595,7 +619,7 @@ def series_at(lanes, count, x):
     dy, ddy = lanes[COEF + 1], 0.0
     for n in range(1, count - 1):
         f = 2 * n + 1.0
-        p2 = (f * z * p1 - n * p0) / (n + 1.0)
+        p2 = RECUR_Z[n] * (z * p1) - RECUR_0[n] * p0
         d2 = d0 + f * p1
         c2 = c0 + f * d1
         a = lanes[COEF + n + 1]
@@ -647,9 +671,10 @@ def lowest_point(lanes, values, k):
         new = x - dy / ddy if ddy > 0.0 else 0.5 * (lo + hi)
         if not (lo <= new <= hi):
             new = 0.5 * (lo + hi)
-        if abs(new - x) <= 1e-15:
-            break
+        done = abs(new - x) <= 1e-9  # u is flat there: its error is the square of that
         x = new
+        if done:
+            break
     y, _, _ = series_at(lanes, count, x)
     return x, min(y, lanes[values + j])
 
@@ -676,20 +701,31 @@ def first_zero(lanes, values, k, x_low):
 
 
 @numba.njit(**_JIT)
-def slow_panel(lanes, count, x0, x1):
-    """∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u (COEF), ten nodes."""
+def slow_panel(lanes, count, x0, x1, moments):
+    """∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u (COEF), ten nodes.
+
+    moments, unless empty: gains ½∫ P_n(2x - 1) dx/u^(3/2).
+    """
     time, sens = 0.0, 0.0
     for j in range(10):
-        y, _, _ = series_at(lanes, count, x0 + (x1 - x0) * NODES[2, j])
+        x = x0 + (x1 - x0) * NODES[2, j]
+        y, _, _ = series_at(lanes, count, x)
         y = max(y, TINY)
         f = 1.0 / math.sqrt(y)
+        part = WEIGHTS[2, j] * 0.5 * f / y
         time += WEIGHTS[2, j] * f
-        sens += WEIGHTS[2, j] * 0.5 * f / y
+        sens += part
+        if len(moments) > 0:
+            z, p0, p1 = 2.0 * x - 1.0, 1.0, 2.0 * x - 1.0
+            moments[0] += part * (x1 - x0)
+            for n in range(1, count):
+                moments[n] += part * (x1 - x0) * p1
+                p0, p1 = p1, RECUR_Z[n] * (z * p1) - RECUR_0[n] * p0
     return time * (x1 - x0), sens * (x1 - x0)
 
 
 @numba.njit(**_JIT)
-def slow_time(lanes, count, x_low):
+def slow_time(lanes, count, x_low, moments):
     """The two integrals over [0, 1] when u nearly vanishes: panels that grow away from x_low.
 
     A panel spans the distance over which u changes by its own size, so each is easy and their
@@ -712,14 +748,50 @@ def slow_time(lanes, count, x_low):
             step = max(0.75 * step, 1e-12)
             if side == 1:
                 new = min(x + step, 1.0)
-                t, q = slow_panel(lanes, count, x, new)
+                t, q = slow_panel(lanes, count, x, new, moments)
             else:
                 new = max(x - step, 0.0)
-                t, q = slow_panel(lanes, count, new, x)
+                t, q = slow_panel(lanes, count, new, x, moments)
             time += t
             sens += q
             x = new
     return time, sens
+
+
+# --- The tape -------------------------------------------------------------------------------------
+@numba.njit(**_JIT)
+def note(tape, state, kind, c1, c2, c3, c4, c5, c6, c7):
+    """One more row of tape; where it is full, only counted."""
+    at = int(state[TAPED])
+    state[TAPED] += 1.0
+    if at < len(tape):
+        row = tape[at]
+        row[0], row[1], row[2], row[3], row[4] = kind, c1, c2, c3, c4
+        row[5], row[6], row[7] = c5, c6, c7
+
+
+@numba.njit(**_JIT)
+def note_flips(tape, ring, mask, n, low, state):
+    """Note the links that have turned corner unseen; returns how many."""
+    flips = 0
+    for i in range(low, n):
+        row = i & mask
+        if ring[row, STATE] == CORNER and ring[row, NOTED] == 0.0:
+            ring[row, NOTED] = 1.0
+            note(tape, state, FLIP, i, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            flips += 1
+    return flips
+
+
+@numba.njit(**_JIT)
+def note_switch(tape, ring, mask, n, due_link, low, angle, flushes, state):
+    """Note a switch, and the links that it has turned."""
+    at = int(state[TAPED])
+    flushed = 1.0 if flushes else 0.0
+    note(tape, state, SWITCH, n, angle, due_link, flushed, low, state[U], 0.0)
+    flips = note_flips(tape, ring, mask, n, low, state)
+    if at < len(tape):
+        tape[at, 7] = flips
 
 
 # --- One fall -------------------------------------------------------------------------------------
@@ -734,7 +806,8 @@ def order_for(state, h, tol):
         return 3
     rho = max(state[LOG_RHO] + math.log(state[LAST_H] / h), 0.35)
     need = 0.5 * math.log(1.0 / tol) / rho
-    for k in range(1, len(ORDERS)):
+    # A short interval tells little of what a much longer one holds: look with more than six nodes.
+    for k in range(2 if h > 4.0 * state[LAST_H] else 1, len(ORDERS)):
         if ORDERS[k] >= need:
             return k
     return len(ORDERS) - 1
@@ -776,7 +849,7 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         return DEAD
     for j in range(last + 1):
         lanes[SLOWNESS + j] = 1.0 / math.sqrt(lanes[SPEED2 + j])
-    t, sens, f_lo, f_hi = 0.0, 0.0, 0.0, 0.0
+    t, sens, f_lo, f_hi, f_high, f_top = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(1, last):
         f = lanes[SLOWNESS + j]
         w = WEIGHTS[k, j - 1] * f
@@ -784,26 +857,36 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         sens += 0.5 * w * f * f * lanes[MAP_E + j]
         f_lo += TO_START[k, j - 1] * f
         f_hi += TO_END[k, j - 1] * f
-    f_off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last]))
-    off = f_off / t
-    t_error = 2.0 * off * (f_off / math.sqrt(math.sqrt(math.sqrt(max(off, TINY)))) + rough * sens)
+        f_high += HIGH[k, j - 1] * f
+        f_top += TOP[k, j - 1] * f
+    off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
+    if k > 0:
+        # What is seen at the ends may be zero by chance; then the last two coefficients tell how
+        # large the first neglected ones are, if all decay like a power series.
+        high, top = abs(f_high) / t, abs(f_top) / t
+        root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
+        off = max(off, high * root, top * math.sqrt(math.sqrt(top)))
+    fine = off * t / math.sqrt(math.sqrt(math.sqrt(max(off, TINY))))
+    t_error = 2.0 * off * (fine + rough * sens)
     if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
         return ROUGH
+    state[CREPT] = -1.0
     if t_error > tol * t:
         if creep == RUN:
             return ROUGH
         if not known:
             series(lanes, SPEED2, k)
             x_low, u_low = lowest_point(lanes, SPEED2, k)
-        off = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
-        t_slow, sens_slow = slow_time(lanes, last + 1, x_low)
-        limit = off <= 64.0 * EPS * size + 8.0 * state[NOISE]  # no rule sees u more sharply
-        if not (off * sens_slow <= tol * t_slow or limit or last_resort):
+        left = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
+        t_slow, sens_slow = slow_time(lanes, last + 1, x_low, lanes[:0])
+        limit = left <= 64.0 * EPS * size + 8.0 * state[NOISE]  # no rule sees u more sharply
+        if not (left * sens_slow <= tol * t_slow or limit or last_resort):
             return ROUGH
-        t, sens, t_error = t_slow, sens_slow, off * sens_slow + 1e-14 * t_slow
+        t, sens, t_error = t_slow, sens_slow, left * sens_slow + 1e-14 * t_slow
+        state[CREPT] = x_low
         if limit:
             state[TIME_ROUND] += h * t_error
-    off = max(f_off / t, rough / size, 1e-15)
+    off = max(off, rough / size, 1e-15)
     state[LOG_RHO] = math.log(1.0 / min(off, 0.5)) / ORDERS[k]
     state[LAST_H] = h
     noise = 16.0 * EPS * size + state[NOISE]
@@ -866,7 +949,7 @@ def stack_at(lanes, ring, mask, n, angle, mu, tol, watch, state):
 
 
 @numba.njit(**_JIT)
-def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep):
+def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
     """Let leader n fall from angle a to b: u, time and their errors move on in `state`."""
     step, end, located, floor_order = b, b, False, 0
     due_link = n
@@ -894,7 +977,7 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep):
                 continue
             low = stack_at(lanes, ring, mask, n, a, mu, tol, TO_SWITCH, state)
         else:
-            done = ROUGH
+            done, came = ROUGH, state[U]
             ok, e_error, u_error, q_off, r_off = affine_map(lanes, k, h, mu, gravity)
             if ok and state[COMPOSING] > 0.0:
                 done = compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state)
@@ -917,13 +1000,19 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep):
                 step = 0.5 * h
                 located = False
                 continue
+            if len(tape) > 0:
+                note_flips(tape, ring, mask, n, low, state)
+                note(tape, state, RIDE, n, a, h, k, low, came, state[CREPT])
             floor_order = 0
             state[DEPTH] = n - low
             a = end
             step = max(step, 3.0 * h)
         if located:
             located, step = False, b
+            flushes = can_flush(ring, due_link & mask)
             keep = switch(ring, mask, n, due_link, low, end, mu, state)
+            if len(tape) > 0:
+                note_switch(tape, ring, mask, n, due_link, low, end, flushes, state)
             if not keep > 0.0:
                 state[ANGLE] = end
                 return JAMMED
@@ -994,7 +1083,7 @@ def heaviest_force(height, thickness):
 
 
 @numba.njit(**_JIT)
-def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep):
+def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep, tape):
     """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
     state[NOISE] = 8.0 * EPS * gravity * state[KAPPA]
     if state[COMPOSING] > 0.0:
@@ -1003,8 +1092,12 @@ def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep):
     state[MARGIN] = state[U]
     released = state[U]
     b = fall_angle(ring, mask, n, strikes)
-    outcome = fall(lanes, ring, mask, n, 0.0, b, mu, gravity, rtol, state, deep)
-    return close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
+    outcome = fall(lanes, ring, mask, n, 0.0, b, mu, gravity, rtol, state, deep, tape)
+    outcome = close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
+    if len(tape) > 0 and strikes and outcome == PROPAGATED:
+        low = n - state[DEPTH]
+        note(tape, state, HIT_NEXT, n, low, state[U_IMPACT], state[M_END], 0.0, 0.0, 0.0)
+    return outcome
 
 
 @numba.njit(**_JIT)
@@ -1057,7 +1150,7 @@ def uniform_order(lanes, ring, count, b, mu, gravity, tol):
 
 
 @numba.njit(**_JIT)
-def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out):
+def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out, tape):
     """Falls 0 … N-2 of a uniform row: each adds one link to the same lanes until the tail is dead.
 
     Returns (outcome, falls done).
@@ -1107,14 +1200,21 @@ def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out):
                 return PROPAGATED, n
         errors = (e_error, u_error, q_off, r_off)
         done = ride(lanes, k, 0.0, b, errors, tail, tol, state, deep, CREEP)
+        if done == FINE:
+            state[DEPTH] = depth
+            if len(tape) > 0:
+                note(tape, state, RIDE, n, 0.0, b, k, n - depth, released, state[CREPT])
         if done == ROUGH:
-            outcome = fall(lanes, ring, 0, n, 0.0, b, mu, gravity, rtol, state, deep)
+            outcome = fall(lanes, ring, 0, n, 0.0, b, mu, gravity, rtol, state, deep, tape)
             depth, closed = 0, False  # the lanes were used: begin again
             lanes_used = spread(lanes, k, 0.0, b)
             lead(lanes, lanes_used, ring, 0, mu)
         else:
             outcome = STALLED if done == DEAD else PROPAGATED
         outcome = close_fall(ring, 0, n, b, released, True, mu, state, outcome)
+        if len(tape) > 0 and outcome == PROPAGATED:
+            low = n - state[DEPTH]
+            note(tape, state, HIT_NEXT, n, low, state[U_IMPACT], state[M_END], 0.0, 0.0, 0.0)
         record(out, n, outcome, state)
         if outcome != PROPAGATED:
             return outcome, n
@@ -1136,13 +1236,15 @@ def record(out, n, outcome, state):
 
 @numba.njit(**_JIT)
 def chain(
-    spacing, thickness, height, density, mu, gravity, push, rtol, lanes, ring, state, deep, out
-):
+    spacing, thickness, height, density, mu, gravity, push, rtol, lanes, ring, state, deep, out,
+    tape,
+):  # fmt: skip
     """A whole chain.  Returns (outcome, leader at the end, dominoes struck, dominoes past tipping).
 
     push = 0 rides no wave but composes the maps of all falls: GAIN, OFFSET and NEED in `state`.
     out: (N, 4) arrival time, velocity just after being hit, velocity just before hitting the next,
     stall margin; or (0, 4) where only the summary in `state` is wanted.
+    tape: rows for what `pull` needs, of which state[TAPED] would be used; none where it is empty.
     """
     count = len(thickness)
     begin(state, push)
@@ -1160,7 +1262,9 @@ def chain(
     elif count > 3 and is_uniform(spacing, thickness, height, density):
         join(ring, 0, 0, height[0], spacing[0], thickness[0])
         ring[0, TAIL] = count * ring[0, INERTIA]
-        outcome, first = uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, out)
+        outcome, first = uniform_chain(
+            lanes, ring, count, mu, gravity, rtol, state, deep, out, tape
+        )
         mask = 0
         if outcome != PROPAGATED:
             return ending(ring, mask, first, mu, state, outcome)
@@ -1176,7 +1280,7 @@ def chain(
                 renew_tails(ring, mask, max(n - 1 - int(state[DEPTH]), 0, n - mask), n)
             elif n > 0:
                 ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
-        outcome = step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep)
+        outcome = step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep, tape)
         if outcome == PROPAGATED and not strikes and n + 1 < count:
             outcome = OUT_OF_REACH
         record(out, n, outcome, state)
@@ -1199,44 +1303,54 @@ def ending(ring, mask, n, mu, state, outcome):
 
 @numba.njit(**_JIT)
 def solve(
-    spacing, thickness, height, density, mu, gravity, push, rtol, lanes, ring, state, deep, out
-):
+    spacing, thickness, height, density, mu, gravity, push, rtol, lanes, ring, state, deep, out,
+    tape,
+):  # fmt: skip
     """`chain`, again with a smaller tolerance while its own estimate exceeds the one asked for.
 
     Where rounding alone exceeds it, no rule helps, and the estimate says so.
     """
     inner = rtol
     result = chain(
-        spacing, thickness, height, density, mu, gravity, push, inner, lanes, ring, state, deep, out
-    )
+        spacing, thickness, height, density, mu, gravity, push, inner, lanes, ring, state, deep,
+        out, tape,
+    )  # fmt: skip
     for _ in range(3):
         if state[WORST] <= rtol or state[WORST_ROUND] > 0.5 * rtol or inner < 1e-15:
             break
         inner *= max(0.3 * rtol / state[WORST], 1e-3)
         result = chain(
             spacing, thickness, height, density, mu, gravity, push, inner, lanes, ring, state, deep,
-            out,
+            out, tape,
         )  # fmt: skip
     return result
 
 
 # What a summary holds of each chain.
-END, HIT, TOPPLED, REACH, TOTAL_TIME, ESTIMATE, N_FLUSHES, N_RELEASES, LOSS, LOWEST = range(10)
-SUMMARY_SIZE = 10
+END, HIT, TOPPLED, REACH, TOTAL_TIME, ESTIMATE, N_FLUSHES, N_RELEASES, LOSS, LOWEST, TAPE_ROWS = (
+    range(11)
+)
+SUMMARY_SIZE = 11
+
+
+@numba.njit(**_JIT)
+def ring_size(count):
+    """Rows of the ring of a chain: a power of two with room for all, up to RING_ROWS."""
+    size = 2
+    while size < count + 1 and size < RING_ROWS:
+        size *= 2
+    return size
 
 
 @numba.njit(**_JIT)
 def solve_rows(
-    first, last, spacing, thickness, height, density, mu, gravity, push, rtol, deep, summary, out
-):
+    first, last, spacing, thickness, height, density, mu, gravity, push, rtol, deep, summary, out,
+    tape,
+):  # fmt: skip
     """Chains first … last - 1 of a batch.  height, density (B, N) or (1, N); out (B, N, 4) or
-    (0, 0, 4)."""
+    (0, 0, 4); tape for one chain, or empty."""
     count = thickness.shape[1]
-    size = 2
-    while size < count + 1 and size < RING_ROWS:
-        size *= 2
-    ring = np.zeros((size, RING_COLUMNS))
-    lanes = np.zeros(LANE_ROWS * PITCH)
+    ring, lanes = np.zeros((ring_size(count), RING_COLUMNS)), np.zeros(LANE_ROWS * PITCH)
     state = np.zeros(STATE_SIZE)
     unrecorded = np.empty((0, 4))
     for b in range(first, last):
@@ -1244,15 +1358,758 @@ def solve_rows(
         outcome, leader, struck, toppled = solve(
             spacing[b], thickness[b], height[b if len(height) > 1 else 0],
             density[b if len(density) > 1 else 0], mu, gravity, push, rtol, lanes, ring, state,
-            deep, rows,
+            deep, rows, tape,
         )  # fmt: skip
-        row = summary[b]
-        row[END], row[HIT], row[TOPPLED] = outcome, struck, toppled
-        row[REACH] = 1.0 if outcome == PROPAGATED else (leader + state[PART]) / count
-        row[TOTAL_TIME] = state[TIME] if outcome == PROPAGATED else np.inf
-        row[ESTIMATE] = state[WORST]
-        row[N_FLUSHES], row[N_RELEASES] = state[FLUSHES], state[RELEASES]
-        row[LOSS], row[LOWEST] = state[FLUSH_LOSS], state[LOWEST_MARGIN]
+        summarise(summary[b], count, outcome, leader, struck, toppled, state)
+
+
+@numba.njit(**_JIT)
+def summarise(row, count, outcome, leader, struck, toppled, state):
+    row[END], row[HIT], row[TOPPLED] = outcome, struck, toppled
+    row[REACH] = 1.0 if outcome == PROPAGATED else (leader + state[PART]) / count
+    row[TOTAL_TIME] = state[TIME] if outcome == PROPAGATED else np.inf
+    row[ESTIMATE] = state[WORST]
+    row[N_FLUSHES], row[N_RELEASES] = state[FLUSHES], state[RELEASES]
+    row[LOSS], row[LOWEST] = state[FLUSH_LOSS], state[LOWEST_MARGIN]
+    row[TAPE_ROWS] = state[TAPED]
+
+
+# --- Gradients, for those who ask -----------------------------------------------------------------
+# Reverse mode, by hand: the tape is walked from its end, and every interval, hit and switch hands
+# the derivative of one number (the pulled one) with respect to what came out of it on to what went
+# in. `x_bar` is the derivative with respect to x. What an interval did is computed again rather
+# than kept, so memory is linear in N.
+B_SIN, B_VER, B_WGT, B_JAC, B_DRV = 0 * PITCH, 1 * PITCH, 2 * PITCH, 3 * PITCH, 4 * PITCH
+SEED_M, SEED_G, SEED_D, B_MU = 5 * PITCH, 6 * PITCH, 7 * PITCH, 8 * PITCH
+B_PITCH, B_GAP, B_THICK = 9 * PITCH, 10 * PITCH, 11 * PITCH  # of p, s, d of the link
+B_INERTIA, B_HALF, B_SLENDER = 12 * PITCH, 13 * PITCH, 14 * PITCH
+BAR_ROWS = 15
+
+# What is gathered of each domino: derivatives with respect to p, s, d of its link (units of L_i),
+# to its inertia, half weight and slenderness; and of the chain. In the order of B_PITCH and so on.
+PART_PITCH, PART_GAP, PART_THICK, PART_INERTIA, PART_HALF, PART_SLENDER = range(6)
+PARTS = 8  # two unused, for the vectors' sake
+WHOLE_FRICTION, WHOLE_GRAVITY, WHOLE_PUSH = range(3)
+
+FLUSHING = 3.0  # a link at the instant of its flush: tip contact before, corner contact after
+
+
+@numba.njit(**_JIT)
+def tip_back(s, v, p_l, s_l, rest, d_l, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
+    """`tip` in reverse: bars of s, v, p, s_l, d, μ; and Ω, Ψ, B/A again."""
+    sd = s_l - p_l * v
+    cd2 = (1.0 + sd) * (rest + p_l * v)
+    cd = math.sqrt(cd2 if cd2 > TINY else TINY)
+    arm = cd + mu * sd
+    r = 1.0 / (cd * arm)
+    inv_cd, inv_arm = r * arm, r * cd
+    c = 1.0 - v
+    c_i = c * cd - s * sd
+    pull = p_l * inv_cd
+    omega = 1.0 - pull * s
+    ratio = (cd - p_l * s - mu * d_l) * inv_arm
+    bracket = c_i + s * sd * omega
+    psi = -pull * inv_cd * bracket
+    # psi
+    q = -pull * inv_cd * psi_bar
+    cd_bar = -2.0 * psi * inv_cd * psi_bar
+    p_bar = -inv_cd * inv_cd * bracket * psi_bar
+    ci_bar = q - v_bar
+    omega_bar += q * s * sd
+    back_s, sd_bar = q * sd * omega, q * s * omega
+    # ratio
+    top_bar = ratio_bar * inv_arm
+    arm_bar = -ratio * top_bar
+    cd_bar += top_bar + arm_bar
+    sd_bar += mu * arm_bar
+    mu_bar = sd * arm_bar - d_l * top_bar
+    d_bar = -mu * top_bar
+    # omega
+    q = omega_bar * inv_cd
+    p_bar -= s * (top_bar + q)
+    back_s -= p_l * (top_bar + q)
+    cd_bar += pull * s * q
+    # lean of the domino behind
+    back_s += cd * s_bar - sd * ci_bar
+    c_bar = sd * s_bar + cd * ci_bar
+    cd_bar += s * s_bar + c * ci_bar
+    sd_bar += c * s_bar - s * ci_bar
+    # contact
+    sd_bar -= sd * inv_cd * cd_bar
+    p_bar -= v * sd_bar
+    return back_s, -c_bar - p_l * sd_bar, p_bar, sd_bar, d_bar, mu_bar, omega, psi, ratio
+
+
+@numba.njit(**_JIT)
+def corner_back(s, v, p_l, s_l, d_l, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
+    """`corner` in reverse; the same nine numbers."""
+    r2 = s_l * s_l + 2.0 * p_l * d_l * v
+    inv_r2 = 1.0 / r2
+    inv_r1 = math.sqrt(inv_r2)
+    lift = p_l * v - s_l
+    slide = lift - mu * p_l * s
+    omega, ratio = d_l * lift * inv_r2, d_l * slide * inv_r2
+    x = s_l + d_l * v
+    fourth = inv_r2 * inv_r2
+    psi = p_l * d_l * s * s_l * (p_l + d_l) * fourth
+    # psi
+    q = psi_bar * fourth
+    r2_bar = -(2.0 * psi * psi_bar + omega * omega_bar + ratio * ratio_bar) * inv_r2
+    back_s = p_l * d_l * s_l * (p_l + d_l) * q
+    p_bar = d_l * s * s_l * (2.0 * p_l + d_l) * q
+    d_bar = p_l * s * s_l * (p_l + 2.0 * d_l) * q
+    gap_bar = p_l * d_l * s * (p_l + d_l) * q
+    # omega and ratio
+    o, f = omega_bar * inv_r2, ratio_bar * inv_r2
+    d_bar += lift * o + slide * f
+    p_bar += d_l * (v * (o + f) - mu * s * f)
+    back_v = d_l * p_l * (o + f)
+    gap_bar -= d_l * (o + f)
+    back_s -= d_l * mu * p_l * f
+    mu_bar = -d_l * p_l * s * f
+    # lean of the domino behind: sin = x / r1, cos = d s / r1
+    x_bar, c_bar = s_bar * inv_r1, -v_bar * inv_r1
+    gap_bar += x_bar
+    d_bar += v * x_bar + s * c_bar
+    back_v += d_l * x_bar
+    back_s += d_l * c_bar
+    r2_bar -= 0.5 * (x * x_bar + d_l * s * c_bar) * inv_r2
+    # contact
+    gap_bar += 2.0 * s_l * r2_bar
+    p_bar += 2.0 * d_l * v * r2_bar
+    d_bar += 2.0 * p_l * v * r2_bar
+    back_v += 2.0 * p_l * d_l * r2_bar
+    return back_s, back_v, p_bar, gap_bar, d_bar, mu_bar, omega, psi, ratio
+
+
+@numba.njit(**_JIT)
+def lean_back(bars, above, here, count, ring, row, mu, at_tip):
+    """`lean` in reverse; `above` and `here` are the lanes before and after it."""
+    p_l, s_l, rest, d_l = ring[row, P_L], ring[row, S_L], ring[row, REST], ring[row, D_L]
+    inertia, half, slender = ring[row, INERTIA], ring[row, HALF_WEIGHT], ring[row, SLENDER]
+    for j in range(count):
+        s, v, w, jac, drv = above[SIN + j], above[VER + j], above[WGT + j], above[JAC + j], above[DRV + j]  # noqa: E501  # fmt: skip
+        s_i, c_i, w_i, jac_i, drv_i = here[SIN + j], 1.0 - here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
+        m, g, d = bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j]
+        arm, turn = s_i - slender * c_i, m * jac_i + d * drv_i
+        w_bar = bars[B_WGT + j] + inertia * turn + g * half * arm
+        jac_bar = bars[B_JAC + j] + m * w_i * inertia
+        drv_bar = bars[B_DRV + j] + d * w_i * inertia
+        s_bar = bars[B_SIN + j] + g * w_i * half
+        v_bar = bars[B_VER + j] + g * w_i * half * slender
+        bars[B_INERTIA + j] = w_i * turn
+        bars[B_HALF + j] = g * w_i * arm
+        bars[B_SLENDER + j] = -g * w_i * half * c_i
+        o_bar, psi_bar, ratio_bar = drv_bar * drv + jac_bar * jac, drv_bar * jac * jac, w_bar * w
+        if at_tip:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, psi, ratio = tip_back(
+                s, v, p_l, s_l, rest, d_l, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
+            )
+        else:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, psi, ratio = corner_back(
+                s, v, p_l, s_l, d_l, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
+            )
+        bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
+        bars[B_WGT + j] = w_bar * ratio
+        bars[B_JAC + j] = jac_bar * omega + 2.0 * drv_bar * psi * jac
+        bars[B_DRV + j] = drv_bar * omega
+        bars[B_MU + j] += mu_bar
+        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = p_bar, gap_bar, d_bar
+
+
+@numba.njit(**_JIT)
+def lean_free_back(bars, above, here, count, ring, row, at_tip):
+    """`lean_free` in reverse."""
+    p_l, s_l, rest, d_l = ring[row, P_L], ring[row, S_L], ring[row, REST], ring[row, D_L]
+    inertia, half, slender = ring[row, INERTIA], ring[row, HALF_WEIGHT], ring[row, SLENDER]
+    for j in range(count):
+        s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
+        s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
+        m, g = bars[SEED_M + j], bars[SEED_G + j]
+        jac_bar = bars[B_JAC + j] + 2.0 * m * inertia * jac_i
+        s_bar = bars[B_SIN + j] + g * half * slender
+        v_bar = bars[B_VER + j] - g * half
+        bars[B_INERTIA + j] = m * jac_i * jac_i
+        bars[B_HALF + j] = g * (slender * s_i - v_i)
+        bars[B_SLENDER + j] = g * half * s_i
+        if at_tip:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, _, omega, _, _ = tip_back(
+                s, v, p_l, s_l, rest, d_l, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+            )
+        else:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, _, omega, _, _ = corner_back(
+                s, v, p_l, s_l, d_l, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+            )
+        bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
+        bars[B_JAC + j] = jac_bar * omega
+        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = p_bar, gap_bar, d_bar
+
+
+@numba.njit(**_JIT)
+def gather(bars, count, parts):
+    """Add what all lanes say of one domino."""
+    p, s, d, inertia, half, slender = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(count):
+        p += bars[B_PITCH + j]
+        s += bars[B_GAP + j]
+        d += bars[B_THICK + j]
+        inertia += bars[B_INERTIA + j]
+        half += bars[B_HALF + j]
+        slender += bars[B_SLENDER + j]
+    parts[PART_PITCH] += p
+    parts[PART_GAP] += s
+    parts[PART_THICK] += d
+    parts[PART_INERTIA] += inertia
+    parts[PART_HALF] += half
+    parts[PART_SLENDER] += slender
+
+
+@numba.njit(**_JIT)
+def retrace(lanes, count, ring, n, low, mu, trail):
+    """Lead the lanes down the stack once more, keeping what they were at every domino."""
+    lead(lanes, count, ring, n, mu)
+    keep = trail[0]
+    for j in range(count):
+        keep[SIN + j], keep[VER + j] = lanes[SIN + j], lanes[VER + j]
+        keep[WGT + j], keep[JAC + j], keep[DRV + j] = 1.0, 1.0, 0.0
+    for i in range(n - 1, low - 1, -1):
+        keep = trail[n - i]
+        if mu > 0.0:
+            lean(lanes, count, ring, i, mu)
+            for j in range(count):
+                keep[WGT + j], keep[DRV + j] = lanes[WGT + j], lanes[DRV + j]
+        else:
+            lean_free(lanes, count, ring, i)
+        for j in range(count):
+            keep[SIN + j], keep[VER + j], keep[JAC + j] = lanes[SIN + j], lanes[VER + j], lanes[JAC + j]  # noqa: E501  # fmt: skip
+
+
+@numba.njit(**_JIT)
+def link_back(bars, above, here, count, ring, i, mu):
+    """Lead all bars up over one link, whatever its contact."""
+    if mu > 0.0:  # a constant in the call lets the compiler make a loop for each contact
+        if ring[i, STATE] == TIP:
+            lean_back(bars, above, here, count, ring, i, mu, True)
+        else:
+            lean_back(bars, above, here, count, ring, i, mu, False)
+    elif ring[i, STATE] == TIP:
+        lean_free_back(bars, above, here, count, ring, i, True)
+    else:
+        lean_free_back(bars, above, here, count, ring, i, False)
+
+
+@numba.njit(**_JIT)
+def lead_back(bars, first, count, ring, n, mu):
+    """`lead` in reverse; `first` are the lanes at the leader."""
+    half, slender = ring[n, HALF_WEIGHT], ring[n, SLENDER]
+    for j in range(count):
+        s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
+        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = 0.0, 0.0, 0.0
+        bars[B_INERTIA + j] = bars[SEED_M + j]
+        if mu > 0.0:
+            bars[B_SIN + j] += g * half
+            bars[B_VER + j] += g * half * slender
+            bars[B_HALF + j] = g * (s - slender * (1.0 - v))
+            bars[B_SLENDER + j] = -g * half * (1.0 - v)
+        else:
+            bars[B_SIN + j] += g * half * slender
+            bars[B_VER + j] -= g * half
+            bars[B_HALF + j] = g * (slender * s - v)
+            bars[B_SLENDER + j] = g * half * s
+
+
+@numba.njit(**_JIT)
+def no_bars(bars, count):
+    for j in range(count):
+        bars[B_SIN + j], bars[B_VER + j] = 0.0, 0.0
+        bars[B_WGT + j], bars[B_JAC + j], bars[B_DRV + j] = 0.0, 0.0, 0.0
+        bars[B_MU + j] = 0.0
+
+
+@numba.njit(**_JIT)
+def angle_bar(bars, first, j):
+    """Bar of the angle of a lane."""
+    return (1.0 - first[VER + j]) * bars[B_SIN + j] + first[SIN + j] * bars[B_VER + j]
+
+
+@numba.njit(**_JIT)
+def stack_back(bars, count, ring, n, low, mu, trail, parts):
+    """Pull the seeds of the three sums back through the stack."""
+    no_bars(bars, count)
+    for i in range(low, n):
+        link_back(bars, trail[n - i - 1], trail[n - i], count, ring, i, mu)
+        gather(bars, count, parts[i])
+    lead_back(bars, trail[0], count, ring, n, mu)
+    gather(bars, count, parts[n])
+
+
+@numba.njit(**_JIT)
+def tabulate(bars, k, ring, n, low, mu, trail, table):
+    """What one unit of each seed adds to each part: for stacks that many falls share.
+
+    table[sum and lane, depth and part]; one depth more holds what it adds to the bars of the last
+    angle and of the friction.
+    """
+    count, depth = ORDERS[k] + 2, n - low
+    table[:] = 0.0
+    for q in range(3):
+        for j in range(count):
+            bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
+            bars[SEED_M + q * PITCH + j] = 1.0
+        no_bars(bars, count)
+        for i in range(low, n + 1):
+            if i < n:
+                link_back(bars, trail[n - i - 1], trail[n - i], count, ring, i, mu)
+            else:
+                lead_back(bars, trail[0], count, ring, n, mu)
+            for j in range(count):
+                for c in range(6):
+                    table[q * PITCH + j, (n - i) * PARTS + c] = bars[B_PITCH + c * PITCH + j]
+        for j in range(count):
+            x, at = angle_bar(bars, trail[0], j), (depth + 1) * PARTS
+            table[q * PITCH + j, at] = PLACES[k, j] * x
+            table[q * PITCH + j, at + 1] = bars[B_MU + j] if mu > 0.0 else 0.0
+
+
+@numba.njit(**_JIT)
+def stack_back_again(bars, count, n, low, table, sums, parts, whole):
+    """`stack_back` by the table; returns the bar of the last angle."""
+    depth = n - low
+    size = (depth + 2) * PARTS
+    for x in range(size):
+        sums[x] = 0.0
+    for q in range(3):
+        for j in range(count):
+            seed, row = bars[SEED_M + q * PITCH + j], table[q * PITCH + j]
+            if seed != 0.0:
+                for x in range(size):
+                    sums[x] += seed * row[x]
+    for level in range(depth + 1):
+        for c in range(PARTS):
+            parts[n - level, c] += sums[level * PARTS + c]
+    at = (depth + 1) * PARTS
+    whole[WHOLE_FRICTION] += sums[at + 1]
+    return sums[at]
+
+
+@numba.njit(**_JIT)
+def ride_seeds(lanes, bars, tape, u_bar, t_bar, m_bar, mu, gravity, whole):
+    """The time and the map of one interval in reverse: seeds of M, G and D, from lanes that hold
+    its map.  Returns bars of u at its start and of its length.
+    """
+    h, k, u0, x_low = tape[3], int(tape[4]), tape[6], tape[7]
+    end = ORDERS[k] + 1
+    count = end + 1
+    lanes[SPEED2] = u0
+    for j in range(1, end + 1):
+        lanes[SPEED2 + j] = lanes[MAP_E + j] * (u0 + lanes[MAP_U + j])
+    # the time: bars of u at the lanes, in SLOWNESS
+    time = 0.0
+    if x_low >= 0.0:
+        series(lanes, SPEED2, k)
+        moments = bars[B_MU : B_MU + PITCH]
+        moments[:] = 0.0
+        time, _ = slow_time(lanes, count, x_low, moments)
+        for j in range(count):
+            f = 0.0
+            for i in range(count):
+                f += CLOSED[k, j, i] * moments[i]
+            lanes[SLOWNESS + j] = -h * t_bar * f
+    else:
+        lanes[SLOWNESS], lanes[SLOWNESS + end] = 0.0, 0.0
+        for j in range(1, end):
+            f = 1.0 / math.sqrt(lanes[SPEED2 + j])
+            time += WEIGHTS[k, j - 1] * f
+            lanes[SLOWNESS + j] = -0.5 * h * t_bar * WEIGHTS[k, j - 1] * f * f * f
+    h_bar = t_bar * time
+    lanes[SLOWNESS + end] += u_bar
+    # the map: bars of E in SPEED2, of U in SLOWNESS
+    u0_bar = lanes[SLOWNESS]
+    for j in range(1, end + 1):
+        x = lanes[SLOWNESS + j]
+        lanes[SPEED2 + j] = (u0 + lanes[MAP_U + j]) * x
+        lanes[SLOWNESS + j] = lanes[MAP_E + j] * x
+        u0_bar += lanes[SLOWNESS + j]
+    for j in range(count):
+        bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
+    if mu > 0.0:
+        for i in range(1, end):
+            r_bar = WEIGHTS[k, i - 1] * lanes[SLOWNESS + end]
+            for j in range(1, end):
+                r_bar += RUNNING[k, i - 1, j - 1] * lanes[SLOWNESS + j]
+            inv, rate = 1.0 / lanes[SUM_M + i], lanes[RATE + i]
+            bars[SEED_G + i] = r_bar * 2.0 * gravity * h * inv / lanes[MAP_E + i]
+            whole[WHOLE_GRAVITY] += r_bar * rate / gravity
+            h_bar += r_bar * rate / h
+            bars[SEED_M + i] = -r_bar * rate * inv
+            lanes[COEF + i] = lanes[MAP_E + i] * lanes[SPEED2 + i] - r_bar * rate
+        for i in range(1, end):
+            q_bar = WEIGHTS[k, i - 1] * lanes[MAP_E + end] * lanes[SPEED2 + end]
+            for j in range(1, end):
+                q_bar += RUNNING[k, i - 1, j - 1] * lanes[COEF + j]
+            inv, q = 1.0 / lanes[SUM_M + i], lanes[EXPO + i]
+            bars[SEED_D + i] = -2.0 * h * inv * q_bar
+            h_bar += q * q_bar / h
+            bars[SEED_M + i] -= q * q_bar * inv
+    else:
+        m0 = lanes[SUM_M]
+        for j in range(1, end + 1):
+            e_bar, x = lanes[SPEED2 + j], lanes[SLOWNESS + j]
+            bars[SEED_M + j] = -lanes[MAP_E + j] / lanes[SUM_M + j] * e_bar
+            bars[SEED_G + j] = -2.0 * gravity / m0 * x
+            bars[SEED_M] += (e_bar / lanes[SUM_M + j]) - lanes[MAP_U + j] / m0 * x
+            bars[SEED_G] -= bars[SEED_G + j]
+            whole[WHOLE_GRAVITY] += lanes[MAP_U + j] / gravity * x
+    bars[SEED_M + end] += m_bar
+    return u0_bar, h_bar
+
+
+@numba.njit(**_JIT)
+def trace(lanes, trail, ring, tape, mu, gravity):
+    """Sweep and map of an interval once more."""
+    n, k, h, low = int(tape[1]), int(tape[4]), tape[3], int(tape[5])
+    count = spread(lanes, k, tape[2], h)
+    retrace(lanes, count, ring, n, low, mu, trail)
+    affine_map(lanes, k, h, mu, gravity)
+
+
+@numba.njit(**_JIT)
+def ride_back(lanes, bars, trail, ring, tape, u_bar, t_bar, m_bar, mu, gravity, parts, whole):
+    """One interval in reverse.
+
+    u_bar, t_bar, m_bar: of u and M at its end, and of its time.
+    Returns bars of u at its start, of its first and of its last angle.
+    """
+    n, k, low = int(tape[1]), int(tape[4]), int(tape[5])
+    count = ORDERS[k] + 2
+    trace(lanes, trail, ring, tape, mu, gravity)
+    u0_bar, end_bar = ride_seeds(lanes, bars, tape, u_bar, t_bar, m_bar, mu, gravity, whole)
+    stack_back(bars, count, ring, n, low, mu, trail, parts)
+    first_bar = 0.0
+    for j in range(count):  # the angles a + h x_j of the lanes
+        x = angle_bar(bars, trail[0], j)
+        first_bar += x
+        end_bar += PLACES[k, j] * x
+        if mu > 0.0:
+            whole[WHOLE_FRICTION] += bars[B_MU + j]
+    return u0_bar, first_bar - end_bar, end_bar
+
+
+@numba.njit(**_JIT)
+def pose(angle):
+    """sin and 1 - cos of one angle."""
+    half = 0.5 * angle
+    s, c = math.sin(half), math.cos(half)
+    return 2.0 * s * c, 2.0 * s * s
+
+
+@numba.njit(**_JIT)
+def mass_back(lanes, bars, trail, ring, n, low, angle, m_bar, mu, parts, whole):
+    """M of the stack at one angle in reverse; returns the bar of the angle."""
+    lanes[SIN], lanes[VER] = pose(angle)
+    retrace(lanes, 1, ring, n, low, mu, trail)
+    bars[SEED_M], bars[SEED_G], bars[SEED_D] = m_bar, 0.0, 0.0
+    stack_back(bars, 1, ring, n, low, mu, trail, parts)
+    whole[WHOLE_FRICTION] += bars[B_MU]
+    return angle_bar(bars, trail[0], 0)
+
+
+@numba.njit(**_JIT)
+def hit_back(ring, tape, u_bar, mu, parts, whole):
+    """`hit` in reverse: bars of u before it and of M."""
+    n, u, m_end = int(tape[1]), tape[3], tape[4]
+    s_l, d_l, other = ring[n, S_L], ring[n, D_L], ring[n + 1, INERTIA]
+    cd = math.sqrt(ring[n, REST] * (1.0 + s_l))
+    up, down = cd - mu * d_l, cd + mu * s_l
+    f = up / down
+    m = m_end * f
+    keep = m / (m + other)
+    keep_bar = 2.0 * keep * u * u_bar
+    m_bar = keep_bar * other / ((m + other) * (m + other))
+    parts[n + 1, PART_INERTIA] -= keep_bar * m / ((m + other) * (m + other))
+    up_bar, down_bar = m_end * m_bar / down, -m_end * m_bar * f / down
+    parts[n, PART_THICK] -= mu * up_bar
+    parts[n, PART_GAP] += mu * down_bar - s_l / cd * (up_bar + down_bar)
+    whole[WHOLE_FRICTION] += s_l * down_bar - d_l * up_bar
+    return keep * keep * u_bar, f * m_bar
+
+
+@numba.njit(**_JIT)
+def flush_back(trail, ring, n, low, angle, u_bar, u, mu, parts, whole):
+    """The impact of a flush in reverse, links that flush being FLUSHING.
+
+    Returns bars of u before it and of the angle.
+    """
+    s, v = pose(angle)
+    w, jac = 1.0, 1.0
+    trail[0, SIN], trail[0, VER], trail[0, WGT], trail[0, JAC] = s, v, w, jac
+    before, after, first = ring[n, INERTIA], ring[n, INERTIA], low
+    for i in range(n - 1, low - 1, -1):
+        p_l, s_l, rest, d_l = ring[i, P_L], ring[i, S_L], ring[i, REST], ring[i, D_L]
+        if ring[i, STATE] == CORNER:
+            s_i, v_i, omega, _, ratio = corner(s, v, p_l, s_l, rest, d_l, mu)
+        else:
+            s_i, v_i, omega, _, ratio = tip(s, v, p_l, s_l, rest, d_l, mu)
+            if ring[i, STATE] == FLUSHING:
+                s_i, v_i, _, _, ratio = corner(s, v, p_l, s_l, rest, d_l, mu)
+                first = max(first, i + 1)
+        s, v, w, jac = s_i, v_i, w * ratio, jac * omega
+        keep = trail[n - i]
+        keep[SIN], keep[VER], keep[WGT], keep[JAC] = s, v, w, jac
+        before += w * ring[i, INERTIA] * jac
+        if i >= first:
+            after += w * ring[i, INERTIA] * jac
+    keep = before / after
+    keep_bar = 2.0 * keep * u * u_bar
+    before_bar, after_bar = keep_bar / after, -keep_bar * keep / after
+    s_bar, v_bar, w_bar, jac_bar = 0.0, 0.0, 0.0, 0.0
+    for i in range(low, n):
+        p_l, s_l, rest, d_l = ring[i, P_L], ring[i, S_L], ring[i, REST], ring[i, D_L]
+        seed = before_bar + (after_bar if i >= first else 0.0)
+        w, jac = trail[n - i, WGT], trail[n - i, JAC]
+        parts[i, PART_INERTIA] += seed * w * jac
+        w_bar += seed * ring[i, INERTIA] * jac
+        jac_bar += seed * ring[i, INERTIA] * w
+        s, v, w, jac = trail[n - i - 1, SIN], trail[n - i - 1, VER], trail[n - i - 1, WGT], trail[n - i - 1, JAC]  # noqa: E501  # fmt: skip
+        o_bar, r_bar = jac_bar * jac, w_bar * w
+        if ring[i, STATE] == TIP:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, _, ratio = tip_back(
+                s, v, p_l, s_l, rest, d_l, mu, s_bar, v_bar, o_bar, 0.0, r_bar
+            )
+        else:
+            o_corner = o_bar if ring[i, STATE] == CORNER else 0.0
+            s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, _, ratio = corner_back(
+                s, v, p_l, s_l, d_l, mu, s_bar, v_bar, o_corner, 0.0, r_bar
+            )
+            if ring[i, STATE] == FLUSHING:
+                s_2, v_2, p_2, gap_2, d_2, _, omega, _, _ = tip_back(
+                    s, v, p_l, s_l, rest, d_l, mu, 0.0, 0.0, o_bar, 0.0, 0.0
+                )
+                s_bar, v_bar, p_bar, gap_bar, d_bar = s_bar + s_2, v_bar + v_2, p_bar + p_2, gap_bar + gap_2, d_bar + d_2  # noqa: E501  # fmt: skip
+        w_bar, jac_bar = w_bar * ratio, jac_bar * omega
+        parts[i, PART_PITCH] += p_bar
+        parts[i, PART_GAP] += gap_bar
+        parts[i, PART_THICK] += d_bar
+        whole[WHOLE_FRICTION] += mu_bar
+    parts[n, PART_INERTIA] += before_bar + after_bar
+    return keep * keep * u_bar, (1.0 - trail[0, VER]) * s_bar + trail[0, SIN] * v_bar
+
+
+@numba.njit(**_JIT)
+def switch_back(trail, ring, tape, x_bar, mu, parts):
+    """The angle of a switch in reverse, by the implicit function theorem: at that angle 1 - cos
+    θ_{i+1} is what the link waits for."""
+    n, due_link, flushes = int(tape[1]), int(tape[3]), tape[4] == 1.0
+    s, v = pose(tape[2])
+    jac = 1.0
+    trail[0, SIN], trail[0, VER] = s, v
+    for i in range(n - 1, due_link, -1):
+        s, v, omega, _, _ = link(ring, i, s, v, mu)
+        trail[n - i, SIN], trail[n - i, VER] = s, v
+        jac *= omega
+    rate = s * jac
+    if abs(rate) < TINY:
+        return  # the link stands still: no angle is the answer, and this one is kept
+    due_bar = x_bar / rate
+    p_l, s_l, d_l = ring[due_link, P_L], ring[due_link, S_L], ring[due_link, D_L]
+    if flushes:  # s / p
+        parts[due_link, PART_GAP] += due_bar / p_l
+        parts[due_link, PART_PITCH] -= due_bar * s_l / (p_l * p_l)
+    else:  # (1 - s²) / 2pd
+        parts[due_link, PART_GAP] -= due_bar * s_l / (p_l * d_l)
+        parts[due_link, PART_PITCH] -= due_bar * ring[due_link, V_RELEASE] / p_l
+        parts[due_link, PART_THICK] -= due_bar * ring[due_link, V_RELEASE] / d_l
+    s_bar, v_bar = 0.0, -due_bar
+    for i in range(due_link + 1, n):
+        p_l, s_l, rest, d_l = ring[i, P_L], ring[i, S_L], ring[i, REST], ring[i, D_L]
+        s, v = trail[n - i - 1, SIN], trail[n - i - 1, VER]
+        if ring[i, STATE] == TIP:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, _, _, _, _ = tip_back(
+                s, v, p_l, s_l, rest, d_l, mu, s_bar, v_bar, 0.0, 0.0, 0.0
+            )
+        else:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, _, _, _, _ = corner_back(
+                s, v, p_l, s_l, d_l, mu, s_bar, v_bar, 0.0, 0.0, 0.0
+            )
+        parts[i, PART_PITCH] += p_bar
+        parts[i, PART_GAP] += gap_bar
+        parts[i, PART_THICK] += d_bar
+
+
+AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # what an interval ends at
+
+
+@numba.njit(**_JIT)
+def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole):
+    """Walk the tape back, gathering bars in `parts` and `whole`; returns the bar of the first u.
+
+    ring: all dominoes and links, in the states of the end.
+    table: room for what the falls of a uniform row share; empty for others.
+    """
+    u_bar, m_bar, t_bar = 0.0, 0.0, 0.0
+    held_rule, held_depth, sums = -1, -1, np.empty(table.shape[1])
+    edge, edge_bar, edge_row = AT_SPLIT, 0.0, 0
+    counted = len(arrival_bar)
+    last_hit = used - 1
+    while last_hit >= 0 and tape[last_hit, 0] != HIT_NEXT:
+        last_hit -= 1
+    for at in range(used - 1, -1, -1):
+        row = tape[at]
+        kind, n = row[0], int(row[1])
+        if edge == AT_HIT and at < last_hit and kind != RIDE:
+            # a switch at the very instant of the hit: M there is that of the new states
+            struck, low = int(tape[edge_row, 1]), int(tape[edge_row, 2])
+            b = fall_angle(ring, -1, struck, True)
+            x_bar = mass_back(lanes, bars, trail, ring, struck, low, b, m_bar, mu, parts, whole)
+            parts[struck, PART_GAP] += x_bar / math.cos(b)
+            m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
+        if kind == FLIP:
+            ring[n, STATE] = TIP
+        elif at > last_hit:
+            continue  # what no arrival has seen
+        elif kind == HIT_NEXT:
+            while counted > n + 1:  # the time of a fall is part of all later arrivals
+                counted -= 1
+                t_bar += arrival_bar[counted]
+            u_bar, m_bar = hit_back(ring, row, u_bar, mu, parts, whole)
+            edge, edge_bar, edge_row = AT_HIT, 0.0, at
+        elif kind == SWITCH:
+            flushes, angle, low = row[4] == 1.0, row[2], int(row[5])
+            if flushes and mu > 0.0:
+                flips = int(row[7])
+                for i in range(at + 1, at + 1 + flips):
+                    ring[int(tape[i, 1]), STATE] = FLUSHING
+                u_bar, x_bar = flush_back(
+                    trail, ring, n, low, angle, u_bar, row[6], mu, parts, whole
+                )
+                edge_bar += x_bar
+                for i in range(at + 1, at + 1 + flips):
+                    ring[int(tape[i, 1]), STATE] = TIP
+            edge, edge_row = AT_SWITCH, at
+            if at == 0 or tape[at - 1, 0] != RIDE or int(tape[at - 1, 1]) != n:
+                switch_back(trail, ring, row, edge_bar, mu, parts)
+                edge, edge_bar = AT_SPLIT, 0.0
+        else:
+            k, depth = int(row[4]), n - int(row[5])
+            if len(table) > 0 and depth < n and edge == AT_HIT and row[2] == 0.0:
+                if k != held_rule or depth != held_depth:
+                    trace(lanes, trail, ring, row, mu, gravity)
+                    tabulate(bars, k, ring, n, n - depth, mu, trail, table)
+                    held_rule, held_depth = k, depth
+                u_bar, end_bar = ride_seeds(
+                    lanes, bars, row, u_bar, t_bar, m_bar, mu, gravity, whole
+                )
+                end_bar += stack_back_again(
+                    bars, ORDERS[k] + 2, n, n - depth, table, sums, parts, whole
+                )
+                start_bar = 0.0  # a fall starts upright, always
+            else:
+                held_rule = -1
+                u_bar, start_bar, end_bar = ride_back(
+                    lanes, bars, trail, ring, row, u_bar, t_bar, m_bar, mu, gravity, parts, whole
+                )
+            edge_bar += end_bar
+            if edge == AT_HIT:  # sin θ = s
+                parts[n, PART_GAP] += edge_bar / math.sqrt(ring[n, REST] * (1.0 + ring[n, S_L]))
+            elif edge == AT_SWITCH:
+                switch_back(trail, ring, tape[edge_row], edge_bar, mu, parts)
+            edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
+    return u_bar
+
+
+@numba.njit(**_JIT)
+def pull(
+    spacing, thickness, height, density, mu, gravity, push, tape, used, arrival_bar, gap_bar,
+    bodies_bar, whole,
+):  # fmt: skip
+    """Pull bars of the arrival times back to all that a chain is made of.
+
+    gap_bar (N-1,); bodies_bar (3, N): thickness, height, density; whole (3,): friction, gravity,
+    push.
+    """
+    count = len(thickness)
+    ring = np.empty((count, RING_COLUMNS))
+    for i in range(count):
+        stand(ring, -1, i, height[i], thickness[i], density[i])
+        if i + 1 < count:
+            join(ring, -1, i, height[i], spacing[i], thickness[i + 1])
+    depth = 0
+    for at in range(used):
+        n = int(tape[at, 1])
+        if tape[at, 0] == FLIP:
+            ring[n, STATE] = CORNER
+        else:
+            low = tape[at, 2] if tape[at, 0] == HIT_NEXT else tape[at, 5]
+            depth = max(depth, n - int(low))
+    lanes, bars = np.zeros(LANE_ROWS * PITCH), np.zeros(BAR_ROWS * PITCH)
+    trail, parts = np.empty((depth + 2, 5 * PITCH)), np.zeros((count, PARTS))
+    whole[:] = 0.0
+    table = np.empty((0, 0))
+    if count > 3 and is_uniform(spacing, thickness, height, density):
+        table = np.empty((3 * PITCH, (depth + 2) * PARTS))
+    u_bar = rewind(
+        tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole
+    )
+    whole[WHOLE_PUSH] = 2.0 * push * u_bar
+    bodies_bar[:] = 0.0
+    for i in range(count):
+        length, d, rho = height[i], thickness[i], density[i]
+        inertia_bar, half_bar, slender_bar = parts[i, PART_INERTIA], parts[i, PART_HALF], parts[i, PART_SLENDER]  # noqa: E501  # fmt: skip
+        square = (length * length + d * d) / 3.0
+        bodies_bar[0, i] += (
+            rho * length * (square + 2.0 * d * d / 3.0) * inertia_bar
+            + 0.5 * rho * length * length * half_bar
+            + slender_bar / length
+        )
+        bodies_bar[1, i] += (
+            rho * d * (square + 2.0 * length * length / 3.0) * inertia_bar
+            + rho * length * d * half_bar
+            - d / (length * length) * slender_bar
+        )
+        bodies_bar[2, i] = length * d * (square * inertia_bar + 0.5 * length * half_bar)
+        if i + 1 < count:
+            p_bar, s_bar, d_bar = parts[i, PART_PITCH], parts[i, PART_GAP], parts[i, PART_THICK]
+            gap_bar[i] = (p_bar + s_bar) / length
+            bodies_bar[0, i + 1] += (p_bar + d_bar) / length
+            bodies_bar[1, i] -= (
+                ring[i, P_L] * p_bar + ring[i, S_L] * s_bar + ring[i, D_L] * d_bar
+            ) / length
+
+
+@numba.njit(**_JIT)
+def pull_rows(
+    first, last, spacing, thickness, height, density, mu, gravity, push, rtol, summary, gap_bar,
+    bodies_bar, whole,
+):  # fmt: skip
+    """`solve_rows` with the gradient of the last arrival time; zeros where it never comes.
+
+    gap_bar (B, N-1), bodies_bar (B, 3, N), whole (B, 3), as of `pull`.
+    """
+    count = thickness.shape[1]
+    ring, lanes = np.zeros((ring_size(count), RING_COLUMNS)), np.zeros(LANE_ROWS * PITCH)
+    state, unrecorded = np.zeros(STATE_SIZE), np.empty((0, 4))
+    tape, arrival_bar = np.empty((4 * count + 16, TAPE_COLUMNS)), np.zeros(count)
+    arrival_bar[count - 1] = 1.0
+    for b in range(first, last):
+        h, r = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
+        outcome, leader, struck, toppled = solve(
+            spacing[b], thickness[b], h, r, mu, gravity, push, rtol, lanes, ring, state, True,
+            unrecorded, tape,
+        )  # fmt: skip
+        if state[TAPED] > len(tape):
+            tape = np.empty((int(1.5 * state[TAPED]), TAPE_COLUMNS))
+            outcome, leader, struck, toppled = solve(
+                spacing[b], thickness[b], h, r, mu, gravity, push, rtol, lanes, ring, state, True,
+                unrecorded, tape,
+            )  # fmt: skip
+        summarise(summary[b], count, outcome, leader, struck, toppled, state)
+        if outcome == PROPAGATED:
+            pull(
+                spacing[b], thickness[b], h, r, mu, gravity, push, tape, int(state[TAPED]),
+                arrival_bar, gap_bar[b], bodies_bar[b], whole[b],
+            )  # fmt: skip
+        else:
+            gap_bar[b], bodies_bar[b], whole[b] = 0.0, 0.0, 0.0
 
 
 # --- The wave that never changes ------------------------------------------------------------------
@@ -1286,12 +2143,13 @@ def period_falls(
         state[KAPPA] = max(state[KAPPA], heaviest_force(height[j], thickness[j]))
     base = period * (1 + 2 * (mask + 1) // period)
     tail = 0.0
+    untaped = np.empty((0, TAPE_COLUMNS))
     for j in range(period):
         n = base + j
         endless(ring, mask, n, spacing, thickness, height, density, state)
         state[DEPTH] = 0.0
         released = state[U]
-        outcome = step(lanes, ring, mask, n, True, mu, gravity, rtol, state, True)
+        outcome = step(lanes, ring, mask, n, True, mu, gravity, rtol, state, True, untaped)
         if outcome != PROPAGATED:
             return outcome, j, tail
         tail = max(tail, state[CUT])
@@ -1401,7 +2259,7 @@ def diagnose_chain(spacing, thickness, height, density, mu, gravity, push, rtol,
     """A chain with its forces looked at; returns (outcome, leader).  found: (N, D_COLUMNS)."""
     count, mask = len(thickness), len(ring) - 1
     lanes, state = np.zeros(LANE_ROWS * PITCH), np.zeros(STATE_SIZE)
-    geo = np.zeros((count, 8))
+    geo, untaped = np.zeros((count, 8)), np.empty((0, TAPE_COLUMNS))
     begin(state, push)
     stand(ring, mask, 0, height[0], thickness[0], density[0])
     state[KAPPA] = heaviest_force(height[0], thickness[0])
@@ -1425,7 +2283,9 @@ def diagnose_chain(spacing, thickness, height, density, mu, gravity, push, rtol,
             if piece > 0:
                 flushes, keep = state[FLUSHES], state[FLUSH_LOSS]
                 came_from = b * (piece - 1) / PIECES
-                outcome = fall(lanes, ring, mask, n, came_from, at, mu, gravity, rtol, state, True)
+                outcome = fall(
+                    lanes, ring, mask, n, came_from, at, mu, gravity, rtol, state, True, untaped
+                )
                 if outcome != PROPAGATED:
                     break
                 if state[FLUSHES] > flushes:
@@ -1451,3 +2311,266 @@ def diagnose_chain(spacing, thickness, height, density, mu, gravity, push, rtol,
         stack_geometry(ring, mask, n + 1, low, 0.0, mu, height, geo, False)
         contact_impulses(ring, mask, n + 1, low, geo, came, went, found, D_HIT)
     return PROPAGATED, count - 1
+
+
+# --- The environment: one domino a step, all rows of a batch in one call --------------------------
+# What a row remembers between two steps, besides its ring and its state: dominoes placed after the
+# first, last pivot [m], sum of the rewards paid (what was given at reset counts as paid), phase,
+# and once it is over: why, how far it came, its score, and whether `solve` has to be asked again.
+B_PLACED, B_WAY, B_PAID, B_PHASE, B_OUTCOME, B_REACH, B_SCORE, B_DOUBT = range(8)
+BOOK_SIZE = 8
+IDLE, RUNS, OVER = 0.0, 1.0, 2.0
+
+# The rules that all rows share: physics, the speed to lead against and the score to beat [m/s],
+# course length (0: free), bounds [m], the height that rewards and observations are scaled by [m],
+# whether single steps are paid, and how many dominoes are seen behind the front.
+(
+    G_FRICTION, G_GRAVITY, G_PUSH, G_RTOL, G_REFERENCE, G_UNIFORM, G_LENGTH,
+    G_GAP_LOW, G_GAP_HIGH, G_THICK_LOW, G_THICK_HIGH, G_UNIT, G_PAYS, G_WINDOW,
+) = range(14)  # fmt: skip
+RULES_SIZE = 14
+
+FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut off there
+LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
+
+
+@numba.njit(**_JIT)
+def between(action, low, high):
+    """The value that an action in [-1, 1] stands for; beyond them, the nearer bound."""
+    value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
+    return min(max(value, low), high)
+
+
+@numba.njit(**_JIT)
+def reachable(low, high, least, most):
+    """[low, high] narrowed to [least, most]; a single value where rounding leaves none."""
+    new_low, new_high = max(low, least), min(high, most)
+    if new_low > new_high:
+        middle = min(max(0.5 * (least + most), low), high)
+        return middle, middle
+    return new_low, new_high
+
+
+@numba.njit(**_JIT)
+def pitch_bounds(rules, pairs_left, way):
+    """Least and largest pitch of this pair from which the course length can still be met."""
+    low = rules[G_GAP_LOW] + rules[G_THICK_LOW]
+    high = rules[G_GAP_HIGH] + rules[G_THICK_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    left, after = rules[G_LENGTH] - way, pairs_left - 1
+    return left - after * high, left - after * low
+
+
+@numba.njit(**_JIT)
+def thickness_bounds(rules, pairs_left, way):
+    """Bounds of the next domino's thickness: some gap must still fit its pitch."""
+    low, high = rules[G_THICK_LOW], rules[G_THICK_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    least, most = pitch_bounds(rules, pairs_left, way)
+    return reachable(low, high, least - rules[G_GAP_HIGH], most - rules[G_GAP_LOW])
+
+
+@numba.njit(**_JIT)
+def gap_bounds(rules, pairs_left, way, thickness):
+    """Bounds of the next gap, once the thickness of the domino behind it is chosen."""
+    low, high = rules[G_GAP_LOW], rules[G_GAP_HIGH]
+    if rules[G_LENGTH] <= 0.0:
+        return low, high
+    least, most = pitch_bounds(rules, pairs_left, way)
+    return reachable(low, high, least - thickness, most - thickness)
+
+
+@numba.njit(**_JIT)
+def choose(action, rules, pairs_left, way):
+    """Gap and thickness that an action stands for."""
+    thickness, gap = rules[G_THICK_LOW], rules[G_GAP_LOW]
+    if rules[G_THICK_LOW] < rules[G_THICK_HIGH]:
+        low, high = thickness_bounds(rules, pairs_left, way)
+        thickness = between(action[len(action) - 1], low, high)
+    if rules[G_GAP_LOW] < rules[G_GAP_HIGH]:
+        low, high = gap_bounds(rules, pairs_left, way, thickness)
+        gap = between(action[0], low, high)
+    return gap, thickness
+
+
+@numba.njit(**_JIT)
+def open_row(rules, ring, state, book, thickness, height, density):
+    """The first domino stands and has been pushed."""
+    begin(state, rules[G_PUSH])
+    stand(ring, len(ring) - 1, 0, height[0], thickness[0], density[0])
+    state[KAPPA] = heaviest_force(height[0], thickness[0])
+    book[:] = 0.0
+    book[B_PHASE] = RUNS
+
+
+@numba.njit(**_JIT)
+def next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density):
+    """Domino n+1 is placed and leader n falls, as in `chain`."""
+    mask = len(ring) - 1
+    strikes = False
+    if n + 1 < len(thickness):
+        d = thickness[n + 1]
+        strikes = spacing[n] < height[n]
+        stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
+        join(ring, mask, n, height[n], spacing[n], d)
+        state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
+    if n % 4 == 0 and n > 0:
+        renew_tails(ring, mask, max(n - 1 - int(state[DEPTH]), 0, n - mask), n)
+    elif n > 0:
+        ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+    outcome = step(
+        lanes, ring, mask, n, strikes, rules[G_FRICTION], rules[G_GRAVITY], rules[G_RTOL], state,
+        False, ring[:0],
+    )  # fmt: skip
+    if outcome == PROPAGATED and not strikes and n + 1 < len(thickness):
+        return OUT_OF_REACH
+    return outcome
+
+
+@numba.njit(**_JIT)
+def close_row(rules, state, book, n, outcome, spacing, thickness, height, density):
+    """The wave has run through or died under leader n: what the row is worth."""
+    count = len(thickness)
+    book[B_PHASE], book[B_OUTCOME] = OVER, outcome
+    if outcome == PROPAGATED:
+        book[B_REACH] = 1.0
+        book[B_SCORE] = book[B_WAY] / state[TIME]
+        if state[WORST] > rules[G_RTOL] or is_uniform(spacing, thickness, height, density):
+            book[B_DOUBT] = 1.0
+    else:
+        book[B_REACH] = (n + state[PART]) / count
+        book[B_SCORE] = book[B_REACH] - 1.0
+        if n >= count - 2 and state[WORST] > rules[G_RTOL]:
+            book[B_DOUBT] = 1.0
+
+
+@numba.njit(**_JIT)
+def worth(score, uniform):
+    """The return of an episode: the gain over the best uniform row, in per cent."""
+    if uniform > 0.0:
+        return 100.0 * (score / uniform - 1.0)
+    return 100.0 * (score - uniform) / max(-uniform, 1e-9)
+
+
+@numba.njit(**_JIT)
+def place_next(rules, lanes, ring, state, book, spacing, thickness, height, density):
+    """Let the leader fall on the domino just laid down in spacing and thickness; returns the
+    lead gained over a wave at the reference speed, in heights."""
+    n = int(book[B_PLACED])
+    count = len(thickness)
+    pitch = spacing[n] + thickness[n + 1]
+    book[B_PLACED] = n + 1.0
+    book[B_WAY] += pitch
+    outcome = next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density)
+    lead = (pitch - rules[G_REFERENCE] * state[FALL_TIME]) / rules[G_UNIT]
+    if outcome == PROPAGATED and n + 2 == count:  # the last domino falls free
+        n += 1
+        outcome = next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density)
+        if outcome == PROPAGATED:
+            close_row(rules, state, book, n, outcome, spacing, thickness, height, density)
+    if outcome != PROPAGATED:
+        close_row(rules, state, book, n, outcome, spacing, thickness, height, density)
+    return lead
+
+
+@numba.njit(**_JIT)
+def observe(rules, progress, state, book, spacing, thickness, seen):
+    """Write what is seen of a row; the order of the entries is that of the environment's page."""
+    placed, way, unit = int(book[B_PLACED]), book[B_WAY], rules[G_UNIT]
+    dead = book[B_PHASE] == OVER and book[B_OUTCOME] != PROPAGATED
+    front = 0.0 if dead else math.sqrt(state[U] * unit / rules[G_GRAVITY])
+    lead = (way - rules[G_REFERENCE] * state[TIME]) / (unit * LEAD_UNIT)
+    speed = way / (state[TIME] * rules[G_REFERENCE]) - 1.0 if state[TIME] > 0.0 else 0.0
+    seen[0] = min(front, FRONT_LIMIT)
+    seen[1] = min(max(lead, -LEAD_LIMIT), LEAD_LIMIT)
+    seen[2] = min(max(speed, -1.0), SPEED_LIMIT)
+    at = 3
+    if rules[G_LENGTH] > 0.0:
+        left = max(rules[G_LENGTH] - way, 0.0)
+        pairs = len(spacing) - placed
+        least = rules[G_GAP_LOW] + rules[G_THICK_LOW]
+        most = rules[G_GAP_HIGH] + rules[G_THICK_HIGH]
+        mean = 2.0 * (left / pairs - least) / (most - least) - 1.0 if pairs > 0 else 0.0
+        seen[at] = min(left / rules[G_LENGTH], 1.0)
+        seen[at + 1] = min(max(mean, -1.0), 1.0)
+        at += 2
+    window = int(rules[G_WINDOW])
+    if rules[G_GAP_LOW] < rules[G_GAP_HIGH]:
+        scale = 2.0 / (rules[G_GAP_HIGH] - rules[G_GAP_LOW])
+        for j in range(window):
+            i = placed - 1 - j
+            seen[at + j] = (
+                min(max(scale * (spacing[i] - rules[G_GAP_LOW]) - 1.0, -1.0), 1.0)
+                if i >= 0
+                else 0.0
+            )
+        at += window
+    if rules[G_THICK_LOW] < rules[G_THICK_HIGH]:
+        scale = 2.0 / (rules[G_THICK_HIGH] - rules[G_THICK_LOW])
+        for j in range(window):
+            i = placed - j
+            x = scale * (thickness[i] - rules[G_THICK_LOW]) - 1.0
+            seen[at + j] = min(max(x, -1.0), 1.0) if i > 0 else 0.0
+        at += window
+    for j in range(progress.shape[1]):
+        seen[at + j] = progress[placed, j]
+
+
+@numba.njit(**_JIT)
+def reset_rows(
+    first, last, rules, progress, rings, states, books, spacing, thickness, height, density, chosen,
+    given, seen,
+):  # fmt: skip
+    """Begin anew in the rows that are chosen, with the first `given` gaps as they are laid down.
+
+    A row whose wave does not get past what is given is OVER afterwards.
+    """
+    lanes = np.zeros(LANE_ROWS * PITCH)
+    for b in range(first, last):
+        if not chosen[b]:
+            continue
+        h, rho = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
+        open_row(rules, rings[b], states[b], books[b], thickness[b], h, rho)
+        for _ in range(given[b]):
+            lead = place_next(
+                rules, lanes, rings[b], states[b], books[b], spacing[b], thickness[b], h, rho
+            )
+            books[b, B_PAID] += lead * rules[G_PAYS]
+            if books[b, B_PHASE] == OVER:
+                break
+        observe(rules, progress, states[b], books[b], spacing[b], thickness[b], seen[b])
+
+
+@numba.njit(**_JIT)
+def step_rows(
+    first, last, rules, progress, rings, states, books, spacing, thickness, height, density,
+    actions, seen, rewards, ended,
+):  # fmt: skip
+    """One step of those rows first … last - 1 that run; returns how many episodes have ended.
+
+    actions: (B, A); seen: (B, O) observations; rewards: (B,); ended: (B,) booleans.  Of rows that
+    are over, only rewards (0) and ended (False) are written.
+    """
+    lanes = np.zeros(LANE_ROWS * PITCH)
+    number = 0
+    for b in range(first, last):
+        state, book = states[b], books[b]
+        rewards[b], ended[b] = 0.0, False
+        if book[B_PHASE] != RUNS:
+            continue
+        h, rho = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
+        n = int(book[B_PLACED])
+        gap, thick = choose(actions[b], rules, spacing.shape[1] - n, book[B_WAY])
+        spacing[b, n], thickness[b, n + 1] = gap, thick
+        lead = place_next(rules, lanes, rings[b], state, book, spacing[b], thickness[b], h, rho)
+        if book[B_PHASE] == OVER:
+            rewards[b] = worth(book[B_SCORE], rules[G_UNIFORM]) - book[B_PAID]
+            ended[b] = True
+            number += 1
+        else:
+            rewards[b] = lead * rules[G_PAYS]
+            book[B_PAID] += rewards[b]
+        observe(rules, progress, state, book, spacing[b], thickness[b], seen[b])
+    return number

@@ -66,6 +66,18 @@ class Layout:
         # built anew, so that a copy's arrays are read-only too: the kernel is compiled for those
         return Layout, (self.spacing, self.thickness, self.height, self.width, self.density)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether two layouts are the same to the last bit."""
+        if not isinstance(other, Layout):
+            return NotImplemented
+        return self.width == other.width and all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("spacing", "thickness", "height", "density")
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.spacing.tobytes(), self.thickness.tobytes(), self.height.tobytes()))
+
     @classmethod
     def uniform(
         cls,

@@ -13,7 +13,7 @@ _ROOM = 32
 
 def _rules() -> tuple[np.ndarray, ...]:
     shape = (len(ORDERS), _ROOM)
-    nodes, weights, to_start, to_end, places = (np.zeros(shape) for _ in range(5))
+    nodes, weights, to_start, to_end, places, high, top = (np.zeros(shape) for _ in range(7))
     running = np.zeros((len(ORDERS), _ROOM, _ROOM))
     closed = np.zeros((len(ORDERS), _ROOM, _ROOM))
     for k, m in enumerate(ORDERS):
@@ -32,11 +32,17 @@ def _rules() -> tuple[np.ndarray, ...]:
         running[k, :m, :m] = scale @ integral / 2.0
         to_start[k, :m] = scale @ (-1.0) ** n
         to_end[k, :m] = scale.sum(axis=1)
+        high[k, :m], top[k, :m] = scale[:, m - 2], scale[:, m - 1]
         closed[k, : m + 2, : m + 2] = np.linalg.inv(legendre.legvander(points, int(m) + 1)).T
-    return nodes, weights, places, running, to_start, to_end, closed
+    return nodes, weights, places, running, to_start, to_end, high, top, closed
 
 
-NODES, WEIGHTS, PLACES, RUNNING, TO_START, TO_END, CLOSED = _rules()
+NODES, WEIGHTS, PLACES, RUNNING, TO_START, TO_END, HIGH, TOP, CLOSED = _rules()
 """NODES, WEIGHTS, TO_START, TO_END: (rule, node); PLACES: (rule, lane), the nodes with both ends;
+HIGH, TOP: (rule, node), the last two Legendre coefficients of the polynomial through the nodes;
 RUNNING: (rule, node, row), ∫ from 0 to x_row of the node's Lagrange polynomial; CLOSED: (rule,
 point, n), Legendre coefficients of the polynomial through start, nodes and end."""
+
+_n = np.arange(_ROOM)
+RECUR_Z, RECUR_0 = (2.0 * _n + 1.0) / (_n + 1.0), _n / (_n + 1.0)
+"""P_{n+1}(z) = RECUR_Z[n] z P_n - RECUR_0[n] P_{n-1}."""

@@ -131,16 +131,41 @@ class Scene:
             return wave.mean_speed
         return wave.reach - 1.0
 
+    def score_batch_gradient(
+        self, spacing: Floats, thickness: Floats | None, rtol: float = 1e-8
+    ) -> tuple[Floats, Floats, Floats]:
+        """`score_batch` with its exact gradient, (B,), (B, N-1) and (B, N-1).
+
+        By gaps and by thicknesses of dominoes 1 … N-1 [1/s]; zero for a wave that died.
+        """
+        full = self._thicknesses(len(spacing), thickness)
+        batch = simulate_batch(
+            spacing, full, self.physics, height=self.height, density=self.density, rtol=rtol,
+            gradient=True,
+        )  # fmt: skip
+        assert batch.gradient is not None
+        alive = batch.outcome == Outcome.PROPAGATED
+        time = np.where(alive, batch.total_time, 1.0)[:, None]
+        speed = batch.mean_speed[:, None]
+        # v = length / t, and the length grows with every gap and thickness
+        by_gap = alive[:, None] * (1.0 - speed * batch.gradient.spacing) / time
+        by_thickness = alive[:, None] * (1.0 - speed * batch.gradient.thickness[:, 1:]) / time
+        return np.where(alive, batch.mean_speed, batch.reach - 1.0), by_gap, by_thickness
+
+    def _thicknesses(self, rows: int, thickness: Floats | None) -> Floats:
+        """Thicknesses of all dominoes, (B, N) [m]."""
+        full = np.empty((rows, self.count))
+        full[:, 0] = self.first_thickness
+        full[:, 1:] = self.thickness[0] if thickness is None else thickness
+        return full
+
     def score_batch(self, spacing: Floats, thickness: Floats | None, rtol: float = 1e-6) -> Floats:
         """Scores of B layouts at once.
 
         spacing: (B, N-1); thickness of dominoes 1 … N-1: (B, N-1), or None where it is fixed [m].
         The scene's rules are not checked again.
         """
-        spacing = np.asarray(spacing, dtype=np.float64)
-        full = np.empty((len(spacing), self.count))
-        full[:, 0] = self.first_thickness
-        full[:, 1:] = self.thickness[0] if thickness is None else thickness
+        full = self._thicknesses(len(spacing), thickness)
         batch = simulate_batch(
             spacing, full, self.physics, height=self.height, density=self.density, rtol=rtol,
             record=False,

@@ -134,13 +134,12 @@ def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> floa
     lifted over its edge).
     """
     state = np.zeros(kernel.STATE_SIZE)
-    size = 2
-    while size < min(layout.count + 1, kernel.RING_ROWS):
-        size *= 2
+    size = kernel.ring_size(layout.count)
     outcome, _, _, _ = kernel.chain(
         layout.spacing, layout.thickness, layout.height, layout.density, physics.friction,
         physics.gravity, 0.0, rtol, np.zeros(kernel.LANE_ROWS * kernel.PITCH),
         np.zeros((size, kernel.RING_COLUMNS)), state, True, np.empty((0, 4)),
+        np.empty((0, kernel.TAPE_COLUMNS)),
     )  # fmt: skip
     if outcome != Outcome.PROPAGATED:
         return math.inf

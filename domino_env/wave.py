@@ -5,14 +5,16 @@ from __future__ import annotations
 import enum
 import os
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernel
+from domino_env.gradient import Gradient, pull, room_for
 from domino_env.layout import Layout
 from domino_env.physics import Physics
 
@@ -74,6 +76,7 @@ class Wave:
     flushes, releases: links that turned from tip to corner contact, and that lost contact;
     largest_flush_loss: largest fraction of the leader's speed lost in one flush.
     run_time: [s] spent computing.
+    tape: what `pullback` walks back along, kept where a gradient was asked for.
     """
 
     layout: Layout
@@ -93,6 +96,52 @@ class Wave:
     largest_flush_loss: float
     rtol: float
     run_time: float
+    tape: Floats | None = field(default=None, repr=False)
+
+    def pullback(self, arrival_bar: ArrayLike) -> Gradient:
+        """Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics; see `Gradient`.
+
+        arrival_bar: (N,) derivative of some number with respect to the arrival times; the result
+        is the gradient of that number.  Reverse mode: one walk back through the chain, whatever N.
+        Exact up to the tolerance of the run, near a stall too.
+        ValueError for a wave simulated without `gradient=True`, for a wrong shape, and where
+        arrival_bar is not 0 for a domino that the wave did not reach.
+        """
+        if self.tape is None:
+            raise ValueError(
+                "this wave kept nothing to differentiate: ask for it with "
+                "simulate(layout, physics, gradient=True)"
+            )
+        reached = int(np.isfinite(self.arrival_times).sum())
+        return pull(self.layout, self.physics, self.tape, arrival_bar, reached)
+
+    def gradient(self, of: str = "time") -> Gradient:
+        """The gradient of the arrival time at the last domino ("time", [s]) or of the mean speed
+        ("speed", [m/s]).
+
+        ValueError where the wave does not reach the last domino (for the speed: did not propagate),
+        and as of `pullback`.
+        """
+        if of not in ("time", "speed"):
+            raise ValueError(f"of = {of!r}: a wave has the gradient of its 'time' or its 'speed'")
+        count = self.layout.count
+        total = float(self.arrival_times[-1])
+        if count < 2 or not np.isfinite(total):
+            raise ValueError(
+                f"there is no {of} to differentiate: "
+                + ("a single domino has none" if count < 2 else self.explanation)
+            )
+        bar = np.zeros(count)
+        if of == "time":
+            bar[-1] = 1.0
+            return self.pullback(bar)
+        if self.outcome != Outcome.PROPAGATED:
+            raise ValueError(f"there is no speed to differentiate: {self.explanation}")
+        bar[-1] = -self.mean_speed / total
+        found = self.pullback(bar)
+        spacing, thickness = found.spacing + 1.0 / total, found.thickness.copy()
+        thickness[1:] += 1.0 / total  # the way from the first pivot to the last grows too
+        return replace(found, spacing=spacing, thickness=thickness)
 
     @property
     def mean_speed(self) -> float:
@@ -121,6 +170,8 @@ class WaveBatch:
     the wave did not come.  lowest_stall_margin: (B,) smallest stall margin of all falls.
     arrival_times, release_velocity, impact_velocity, stall_margin are empty, (B, 0), where
     `record=False` left them out; the lowest margin is then taken over the nodes of the rule only.
+    gradient: of the total time, every field with a leading B, zero for a wave that did not
+    propagate; None unless asked for.
     """
 
     outcome: Ints
@@ -140,15 +191,19 @@ class WaveBatch:
     impact_velocity: Floats
     stall_margin: Floats
     run_time: float
+    gradient: Gradient | None = None
 
     def __len__(self) -> int:
         return len(self.outcome)
 
 
-def simulate(layout: Layout, physics: Physics, *, rtol: float = 1e-8) -> Wave:
+def simulate(
+    layout: Layout, physics: Physics, *, rtol: float = 1e-8, gradient: bool = False
+) -> Wave:
     """Topple a row and return its wave.
 
     rtol: relative error allowed in the arrival times, 1e-3 to 1e-13.  ValueError outside.
+    gradient: keep what `Wave.pullback` and `Wave.gradient` need, some 100 bytes a fall.
 
     The dynamics are exact up to that tolerance for chains in which every domino may differ: tip,
     corner and released contacts, flushes as inelastic impacts, sliding friction (van Leeuwen 2004;
@@ -158,12 +213,18 @@ def simulate(layout: Layout, physics: Physics, *, rtol: float = 1e-8) -> Wave:
     count = layout.count
     summary = np.empty((1, kernel.SUMMARY_SIZE))
     out = np.empty((1, count, 4))
-    kernel.solve_rows(
-        0, 1, layout.spacing[None], layout.thickness[None], layout.height[None],
-        layout.density[None], physics.friction, physics.gravity, physics.push,
-        _checked(rtol), True, summary, out,
-    )  # fmt: skip
     row, record = summary[0], out[0]
+    tape = room_for(count) if gradient else np.empty((0, kernel.TAPE_COLUMNS))
+    while True:
+        kernel.solve_rows(
+            0, 1, layout.spacing[None], layout.thickness[None], layout.height[None],
+            layout.density[None], physics.friction, physics.gravity, physics.push,
+            _checked(rtol), True, summary, out, tape,
+        )  # fmt: skip
+        used = int(row[kernel.TAPE_ROWS])
+        if used <= len(tape) or not gradient:
+            break
+        tape = np.empty((used, kernel.TAPE_COLUMNS))  # the same run writes as many again
     return Wave(
         layout=layout,
         physics=physics,
@@ -182,6 +243,7 @@ def simulate(layout: Layout, physics: Physics, *, rtol: float = 1e-8) -> Wave:
         largest_flush_loss=float(row[kernel.LOSS]),
         rtol=rtol,
         run_time=time.perf_counter() - began,
+        tape=tape[:used].copy() if gradient else None,
     )
 
 
@@ -194,11 +256,14 @@ def simulate_batch(
     density: ArrayLike = 1040.0,
     rtol: float = 1e-6,
     record: bool = True,
+    gradient: bool = False,
 ) -> WaveBatch:
     """Topple B rows of N dominoes over all cores; bit for bit what `simulate` gives one by one.
 
     spacing: (B, N-1) [m]; thickness: (B, N) or (N,) [m]; height, density: scalar, (N,) or (B, N).
     record: False leaves out what is kept of each domino.
+    gradient: give that of the total time too, as `WaveBatch.gradient`; nothing is then kept of each
+        domino.
     The number of threads is Numba's (`numba.set_num_threads`).
     ValueError names the layout and element that cannot stand.
     """
@@ -206,11 +271,19 @@ def simulate_batch(
     s, d, length, rho = _checked_batch(spacing, thickness, height, density)
     rows, count = d.shape
     summary = np.empty((rows, kernel.SUMMARY_SIZE))
+    record = record and not gradient
     out = np.empty((rows, count, 4) if record else (0, 0, 4))
-    _in_threads(
-        rows, count, s, d, length, rho, physics.friction, physics.gravity, physics.push,
-        _checked(rtol), record, summary, out,
-    )  # fmt: skip
+    setting = (s, d, length, rho, physics.friction, physics.gravity, physics.push, _checked(rtol))
+    slopes = None
+    if gradient:
+        gaps, bodies = np.empty((rows, count - 1)), np.empty((rows, 3, count))
+        whole = np.empty((rows, 3))
+        _in_threads(kernel.pull_rows, rows, count, *setting, summary, gaps, bodies, whole)
+        parts = (bodies[:, 0], bodies[:, 1], bodies[:, 2], whole[:, 0], whole[:, 1], whole[:, 2])
+        slopes = Gradient(gaps, *parts)
+    else:
+        untaped = np.empty((0, kernel.TAPE_COLUMNS))
+        _in_threads(kernel.solve_rows, rows, count, *setting, record, summary, out, untaped)
     outcome = summary[:, kernel.END].astype(np.int64)
     total = summary[:, kernel.TOTAL_TIME]
     # summed as Layout.length sums it, so that speeds agree to the last bit
@@ -235,6 +308,7 @@ def simulate_batch(
         impact_velocity=out[:, :-1, kernel.OUT_IMPACT] if record else empty,
         stall_margin=out[:, :, kernel.OUT_MARGIN] if record else empty,
         run_time=time.perf_counter() - began,
+        gradient=slopes,
     )
 
 
@@ -242,7 +316,7 @@ _POOLS: dict[int, ThreadPoolExecutor] = {}  # by their number of threads
 os.register_at_fork(after_in_child=_POOLS.clear)  # a child has none of its parent's threads
 
 
-def _in_threads(rows: int, count: int, *arguments: object) -> None:
+def _in_threads(job: Callable[..., None], rows: int, count: int, *arguments: object) -> None:
     """Share the rows among Numba's number of threads; the kernel holds no lock while it runs.
 
     Plain threads rather than a parallel Numba loop: they may be called from several threads at
@@ -251,16 +325,16 @@ def _in_threads(rows: int, count: int, *arguments: object) -> None:
     threads = numba.get_num_threads()
     piece = max(1, min(-(-rows // (4 * threads)), 200_000 // max(count, 1)))
     if threads == 1 or rows * count < 400:
-        kernel.solve_rows(0, rows, *arguments)
+        job(0, rows, *arguments)
         return
     if threads not in _POOLS:
         _POOLS[threads] = ThreadPoolExecutor(threads, "domino")
-    jobs = [
-        _POOLS[threads].submit(kernel.solve_rows, i, min(i + piece, rows), *arguments)
+    pieces = [
+        _POOLS[threads].submit(job, i, min(i + piece, rows), *arguments)
         for i in range(0, rows, piece)
     ]
-    for job in jobs:
-        job.result()
+    for done in pieces:
+        done.result()
 
 
 def _checked(rtol: float) -> float:

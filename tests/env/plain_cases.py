@@ -24,16 +24,24 @@ def results():
         counts = [wave.hit, wave.toppled, wave.flushes, wave.releases]
         found[name] = [int(wave.outcome), *counts, wave.reach, wave.largest_flush_loss, *times]
 
+    def add_gradient(name, layout, physics, rtol=1e-7):
+        wave = de.simulate(layout, physics, rtol=rtol, gradient=True)
+        pulled = wave.pullback(np.isfinite(wave.arrival_times).astype(float))
+        found[f"{name}: gradient"] = [*pulled.spacing, *pulled.thickness, pulled.push]
+
     random = rng.uniform(0.002, 0.034, 11)
     spacing = [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020]
     for friction in (0.0, 0.3):
         name = f"friction {friction}"
         physics = de.Physics(friction, 9.81, 12.0)
         add(f"{name}: random", de.Layout(random, 0.0075), physics)
+        add_gradient(f"{name}: random", de.Layout(random, 0.0075), physics)
         add(f"{name}: tight tolerance", de.Layout(random[:5], 0.0075), physics, 1e-13)
         add(f"{name}: uniform", de.Layout.uniform(12, pitch=0.03), physics, 1e-4)
         add(f"{name}: uniform, dies", de.Layout.uniform(8, spacing=0.002), de.Physics(friction))
+        add_gradient(f"{name}: uniform", de.Layout.uniform(12, pitch=0.03), physics)
         push = de.Physics(friction, 9.81, 24.0)
+        add_gradient(f"{name}: releases", de.Layout(spacing, 0.0075), push)
         add(f"{name}: releases", de.Layout(spacing, 0.0075), push)
         runs = np.r_[np.full(4, 0.005), np.full(3, 0.02)]
         add(f"{name}: flush together", de.Layout(runs, 0.0075), push)
@@ -46,6 +54,7 @@ def results():
         for excess in (-1e-6, 1e-9, 1e-4):
             push = de.Physics(friction, 9.81, least * (1.0 + excess))
             add(f"{name}: {excess} from a stall", row, push)
+            add_gradient(f"{name}: {excess} from a stall", row, push)
         steady = de.steady_wave([0.02, 0.03], 0.0075, physics=physics, rtol=1e-5)
         found[f"{name}: steady"] = [steady.speed, *steady.omega_release]
     thick = [0.0075, 0.0075, 0.05, 0.05, 0.0075]
@@ -78,6 +87,10 @@ def results():
         np.stack([random, random[::-1]]), np.full(12, 0.0075), de.Physics(), record=False
     )
     found["batch"] = [float(t) for t in batch.mean_speed]
+    batch = de.simulate_batch(
+        np.stack([random, 0.0 * random + 0.003]), 0.0075, de.Physics(), gradient=True
+    )
+    found["batch: gradient"] = [float(x) for x in batch.gradient.spacing.ravel()]
     return found
 
 

@@ -30,17 +30,19 @@ class Witness:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.layouts: list[de.Layout] = []
         self.scores: list[float] = []
-        original = Scene.score_batch
+        for name in ("score_batch", "score_batch_gradient"):
+            monkeypatch.setattr(Scene, name, self._seeing(getattr(Scene, name)))
 
-        def score_batch(scene: Scene, spacing, thickness, rtol=1e-6):
-            scores = original(scene, spacing, thickness, rtol)
+    def _seeing(self, original):
+        def score(scene: Scene, spacing, thickness, rtol=1e-6):
+            found = original(scene, spacing, thickness, rtol)
             for i in range(len(spacing)):
                 rest = None if thickness is None else thickness[i]
                 self.layouts.append(scene.layout(spacing[i], rest))
-            self.scores += scores.tolist()
-            return scores
+            self.scores += (found[0] if isinstance(found, tuple) else found).tolist()
+            return found
 
-        monkeypatch.setattr(Scene, "score_batch", score_batch)
+        return score
 
 
 def same(one: SearchResult, other: SearchResult) -> bool:
@@ -160,6 +162,7 @@ def test_ctrl_c_before_anything_was_found_is_ctrl_c(scenes, monkeypatch, method:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Budget, "scores", interrupted)
+    monkeypatch.setattr(Budget, "scores_and_gradients", interrupted)
     with pytest.raises(KeyboardInterrupt):
         search(scenes["spacing"], method, budget=10)
 

@@ -147,7 +147,7 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes) -> None:
     x = np.full(problem.dimension, 0.4)
     x[0], x[1] = 0.0, 1.0
     _, gradient = problem.score_and_gradient(x)
-    assert problem.evaluations == 2 * problem.dimension + 1
+    assert problem.evaluations == 1
     h = 1e-4
     for i, sign in ((0, 1.0), (1, -1.0)):
         y = x.copy()

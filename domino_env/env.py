@@ -1,0 +1,172 @@
+"""DominoChain-v0: a row of dominoes designed one domino at a time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike
+
+from domino_env import kernel
+from domino_env.moment import Moment
+from domino_env.row_env import RTOL, WINDOW, RowEnv, checked_options, wrong_actions
+from domino_env.rows import Rows, Seen
+from domino_env.scene import Scene
+
+
+class DominoChain(RowEnv):
+    """A row of dominoes, placed one by one while the wave runs through them.
+
+    ## Description
+    A scene says how many dominoes stand in a row and what may be chosen: the gaps between them,
+    their thickness, or both.  The first domino is the scene's and has been pushed.  Each step
+    places the next domino and lets the front of the wave fall onto it.  What is placed later never
+    changes what has fallen before, so this is an exact Markov decision process: an episode's row
+    is simulated to the tolerance asked for, and a step costs microseconds.
+
+    ## Action space
+    `Box(-1, 1, (A,), float32)`, the first of these entries, or the second, or both: what the scene
+    leaves free.  -1 stands for the least, 1 for the largest value; beyond them the value is cut
+    off.
+
+    | entry     | meaning                                     | unit |
+    |-----------|---------------------------------------------|------|
+    | gap       | free gap in front of the domino that leads  | m    |
+    | thickness | thickness of the domino that is placed      | m    |
+
+    Where the scene asks for a total length, the bounds narrow to what remains reachable.  With R
+    left of the length and m dominoes to place after this one, the pitch (gap and thickness) of
+    this step lies between R - m (largest gap + largest thickness) and R - m (least gap + least
+    thickness).  The thickness ranges over what leaves some gap for such a pitch, the gap over what
+    fits the thickness chosen; the last pitch is what is left.  `bounds_ahead()` gives them.
+
+    ## Observation space
+    `Box(low, high, (O,), float32)`, finite.  h is the height of a domino, g gravity, N the number
+    of dominoes, k how many are placed after the first.  Entries marked * are there only where the
+    scene asks for a length; windows only of what it leaves free.
+
+    | entries | meaning                                                             | range     |
+    |---------|---------------------------------------------------------------------|-----------|
+    | 1       | angular velocity of the front [rad/s], times √(h/g); 0 if it died   | 0, 50     |
+    | 1       | lead over the reference speed, in 10 h                              | -100, 100 |
+    | 1       | mean speed so far over the reference speed, less 1; 0 at the start  | -1, 20    |
+    | 1 *     | length left, part of the whole                                      | 0, 1      |
+    | 1 *     | mean pitch left: -1 the least, 1 the largest                        | -1, 1     |
+    | W       | last W gaps, the latest first: -1 least, 1 largest, 0 not there yet | -1, 1     |
+    | W       | last W thicknesses, likewise (the first domino's is not among them) | -1, 1     |
+    | 1       | k / (N - 1)                                                         | 0, 1      |
+    | 4       | exp(-k / c) for c = 1, 2, 4, 8: closeness to the start              | 0, 1      |
+    | 4       | exp(-(N - 1 - k) / c) for the same c: closeness to the end          | 0, 1      |
+
+    ## Rewards
+    Each step but the last pays (pitch - reference speed × time of the fall) / h: the lead gained
+    over a wave at the reference speed, by default that of the best uniform row, in domino heights.
+    The last step pays what makes the undiscounted return 100 (score / score of the best uniform
+    row - 1), whatever the reference speed.  So the return orders layouts as `scene.score` does.
+    A wave that dies scores between -1 and 0, higher the further it came (see `Scene.score`): its
+    return is below -100, and below that of every row that topples.  (Where even the best uniform
+    row scores 0 or less, the return is 100 (score - its score) / |its score|.)  Objectives other
+    than the mean speed pay on the last step only.
+
+    ## Starting state
+    The first domino alone.  `reset(options={"layout": layout})` starts from a layout of fewer
+    dominoes, which have been laid and have fallen; what they have gained counts as paid, so that
+    the rewards to come are those of a whole episode.  Nothing is random: the seed changes nothing.
+
+    ## Episode end
+    Terminated when the last domino is placed, or when the wave dies.  Never truncated.
+
+    ## Info
+    Empty but on the last step: `score` (as `scene.score_wave(wave)`), `gain` (over the best uniform
+    row, 0.01 is one per cent), `outcome` (an `Outcome`), `layout` (what was placed) and `wave` (its
+    wave at the environment's tolerance; its `reach` counts against all N dominoes).
+
+    ## Arguments
+    - `scene`: a name, the path of a TOML file, or a `Scene`.  Default "sprint".
+    - `render_mode`: None, "rgb_array", "human" or "ansi".
+    - `rtol`: relative error allowed in the arrival times, 1e-3 to 1e-13.  Default 1e-6; the score
+      on the last step is that of `scene.simulate(layout, rtol)`, which `scene.score` computes at
+      1e-10.
+    - `reference_speed`: [m/s]; None for the best uniform row's.  May be set at any time:
+      `env.unwrapped.reference_speed = 0.83`.
+    - `window`: W, how many gaps and thicknesses are seen.  Default 8; at most N - 1.
+
+    ## Version history
+    - v0: first version.
+    """
+
+    def __init__(
+        self,
+        scene: str | Path | Scene = "sprint",
+        render_mode: str | None = None,
+        rtol: float = RTOL,
+        reference_speed: float | None = None,
+        window: int = WINDOW,
+    ) -> None:
+        super().__init__(scene, render_mode)
+        self._rows = Rows(self.scene, 1, rtol, reference_speed, window)
+        self._everyone = np.ones(1, np.bool_)
+        self.action_space = Box(-1.0, 1.0, (self._rows.choices,), np.float32)
+        self.observation_space = Box(self._rows.seen_low, self._rows.seen_high, dtype=np.float32)
+
+    @property
+    def reference_speed(self) -> float:
+        """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
+        return self._rows.reference_speed
+
+    @reference_speed.setter
+    def reference_speed(self, speed: float) -> None:
+        self._rows.reference_speed = speed
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Seen, dict[str, Any]]:
+        """Begin a row; options: {"layout": Layout} of the dominoes to start from.
+
+        ValueError for other options, and for a layout that breaks the scene's rules or dies.
+        """
+        super().reset(seed=seed)
+        start = checked_options(options).get("layout")
+        seen = np.empty((1, len(self._rows.seen_low)), np.float32)
+        self._rows.reset(self._everyone, seen, None if start is None else [start])
+        if self.render_mode == "human":
+            self.render()
+        return seen[0], {}
+
+    def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
+        """Place the next domino; see the class.  ValueError for an action that is none."""
+        values = np.asarray(action, dtype=np.float64)
+        if values.shape != self.action_space.shape or not np.isfinite(values).all():
+            raise ValueError(wrong_actions(values, self.action_space))
+        rows = self._rows
+        if rows.books[0, kernel.B_PHASE] != kernel.RUNS:
+            raise ResetNeeded(
+                "the episode is over: call reset() before the next step()"
+                if rows.books[0, kernel.B_PHASE] == kernel.OVER
+                else "call reset() before the first step()"
+            )
+        seen, rewards, ended = rows.step(values[None])
+        info: dict[str, Any] = {}
+        over = bool(ended[0])
+        if over:
+            told = rows.settle(np.zeros(1, np.intp), rewards)
+            info = {key: value[0] for key, value in told.items()}
+            info["score"], info["gain"] = float(info["score"]), float(info["gain"])
+        if self.render_mode == "human":
+            self.render()
+        return seen[0], float(rewards[0]), over, False, info
+
+    def bounds_ahead(self) -> dict[str, tuple[float, float]]:
+        """What the next action ranges over: {"spacing": (low, high), "thickness": …} [m].
+
+        Where a length is to be met, the gap's bounds depend on the thickness that the same action
+        chooses: they are given for the middle of its range.
+        """
+        return self._rows.bounds_ahead(0)
+
+    def moment(self) -> Moment:
+        """The row at the latest hit."""
+        return self._rows.moment(0)

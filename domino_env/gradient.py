@@ -1,0 +1,87 @@
+"""Gradient: derivatives of what a wave does with respect to everything it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domino_env import kernel
+from domino_env.layout import Layout
+from domino_env.physics import Physics
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """Derivatives of one number, in its unit over the unit of what is changed; all else fixed.
+
+    spacing (N-1,), thickness (N,), height (N,) [1/m]: a free gap changes and all later dominoes
+        move with it; a thickness changes and the gaps stay.
+    density (N,) [m³/kg].
+    friction [1], gravity [s²/m], push [s/rad].
+
+    Of B layouts, every field has a leading B.
+
+    The derivative exists almost everywhere.  Where a switch of contact coincides with a hit, where
+    links flush together, and at the onset of a flush, it jumps: then it is that of the sequence of
+    events that the simulation went through, one side of the kink.
+    """
+
+    spacing: Floats
+    thickness: Floats
+    height: Floats
+    density: Floats
+    friction: float | Floats
+    gravity: float | Floats
+    push: float | Floats
+
+    def scaled(self, factor: float) -> Gradient:
+        """The gradient of `factor` times the number."""
+        return Gradient(
+            self.spacing * factor,
+            self.thickness * factor,
+            self.height * factor,
+            self.density * factor,
+            self.friction * factor,
+            self.gravity * factor,
+            self.push * factor,
+        )
+
+
+def room_for(count: int) -> Floats:
+    """An empty tape, long enough for most rows of that many dominoes."""
+    return np.empty((4 * count + 16, kernel.TAPE_COLUMNS))
+
+
+def pull(
+    layout: Layout, physics: Physics, tape: Floats, arrival_bar: ArrayLike, hit: int
+) -> Gradient:
+    """Σ_k arrival_bar[k] ∂t_k, as `Wave.pullback` gives it.
+
+    tape: what the chain wrote while it ran.  hit: dominoes that were struck.
+    """
+    bar = np.array(arrival_bar, dtype=np.float64)
+    if bar.shape != (layout.count,):
+        raise ValueError(
+            f"arrival_bar has shape {bar.shape}: give one number for each of the {layout.count} "
+            "dominoes"
+        )
+    if not np.isfinite(bar).all():
+        k = int(np.flatnonzero(~np.isfinite(bar))[0])
+        raise ValueError(f"arrival_bar[{k}] = {bar[k]}: must be finite")
+    if bar[hit:].any():
+        k = hit + int(np.flatnonzero(bar[hit:])[0])
+        raise ValueError(
+            f"arrival_bar[{k}] = {bar[k]}, but the wave never came to domino {k}: leave it at 0"
+        )
+    count = layout.count
+    gaps, bodies, whole = np.zeros(count - 1), np.zeros((3, count)), np.zeros(3)
+    kernel.pull(
+        layout.spacing, layout.thickness, layout.height, layout.density, physics.friction,
+        physics.gravity, physics.push, tape, len(tape), bar, gaps, bodies, whole,
+    )  # fmt: skip
+    friction, gravity, push = (float(x) for x in whole)
+    return Gradient(gaps, bodies[0], bodies[1], bodies[2], friction, gravity, push)

@@ -1,0 +1,36 @@
+"""Moment: a row while it falls, at the instant of the latest hit; what a frame is drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from domino_env.wave import Wave
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The row laid so far and where its wave is.
+
+    spacing: (M,) gaps laid so far [m]; thickness, height: (M+1,) of the dominoes standing [m].
+    hit: dominoes struck so far, the pushed one included; the last of them leads.
+    time: of the latest hit [s]; 0 before any.
+    speed: angular velocity of the leader just after it was hit [rad/s]; 0 where the wave died.
+    uniform_speed: mean speed of the scene's best uniform row [m/s].
+    wave: what is known of the wave through these dominoes; None while it runs on.
+    """
+
+    spacing: Floats
+    thickness: Floats
+    height: Floats
+    hit: int
+    time: float
+    speed: float
+    uniform_speed: float
+    wave: Wave | None = None

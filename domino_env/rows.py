@@ -1,0 +1,313 @@
+"""Rows: B rows of one scene, built and toppled domino by domino; the environments stand on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env import kernel
+from domino_env.ending import LateLayout, LateWave
+from domino_env.layout import Layout
+from domino_env.moment import Moment
+from domino_env.scene import LENGTH_TOLERANCE, Scene, load_scene
+from domino_env.scene_files import parse_scene
+from domino_env.threads import share_rows
+from domino_env.wave import LOOSEST, TIGHTEST, Outcome, simulate
+
+Floats = NDArray[np.float64]
+Seen = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] over which the ends of the row make themselves felt
+LARGEST_RING = 1024  # dominoes remembered behind a front; the wave feels some thirty
+ALONE = 128  # rows from which on it pays to wake another thread
+
+
+@lru_cache(maxsize=64)
+def _scene_of(text: str) -> Scene:
+    return parse_scene(text, "scene", "scene")
+
+
+def shared_scene(scene: str | Path | Scene) -> Scene:
+    """The scene, the same object for all who ask for equal ones: its mark is found once."""
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    return _scene_of(loaded.to_toml())
+
+
+def require_choice(scene: Scene) -> None:
+    """Refuse a scene that leaves nothing free."""
+    if not (scene.free_spacing or scene.free_thickness):
+        raise ValueError(
+            f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
+            "or thickness a min and a max"
+        )
+
+
+def checked_rtol(rtol: float) -> float:
+    """The tolerance, if it is one that the simulator takes."""
+    if not TIGHTEST <= rtol <= LOOSEST:
+        raise ValueError(f"rtol = {rtol}: choose a tolerance between {TIGHTEST} and {LOOSEST}")
+    return float(rtol)
+
+
+class Rows:
+    """The arrays of B rows, allocated once, and the two compiled calls that move them.
+
+    scene: what is built.  number: B.  rtol: relative error allowed in the arrival times.
+    reference_speed: [m/s] that the rewards of single steps count against; None for the mean speed
+        of the best uniform row.
+    window: gaps (and thicknesses) seen behind the front.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        number: int,
+        rtol: float,
+        reference_speed: float | None,
+        window: int,
+    ) -> None:
+        require_choice(scene)
+        if not (isinstance(window, int | np.integer) and window >= 0):
+            raise ValueError(f"window = {window!r}: give the number of dominoes to see, 0 or more")
+        self.scene = scene
+        self.number = number
+        self.rtol = checked_rtol(rtol)
+        self.mark = scene.uniform()
+        self.window = min(int(window), scene.count - 1)
+        self.choices = int(scene.free_spacing) + int(scene.free_thickness)
+        self._rules = self._numbers()
+        self.reference_speed = self._speed_of_uniform() if reference_speed is None else (
+            reference_speed
+        )  # fmt: skip
+        self._progress = progress_features(scene.count)
+        low, high = self._bounds_seen()
+        self.seen_low, self.seen_high = low, high
+        size = 2
+        while size < scene.count + 1 and size < LARGEST_RING:
+            size *= 2
+        self._rings = np.zeros((number, size, kernel.RING_COLUMNS))
+        self._states = np.zeros((number, kernel.STATE_SIZE))
+        self.books = np.zeros((number, kernel.BOOK_SIZE))
+        self._spacing = np.full((number, scene.count - 1), scene.spacing[0])
+        self._thickness = np.full((number, scene.count), scene.first_thickness)
+        self._height = np.full((1, scene.count), scene.height)
+        self._density = np.full((1, scene.count), scene.density)
+
+    # what can be set ------------------------------------------------------------------------------
+
+    @property
+    def reference_speed(self) -> float:
+        """Speed that the rewards of single steps count against [m/s]."""
+        return float(self._rules[kernel.G_REFERENCE])
+
+    @reference_speed.setter
+    def reference_speed(self, speed: float) -> None:
+        if not (np.ndim(speed) == 0 and 0.0 < speed < np.inf):
+            raise ValueError(
+                f"reference_speed = {speed!r} m/s: give one finite number, more than 0; the best "
+                f"uniform row runs at {self._speed_of_uniform():.6g} m/s"
+            )
+        self._rules[kernel.G_REFERENCE] = speed
+
+    def _speed_of_uniform(self) -> float:
+        """Of the best uniform row, or where even that dies, of something that falls freely."""
+        speed = self.mark.wave.mean_speed
+        return speed if speed > 0.0 else float(
+            np.sqrt(self.scene.physics.gravity * self.scene.height)
+        )  # fmt: skip
+
+    def _numbers(self) -> Floats:
+        scene, rules = self.scene, np.zeros(kernel.RULES_SIZE)
+        rules[kernel.G_FRICTION] = scene.physics.friction
+        rules[kernel.G_GRAVITY] = scene.physics.gravity
+        rules[kernel.G_PUSH] = scene.physics.push
+        rules[kernel.G_RTOL] = self.rtol
+        rules[kernel.G_UNIFORM] = self.mark.score
+        rules[kernel.G_LENGTH] = scene.length or 0.0
+        rules[[kernel.G_GAP_LOW, kernel.G_GAP_HIGH]] = scene.spacing
+        rules[[kernel.G_THICK_LOW, kernel.G_THICK_HIGH]] = scene.thickness
+        rules[kernel.G_UNIT] = scene.height
+        rules[kernel.G_PAYS] = float(scene.objective == "mean_speed")
+        rules[kernel.G_WINDOW] = self.window
+        return rules
+
+    def _bounds_seen(self) -> tuple[Seen, Seen]:
+        """Bounds of each entry of an observation; the order is `kernel.observe`'s."""
+        low = [0.0, -kernel.LEAD_LIMIT, -1.0]
+        high = [kernel.FRONT_LIMIT, kernel.LEAD_LIMIT, kernel.SPEED_LIMIT]
+        if self.scene.length is not None:
+            low, high = [*low, 0.0, -1.0], [*high, 1.0, 1.0]
+        behind = self.window * self.choices
+        ends = self._progress.shape[1]
+        low += [-1.0] * behind + [0.0] * ends
+        high += [1.0] * (behind + ends)
+        return np.array(low, np.float32), np.array(high, np.float32)
+
+    # beginning and stepping -----------------------------------------------------------------------
+
+    def reset(
+        self, chosen: Bools, seen: Seen, start: Sequence[Layout | None] | Layout | None = None
+    ) -> None:
+        """Begin anew in the chosen rows (B,) and write what is seen of them.
+
+        start: the first dominoes of each row, or of all, already laid; None for the first alone.
+        Raises ValueError, and leaves every row as it was, where `start` breaks the scene's rules
+        or its wave dies.
+        """
+        given = np.zeros(self.number, np.int64)
+        if start is not None:
+            layouts = [start] * self.number if isinstance(start, Layout) else list(start)
+            if len(layouts) != self.number:
+                raise ValueError(
+                    f"{len(layouts)} layouts to start from: give one for all, or one for each of "
+                    f"the {self.number} rows"
+                )
+            for b, layout in enumerate(layouts):
+                if chosen[b] and layout is not None:
+                    self._require_start(layout)
+            for b, layout in enumerate(layouts):
+                if chosen[b] and layout is not None:
+                    given[b] = layout.count - 1
+                    self._spacing[b, : given[b]] = layout.spacing
+                    self._thickness[b, : layout.count] = layout.thickness
+        kernel.reset_rows(
+            0, self.number, self._rules, self._progress, self._rings, self._states, self.books,
+            self._spacing, self._thickness, self._height, self._density, chosen, given, seen,
+        )  # fmt: skip
+
+    def _require_start(self, layout: Layout) -> None:
+        scene = self.scene
+        broken = replace(scene, count=layout.count, length=None).violations(layout)
+        if not broken and layout.count >= scene.count:
+            broken = [
+                f"it has {layout.count} dominoes: at least one of the scene's {scene.count} must "
+                "be left to place"
+            ]
+        if not broken and scene.length is not None:
+            pairs, left = scene.count - layout.count, scene.length - layout.length
+            least = pairs * (scene.spacing[0] + scene.thickness[0])
+            most = pairs * (scene.spacing[1] + scene.thickness[1])
+            if not least - LENGTH_TOLERANCE <= left <= most + LENGTH_TOLERANCE:
+                broken = [
+                    f"it leaves {left:.6g} m of the length for {pairs} dominoes, which cover "
+                    f"{least:.6g} to {most:.6g} m"
+                ]
+        if not broken and layout.count > 1:
+            wave = simulate(layout, scene.physics, rtol=self.rtol)
+            if wave.hit < layout.count or not np.isfinite(wave.release_velocity[-1]):
+                broken = [f"its wave dies: {wave.explanation}"]
+        if broken:
+            raise ValueError(f"the layout to start from: {'; '.join(broken)}")
+
+    def step(self, actions: Floats) -> tuple[Seen, Floats, Bools]:
+        """Place a domino in every row that runs.
+
+        actions: (B, choices) in [-1, 1].  Returns what is seen (B, O), rewards (B,) and which
+        episodes ended (B,); of rows that do not run, nothing is seen (the entries are not set).
+        """
+        seen = np.empty((self.number, len(self.seen_low)), np.float32)
+        rewards = np.empty(self.number)
+        ended = np.empty(self.number, np.bool_)
+        share_rows(
+            kernel.step_rows, self.number, ALONE, self._rules, self._progress, self._rings,
+            self._states, self.books, self._spacing, self._thickness, self._height, self._density,
+            actions, seen, rewards, ended,
+        )  # fmt: skip
+        return seen, rewards, ended
+
+    # ends -----------------------------------------------------------------------------------------
+
+    def settle(self, rows: NDArray[np.intp], rewards: Floats) -> dict[str, NDArray[Any]]:
+        """What there is to tell of episodes that have just ended; puts their last rewards right.
+
+        rows: (E,) which.  Where a wave's own estimate exceeds the tolerance it is run again, more
+        closely, as `simulate` does: a row that is built step by step cannot go back.
+        Returns score, gain, outcome, layout and wave, (E,) each.
+        """
+        scene = self.scene
+        spacing, thickness = self._spacing[rows], self._thickness[rows]
+        doubtful = self.books[rows, kernel.B_DOUBT] > 0.0
+        for i in np.flatnonzero(doubtful):
+            b = rows[i]
+            wave = simulate(
+                Layout(spacing[i], thickness[i], scene.height, scene.width, scene.density),
+                scene.physics,
+                rtol=self.rtol,
+            )
+            self.books[b, kernel.B_OUTCOME] = wave.outcome
+            self.books[b, kernel.B_REACH] = wave.reach
+            self.books[b, kernel.B_SCORE] = scene.score_wave(wave)
+            rewards[b] = self._worth(scene.score_wave(wave)) - self.books[b, kernel.B_PAID]
+        books = self.books[rows]
+        scores = books[:, kernel.B_SCORE]
+        layouts, waves, outcomes, gains = (np.empty(len(rows), object) for _ in range(4))
+        for j, book in enumerate(books.tolist()):
+            placed = int(book[kernel.B_PLACED])
+            layout = LateLayout.of(scene, spacing[j, :placed], thickness[j, : placed + 1])
+            layouts[j] = layout
+            waves[j] = LateWave.of(layout, scene, self.rtol, book[kernel.B_REACH])
+            outcomes[j] = Outcome(int(book[kernel.B_OUTCOME]))
+            gains[j] = self._worth(book[kernel.B_SCORE]) / 100.0
+        return {
+            "score": scores,
+            "gain": gains.astype(np.float64),
+            "outcome": outcomes,
+            "layout": layouts,
+            "wave": waves,
+        }
+
+    def _worth(self, score: float) -> float:
+        return float(kernel.worth(score, self.mark.score))
+
+    def moment(self, b: int) -> Moment:
+        """Row b as it stands and falls."""
+        book, state = self.books[b], self._states[b]
+        placed = int(book[kernel.B_PLACED])
+        over = book[kernel.B_PHASE] == kernel.OVER
+        spacing, thickness = self._spacing[b, :placed].copy(), self._thickness[b, : placed + 1]
+        wave = None
+        if over:
+            layout = LateLayout.of(self.scene, spacing, thickness.copy())
+            wave = LateWave.of(layout, self.scene, self.rtol, float(book[kernel.B_REACH]))
+        dead = over and book[kernel.B_OUTCOME] != kernel.PROPAGATED
+        return Moment(
+            spacing=spacing,
+            thickness=thickness.copy(),
+            height=np.full(placed + 1, self.scene.height),
+            hit=wave.hit if wave is not None else placed + 1,
+            time=float(state[kernel.TIME]),
+            speed=0.0 if dead else float(np.sqrt(state[kernel.U])),
+            uniform_speed=self.mark.wave.mean_speed,
+            wave=wave,
+        )
+
+    def bounds_ahead(self, b: int) -> dict[str, tuple[float, float]]:
+        """What the next action of row b ranges over [m]: "thickness", and "spacing" with it.
+
+        Where a length is to be met, the gap's bounds depend on the thickness that the same action
+        chooses: they are given for its middle.
+        """
+        book, rules = self.books[b], self._rules
+        pairs, way = self.scene.count - 1 - int(book[kernel.B_PLACED]), book[kernel.B_WAY]
+        low, high = kernel.thickness_bounds(rules, pairs, way)
+        gaps = kernel.gap_bounds(rules, pairs, way, 0.5 * (low + high))
+        return {"spacing": (float(gaps[0]), float(gaps[1])), "thickness": (float(low), float(high))}
+
+
+def progress_features(count: int) -> Seen:
+    """(N, 1 + 2 S) for 0 … N-1 dominoes placed: the part of the row, closeness to both ends."""
+    placed = np.arange(count)[:, None]
+    scales = np.array(SCALES)
+    features = [
+        placed / (count - 1),
+        np.exp(-placed / scales),
+        np.exp((placed - count + 1) / scales),
+    ]
+    return np.concatenate(features, axis=1).astype(np.float32)
