@@ -1,4 +1,4 @@
-"""A local search that climbs over kinks and can be paused: BFGS within the box.
+"""A local search that copes with kinks and can be paused: BFGS within the box.
 
 The onset of a flush is a kink of the score, and good rows sit on several of them at once.  There a
 line search that asks for a large slope to vanish shrinks its steps to nothing; one that asks only
@@ -10,7 +10,7 @@ Variables at a face of the box that the slope holds there are left out of the st
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,89 +27,103 @@ ENOUGH = 1e-7  # a smaller relative gain over them ends it
 
 
 class Ascent:
-    """One climb from one start; `climb` goes on where the last one was paused.
+    """One climb from one start, on ask and tell, so that many can share a batch.
 
-    design, score, gradient: where it stands.  done: whether nothing more can be gained.
-    gradients: how many it has asked for.
+    wanted: the design whose score and slope it wants to be told next.
+    design, score, gradient: where it stands; -inf and zeros before it was told anything.
+    told: how often it was told.  done: whether nothing more can be gained.
     """
 
     def __init__(
         self,
-        score_and_gradient: Callable[[Floats], tuple[float, Floats]],
         start: Floats,
+        project: Callable[[Floats], Floats] | None = None,
         reach: float = LARGEST,
     ) -> None:
-        self._ask = score_and_gradient
-        self.gradients = 1
-        self.design = np.clip(start, 0.0, 1.0)
-        self.score, self.gradient = score_and_gradient(self.design)
-        self.done = not np.any(self._free(self.gradient) * self.gradient)
+        self._project = project
+        self.wanted = self._feasible(start)
+        self.design = self.wanted
+        self.score, self.gradient = -np.inf, np.zeros(len(start))
+        self.told = 0
+        self.done = False
         self._reach = reach
-        self._history = deque([self.score], maxlen=LOOK + 1)
+        self._history: deque[float] = deque(maxlen=LOOK + 1)
         self._curvature = _Dense(len(start)) if len(start) <= DENSE else _Limited()
+        self._answers = self._climb()
+        next(self._answers)
 
-    def climb(self, gradients: int) -> float:
-        """Ask for about so many gradients more, fewer where it is done; returns the score."""
-        until = self.gradients + gradients
-        while not self.done and self.gradients < until:
-            self._step()
-        return self.score
+    def tell(self, score: float, gradient: Floats) -> None:
+        """Score and slope of `wanted`."""
+        self.told += 1
+        try:
+            self._answers.send((score, gradient))
+        except StopIteration:
+            self.done = True
 
-    def _free(self, gradient: Floats) -> NDArray[np.bool_]:
-        """What the slope does not press against its face of the box."""
-        held = ((self.design <= 0.0) & (gradient <= 0.0)) | (
-            (self.design >= 1.0) & (gradient >= 0.0)
-        )
-        return ~held
+    def _feasible(self, design: Floats) -> Floats:
+        design = np.clip(design, 0.0, 1.0)
+        return design if self._project is None else self._project(design[None])[0]
 
-    def _step(self) -> None:
-        free = self._free(self.gradient)
-        slope = np.where(free, self.gradient, 0.0)
-        way = self._curvature.times(slope, free)
-        if way is None or way @ slope <= 1e-10 * np.linalg.norm(way) * np.linalg.norm(slope):
+    def _climb(self) -> Generator[None, tuple[float, Floats], None]:
+        self.score, self.gradient = yield
+        self._history.append(self.score)
+        while True:
+            way = self._way()
+            if way is None:
+                return
+            found = yield from self._search(way)
+            if found is None:
+                if self._curvature.fresh:
+                    return
+                self._curvature.forget()
+                continue
+            design, score, gradient = found
+            self._curvature.learn(design - self.design, self.gradient - gradient)
+            self.design, self.score, self.gradient = found
+            self._history.append(score)
+            if len(self._history) > LOOK and score - self._history[0] <= ENOUGH * abs(score):
+                return
+
+    def _inward(self, way: Floats) -> Floats:
+        """The way without what leads out of the box."""
+        out = ((self.design <= 0.0) & (way < 0.0)) | ((self.design >= 1.0) & (way > 0.0))
+        return np.where(out, 0.0, way)
+
+    def _way(self) -> Floats | None:
+        """Where to go from here; None at the top."""
+        slope = self._inward(self.gradient)
+        if not np.any(slope):
+            return None
+        way = self._curvature.times(slope, slope != 0.0)
+        if way is not None:
+            way = self._inward(way)
+            if way @ slope > 1e-10 * np.linalg.norm(way) * np.linalg.norm(slope):
+                return way
             self._curvature.forget()
-            way = slope / max(float(np.abs(slope).max()), 1e-300) * self._reach / 3.0
-        # on a face, only what leads inside
-        way = np.where(
-            ((self.design <= 0.0) & (way < 0.0)) | ((self.design >= 1.0) & (way > 0.0)), 0.0, way
-        )
+        return slope * (self._reach / 3.0 / float(np.abs(slope).max()))
+
+    def _search(
+        self, way: Floats
+    ) -> Generator[None, tuple[float, Floats], tuple[Floats, float, Floats] | None]:
+        """A point of the bent path from here that rises enough; None if none is near."""
         largest = float(np.abs(way).max())
-        if largest == 0.0:
-            self.done = True
-            return
         length = min(1.0, self._reach / largest)
-        found = self._search(way, length)
-        if found is None:
-            if self._curvature.fresh:
-                self.done = True
-            self._curvature.forget()
-            return
-        design, score, gradient = found
-        self._curvature.learn(design - self.design, self.gradient - gradient)
-        self.design, self.score, self.gradient = design, score, gradient
-        self._history.append(score)
-        if len(self._history) > LOOK and score - self._history[0] <= ENOUGH * abs(score):
-            self.done = True
-
-    def _search(self, way: Floats, length: float) -> tuple[Floats, float, Floats] | None:
-        """A point of the bent path clip(design + t way) that rises enough; None if none is near."""
         low, high = 0.0, np.inf
         best = None
         for _ in range(TRIES):
-            design = np.clip(self.design + length * way, 0.0, 1.0)
+            design = self._feasible(self.design + length * way)
             change = design - self.design
             if not np.any(change):
                 break
-            self.gradients += 1
-            score, gradient = self._ask(design)
-            if score < self.score + RISE * max(float(self.gradient @ change), 0.0):
+            self.wanted = design
+            score, gradient = yield
+            if not score > self.score + RISE * max(float(self.gradient @ change), 0.0):
                 high = length
             else:
                 best = design, score, gradient
                 inside = np.where((design > 0.0) & (design < 1.0), way, 0.0)
-                if gradient @ inside <= TURN * (self.gradient @ inside):
-                    return best
-                if length * np.abs(way).max() >= self._reach:
+                turned = gradient @ inside <= TURN * (self.gradient @ inside)
+                if turned or length * largest >= self._reach:
                     return best
                 low = length
             length = 0.5 * (low + high) if high < np.inf else 2.0 * length
