@@ -134,7 +134,9 @@ class Problem:
             values = self.values(designs)
             inside = (values > self.low) & (values < self.high)
             mean = (by_value * inside).sum(1) / np.maximum(inside.sum(1), 1)
-            by_value = np.where(inside, by_value - mean[:, None], 0.0)
+            # What stands at its bound may leave it; what was only projected there stays.
+            stays = ~inside & (designs > 0.0) & (designs < 1.0)
+            by_value = np.where(stays, 0.0, by_value - mean[:, None])
         gradients = by_value * (self.high - self.low)
         for b in np.flatnonzero(found < 0.0):
             gradients[b] = self._differences(designs[b], scores)
