@@ -14,7 +14,7 @@ import numpy as np
 
 from domino_env.layout import Layout
 from domino_env.physics import Physics
-from domino_env.wave import TIGHTEST, simulate, simulate_batch
+from domino_env.wave import TIGHTEST, Wave, simulate, simulate_batch
 
 RUNS = 60
 
@@ -83,9 +83,35 @@ def batches() -> list[str]:
     return lines
 
 
+def gradients() -> list[str]:
+    """What a gradient of the total time costs, in plain runs of the same row."""
+    rng = np.random.default_rng(5)
+    rows = {
+        "100 uniform, pitch 16 mm": Layout.uniform(100, pitch=0.016),
+        "100 random, gaps 10-25 mm": Layout(rng.uniform(0.010, 0.025, 99), 0.0075),
+        "40 random, gaps 2-40 mm": Layout(rng.uniform(0.002, 0.040, 39), 0.0075),
+    }
+    lines = ["row                        friction   rtol      wave [ms]   with gradient   ratio"]
+    for name, layout in rows.items():
+        for friction in (0.25, 0.0):
+            physics = Physics(friction, 9.81, 8.0)
+            for rtol in (1e-6, 1e-8, 1e-12):
+                plain = partial(simulate, layout, physics, rtol=rtol)
+
+                def both(plain: Callable[..., Wave] = plain) -> object:
+                    return plain(gradient=True).gradient()
+
+                alone, all_of_it = median_time(plain), median_time(both)
+                lines.append(
+                    f"{name:26} {friction:8.2f}   {rtol:.0e}   {alone * 1e3:9.4f}   "
+                    f"{all_of_it * 1e3:13.4f}   {all_of_it / alone:5.2f}"
+                )
+    return lines
+
+
 def main() -> None:
     """Print every table."""
-    for table in (single_waves, long_rows, batches):
+    for table in (single_waves, gradients, long_rows, batches):
         print("\n".join(table()), end="\n\n", flush=True)
 
 

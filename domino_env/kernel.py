@@ -860,6 +860,7 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         f_high += HIGH[k, j - 1] * f
         f_top += TOP[k, j - 1] * f
     off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
+    high, top = 0.0, 0.0
     if k > 0:
         # What is seen at the ends may be zero by chance; then the last two coefficients tell how
         # large the first neglected ones are, if all decay like a power series.
@@ -867,6 +868,9 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
         off = max(off, high * root, top * math.sqrt(math.sqrt(top)))
     fine = off * t / math.sqrt(math.sqrt(math.sqrt(max(off, TINY))))
+    if 2 <= k <= 3 and off > 1e-6:
+        # A small sharp feature beside a smooth rest decays slowly from a low level: go by its pace.
+        fine = max(fine, t * min(off / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2))
     t_error = 2.0 * off * (fine + rough * sens)
     if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
         return ROUGH

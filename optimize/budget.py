@@ -16,6 +16,12 @@ KEPT = 8  # best designs kept for a closer look at the end
 Step = tuple[int, int, float, float]
 
 
+def slope_left(design: Floats, gradient: Floats) -> float:
+    """The largest slope along which a design can still rise within the box [score over a range]."""
+    held = ((design <= 0.0) & (gradient < 0.0)) | ((design >= 1.0) & (gradient > 0.0))
+    return float(np.abs(np.where(held, 0.0, gradient)).max())
+
+
 class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a search
     """Raised into a method when its budget is used up."""
 
@@ -25,6 +31,7 @@ class Budget:
 
     evaluations, seconds: what may be spent; None for no limit.  The clock starts with the object.
     trace: (evaluations, falls, seconds, best score) at every improvement.
+    slopes: the steepest slope left at each of them, see `slope_left`; None where it is not known.
     finalists: the last improvements, (score, design) each, the best last.
     watch: called with the budget after every batch.
     """
@@ -40,6 +47,7 @@ class Budget:
         self.evaluations = evaluations
         self.seconds = seconds
         self.trace: list[Step] = []
+        self.slopes: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self._watch = watch
         self._piece = max(8, PIECE // (problem.scene.count * problem.scene.waves_a_score))
@@ -112,14 +120,15 @@ class Budget:
         if left < len(designs) or (self.finalists and self.part >= 1.0):
             raise BudgetSpent
         scores, gradients = self.problem.scores_and_gradients(designs, self.scores)
-        self._note(designs, scores)
+        self._note(designs, scores, gradients)
         return scores, gradients
 
-    def _note(self, designs: Floats, scores: Floats) -> None:
+    def _note(self, designs: Floats, scores: Floats, gradients: Floats | None = None) -> None:
         i = int(np.argmax(scores))
         if scores[i] > self.best_score:
             spent = self.problem.evaluations, self.problem.falls, self.elapsed
             self.trace.append((*spent, float(scores[i])))
+            self.slopes.append(None if gradients is None else slope_left(designs[i], gradients[i]))
             self.finalists.append((float(scores[i]), designs[i].copy()))
         if self._watch is not None:
             self._watch(self)

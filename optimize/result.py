@@ -21,6 +21,8 @@ class SearchResult:
     uniform: the best uniform layout, its wave and score.
     trace: (evaluations, simulated falls, seconds, best score) at every improvement, and at the end;
         its scores are the search's own, at a relative error of 1e-6.
+    slopes: at each of these the steepest slope left within the box, in score over the whole range
+        of a variable; None where the method asked for no gradient there.
     evaluations, falls, seconds: spent in all.
     interrupted: whether it was ended by hand.
     """
@@ -33,6 +35,7 @@ class SearchResult:
     score: float
     uniform: UniformMark
     trace: Trace
+    slopes: tuple[float | None, ...]
     evaluations: int
     falls: int
     seconds: float

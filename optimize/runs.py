@@ -2,7 +2,8 @@
 
 scene.toml     the scene
 layout.csv     the best row, a line a domino; layout.json, the same
-trace.csv      evaluations, simulated falls, seconds and best score at every improvement
+trace.csv      evaluations, simulated falls, seconds, best score and steepest slope left (where the
+               method asks for gradients) at every improvement
 summary.json   what came out, SI units
 result.png     the picture
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 import json
 import platform
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -66,7 +68,7 @@ class RunFolder:
         with suppress(OSError):
             if first:
                 self._begin()
-            self._keep(budget.problem.layout(budget.best), budget.trace)
+            self._keep(budget.problem.layout(budget.best), budget.trace, budget.slopes)
             self._summarise(
                 {
                     "finished": False,
@@ -87,7 +89,7 @@ class RunFolder:
 
         if self._score == float("-inf"):
             self._begin()
-        self._keep(result.layout, result.trace)
+        self._keep(result.layout, result.trace, result.slopes)
         draw(result, self.path / "result.png")
         self._summarise({"finished": True} | summary(result))
 
@@ -97,11 +99,12 @@ class RunFolder:
             (self.path / name).unlink(missing_ok=True)
         write_text(self.path / "scene.toml", self.scene.to_toml())
 
-    def _keep(self, layout: Layout, trace: list[Step] | tuple[Step, ...]) -> None:
+    def _keep(self, layout: Layout, trace: Sequence[Step], slopes: Sequence[float | None]) -> None:
         layout.to_csv(self.path / "layout.csv")
         layout.to_json(self.path / "layout.json")
-        lines = ["evaluations,simulated_falls,seconds,best_score"]
-        lines += [f"{n},{falls},{t:.6f},{score!r}" for n, falls, t, score in trace]
+        lines = ["evaluations,simulated_falls,seconds,best_score,slope_left"]
+        for (n, falls, t, score), slope in zip(trace, slopes, strict=True):
+            lines.append(f"{n},{falls},{t:.6f},{score!r},{'' if slope is None else f'{slope:.3e}'}")
         write_text(self.path / "trace.csv", "\n".join(lines) + "\n")
 
     def _summarise(self, document: dict[str, Any]) -> None:

@@ -92,6 +92,7 @@ def search(
         score=score,
         uniform=uniform,
         trace=(*meter.trace, end),
+        slopes=(*meter.slopes, meter.slopes[-1] if meter.slopes else None),
         evaluations=problem.evaluations,
         falls=problem.falls,
         seconds=spent,

@@ -16,7 +16,8 @@ import pytest
 
 import domino_env as de
 from optimize import search
-from optimize.budget import Budget
+from optimize.budget import Budget, slope_left
+from optimize.problem import Problem
 from optimize.runs import FILES, RunFolder
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -29,8 +30,20 @@ def files(folder: Path) -> dict[str, bytes]:
 def trace_of(folder: Path) -> list[list[float]]:
     with (folder / "trace.csv").open(newline="") as file:
         names, *rows = csv.reader(file)
-    assert names == ["evaluations", "simulated_falls", "seconds", "best_score"]
-    return [[float(cell) for cell in row] for row in rows]
+    assert names == ["evaluations", "simulated_falls", "seconds", "best_score", "slope_left"]
+    return [[float(cell) for cell in row[:4]] for row in rows]
+
+
+def test_the_trace_shows_how_flat_it_has_become(scenes, tmp_path: Path) -> None:
+    result = search(scenes["spacing"], "l-bfgs", budget=200, folder=tmp_path)
+    with (tmp_path / "trace.csv").open(newline="") as file:
+        slopes = [float(row["slope_left"]) for row in csv.DictReader(file)]
+    assert slopes == pytest.approx(result.slopes, rel=1e-3)
+    assert 0.0 <= slopes[-1] < 0.01 * slopes[0]
+    problem = Problem(scenes["spacing"])
+    design = problem.design(result.layout)
+    gradient = problem.score_and_gradient(design)[1]
+    assert slope_left(design, gradient) == pytest.approx(slopes[-1], rel=0.1, abs=1e-6)
 
 
 def test_a_folder_holds_all_of_a_run(scenes, tmp_path: Path) -> None:
