@@ -56,7 +56,7 @@ class Budget:
         self.slopes: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self._watch = watch
-        self._piece = max(8, PIECE // problem.scene.count)
+        self._piece = max(8, PIECE // (problem.scene.count * problem.scene.waves_a_score))
         self._began = time.perf_counter()
 
     @property
