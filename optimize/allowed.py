@@ -45,7 +45,9 @@ class Allowed:
                 lists[gaps:] = [scene.thickness_values] * (n - gaps)
         listed = np.array([one is not None for one in lists], dtype=bool)
         self.listed = listed
-        self.discrete = bool(listed.any()) or self.stock is not None
+        self.stepped = listed.copy()  # listed, or from the stock
+        self.stepped[gaps:] |= self.stock is not None
+        self.discrete = bool(self.stepped.any())
         self.lists: Lists | None = None
         if listed.any():
             change = self.change[listed[:-1] & listed[1:]]
@@ -71,19 +73,17 @@ class Allowed:
             return self._nearest(values, np.ones(len(self.low), dtype=bool), self.total)
         values = np.clip(values, self.low, self.high)
         found = values.copy()
-        chosen = self.listed.copy()
         if self.lists is not None:
-            found[:, chosen] = self.lists.nearest(values[:, chosen])
+            found[:, self.listed] = self.lists.nearest(values[:, self.listed])
         if self.stock is not None:
             found[:, self.gaps :] = nearest_from_stock(values[:, self.gaps :], self.stock)
-            chosen[self.gaps :] = True
-        if chosen.all():
+        rest = ~self.stepped
+        if not rest.any():
             return found
-        rest = ~chosen
         if self.total is None:
             found[:, rest] = self._nearest(values[:, rest], rest, None)
             return found
-        left = self.total - found[:, chosen].sum(axis=1)
+        left = self.total - found[:, self.stepped].sum(axis=1)
         for b in range(len(found)):
             found[b, rest] = self._nearest(values[b : b + 1, rest], rest, float(left[b]))[0]
         return found
@@ -112,27 +112,27 @@ class Allowed:
 
         Values bound together move together: all where a length is asked, neighbours whose
         difference is at its largest, and those held at a bound not at all.  Where what is wanted is
-        allowed, only the length counts, so that every way out of a corner is seen.  For values from
-        a list or the stock: as though they could be chosen at will.
+        allowed, only the length counts, so that every way out of a corner is seen.  Values from a
+        list or the stock keep theirs when what is wanted changes a little: their slope is 0.
         """
+        found = np.where(self.stepped, 0.0, slopes)
         if self.total is None and not self.coupled:
-            return slopes
-        found = slopes.copy()
+            return found
         span = float((self.high - self.low).max())
+        every = np.arange(len(self.low))
         for b in range(len(slopes)):
-            moved = self.discrete or np.abs(wanted[b] - values[b]).max() > 1e-13 * span
+            off = np.where(self.stepped, 0.0, wanted[b] - values[b])
             inside = (values[b] > self.low) & (values[b] < self.high)
-            held = ~inside & (wanted[b] != values[b])
-            group = np.arange(len(inside))
-            if self.coupled and moved and not self.discrete:
+            held = (~inside & (off != 0.0)) | self.stepped
+            moved = np.abs(off).max() > 1e-13 * span
+            if self.coupled and moved:
+                ends = self.stepped[:-1] | self.stepped[1:]
                 tight = np.abs(np.diff(values[b])) >= self.change * (1.0 - 1e-9)
-                group = np.concatenate([[0], np.cumsum(~tight)])
-                number = np.bincount(group)
+                group = np.concatenate([every[:1], np.cumsum(~tight | ends)])
                 held = (np.bincount(group, weights=held) > 0.0)[group]
-                found[b] = (np.bincount(group, weights=slopes[b]) / number)[group]
+                found[b] = (np.bincount(group, weights=found[b]) / np.bincount(group))[group]
             if self.total is not None:
                 free = inside & ~held
                 found[b] -= found[b][free].mean() if free.any() else 0.0
-            if not self.discrete and moved:
-                found[b, held] = 0.0
+            found[b, held if moved else self.stepped] = 0.0
         return found

@@ -143,6 +143,15 @@ class Budget:
             at += size
         return scores, gradients
 
+    def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
+        """See `Problem.lateness`.  Raises BudgetSpent where it cannot be paid for."""
+        spent = self.evaluations is not None and self.problem.evaluations >= self.evaluations
+        if spent or (self.finalists and self.part >= 1.0):
+            raise BudgetSpent
+        found = self.problem.lateness(design)
+        self._note(np.asarray(design)[None], np.array([found[0]]))
+        return found
+
     def _note(self, designs: Floats, scores: Floats, gradients: Floats | None = None) -> None:
         i = int(np.argmax(scores))
         if scores[i] > self.best_score:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from domino_env.layout import Layout
 from domino_env.scene import Scene
+from domino_env.wave import Outcome, simulate
 from optimize.allowed import Allowed
 from optimize.feasible import require_feasible
 
@@ -148,10 +149,10 @@ class Problem:
 
         Exact, at the cost of some four waves each, whatever n; an evaluation counts as one.  At an
         edge of the rules (a face of the box, the length that is asked for) it is that of the
-        nearest layout within them; where values come from a list or the stock, as though they could
-        be changed at will from that layout.  Where a row is no success the score is how far the
-        wave came or how much a limit is broken, and its gradient is taken by differences (not from
-        a list: 0).
+        nearest layout within them.  Values from a list or the stock stay where they are when a
+        design changes a little, so their gradient is 0; a relaxed problem tells what changing them
+        at will would bring.  Where a row is no success the score is how far the wave came or how
+        much a limit is broken, and its gradient is taken by differences.
         scores: takes designs and a tolerance, `self.scores` where None (a meter may stand between).
         """
         designs = np.clip(self._checked(designs), 0.0, 1.0)
@@ -165,8 +166,39 @@ class Problem:
         by_value = self._allowed.tangent(by_value, self._wanted(designs), values)
         gradients = by_value * (self.high - self.low)
         for b in np.flatnonzero(self._without_slope(found)):
-            gradients[b] = 0.0 if self.discrete else self._differences(designs[b], scores)
+            gradients[b] = self._differences(designs[b], scores) * ~self._allowed.stepped
         return found, gradients
+
+    def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
+        """How late each domino of one design (n,) is hit, with its slopes: for least squares.
+
+        Returns the score, (N-1,) arrival minus schedule of dominoes 1 … N-1 [s], and its derivative
+        by the design, (N-1, n) [s]; both empty for a wave that dies.  One evaluation, at the cost
+        of N gradients.  ValueError where the scene has no schedule.
+        """
+        tempo, pairs = self.scene.tempo, self.scene.count - 1
+        if tempo is None:
+            raise ValueError(f"scene '{self.scene.name}' has no schedule: there is no lateness")
+        designs = np.clip(self._checked(np.asarray(design)[None]), 0.0, 1.0)
+        values = self.values(designs)
+        layout = self.layout(designs[0])
+        wave = simulate(layout, self.scene.physics, rtol=STEP_RTOL, gradient=True)
+        score = self.scene.score_wave(wave)
+        self.evaluations += 1
+        self.falls += self.scene.falls(np.array([score]))
+        if wave.outcome != Outcome.PROPAGATED:
+            return score, np.empty(0), np.empty((0, self.dimension))
+        pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
+        slopes = self._by_value(
+            np.repeat(values, pairs, axis=0),
+            np.array([one.spacing for one in pulled]),
+            np.array([one.thickness[1:] for one in pulled]),
+            np.array([one.height[1:] for one in pulled]),
+        )
+        wanted = np.repeat(self._wanted(designs), pairs, axis=0)
+        slopes = self._allowed.tangent(slopes, wanted, np.repeat(values, pairs, axis=0))
+        late = wave.arrival_times[1:] - tempo.schedule(self.scene.count)
+        return score, late, slopes * (self.high - self.low)
 
     def _without_slope(self, found: Floats) -> NDArray[np.bool_]:
         """Whose scores have no exact gradient."""

@@ -26,6 +26,7 @@ METHODS = {
     "random": "random_layouts",
     "cma": "evolution",
     "l-bfgs": "quasi_newton",
+    "gauss-newton": "least_squares",
     "slsqp": "quadratic_programs",
 }
 """Name of each method, and the module here that holds it."""
