@@ -9,6 +9,7 @@ import json
 import numpy as np
 
 import domino_env as de
+from domino_env.motion import Motion
 
 H = 0.048
 
@@ -73,6 +74,12 @@ def results():
     add("no rigid answer", heavy, de.Physics(0.48656, 9.81, 80.93))
     large = de.Layout(2.0 ** np.arange(-6, -1), 2.0 ** np.arange(-7, -1), 2.0 ** np.arange(-3, 3))
     add("growing", large, de.Physics(0.1, 9.81, 20.0))
+    for name, layout, push in (
+        ("stall", de.Layout.uniform(5, spacing=0.003), 4.0),
+        ("runs through", de.Layout(random, 0.0075), 12.0),
+    ):
+        motion = Motion(layout, de.Physics(0.25, 9.81, push))
+        found[f"motion: {name}"] = [motion.end, *motion.angles([0.5 * motion.end])[0]]
     for name, layout, push in (
         ("flushes", de.Layout(random, 0.0075), 12.0),
         ("stall", de.Layout.uniform(5, spacing=0.003), 4.0),
