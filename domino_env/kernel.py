@@ -860,6 +860,7 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         f_high += HIGH[k, j - 1] * f
         f_top += TOP[k, j - 1] * f
     off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
+    high, top = 0.0, 0.0
     if k > 0:
         # What is seen at the ends may be zero by chance; then the last two coefficients tell how
         # large the first neglected ones are, if all decay like a power series.
@@ -867,6 +868,9 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
         off = max(off, high * root, top * math.sqrt(math.sqrt(top)))
     fine = off * t / math.sqrt(math.sqrt(math.sqrt(max(off, TINY))))
+    if 2 <= k <= 3 and off > 1e-6:
+        # A small sharp feature beside a smooth rest decays slowly from a low level: go by its pace.
+        fine = max(fine, t * min(off / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2))
     t_error = 2.0 * off * (fine + rough * sens)
     if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
         return ROUGH
@@ -2165,6 +2169,57 @@ def period_falls(
             out[j, 1] = math.sqrt(released)
             out[j, 2] = math.sqrt(state[U_IMPACT])
     return PROPAGATED, period, tail
+
+
+# --- Motion, for those who watch ------------------------------------------------------------------
+FLOOR = 1.55  # [rad] where the last leader is left, all but flat
+
+
+@numba.njit(**_JIT)
+def watch_chain(spacing, thickness, height, density, mu, gravity, push, rtol, ring, pieces, seen):
+    """A chain looked at in `pieces` equal steps of angle a fall; returns how many falls were seen.
+
+    seen: (N, pieces + 1, 3) leader's angle, time since it was hit, and its angular velocity.  A
+    leader that strikes nothing falls on to FLOOR; one that stalls is left where it stops.
+    """
+    count, mask = len(thickness), len(ring) - 1
+    lanes, state = np.zeros(LANE_ROWS * PITCH), np.zeros(STATE_SIZE)
+    untaped = np.empty((0, TAPE_COLUMNS))
+    begin(state, push)
+    stand(ring, mask, 0, height[0], thickness[0], density[0])
+    state[KAPPA] = heaviest_force(height[0], thickness[0])
+    for n in range(count):
+        strikes = n + 1 < count and spacing[n] < height[n]
+        if n + 1 < count:
+            d = thickness[n + 1]
+            stand(ring, mask, n + 1, height[n + 1], d, density[n + 1])
+            join(ring, mask, n, height[n], spacing[n], d)
+            state[KAPPA] = max(state[KAPPA], heaviest_force(height[n + 1], d))
+        if n > 0:
+            ring[n & mask, TAIL] = ring[n & mask, INERTIA] + ring[(n - 1) & mask, TAIL]
+        state[NOISE] = 8.0 * EPS * gravity * state[KAPPA]
+        state[FALL_TIME] = 0.0
+        state[MARGIN] = state[U]
+        released = state[U]
+        b = fall_angle(ring, mask, n, True) if strikes else FLOOR
+        seen[n, 0] = (0.0, 0.0, math.sqrt(state[U]))
+        outcome = PROPAGATED
+        for j in range(1, pieces + 1):
+            a = b * (j - 1) / pieces
+            outcome = fall(
+                lanes, ring, mask, n, a, b * j / pieces, mu, gravity, rtol, state, True, untaped
+            )
+            if outcome != PROPAGATED:  # it comes to rest as a stone does at the top of its flight
+                rest = 2.0 * max(state[ANGLE] - a, 0.0) / max(seen[n, j - 1, 2], TINY)
+                for i in range(j, pieces + 1):
+                    seen[n, i] = (max(state[ANGLE], a), seen[n, j - 1, 1] + rest, 0.0)
+                return n + 1
+            seen[n, j] = (b * j / pieces, state[FALL_TIME], math.sqrt(state[U]))
+        if not strikes:
+            return n + 1
+        if close_fall(ring, mask, n, b, released, True, mu, state, outcome) != PROPAGATED:
+            return n + 1
+    return count
 
 
 # --- Forces, for those who ask --------------------------------------------------------------------

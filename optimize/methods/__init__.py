@@ -21,10 +21,12 @@ if TYPE_CHECKING:
     Method = Callable[[Budget, np.random.Generator], None]
 
 METHODS = {
+    "auto": "structured",
     "uniform": "uniform_pitch",
     "random": "random_layouts",
     "cma": "evolution",
     "l-bfgs": "quasi_newton",
+    "gauss-newton": "least_squares",
     "slsqp": "quadratic_programs",
 }
 """Name of each method, and the module here that holds it."""
