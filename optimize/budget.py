@@ -11,6 +11,7 @@ import numpy as np
 from optimize.problem import Floats, Problem
 
 PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
+GRADIENT_COST = 4  # waves that a gradient takes as long as
 KEPT = 8  # best designs kept for a closer look at the end
 
 Step = tuple[int, int, float, float]
@@ -20,6 +21,11 @@ def slope_left(design: Floats, gradient: Floats) -> float:
     """The largest slope along which a design can still rise within the box [score over a range]."""
     held = ((design <= 0.0) & (gradient < 0.0)) | ((design >= 1.0) & (gradient > 0.0))
     return float(np.abs(np.where(held, 0.0, gradient)).max())
+
+
+def _nothing(designs: Floats, rtol: float) -> Floats:
+    """Differences that are not asked for."""
+    return np.zeros(len(designs))
 
 
 class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a search
@@ -109,18 +115,32 @@ class Budget:
         scores, gradients = self.scores_and_gradients(np.asarray(design)[None])
         return float(scores[0]), gradients[0]
 
-    def scores_and_gradients(self, designs: Floats) -> tuple[Floats, Floats]:
+    def scores_and_gradients(
+        self, designs: Floats, *, of_dying: bool = True
+    ) -> tuple[Floats, Floats]:
         """Scores (B,) and gradients (B, n) of designs (B, n): see `Problem.scores_and_gradients`.
 
-        Raises BudgetSpent where not all can be paid for.
+        of_dying: whether a wave that dies gets a gradient too, which takes 2n more evaluations;
+            otherwise it is zero.
+        Raises BudgetSpent where not all can be paid for; what can be is simulated first.
         """
-        left = len(designs)
-        if self.evaluations is not None:
-            left = self.evaluations - self.problem.evaluations
-        if left < len(designs) or (self.finalists and self.part >= 1.0):
-            raise BudgetSpent
-        scores, gradients = self.problem.scores_and_gradients(designs, self.scores)
-        self._note(designs, scores, gradients)
+        designs = np.asarray(designs, dtype=np.float64)
+        scores, gradients = np.empty(len(designs)), np.empty(designs.shape)
+        piece = max(1, self._piece // GRADIENT_COST)
+        at = 0
+        while at < len(designs):
+            if self.finalists and self.part >= 1.0:
+                raise BudgetSpent
+            size = min(piece, len(designs) - at)
+            if self.evaluations is not None:
+                size = min(size, self.evaluations - self.problem.evaluations)
+            part = slice(at, at + size)
+            found = self.problem.scores_and_gradients(
+                designs[part], self.scores if of_dying else _nothing
+            )
+            scores[part], gradients[part] = found
+            self._note(designs[part], *found)
+            at += size
         return scores, gradients
 
     def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:

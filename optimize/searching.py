@@ -62,7 +62,8 @@ def search(
     files = None if folder is None else RunFolder(Path(folder), scene, method, seed)
     uniform = scene.uniform()
     warmed = Problem(scene)
-    warmed.score(warmed.design(uniform.layout))  # compiles what is not compiled yet
+    mark = warmed.design(uniform.layout)
+    warmed.score(mark), warmed.score_and_gradient(mark)  # compiles what is not compiled yet
     interrupted = False
     with progress_line(f"{scene.name}, {method}", uniform.score, progress) as show:
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     Method = Callable[[Budget, np.random.Generator], None]
 
 METHODS = {
+    "auto": "structured",
     "uniform": "uniform_pitch",
     "random": "random_layouts",
     "cma": "evolution",

@@ -1,0 +1,196 @@
+"""A local search that copes with kinks and can be paused: BFGS within the box.
+
+The onset of a flush is a kink of the score, and good rows sit on several of them at once.  There a
+line search that asks for a large slope to vanish shrinks its steps to nothing; one that asks only
+for a rise and a turned slope (Armijo and weak Wolfe) goes past the kink, and the curvature learns
+the ridge from it (Lewis, Overton 2013, "Nonsmooth optimization via quasi-Newton methods").
+Variables at a face of the box that the slope holds there are left out of the step.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+RISE, TURN = 1e-4, 0.5  # weak Wolfe: least part of the promised rise, largest part of the slope left
+DENSE = 200  # variables up to which the whole inverse curvature is kept
+MEMORY = 30  # pairs kept for more
+TRIES = 14  # of one line search
+LARGEST = 0.15  # of a variable's first change, as a part of the box
+LOOK = 8  # steps over which the gain is judged
+ENOUGH = 1e-7  # a smaller relative gain over them ends it
+
+
+class Ascent:
+    """One climb from one start, on ask and tell, so that many can share a batch.
+
+    wanted: the design whose score and slope it wants to be told next.
+    design, score, gradient: where it stands; -inf and zeros before it was told anything.
+    told: how often it was told.  done: whether nothing more can be gained.
+    """
+
+    def __init__(
+        self,
+        start: Floats,
+        project: Callable[[Floats], Floats] | None = None,
+        reach: float = LARGEST,
+    ) -> None:
+        self._project = project
+        self.wanted = self._feasible(start)
+        self.design = self.wanted
+        self.score, self.gradient = -np.inf, np.zeros(len(start))
+        self.told = 0
+        self.done = False
+        self._reach = reach
+        self._history: deque[float] = deque(maxlen=LOOK + 1)
+        self._curvature = _Dense(len(start)) if len(start) <= DENSE else _Limited()
+        self._answers = self._climb()
+        next(self._answers)
+
+    def tell(self, score: float, gradient: Floats) -> None:
+        """Score and slope of `wanted`."""
+        self.told += 1
+        try:
+            self._answers.send((score, gradient))
+        except StopIteration:
+            self.done = True
+
+    def _feasible(self, design: Floats) -> Floats:
+        design = np.clip(design, 0.0, 1.0)
+        return design if self._project is None else self._project(design[None])[0]
+
+    def _climb(self) -> Generator[None, tuple[float, Floats], None]:
+        self.score, self.gradient = yield
+        self._history.append(self.score)
+        while True:
+            way = self._way()
+            if way is None:
+                return
+            found = yield from self._search(way)
+            if found is None:
+                if self._curvature.fresh:
+                    return
+                self._curvature.forget()
+                continue
+            design, score, gradient = found
+            self._curvature.learn(design - self.design, self.gradient - gradient)
+            self.design, self.score, self.gradient = found
+            self._history.append(score)
+            if len(self._history) > LOOK and score - self._history[0] <= ENOUGH * abs(score):
+                return
+
+    def _inward(self, way: Floats) -> Floats:
+        """The way without what leads out of the box."""
+        out = ((self.design <= 0.0) & (way < 0.0)) | ((self.design >= 1.0) & (way > 0.0))
+        return np.where(out, 0.0, way)
+
+    def _way(self) -> Floats | None:
+        """Where to go from here; None at the top."""
+        slope = self._inward(self.gradient)
+        if not np.any(slope):
+            return None
+        way = self._curvature.times(slope, slope != 0.0)
+        if way is not None:
+            way = self._inward(way)
+            if way @ slope > 1e-10 * np.linalg.norm(way) * np.linalg.norm(slope):
+                return way
+            self._curvature.forget()
+        return slope * (self._reach / 3.0 / float(np.abs(slope).max()))
+
+    def _search(
+        self, way: Floats
+    ) -> Generator[None, tuple[float, Floats], tuple[Floats, float, Floats] | None]:
+        """A point of the bent path from here that rises enough; None if none is near."""
+        largest = float(np.abs(way).max())
+        length = min(1.0, self._reach / largest)
+        low, high = 0.0, np.inf
+        best = None
+        for _ in range(TRIES):
+            design = self._feasible(self.design + length * way)
+            change = design - self.design
+            if not np.any(change):
+                break
+            self.wanted = design
+            score, gradient = yield
+            if not score > self.score + RISE * max(float(self.gradient @ change), 0.0):
+                high = length
+            else:
+                best = design, score, gradient
+                inside = np.where((design > 0.0) & (design < 1.0), way, 0.0)
+                turned = gradient @ inside <= TURN * (self.gradient @ inside)
+                if turned or length * largest >= self._reach:
+                    return best
+                low = length
+            length = 0.5 * (low + high) if high < np.inf else 2.0 * length
+            if best is not None and high - low < 0.1 * high:
+                return best
+        return best
+
+
+class _Dense:
+    """Inverse curvature as a matrix (BFGS)."""
+
+    def __init__(self, n: int) -> None:
+        self._inverse = np.eye(n)
+        self.fresh = True
+
+    def forget(self) -> None:
+        self._inverse = np.eye(len(self._inverse))
+        self.fresh = True
+
+    def times(self, slope: Floats, free: NDArray[np.bool_]) -> Floats | None:
+        if self.fresh:
+            return None
+        return np.where(free, self._inverse @ slope, 0.0)
+
+    def learn(self, s: Floats, y: Floats) -> None:
+        still = s == 0.0
+        y = np.where(still, 0.0, y)
+        product = float(s @ y)
+        if product <= 1e-12 * np.linalg.norm(s) * np.linalg.norm(y):
+            return
+        if self.fresh:
+            self._inverse *= product / float(y @ y)
+            self.fresh = False
+        hy = self._inverse @ y
+        self._inverse += (1.0 + y @ hy / product) / product * np.outer(s, s)
+        self._inverse -= (np.outer(hy, s) + np.outer(s, hy)) / product
+
+
+class _Limited:
+    """Inverse curvature as the last pairs of step and turn of the slope (L-BFGS)."""
+
+    def __init__(self) -> None:
+        self._pairs: deque[tuple[Floats, Floats, float]] = deque(maxlen=MEMORY)
+
+    @property
+    def fresh(self) -> bool:
+        return not self._pairs
+
+    def forget(self) -> None:
+        self._pairs.clear()
+
+    def times(self, slope: Floats, free: NDArray[np.bool_]) -> Floats | None:
+        if not self._pairs:
+            return None
+        q, parts = slope.copy(), []
+        for s, y, product in reversed(self._pairs):
+            a = float(s @ q) / product
+            parts.append(a)
+            q -= a * y
+        s, y, product = self._pairs[-1]
+        q *= product / float(y @ y)
+        for (s, y, product), a in zip(self._pairs, reversed(parts), strict=True):
+            q += (a - float(y @ q) / product) * s
+        return np.where(free, q, 0.0)
+
+    def learn(self, s: Floats, y: Floats) -> None:
+        y = np.where(s == 0.0, 0.0, y)
+        product = float(s @ y)
+        if product > 1e-12 * np.linalg.norm(s) * np.linalg.norm(y):
+            self._pairs.append((s, y, product))

@@ -1,0 +1,156 @@
+"""The default: many climbs that work with the structure of good rows.
+
+1. Starts: the best uniform row, as it is and with one to a few tight gaps (and thick dominoes) at
+   its end, which is what local climbs get wrong.  All of them climb in lockstep, as one batch, and
+   every round the worse half is put aside (successive halving), so that most gradients go where
+   they pay.
+2. Then without end: good rows are changed by structured moves; many are scored, the best few climb
+   a little, and those that come near the best climb on.  Moves that have paid are drawn more often.
+Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from optimize.ascent import Ascent
+from optimize.budget import Budget
+from optimize.moves import MOVES, TIGHT_AT_MOST, tight_end
+from optimize.problem import Floats, Problem
+
+FIRST = 12  # gradients of every start
+WIDE = 8  # children that climb together
+DRAWN = 32  # children that are drawn for these
+SHORT, MORE = 10, 60  # gradients of a child, and of one that came near the best
+NEAR = 3e-4  # relative distance to the best that counts as near
+ELITE = 8  # rows that children come from
+ALIKE = 1e-3  # largest distance of two designs that are one
+
+
+def run(budget: Budget, rng: np.random.Generator) -> None:
+    """Race the starts, then change and climb until the budget is spent."""
+    elite = _Elite(budget.problem)
+    _race(budget, elite)
+    while True:
+        _generation(budget, elite, rng)
+
+
+def starts(problem: Problem) -> Floats:
+    """The best uniform row, and the same with tight gaps and extreme thicknesses at its end."""
+    uniform = problem.scene.uniform().layout
+    row = _columns(problem, problem.design(uniform))
+    found = [row]
+    if problem.scene.free_spacing:
+        most = min(TIGHT_AT_MOST - 2, row.shape[1] - 1)
+        found += [tight_end(row, count) for count in range(1, most + 1)]
+    if problem.scene.free_thickness:
+        for design in list(found):
+            thick = design.copy()
+            thick[-1, -2:] = 1.0
+            found.append(thick)
+    return np.unique(np.array([design.ravel() for design in found]), axis=0)
+
+
+@dataclass
+class _Elite:
+    """The best rows so far that are not alike, and which moves have paid."""
+
+    problem: Problem
+    rows: list[tuple[float, Floats]] = field(default_factory=list)
+    paid: Floats = field(default_factory=lambda: np.ones(len(MOVES)))
+
+    def add(self, score: float, design: Floats) -> None:
+        alike = [
+            i
+            for i, (_, other) in enumerate(self.rows)
+            if float(np.abs(other - design).max()) < ALIKE
+        ]
+        if any(self.rows[i][0] >= score for i in alike):
+            return
+        self.rows = [row for i, row in enumerate(self.rows) if i not in alike]
+        self.rows.append((score, design.copy()))
+        self.rows.sort(key=lambda row: -row[0])
+        del self.rows[ELITE:]
+
+    def child(self, rng: np.random.Generator) -> tuple[Floats, int]:
+        """A changed row, and which move has changed it."""
+        ranks = np.minimum(rng.geometric(0.35, 2) - 1, len(self.rows) - 1)
+        parent, other = (_columns(self.problem, self.rows[r][1]) for r in ranks)
+        move = int(rng.choice(len(MOVES), p=self.paid / self.paid.sum()))
+        child = MOVES[move](parent, other, rng)
+        if rng.random() < 0.25:
+            move = int(rng.integers(len(MOVES)))
+            child = MOVES[move](child, other, rng)
+        return np.clip(child.ravel(), 0.0, 1.0), move
+
+    def learn(self, move: int, *, gained: bool) -> None:
+        self.paid[move] = np.clip(self.paid[move] * (1.5 if gained else 0.97), 0.2, 5.0)
+
+
+def _race(budget: Budget, elite: _Elite) -> None:
+    designs = starts(budget.problem)
+    scores = budget.scores(designs)
+    order = np.argsort(-scores, kind="stable")
+    arms = [_ascent(budget, designs[i]) for i in order]
+    gradients = FIRST
+    while True:
+        _climb(budget, arms, gradients)
+        arms.sort(key=lambda arm: -arm.score)
+        for arm in arms:
+            elite.add(arm.score, arm.design)
+        if len(arms) == 1 and arms[0].done:
+            return
+        arms = [arm for arm in arms[: (len(arms) + 1) // 2] if not arm.done]
+        if not arms:
+            return
+        gradients *= 2
+
+
+def _generation(budget: Budget, elite: _Elite, rng: np.random.Generator) -> None:
+    drawn = [elite.child(rng) for _ in range(DRAWN)]
+    designs = budget.problem.project(np.array([design for design, _ in drawn]))
+    scores = budget.scores(designs)
+    before = elite.rows[0][0]
+    order = np.argsort(-scores, kind="stable")
+    # the best by their score, and some by chance: what a climb can make of them shows later
+    chosen = [*order[: WIDE // 2], *rng.choice(order[WIDE // 2 :], WIDE // 2, replace=False)]
+    for i in order[: WIDE // 2]:
+        elite.add(float(scores[i]), designs[i])
+    arms = {int(i): _ascent(budget, designs[i]) for i in chosen if scores[i] > 0.0}
+    _climb(budget, list(arms.values()), SHORT)
+    near = [i for i, arm in arms.items() if arm.score > before - NEAR * abs(before)]
+    near.sort(key=lambda i: -arms[i].score)
+    _climb(budget, [arms[i] for i in near[: WIDE // 2]], MORE)
+    best = max((arm.score for arm in arms.values()), default=-np.inf)
+    for i, arm in arms.items():
+        elite.add(arm.score, arm.design)
+        gained = arm.score == best and best > before * (1.0 + 1e-6)
+        elite.learn(drawn[i][1], gained=gained)
+        if gained:
+            _climb(budget, [arm], 4 * MORE)
+            elite.add(arm.score, arm.design)
+
+
+def _climb(budget: Budget, arms: list[Ascent], gradients: int) -> None:
+    """All in lockstep, each at most so many gradients further."""
+    until = {id(arm): arm.told + gradients for arm in arms}
+    while True:
+        live = [arm for arm in arms if not arm.done and arm.told < until[id(arm)]]
+        if not live:
+            return
+        asked = np.array([arm.wanted for arm in live])
+        scores, slopes = budget.scores_and_gradients(asked, of_dying=False)
+        for arm, score, slope in zip(live, scores, slopes, strict=True):
+            arm.tell(float(score), slope)
+
+
+def _ascent(budget: Budget, design: Floats) -> Ascent:
+    problem = budget.problem
+    return Ascent(design, None if problem.equality is None else problem.project)
+
+
+def _columns(problem: Problem, design: Floats) -> Floats:
+    """(parts, pairs): gaps first, where they are free, then thicknesses."""
+    return design.reshape(-1, problem.scene.count - 1)

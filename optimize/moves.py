@@ -1,0 +1,161 @@
+"""Structured moves: how a good schedule is changed into another that may be better.
+
+A design is a list of columns (the gaps; the thicknesses where they are free too), each running
+along the row.  Good rows share their shape: a falling start, a plateau, a rise, a few tight gaps at
+the end and thick dominoes there.  What a local climb gets wrong is how many of the last gaps are
+tight, where the plateau ends, and the ripples that flushes have left.  These moves change just
+that.  They know nothing of the score.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Move = Callable[[Floats, Floats, np.random.Generator], Floats]
+"""(design, another good design, rng) -> a changed design; both as columns, (parts, pairs)."""
+
+TIGHT_AT_MOST = 8
+NEAR = 1e-3  # of a face of the box, counts as on it
+
+
+def tight_end(design: Floats, count: int) -> Floats:
+    """The design with exactly `count` tight gaps at its end, what stood before moved along."""
+    now = ends_tight(design)
+    moved = shifted(design, count - now) if now else design.copy()
+    if count:
+        moved[0, -count:] = 0.0
+    if count < moved.shape[1] and moved[0, -count - 1] <= NEAR:
+        moved[0, -count - 1] = _last_wide(design)
+    return moved
+
+
+def ends_tight(design: Floats) -> int:
+    """How many gaps at the end are at their lower bound."""
+    wide = np.flatnonzero(design[0] > NEAR)
+    return design.shape[1] - 1 - int(wide[-1]) if len(wide) else design.shape[1]
+
+
+def shifted(design: Floats, by: int) -> Floats:
+    """The second half moved `by` places towards the start; the plateau in the middle gives way."""
+    pairs = design.shape[1]
+    middle = pairs // 2
+    at = np.arange(pairs)
+    source = np.where(at >= middle - max(by, 0), at + by, at)
+    return np.asarray(design[:, np.clip(source, 0, pairs - 1)])
+
+
+def _last_wide(design: Floats) -> float:
+    wide = np.flatnonzero(design[0] > NEAR)
+    return float(design[0, wide[-1]]) if len(wide) else 0.5
+
+
+# moves ------------------------------------------------------------------------------------------
+
+
+def another_tight_gap(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """One tight gap more at the end, or one fewer."""
+    now = ends_tight(design)
+    change = 1 if now == 0 or rng.random() < 0.5 else -1
+    return tight_end(design, min(now + change, design.shape[1] - 1, TIGHT_AT_MOST))
+
+
+def shift_the_end(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """What stands before the tight end goes one or two places on or back; the end stays."""
+    tight = ends_tight(design)
+    by = int(rng.choice([-2, -1, 1, 2]))
+    moved = shifted(design, by)
+    if tight:
+        moved[:, -tight:] = design[:, -tight:]
+    return moved
+
+
+def smooth(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """Ripples taken out of a stretch, or of all but the tight end."""
+    pairs = design.shape[1]
+    free = pairs - ends_tight(design)
+    if free < 4:
+        return kick(design, other, rng)
+    a, b = _stretch(free, rng) if rng.random() < 0.7 else (1, free - 1)
+    moved = design.copy()
+    for _ in range(int(rng.integers(1, 6))):
+        inner = moved[:, a:b]
+        padded = np.concatenate([inner[:, :1], inner, inner[:, -1:]], axis=1)
+        moved[:, a:b] = 0.25 * padded[:, :-2] + 0.5 * inner + 0.25 * padded[:, 2:]
+    return moved
+
+
+def kick(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """A random step on everything that is not held at a face of the box."""
+    size = 10.0 ** rng.uniform(-2.5, -0.8)
+    inside = (design > NEAR) & (design < 1.0 - NEAR)
+    step = size * rng.standard_normal(design.shape)
+    return np.asarray(np.where(inside, design + step, design))
+
+
+def kick_a_stretch(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """A random step on a few neighbours."""
+    a, b = _stretch(design.shape[1], rng)
+    moved = design.copy()
+    moved[:, a:b] += 10.0 ** rng.uniform(-2.0, -0.5) * rng.standard_normal((len(design), b - a))
+    return moved
+
+
+def bend(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """A smooth hill or hollow added somewhere, the same sign throughout."""
+    pairs = design.shape[1]
+    at = np.arange(pairs)
+    width = rng.uniform(1.0, max(0.25 * pairs, 2.0))
+    hill = np.exp(-0.5 * ((at - rng.uniform(0, pairs)) / width) ** 2)
+    size = rng.choice([-1.0, 1.0], len(design)) * 10.0 ** rng.uniform(-2.0, -0.7)
+    inside = (design > NEAR) & (design < 1.0 - NEAR)
+    return np.asarray(np.where(inside, design + size[:, None] * hill, design))
+
+
+def join(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """The start of one good row and the end of another."""
+    at = int(rng.integers(1, max(design.shape[1], 2)))
+    first, last = (design, other) if rng.random() < 0.5 else (other, design)
+    return np.concatenate([first[:, :at], last[:, at:]], axis=1)
+
+
+def free_the_end(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """A value at the end is set anew: to a face of the box or anywhere."""
+    moved = design.copy()
+    part = int(rng.integers(len(design)))
+    place = int(rng.integers(1, min(6, design.shape[1]) + 1))
+    moved[part, -place] = rng.choice([0.0, 1.0, rng.random()])
+    return moved
+
+
+def swap(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """Two places, near each other, exchange what they have."""
+    pairs = design.shape[1]
+    moved = design.copy()
+    i = int(rng.integers(pairs))
+    j = int(np.clip(i + rng.integers(-4, 5), 0, pairs - 1))
+    parts = slice(None) if rng.random() < 0.5 else slice(p := int(rng.integers(len(design))), p + 1)
+    moved[parts, i], moved[parts, j] = design[parts, j], design[parts, i]
+    return moved
+
+
+def _stretch(pairs: int, rng: np.random.Generator) -> tuple[int, int]:
+    length = int(rng.integers(1, max(2, min(pairs, 2 + pairs // 3))))
+    a = int(rng.integers(0, max(1, pairs - length + 1)))
+    return a, min(a + length, pairs)
+
+
+MOVES: tuple[Move, ...] = (
+    another_tight_gap,
+    shift_the_end,
+    smooth,
+    kick,
+    kick_a_stretch,
+    bend,
+    join,
+    free_the_end,
+    swap,
+)
