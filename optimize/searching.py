@@ -62,8 +62,10 @@ def search(
     files = None if folder is None else RunFolder(Path(folder), scene, method, seed)
     uniform = scene.uniform()
     warmed = Problem(scene)
-    mark = warmed.design(uniform.layout)
-    warmed.score(mark), warmed.score_and_gradient(mark)  # compiles what is not compiled yet
+    warm = Budget(warmed)
+    mark = warmed.design(uniform.layout)[None]
+    warm.scores(mark)  # compiles what is not compiled yet, and so do gradients
+    warm.scores_and_gradients(mark, of_dying=False)
     interrupted = False
     with progress_line(f"{scene.name}, {method}", uniform.score, progress) as show:
 

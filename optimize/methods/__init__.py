@@ -22,11 +22,19 @@ if TYPE_CHECKING:
 
 METHODS = {
     "auto": "structured",
-    "uniform": "uniform_pitch",
-    "random": "random_layouts",
     "cma": "evolution",
     "l-bfgs": "quasi_newton",
     "slsqp": "quadratic_programs",
+    "scp": "convex_steps",
+    "trust-constr": "trust_regions",
+    "cobyqa": "quadratic_models",
+    "powell": "directions",
+    "nelder-mead": "simplex",
+    "differential-evolution": "differential_evolution",
+    "dual-annealing": "annealing",
+    "direct": "rectangles",
+    "random": "random_layouts",
+    "uniform": "uniform_pitch",
 }
 """Name of each method, and the module here that holds it."""
 
