@@ -62,9 +62,8 @@ class Comparison:
 
     def reached(self, method: str, times: Floats, scene: str | None = None) -> Floats:
         """(T,) part of all targets of all runs of a method that are reached by each time."""
-        runs = [
-            r for r in self.results if r.method == method and (scene is None or r.scene.name == scene)
-        ]
+        runs = [r for r in self.results if r.method == method]
+        runs = [r for r in runs if scene is None or r.scene.name == scene]
         when = np.array([[self.time_to(r, target) for target in TARGETS] for r in runs]).ravel()
         return np.searchsorted(np.sort(when), times, side="right") / len(when)
 

@@ -1,4 +1,4 @@
-"""Dual annealing (Xiang et al. 1997): long random leaps that cool, and a descent after good ones."""
+"""Dual annealing (Xiang et al. 1997): random leaps that cool, descents after good ones."""
 
 from __future__ import annotations
 

@@ -71,10 +71,11 @@ class Step:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of an answer that is not exact
-                promised = self._program.solve(solver=cp.CLARABEL)
+                self._program.solve(solver=cp.CLARABEL)  # type: ignore[no-untyped-call]
         except cp.SolverError:
             return None
-        if self._d.value is None or not np.isfinite(promised):
+        promised = self._program.value
+        if self._d.value is None or promised is None or not np.isfinite(promised):
             return None
         return np.asarray(self._d.value), float(promised)
 

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 from scipy.optimize import BFGS, SR1, Bounds, minimize
-from threadpoolctl import threadpool_limits
 
 from optimize.budget import Budget
 from optimize.starts import cost, starts
@@ -17,7 +16,7 @@ MANY = 200  # variables from which on the curvature is the cheaper SR1
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """One descent after the other until the budget is spent."""
-    with threadpool_limits(1, user_api="blas"), warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="scipy")  # of slopes that did not change
         for start in starts(budget, rng):
             minimize(
