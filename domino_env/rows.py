@@ -42,7 +42,10 @@ def _scene_of(text: str) -> Scene:
 def shared_scene(scene: str | Path | Scene) -> Scene:
     """The scene, the same object for all who ask for equal ones: its mark is found once."""
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
-    return _scene_of(loaded.to_toml())
+    try:
+        return _scene_of(loaded.to_toml())
+    except ValueError:  # made in Python, of what no file would say
+        return loaded
 
 
 def require_choice(scene: Scene) -> None:
