@@ -204,7 +204,7 @@ def _range_lines(bounds: Bounds, values: tuple[float, ...] | None) -> list[str]:
     step = round(values[1] - values[0], 12)
     if len(values) > 2 and _steps(low, high, step) == values:
         return [f"min = {low!r}", f"max = {high!r}", f"step = {step!r}"]
-    return [f"values = {list(values)!r}"]
+    return [f"values = {[float(v) for v in values]!r}"]
 
 
 def _steps(low: float, high: float, step: float) -> tuple[float, ...]:

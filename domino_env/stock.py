@@ -30,6 +30,8 @@ class Stock:
                 f"thickness has {len(self.thickness)} entries and count {len(self.count)}: give "
                 "one count for each thickness"
             )
+        object.__setattr__(self, "thickness", tuple(float(d) for d in self.thickness))
+        object.__setattr__(self, "count", tuple(int(n) for n in self.count))
         for i, (d, n) in enumerate(zip(self.thickness, self.count, strict=True)):
             if not 0.0 < d < np.inf:
                 raise ValueError(f"thickness[{i}] = {d}: must be positive and finite [m]")

@@ -38,6 +38,7 @@ class Tempo:
                 if rate is None or not 0.0 < rate < np.inf:
                     raise ValueError(f"{name} = {rate}: give a frequency of more than 0 [hits/s]")
         else:
+            object.__setattr__(self, "times", tuple(float(t) for t in self.times))
             steps = np.diff(self.times, prepend=0.0)
             if not (np.isfinite(steps).all() and (steps > 0.0).all()):
                 i = int(np.argmin(np.isfinite(steps) & (steps > 0.0)))

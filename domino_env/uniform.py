@@ -29,8 +29,8 @@ def best_uniform(scene: Scene) -> Layout:
 
     The first domino keeps the scene's thickness.  With a stock, the dominoes stand in the order
     given at one pitch, pivot to pivot.  In a growing row, gaps have one ratio to the heights, and
-    heights to those before.  Where a length and a list of allowed gaps leave no equal pitch, the
-    two gaps next to it take turns evenly.
+    heights to those before.  Where a length and a list of allowed gaps leave no equal pitch, those
+    next to it take turns evenly.
 
     A grid over all there is to choose, then finer grids around the best places: the speed has
     several peaks, and steps where a wave dies.  Where no row is a success, the best of the others.
@@ -106,7 +106,18 @@ class _Rows:
     def _follow_length(self, pitch: float) -> None:
         """Where a length is to be met, the gap follows from the thickness."""
         scene = self.scene
-        self.spread, self.allowed[0] = scene.spacing_values, None
+        listed, self.allowed[0] = scene.spacing_values, None
+        if listed and scene.stock is None and self.allowed[1] is None and scene.free_thickness:
+            # a gap of the list and the thickness that it leaves; else two gaps that take turns
+            values, part = np.array(listed), np.linspace(0.0, 1.0, scene.count)
+            mixed = (values[:-1, None] + np.diff(values)[:, None] * part).ravel()
+            for means in (values, mixed):
+                thick = np.sort(pitch - means)
+                thick = thick[(thick >= scene.thickness[0]) & (thick <= scene.thickness[1])]
+                if len(thick):
+                    self.allowed[1] = tuple(float(d) for d in thick)
+                    break
+        self.spread = listed
         if scene.stock is not None:
             self.low[0], self.high[0] = max(self.low[0], pitch), min(self.high[0], pitch)
             if self.spread is not None:
@@ -164,7 +175,7 @@ class _Rows:
         if found is None:
             raise ValueError(
                 f"scene '{self.scene.name}': gaps of {gap:.9g} m on average meet the length, and "
-                "no two allowed gaps next to that add up to it"
+                "none on the list add up to it"
             )
         return np.array(found)
 
@@ -189,14 +200,50 @@ def _spread(gap: float, allowed: tuple[float, ...], pairs: int) -> list[float] |
     if abs(near - gap) * pairs <= ON_LIST:
         return [near] * pairs
     above = int(np.searchsorted(values, gap))
-    if above in (0, len(values)):
+    if 0 < above < len(values):
+        a, b = values[above - 1], values[above]
+        wide = (gap - a) * pairs / (b - a)
+        if abs(wide - round(wide)) * (b - a) <= ON_LIST:
+            turns = np.floor((np.arange(pairs + 1) + 0.5) * round(wide) / pairs)
+            return [float(b if more else a) for more in np.diff(turns)]
+    counts = _nearest_counts(gap, values, pairs)
+    if counts is None:
         return None
-    a, b = values[above - 1], values[above]
-    wide = (gap - a) * pairs / (b - a)
-    if abs(wide - round(wide)) * (b - a) > ON_LIST:
+    # each value as evenly along the row as its number allows
+    places = [((j + 0.5) / n, v) for v, n in zip(values, counts, strict=True) for j in range(n)]
+    return [float(v) for _, v in sorted(places)]
+
+
+def _nearest_counts(gap: float, values: Floats, pairs: int) -> list[int] | None:
+    """How often each value, for `pairs` of them to be `gap` on average and least far from it.
+
+    A dynamic programme over the sum; None where nothing adds up.
+    """
+    rise = np.round((values - values[0]) / ON_LIST).astype(np.int64)
+    unit = int(np.gcd.reduce(rise)) or 1
+    exact = (gap - values[0]) * pairs / (unit * ON_LIST)
+    total = int(round(exact))
+    if total < 0 or abs(exact - total) * unit > 1.0:
         return None
-    turns = np.floor((np.arange(pairs + 1) + 0.5) * round(wide) / pairs)
-    return [float(b if more else a) for more in np.diff(turns)]
+    steps, price = rise // unit, (values - gap) ** 2
+    cost = np.full(total + 1, np.inf)
+    cost[0] = 0.0
+    chosen = np.zeros((pairs, total + 1), dtype=np.int32)
+    for i in range(pairs):
+        after = np.full(total + 1, np.inf)
+        for k in np.flatnonzero(steps <= total):
+            found = cost[: total + 1 - steps[k]] + price[k]
+            better = np.flatnonzero(found < after[steps[k] :]) + steps[k]
+            after[better], chosen[i, better] = found[better - steps[k]], k
+        cost = after
+    if not np.isfinite(cost[total]):
+        return None
+    counts = [0] * len(values)
+    for i in range(pairs - 1, -1, -1):
+        last = int(chosen[i, total])
+        counts[last] += 1
+        total -= int(steps[last])
+    return counts
 
 
 def _apart(points: Floats, scores: Floats, distance: Floats) -> list[int]:

@@ -96,7 +96,7 @@ def _rules(scene: Scene) -> dict[str, list[Any]]:
             found[name] = _on_list(thick, scene.thickness_values)
     if scene.length is not None:
         rule = [cp.sum(gaps) + cp.sum(thick) == MM * scene.length]
-        found[f"row.length = {scene.length!r} m"] = rule
+        found[f"row.length = {scene.length:.10g} m"] = rule
     return found
 
 

@@ -11,6 +11,7 @@ from unittest.mock import patch
 import numpy as np
 
 import domino_env as de
+from domino_env.motion import Motion
 from domino_env.vector_env import DominoChainVector
 
 H = 0.048
@@ -76,6 +77,12 @@ def results():
     add("no rigid answer", heavy, de.Physics(0.48656, 9.81, 80.93))
     large = de.Layout(2.0 ** np.arange(-6, -1), 2.0 ** np.arange(-7, -1), 2.0 ** np.arange(-3, 3))
     add("growing", large, de.Physics(0.1, 9.81, 20.0))
+    for name, layout, push in (
+        ("stall", de.Layout.uniform(5, spacing=0.003), 4.0),
+        ("runs through", de.Layout(random, 0.0075), 12.0),
+    ):
+        motion = Motion(layout, de.Physics(0.25, 9.81, push))
+        found[f"motion: {name}"] = [motion.end, *motion.angles([0.5 * motion.end])[0]]
     for name, layout, push in (
         ("flushes", de.Layout(random, 0.0075), 12.0),
         ("stall", de.Layout.uniform(5, spacing=0.003), 4.0),
