@@ -65,7 +65,7 @@ def search(
     mark = warmed.design(uniform.layout)
     warmed.score(mark), warmed.score_and_gradient(mark)  # compiles what is not compiled yet
     interrupted = False
-    with progress_line(f"{scene.name}, {method}", uniform.score, progress) as show:
+    with progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit) as show:
 
         def look(meter: Budget) -> None:
             show(meter)
