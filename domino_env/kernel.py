@@ -868,7 +868,7 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
         off = max(off, high * root, top * math.sqrt(math.sqrt(top)))
     fine = off * t / math.sqrt(math.sqrt(math.sqrt(max(off, TINY))))
-    if 2 <= k <= 3 and off > 1e-6:
+    if k == 3 and off > 1e-3:
         # A small sharp feature beside a smooth rest decays slowly from a low level: go by its pace.
         fine = max(fine, t * min(off / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2))
     t_error = 2.0 * off * (fine + rough * sens)

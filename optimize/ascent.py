@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 RISE, TURN = (
     1e-4,
     0.5,
-)  # weak Wolfe: least part of the promised rise, largest part of the slope left
+)  # least part of the promised rise, largest of the slope left
 DENSE = 200  # variables up to which the whole inverse curvature is kept
 MEMORY = 30  # pairs kept for more
 TRIES = 14  # of one line search

@@ -21,7 +21,9 @@ DEFAULT_SECONDS = 60.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `domino optimize`."""
     parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file")
-    parser.add_argument("--method", default="cma", help="cma (default), l-bfgs, random or uniform")
+    parser.add_argument(
+        "--method", default="auto", help="auto (default), cma, l-bfgs, slsqp, scp, … (see README)"
+    )
     parser.add_argument("--evaluations", type=int, help="rows that may be simulated")
     parser.add_argument(
         "--seconds",

@@ -36,7 +36,7 @@ def tight_end(design: Floats, count: int) -> Floats:
 def ends_tight(design: Floats) -> int:
     """How many gaps at the end are at their lower bound."""
     wide = np.flatnonzero(design[0] > NEAR)
-    return design.shape[1] - 1 - int(wide[-1]) if len(wide) else design.shape[1]
+    return int(design.shape[1] - 1 - wide[-1]) if len(wide) else int(design.shape[1])
 
 
 def shifted(design: Floats, by: int) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from domino_env.layout import Layout
 from domino_env.scene import Scene, load_scene
@@ -21,7 +22,7 @@ DEFAULT_BUDGET = 20_000  # evaluations, where nothing is said
 
 def search(
     scene: Scene | str | Path,
-    method: str = "cma",
+    method: str = "auto",
     budget: int | None = None,
     seed: int = 0,
     *,
@@ -62,8 +63,10 @@ def search(
     files = None if folder is None else RunFolder(Path(folder), scene, method, seed)
     uniform = scene.uniform()
     warmed = Problem(scene)
-    mark = warmed.design(uniform.layout)
-    warmed.score(mark), warmed.score_and_gradient(mark)  # compiles what is not compiled yet
+    warm = Budget(warmed)
+    mark = warmed.design(uniform.layout)[None]
+    warm.scores(mark)  # compiles what is not compiled yet, and so do gradients
+    warm.scores_and_gradients(mark, of_dying=False)
     interrupted = False
     with progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit) as show:
 
@@ -76,7 +79,9 @@ def search(
 
         meter = Budget(problem, budget, seconds, look)
         try:
-            run(meter, np.random.default_rng(seed))
+            # Matrices are small here: threads of the linear algebra only wait for each other.
+            with threadpool_limits(1, user_api="blas"):
+                run(meter, np.random.default_rng(seed))
         except BudgetSpent:
             pass
         except KeyboardInterrupt:

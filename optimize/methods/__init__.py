@@ -11,6 +11,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,21 +23,45 @@ if TYPE_CHECKING:
 
 METHODS = {
     "auto": "structured",
-    "uniform": "uniform_pitch",
-    "random": "random_layouts",
     "cma": "evolution",
     "l-bfgs": "quasi_newton",
     "gauss-newton": "least_squares",
     "slsqp": "quadratic_programs",
+    "scp": "convex_steps",
+    "trust-constr": "trust_regions",
+    "cobyqa": "quadratic_models",
+    "powell": "directions",
+    "nelder-mead": "simplex",
+    "differential-evolution": "differential_evolution",
+    "dual-annealing": "annealing",
+    "direct": "rectangles",
+    "random": "random_layouts",
+    "uniform": "uniform_pitch",
 }
 """Name of each method, and the module here that holds it."""
 
 
+PEERS = {"ngopt": ("ngopt", "nevergrad"), "tpe": ("parzen", "optuna")}
+"""Methods of other projects to compare with: the module here, and what must be installed for it."""
+
+
+def installed_peers() -> list[str]:
+    """Names of the peers that can run here."""
+    return [name for name, (_, needed) in PEERS.items() if find_spec(needed) is not None]
+
+
 def load(name: str) -> Method:
     """The method of that name.  ValueError with a suggestion where there is none."""
-    if name not in METHODS:
-        near = difflib.get_close_matches(name.lower().replace("_", "-"), METHODS, n=1, cutoff=0.5)
+    if name in PEERS:
+        module, needed = PEERS[name]
+        if find_spec(needed) is None:
+            raise ValueError(f"method '{name}' needs {needed}: pip install {needed}")
+    elif name in METHODS:
+        module = METHODS[name]
+    else:
+        known = [*METHODS, *installed_peers()]
+        near = difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'? " if near else ""
-        raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(METHODS)}")
-    method: Method = import_module(f"optimize.methods.{METHODS[name]}").run
+        raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(known)}")
+    method: Method = import_module(f"optimize.methods.{module}").run
     return method

@@ -13,7 +13,6 @@ from typing import Any
 
 import cma
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from optimize.budget import Budget
 from optimize.problem import Floats
@@ -28,8 +27,7 @@ ASTRAY = 100.0  # price of the mean square distance, over the score
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """One CMA-ES after the other until the budget is spent."""
-    # The covariance is small: threads of the linear algebra only wait for each other.
-    with threadpool_limits(1, user_api="blas"), warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="cma")  # of steps that it then limits itself
         _restart(budget, rng)
 

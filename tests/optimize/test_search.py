@@ -18,10 +18,10 @@ from optimize.result import gain
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    ({"method": "cmaes"}, "there is no method 'cmaes': did you mean 'cma'? choose uniform, random"),
+    ({"method": "cmaes"}, "there is no method 'cmaes': did you mean 'cma'? choose auto, cma"),
     ({"method": "lbfgs"}, "did you mean 'l-bfgs'?"),
     ({"method": "L_BFGS"}, "did you mean 'l-bfgs'?"),
-    ({"method": "quantum"}, "there is no method 'quantum': choose uniform, random, cma, l-bfgs"),
+    ({"method": "quantum"}, "there is no method 'quantum': choose auto, cma, l-bfgs"),
     ({"budget": 0}, "budget = 0: give at least one evaluation"),
     ({"seconds": 0.0}, "seconds = 0.0: give a time of more than 0 s"),
     ({"seconds": float("nan")}, "seconds = nan: give a time"),
@@ -53,7 +53,7 @@ def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypat
     def flattering(scene: Scene, spacing, thickness, rtol=1e-6):
         rows.extend(spacing)
         scores = original(scene, spacing, thickness, rtol)
-        scores[-1] = 5.0 if len(rows) == 301 else scores[-1]  # one is simulated before the search
+        scores[-1] = 5.0 if len(rows) == 301 else scores[-1]  # one row warms up
         return scores
 
     monkeypatch.setattr(Scene, "score_batch", flattering)

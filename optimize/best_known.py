@@ -1,0 +1,112 @@
+"""The best layouts known of the scenes that ship, and who found them.
+
+`best_known.json` beside this file: under a scene's name the layout (spacing and thickness [m], and
+heights where they are free), its score, and method, seed, seconds and version that found it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from domino_env import __version__
+from domino_env.files import write_text
+from domino_env.layout import Layout
+from domino_env.scene import Scene
+from optimize.result import SearchResult
+
+PATH = Path(__file__).with_name("best_known.json")
+CLOSEST = 1e-12  # relative error at which a record is simulated
+NOTICED = 1e-9  # relative gain that makes a new record
+
+
+@dataclass(frozen=True, eq=False)
+class BestKnown:
+    """One record.
+
+    layout, score: the row, and what the scene gives it at a relative error of 1e-12.
+    method, seed, seconds, version: who found it, and after how long.
+    """
+
+    layout: Layout
+    score: float
+    method: str
+    seed: int
+    seconds: float
+    version: str
+
+
+def best_known(path: Path = PATH) -> dict[str, BestKnown]:
+    """All records, by the name of their scene; none where there is no such file."""
+    if not path.exists():
+        return {}
+    document = json.loads(path.read_text("utf-8"))
+    return {name: _read(record) for name, record in document.items()}
+
+
+def update(results: list[SearchResult], path: Path = PATH) -> list[str]:
+    """Write down what beats the record of its scene; returns the names of these scenes.
+
+    A layout that breaks a rule, or whose wave dies at the closest look, is no record.
+    """
+    records = best_known(path)
+    improved: list[str] = []
+    for result in results:
+        scene, layout = result.scene, result.layout
+        if scene.violations(layout):
+            continue
+        score = closest_score(scene, layout)
+        old = records.get(scene.name)
+        if old is not None and score <= old.score + NOTICED * abs(old.score):
+            continue
+        records[scene.name] = BestKnown(
+            layout, score, result.method, result.seed, result.seconds, __version__
+        )
+        improved.append(scene.name)
+    if improved:
+        document = {name: _written(records[name]) for name in sorted(records)}
+        write_text(path, json.dumps(document, indent=1) + "\n")
+    return sorted(set(improved))
+
+
+def closest_score(scene: Scene, layout: Layout) -> float:
+    """The scene's score of a layout that is simulated as closely as can be."""
+    return float(scene.score_wave(scene.simulate(layout, rtol=CLOSEST)))
+
+
+def _read(record: dict[str, Any]) -> BestKnown:
+    layout = Layout(
+        spacing=record["spacing"],
+        thickness=record["thickness"],
+        height=record["height"],
+        width=record["width"],
+        density=record["density"],
+    )
+    found = {key: record[key] for key in ("score", "method", "seed", "seconds", "version")}
+    return BestKnown(layout, **found)
+
+
+def _written(record: BestKnown) -> dict[str, Any]:
+    layout = record.layout
+    return {
+        "score": record.score,
+        "method": record.method,
+        "seed": record.seed,
+        "seconds": round(record.seconds, 1),
+        "version": record.version,
+        "spacing": layout.spacing.tolist(),
+        "thickness": layout.thickness.tolist(),
+        "height": _one_or_all(layout.height),
+        "width": layout.width,
+        "density": _one_or_all(layout.density),
+    }
+
+
+def _one_or_all(values: Any) -> float | list[float]:
+    values = np.asarray(values, dtype=np.float64)
+    same = bool(np.all(values == values.flat[0]))
+    return float(values.flat[0]) if same else values.tolist()

@@ -1,0 +1,38 @@
+"""Problems of many variables for methods that can only handle few: the knots of a schedule."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from optimize.budget import Budget
+from optimize.problem import Floats
+from optimize.schedules import schedule
+
+
+class FewVariables:
+    """A budget's problem in at most `most` variables: the design itself, or a schedule's knots.
+
+    dimension: how many there are.
+    """
+
+    def __init__(self, budget: Budget, most: int) -> None:
+        self._budget = budget
+        n, pairs = budget.problem.dimension, budget.problem.scene.count - 1
+        self._matrix = None if n <= most else schedule(n // pairs, pairs, most)
+        self.dimension = n if self._matrix is None else self._matrix.shape[1]
+
+    def design(self, x: Floats) -> Floats:
+        """The design that x stands for."""
+        x = np.clip(x, 0.0, 1.0)
+        return x if self._matrix is None else np.clip(self._matrix @ x, 0.0, 1.0)
+
+    def nearest(self, design: Floats) -> Floats:
+        """The x whose design is nearest to this one, within the box."""
+        if self._matrix is None:
+            return design
+        found = np.linalg.lstsq(self._matrix, design, rcond=None)[0]
+        return np.asarray(np.clip(found, 0.0, 1.0))
+
+    def cost(self, x: Floats) -> float:
+        """Minus the score."""
+        return -self._budget.score(self.design(x))

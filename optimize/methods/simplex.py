@@ -1,0 +1,39 @@
+"""Nelder–Mead (1965) with the step sizes of Gao and Han (2012) for several variables.
+
+A simplex of more than some forty corners gets nowhere: long rows are searched as schedules.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize
+
+from optimize.budget import Budget
+from optimize.few_variables import FewVariables
+from optimize.starts import starts
+
+MOST = 40
+SIZE = 0.1  # of the first simplex, as a part of the box
+
+
+def run(budget: Budget, rng: np.random.Generator) -> None:
+    """One simplex after the other until the budget is spent."""
+    few = FewVariables(budget, MOST)
+    for start in starts(budget, rng):
+        x = few.nearest(start)
+        inwards = np.where(x < 0.5, SIZE, -SIZE)
+        corners = np.concatenate([x[None], x + np.diag(inwards)])
+        minimize(
+            few.cost,
+            x,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * few.dimension,
+            options={
+                "initial_simplex": corners,
+                "adaptive": few.dimension > 1,
+                "maxiter": 10**9,
+                "maxfev": 10**9,
+                "xatol": 1e-6,
+                "fatol": 1e-8,
+            },
+        )
