@@ -106,6 +106,11 @@ class Scene:
         return all(rule is None for rule in (*asked, self.growth, self.limits))
 
     @property
+    def unit(self) -> str:
+        """The unit of a success's score, as in "m/s"; empty for none."""
+        return worth.UNITS[self.objective]
+
+    @property
     def waves_a_score(self) -> int:
         """How many rows are simulated for one score."""
         if self.placement is None:
@@ -265,10 +270,11 @@ class Scene:
         """A score in the words and units of the objective."""
         if score <= 0.0:
             broken = self.limits is not None and wave.outcome == Outcome.PROPAGATED
-            return "breaks a limit of the scene" if broken else f"no success ({wave.outcome.name})"
+            none = {"m/s": "no speed", "m": "no height"}.get(self.unit, "no success")
+            return "breaks a limit of the scene" if broken else none
         if self.objective == "tempo":
             assert self.tempo is not None
-            return f"RMS error {1e3 * self.tempo.error(wave.arrival_times[None])[0]:.6f} ms"
+            return f"RMS error {1e3 * self.tempo.error(wave.arrival_times[None])[0]:.6g} ms"
         if self.objective == "toppled":
             return f"{wave.toppled} of {self.count} toppled"
         if self.objective == "magnify":
