@@ -1,11 +1,12 @@
-"""How an episode ended: its layout and its wave, worked out when somebody looks at them.
+"""How episodes ended: their layouts and waves, worked out when somebody looks at them.
 
-A batch ends thousands of episodes a second, and few of them are ever looked at.
+A batch ends tens of thousands of episodes a second, and few of them are ever looked at.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,44 +16,78 @@ from domino_env.scene import Scene
 from domino_env.wave import Wave, simulate
 
 Floats = NDArray[np.float64]
+Objects = NDArray[np.object_]
+
+
+@dataclass(frozen=True, eq=False)
+class Endings:
+    """What is kept of E episodes that ended together.
+
+    spacing: (E, N-1); thickness: (E, N); placed: (E,) dominoes placed after the first, the rest of
+    both is not used.  reach: (E,) how far each wave came, of the scene's N dominoes.
+    """
+
+    scene: Scene
+    rtol: float
+    spacing: Floats
+    thickness: Floats
+    placed: list[int]
+    reach: list[float]
+
+    def layout(self, i: int) -> Layout:
+        """What was placed in episode i."""
+        scene, placed = self.scene, self.placed[i]
+        return Layout(
+            self.spacing[i, :placed],
+            self.thickness[i, : placed + 1],
+            scene.height,
+            scene.width,
+            scene.density,
+        )
+
+    def wave(self, i: int) -> dict[str, Any]:
+        """The fields of the wave of episode i; its reach counts against the scene's N dominoes."""
+        wave = simulate(self.layout(i), self.scene.physics, rtol=self.rtol)
+        return vars(wave) | {"reach": self.reach[i]}
+
+    def layouts(self) -> Objects:
+        """(E,) layouts, to be looked at later."""
+        return self._late(LateLayout)
+
+    def waves(self) -> Objects:
+        """(E,) waves, to be looked at later."""
+        return self._late(LateWave)
+
+    def _late(self, kind: type[LateLayout] | type[LateWave]) -> Objects:
+        new = object.__new__
+        late = np.empty(len(self.placed), object)
+        for i in range(len(late)):
+            item = new(kind)
+            item.__dict__["_late"] = (self, i)
+            late[i] = item
+        return late
 
 
 class LateLayout(Layout):
-    """A Layout that is checked and copied when it is first looked at."""
-
-    @classmethod
-    def of(cls, scene: Scene, spacing: Floats, thickness: Floats) -> LateLayout:
-        """scene: height, width and density; spacing: (M,); thickness: (M+1,), both left alone."""
-        self = object.__new__(cls)
-        self.__dict__["_late"] = (scene, spacing, thickness)
-        return self
+    """A Layout whose arrays are made when they are first looked at."""
 
     def __getattr__(self, name: str) -> Any:
         late = None if name.startswith("__") else self.__dict__.pop("_late", None)
         if late is None:
             raise AttributeError(f"'Layout' object has no attribute '{name}'")
-        scene, spacing, thickness = late
-        layout = Layout(spacing, thickness, scene.height, scene.width, scene.density)
-        self.__dict__.update(vars(layout))
+        endings, i = late
+        self.__dict__.update(vars(endings.layout(i)))
         return getattr(self, name)
 
 
 class LateWave(Wave):
     """A Wave that is simulated when it is first looked at.
 
-    Its reach counts against the scene's number of dominoes, also where fewer were placed.
     Two are equal if they are waves of equal layouts under the same physics and tolerance.
     """
 
     @classmethod
-    def of(cls, layout: Layout, scene: Scene, rtol: float, reach: float) -> LateWave:
-        """layout: what was placed; reach: as the environment found it."""
-        self = object.__new__(cls)
-        self.__dict__["_late"] = (layout, scene, rtol, reach)
-        return self
-
-    @classmethod
-    def known(cls, wave: Wave) -> LateWave:
+    def known(cls, wave: Wave) -> Self:
         """One that has been simulated already."""
         self = object.__new__(cls)
         self.__dict__.update(vars(wave))
@@ -62,9 +97,8 @@ class LateWave(Wave):
         late = None if name.startswith("__") else self.__dict__.pop("_late", None)
         if late is None:
             raise AttributeError(f"'Wave' object has no attribute '{name}'")
-        layout, scene, rtol, reach = late
-        wave = simulate(layout, scene.physics, rtol=rtol)
-        self.__dict__.update(vars(wave) | {"reach": reach})
+        endings, i = late
+        self.__dict__.update(endings.wave(i))
         return getattr(self, name)
 
     def __eq__(self, other: object) -> bool:

@@ -11,7 +11,7 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
 from domino_env import kernel
-from domino_env.ending import LateLayout, LateWave
+from domino_env.ending import LateWave
 from domino_env.moment import Moment
 from domino_env.row_env import RTOL, RowEnv, checked_options, wrong_actions
 from domino_env.rows import Floats, Seen, checked_rtol, require_choice
@@ -85,7 +85,7 @@ class DominoLayout(RowEnv):
         if not self._ready:
             raise ResetNeeded("an episode has one step: call reset() before step()")
         spacing, thickness = self._parts(self._values(values))
-        layout = LateLayout.of(self.scene, spacing, thickness)
+        layout = self.scene.layout(spacing, thickness)
         wave = self.scene.simulate(layout, self.rtol)
         score = self.scene.score_wave(wave)
         reward = float(kernel.worth(score, self.mark.score))
@@ -116,16 +116,12 @@ class DominoLayout(RowEnv):
         )
 
     def _parts(self, values: Floats) -> tuple[Floats, Floats]:
-        """Gaps (N-1,) and all thicknesses (N,) [m]."""
+        """Gaps and thicknesses of dominoes 1 … N-1, (N-1,) each [m]."""
         scene, pairs = self.scene, self.scene.count - 1
-        spacing = np.full(pairs, scene.spacing[0])
-        thickness = np.full(scene.count, scene.first_thickness)
-        thickness[1:] = scene.thickness[0]
-        if scene.free_spacing:
-            spacing = values[:pairs]
+        spacing = values[:pairs] if scene.free_spacing else np.full(pairs, scene.spacing[0])
         if scene.free_thickness:
-            thickness[1:] = values[-pairs:]
-        return spacing, thickness
+            return spacing, values[-pairs:]
+        return spacing, np.full(pairs, scene.thickness[0])
 
     def moment(self) -> Moment:
         """The first domino alone, or the row at its last hit."""

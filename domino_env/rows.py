@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env import kernel
-from domino_env.ending import LateLayout, LateWave
+from domino_env.ending import Endings
 from domino_env.layout import Layout
 from domino_env.moment import Moment
 from domino_env.scene import LENGTH_TOLERANCE, Scene, load_scene
@@ -26,7 +26,11 @@ Bools = NDArray[np.bool_]
 
 SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] over which the ends of the row make themselves felt
 LARGEST_RING = 1024  # dominoes remembered behind a front; the wave feels some thirty
+_OUTCOMES = [Outcome(i) for i in range(len(Outcome))]
 ALONE = 128  # rows from which on it pays to wake another thread
+
+
+_worth = kernel.worth.py_func if hasattr(kernel.worth, "py_func") else kernel.worth
 
 
 @lru_cache(maxsize=64)
@@ -232,12 +236,9 @@ class Rows:
         Returns score, gain, outcome, layout and wave, (E,) each.
         """
         scene = self.scene
-        spacing, thickness = self._spacing[rows], self._thickness[rows]
-        doubtful = self.books[rows, kernel.B_DOUBT] > 0.0
-        for i in np.flatnonzero(doubtful):
-            b = rows[i]
+        for b in rows[self.books[rows, kernel.B_DOUBT] > 0.0]:
             wave = simulate(
-                Layout(spacing[i], thickness[i], scene.height, scene.width, scene.density),
+                scene.layout(self._spacing[b], self._thickness[b, 1:]),
                 scene.physics,
                 rtol=self.rtol,
             )
@@ -245,41 +246,42 @@ class Rows:
             self.books[b, kernel.B_REACH] = wave.reach
             self.books[b, kernel.B_SCORE] = scene.score_wave(wave)
             rewards[b] = self._worth(scene.score_wave(wave)) - self.books[b, kernel.B_PAID]
+        endings = self._endings(rows)
         books = self.books[rows]
         scores = books[:, kernel.B_SCORE]
-        layouts, waves, outcomes, gains = (np.empty(len(rows), object) for _ in range(4))
-        for j, book in enumerate(books.tolist()):
-            placed = int(book[kernel.B_PLACED])
-            layout = LateLayout.of(scene, spacing[j, :placed], thickness[j, : placed + 1])
-            layouts[j] = layout
-            waves[j] = LateWave.of(layout, scene, self.rtol, book[kernel.B_REACH])
-            outcomes[j] = Outcome(int(book[kernel.B_OUTCOME]))
-            gains[j] = self._worth(book[kernel.B_SCORE]) / 100.0
+        outcomes = np.array(_OUTCOMES, object)[books[:, kernel.B_OUTCOME].astype(np.intp)]
         return {
             "score": scores,
-            "gain": gains.astype(np.float64),
+            "gain": np.array([self._worth(s) for s in scores.tolist()]) / 100.0,
             "outcome": outcomes,
-            "layout": layouts,
-            "wave": waves,
+            "layout": endings.layouts(),
+            "wave": endings.waves(),
         }
 
+    def _endings(self, rows: NDArray[np.intp]) -> Endings:
+        books = self.books[rows]
+        return Endings(
+            scene=self.scene,
+            rtol=self.rtol,
+            spacing=self._spacing[rows],
+            thickness=self._thickness[rows],
+            placed=books[:, kernel.B_PLACED].astype(np.intp).tolist(),
+            reach=books[:, kernel.B_REACH].tolist(),
+        )
+
     def _worth(self, score: float) -> float:
-        return float(kernel.worth(score, self.mark.score))
+        return float(_worth(score, self.mark.score))
 
     def moment(self, b: int) -> Moment:
         """Row b as it stands and falls."""
         book, state = self.books[b], self._states[b]
         placed = int(book[kernel.B_PLACED])
         over = book[kernel.B_PHASE] == kernel.OVER
-        spacing, thickness = self._spacing[b, :placed].copy(), self._thickness[b, : placed + 1]
-        wave = None
-        if over:
-            layout = LateLayout.of(self.scene, spacing, thickness.copy())
-            wave = LateWave.of(layout, self.scene, self.rtol, float(book[kernel.B_REACH]))
+        wave = self._endings(np.array([b])).waves()[0] if over else None
         dead = over and book[kernel.B_OUTCOME] != kernel.PROPAGATED
         return Moment(
-            spacing=spacing,
-            thickness=thickness.copy(),
+            spacing=self._spacing[b, :placed].copy(),
+            thickness=self._thickness[b, : placed + 1].copy(),
             height=np.full(placed + 1, self.scene.height),
             hit=wave.hit if wave is not None else placed + 1,
             time=float(state[kernel.TIME]),

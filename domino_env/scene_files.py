@@ -1,4 +1,17 @@
-"""Scenes as TOML files: read with care, written back."""
+"""Scenes as TOML files: read with care, written back.
+
+name, title, objective   what it is called, what it is about, what counts
+[row]        count, height, width, density, first_thickness, length
+[spacing]    min and max, or fixed, or values = […]; with min and max also step; largest_change;
+             of = "height": in heights of the shorter of the two dominoes, not in metres
+[thickness]  the same but for largest_change; of = "height": in heights of the domino
+[stock]      instead of [thickness]: thickness = […], count = […], the first domino among them
+[growth]     min and max of a domino's height over that of the one before
+[physics]    friction, gravity, push
+[limits]     stall_margin, at least; flush_loss, at most
+[tempo]      for the objective "tempo": from and to [hits/s], or times = […] [s]; tolerance [s]
+[robust]     for the objective "robust": deviation [m], quantile, draws, seed
+"""
 
 from __future__ import annotations
 
@@ -6,23 +19,40 @@ import difflib
 import sys
 import tomllib
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from domino_env.layout import DENSITY, HEIGHT, WIDTH
+from domino_env.objective import OBJECTIVES, Limits
 from domino_env.physics import Physics
+from domino_env.placement import Placement
+from domino_env.stock import Stock
+from domino_env.tempo import TOLERANCE, Tempo
 
 if TYPE_CHECKING:
     from domino_env.scene import Bounds, Scene
 
 LARGEST_FILE = 1_000_000  # [bytes]
 LARGEST_COUNT = 10_000_000
-OBJECTIVES = ("mean_speed",)
 
-_TOP = ("name", "title", "objective", "row", "spacing", "thickness", "physics")
+_TOP = (
+    "name", "title", "objective", "row", "spacing", "thickness", "stock", "growth", "physics",
+    "limits", "tempo", "robust",
+)  # fmt: skip
 _ROW = ("count", "height", "width", "density", "first_thickness", "length")
-_RANGE = ("min", "max", "fixed")
+_THICKNESS = ("min", "max", "fixed", "step", "values", "of")
+_SPACING = (*_THICKNESS, "largest_change")
+_STOCK = ("thickness", "count")
+_GROWTH = ("min", "max")
 _PHYSICS = ("friction", "gravity", "push")
+_LIMITS = ("stall_margin", "flush_loss")
+_TEMPO = ("from", "to", "times", "tolerance")
+_ROBUST = ("deviation", "quantile", "draws", "seed")
+# which table an objective needs, and which needs that objective
+_NEEDS = {"tempo": "tempo", "robust": "robust"}
 
 
 def read_scene(name: str | Path) -> Scene:
@@ -70,33 +100,55 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
     if objective not in OBJECTIVES:
         raise ValueError(f"{file}: objective = {objective!r}: choose {', '.join(OBJECTIVES)}")
     name, title = _line(document, "name", file, name), _line(document, "title", file, name)
-    count = row.get("count")
-    if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= LARGEST_COUNT:
-        what = "row.count is missing" if count is None else f"row.count = {count!r}"
-        raise ValueError(f"{file}: {what}: give a whole number from 2 to {LARGEST_COUNT}")
-    thickness = _range(document, "thickness", file)
-    same = thickness[0] if thickness[0] == thickness[1] else None  # as thick as all the others
+    count = _whole(row, "row", "count", file, None, 2, LARGEST_COUNT)
+    height = _positive(row, "row", "height", file, HEIGHT)
     defaults = Physics()
     values = [_finite(forces, "physics", key, file, getattr(defaults, key)) for key in _PHYSICS]
     try:
         physics = Physics(*values)
     except ValueError as error:
         raise ValueError(f"{file}: physics.{error}") from None
+    spacing, spacing_values = _range(document, "spacing", _SPACING, file)
+    in_heights = _in_heights(document, file)
+    stock = _stock(document, file)
+    if stock is None:
+        thickness, thickness_values = _range(document, "thickness", _THICKNESS, file)
+        # as thick as all the others
+        same = thickness[0] if thickness[0] == thickness[1] else None
+        if same is not None and in_heights:
+            same *= height
+        first = _positive(row, "row", "first_thickness", file, same)
+    else:
+        first = _positive(row, "row", "first_thickness", file, None)
+        rest = _after_the_first(stock, first, count, file)
+        thickness_values = tuple(sorted(set(rest)))
+        thickness = thickness_values[0], thickness_values[-1]
     length = row.get("length")
+    change = document["spacing"].get("largest_change")
     scene = Scene(
         name=name,
         title=title,
         objective=objective,
         physics=physics,
         count=count,
-        height=_positive(row, "row", "height", file, HEIGHT),
+        height=height,
         width=_positive(row, "row", "width", file, WIDTH),
         density=_positive(row, "row", "density", file, DENSITY),
-        first_thickness=_positive(row, "row", "first_thickness", file, same),
-        spacing=_range(document, "spacing", file),
+        first_thickness=first,
+        spacing=spacing,
         thickness=thickness,
         length=None if length is None else _positive(row, "row", "length", file, None),
+        spacing_values=spacing_values,
+        thickness_values=thickness_values,
+        largest_change=None if change is None else _not_negative(document, file),
+        stock=stock,
+        growth=_growth(document, file),
+        in_heights=in_heights,
+        limits=_limits(document, file),
+        tempo=_tempo(document, count, file),
+        placement=_placement(document, file),
     )
+    _consistent(scene, document, file)
     _feasible(scene, file)
     return scene
 
@@ -110,13 +162,55 @@ def to_toml(scene: Scene) -> str:
         lines.append(f"{key} = {getattr(scene, key)!r}")
     if scene.length is not None:
         lines.append(f"length = {scene.length!r}")
-    for key in ("spacing", "thickness"):
-        low, high = getattr(scene, key)
-        lines += ["", f"[{key}]"]
-        lines += [f"fixed = {low!r}"] if low == high else [f"min = {low!r}", f"max = {high!r}"]
+    lines += ["", "[spacing]", *_range_lines(scene.spacing, scene.spacing_values)]
+    if scene.largest_change is not None:
+        lines.append(f"largest_change = {scene.largest_change!r}")
+    if scene.in_heights:
+        lines.append('of = "height"')
+    if scene.stock is None:
+        lines += ["", "[thickness]", *_range_lines(scene.thickness, scene.thickness_values)]
+        if scene.in_heights:
+            lines.append('of = "height"')
+    else:
+        lines += ["", "[stock]", f"thickness = {list(scene.stock.thickness)!r}"]
+        lines += [f"count = {list(scene.stock.count)!r}"]
+    if scene.growth is not None:
+        lines += ["", "[growth]", f"min = {scene.growth[0]!r}", f"max = {scene.growth[1]!r}"]
     lines += ["", "[physics]"]
     lines += [f"{key} = {getattr(scene.physics, key)!r}" for key in _PHYSICS]
+    if scene.limits is not None:
+        lines += ["", "[limits]"]
+        told = [(key, getattr(scene.limits, key)) for key in _LIMITS]
+        lines += [f"{key} = {value!r}" for key, value in told if value is not None]
+    if scene.tempo is not None:
+        lines += ["", "[tempo]"]
+        if scene.tempo.times is None:
+            lines += [f"from = {scene.tempo.first!r}", f"to = {scene.tempo.last!r}"]
+        else:
+            lines.append(f"times = {list(scene.tempo.times)!r}")
+        lines.append(f"tolerance = {scene.tempo.tolerance!r}")
+    if scene.placement is not None:
+        lines += ["", "[robust]"]
+        lines += [f"{key} = {getattr(scene.placement, key)!r}" for key in _ROBUST]
     return "\n".join(lines) + "\n"
+
+
+def _range_lines(bounds: Bounds, values: tuple[float, ...] | None) -> list[str]:
+    low, high = bounds
+    if low == high:
+        return [f"fixed = {low!r}"]
+    if values is None:
+        return [f"min = {low!r}", f"max = {high!r}"]
+    step = round(values[1] - values[0], 12)
+    if len(values) > 2 and _steps(low, high, step) == values:
+        return [f"min = {low!r}", f"max = {high!r}", f"step = {step!r}"]
+    return [f"values = {[float(v) for v in values]!r}"]
+
+
+def _steps(low: float, high: float, step: float) -> tuple[float, ...]:
+    """low, low + step, … up to high [m], to the picometre."""
+    number = int(np.floor((high - low) / step + 1e-9)) + 1
+    return tuple(round(low + k * step, 12) for k in range(number))
 
 
 def _quoted(text: str) -> str:
@@ -141,7 +235,8 @@ def _table(
 ) -> dict[str, Any]:
     table = document.get(name)
     if not isinstance(table, dict):
-        raise ValueError(f"{file}: the table [{name}] is missing; it holds {', '.join(allowed)}")
+        what = "is missing" if table is None else "is no table"
+        raise ValueError(f"{file}: the table [{name}] {what}; it holds {', '.join(allowed)}")
     _known(table, allowed, file, f"{name}.")
     return table
 
@@ -173,15 +268,51 @@ def _positive(
     return value
 
 
-def _range(document: dict[str, Any], name: str, file: str) -> Bounds:
-    table = _table(document, name, _RANGE, file)
+def _not_negative(document: dict[str, Any], file: str) -> float:
+    value = _finite(document["spacing"], "spacing", "largest_change", file, None)
+    if value < 0.0:
+        raise ValueError(f"{file}: spacing.largest_change = {value}: must be 0 or more [m]")
+    return value
+
+
+def _whole(
+    table: dict[str, Any], where: str, key: str, file: str, default: int | None, low: int, high: int
+) -> int:
+    value = table.get(key, default)
+    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+        what = f"{where}.{key} is missing" if value is None else f"{where}.{key} = {value!r}"
+        raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}")
+    return value
+
+
+def _numbers(table: dict[str, Any], where: str, key: str, file: str) -> tuple[float, ...]:
+    values = table.get(key)
+    if not isinstance(values, list) or not values:
+        what = "is missing" if values is None else f"= {values!r}"
+        raise ValueError(f"{file}: {where}.{key} {what}: give a list of numbers, [0.005, 0.0075]")
+    entries = {f"{key}[{i}]": value for i, value in enumerate(values)}
+    return tuple(_positive(entries, where, entry, file, None) for entry in entries)
+
+
+def _range(
+    document: dict[str, Any], name: str, allowed: tuple[str, ...], file: str
+) -> tuple[Bounds, tuple[float, ...] | None]:
+    """Bounds, and the values allowed between them where not all are."""
+    table = _table(document, name, allowed, file)
+    for one in ("fixed", "values"):
+        others = [key for key in ("min", "max", "step", "fixed", "values") if key in table]
+        if one in table and len(others) > 1:
+            beside = "min or max" if one == "fixed" else " or ".join(k for k in others if k != one)
+            raise ValueError(f"{file}: {name}.{one} stands beside {beside}: give one or the other")
     if "fixed" in table:
-        if len(table) > 1:
-            raise ValueError(
-                f"{file}: {name}.fixed stands beside min or max: give one or the other"
-            )
         value = _positive(table, name, "fixed", file, None)
-        return value, value
+        return (value, value), None
+    if "values" in table:
+        values = tuple(sorted(_numbers(table, name, "values", file)))
+        for a, b in pairwise(values):
+            if b - a < 1e-8:
+                raise ValueError(f"{file}: {name}.values holds {a} and {b}: they are the same")
+        return (values[0], values[-1]), values if len(values) > 1 else None
     for key in ("min", "max"):
         if key not in table:
             raise ValueError(f"{file}: {name}.{key} is missing: give min and max, or fixed [m]")
@@ -189,17 +320,176 @@ def _range(document: dict[str, Any], name: str, file: str) -> Bounds:
     high = _positive(table, name, "max", file, None)
     if low > high:
         raise ValueError(f"{file}: {name}.min = {low} m is more than {name}.max = {high} m")
+    if "step" not in table:
+        return (low, high), None
+    step = _positive(table, name, "step", file, None)
+    if not (step >= 1e-8 and (high - low) / step < 1e5):
+        raise ValueError(
+            f"{file}: {name}.step = {step} m: too fine to count; leave it out for any value"
+        )
+    values = _steps(low, high, step)
+    return (values[0], values[-1]), values if len(values) > 1 else None
+
+
+def _in_heights(document: dict[str, Any], file: str) -> bool:
+    asked = {}
+    for name in ("spacing", "thickness"):
+        of = document.get(name, {}).get("of")
+        if of not in (None, "height"):
+            raise ValueError(f"{file}: {name}.of = {of!r}: write 'height', or leave it out for [m]")
+        asked[name] = of is not None
+    if asked["spacing"] != asked["thickness"]:
+        here, there = ("spacing", "thickness") if asked["spacing"] else ("thickness", "spacing")
+        raise ValueError(
+            f'{file}: {here}.of = "height" but {there} is in metres: give both in heights'
+        )
+    return asked["spacing"]
+
+
+def _stock(document: dict[str, Any], file: str) -> Stock | None:
+    if "stock" not in document:
+        return None
+    table = _table(document, "stock", _STOCK, file)
+    if "thickness" in document:
+        raise ValueError(f"{file}: [thickness] stands beside [stock]: give one or the other")
+    kinds = _numbers(table, "stock", "thickness", file)
+    counts = table.get("count")
+    if not isinstance(counts, list):
+        raise ValueError(f"{file}: stock.count = {counts!r}: give a list of whole numbers")
+    entries = {f"count[{i}]": value for i, value in enumerate(counts)}
+    whole = [_whole(entries, "stock", e, file, None, 0, LARGEST_COUNT) for e in entries]
+    try:
+        return Stock(kinds, tuple(whole))
+    except ValueError as error:
+        raise ValueError(f"{file}: stock.{error}") from None
+
+
+def _after_the_first(stock: Stock, first: float, count: int, file: str) -> list[float]:
+    """The thicknesses left for the designer."""
+    if sum(stock.count) < count:
+        raise ValueError(
+            f"{file}: stock.count adds up to {sum(stock.count)} dominoes: row.count = {count} "
+            "needs as many"
+        )
+    try:
+        return [float(d) for d in stock.without(first).dominoes]
+    except ValueError as error:
+        raise ValueError(f"{file}: row.first_thickness = {first}: {error}") from None
+
+
+def _growth(document: dict[str, Any], file: str) -> Bounds | None:
+    if "growth" not in document:
+        return None
+    table = _table(document, "growth", _GROWTH, file)
+    low = _finite(table, "growth", "min", file, 1.0)
+    high = _finite(table, "growth", "max", file, None)
+    if not 1.0 <= low <= high:
+        raise ValueError(
+            f"{file}: growth.min = {low}, growth.max = {high}: 1 ≤ min ≤ max, for a tip must "
+            "strike below the top of the next domino"
+        )
     return low, high
 
 
+def _limits(document: dict[str, Any], file: str) -> Limits | None:
+    if "limits" not in document:
+        return None
+    table = _table(document, "limits", _LIMITS, file)
+    values = [_finite(table, "limits", key, file, None) if key in table else None
+              for key in _LIMITS]  # fmt: skip
+    if values == [None, None]:
+        raise ValueError(f"{file}: [limits] is empty; it holds {', '.join(_LIMITS)}")
+    try:
+        return Limits(*values)
+    except ValueError as error:
+        raise ValueError(f"{file}: limits.{error}") from None
+
+
+def _tempo(document: dict[str, Any], count: int, file: str) -> Tempo | None:
+    if "tempo" not in document:
+        return None
+    table = _table(document, "tempo", _TEMPO, file)
+    first, last = (
+        _finite(table, "tempo", key, file, None) if key in table else None for key in ("from", "to")
+    )
+    times = _numbers(table, "tempo", "times", file) if "times" in table else None
+    try:
+        tolerance = _finite(table, "tempo", "tolerance", file, TOLERANCE)
+        tempo = Tempo(first, last, times, tolerance)
+        tempo.schedule(count)
+    except ValueError as error:
+        raise ValueError(f"{file}: tempo.{error}") from None
+    return tempo
+
+
+def _placement(document: dict[str, Any], file: str) -> Placement | None:
+    if "robust" not in document:
+        return None
+    table = _table(document, "robust", _ROBUST, file)
+    try:
+        return Placement(
+            _finite(table, "robust", "deviation", file, None),
+            _finite(table, "robust", "quantile", file, 0.05),
+            _whole(table, "robust", "draws", file, 256, 1, 100_000),
+            _whole(table, "robust", "seed", file, 0, 0, 2**63 - 1),
+        )
+    except ValueError as error:
+        if str(error).startswith(file):
+            raise
+        raise ValueError(f"{file}: robust.{error}") from None
+
+
+def _consistent(scene: Scene, document: dict[str, Any], file: str) -> None:
+    """What the parts of a scene owe each other."""
+    for objective, table in _NEEDS.items():
+        if (scene.objective == objective) != (table in document):
+            what = "is missing" if scene.objective == objective else "stands there"
+            raise ValueError(
+                f"{file}: the table [{table}] {what} and objective = {scene.objective!r}: "
+                f"[{table}] and objective = {objective!r} go together"
+            )
+    if scene.objective == "time" and scene.length is None:
+        raise ValueError(f"{file}: row.length is missing: objective = 'time' needs a course")
+    if scene.objective == "magnify" and scene.growth is None:
+        raise ValueError(
+            f"{file}: the table [growth] is missing: objective = 'magnify' needs free heights"
+        )
+    if scene.objective == "toppled" and scene.limits is not None:
+        raise ValueError(
+            f"{file}: [limits] judge waves that run through: not with objective = 'toppled'"
+        )
+    if scene.growth is not None and not scene.in_heights:
+        raise ValueError(
+            f'{file}: [growth] needs spacing and thickness in heights: write of = "height" in both'
+        )
+    if scene.in_heights:
+        asked = {
+            "row.length": scene.length, "spacing.step or values": scene.spacing_values,
+            "thickness.step or values": scene.thickness_values, "[stock]": scene.stock,
+            "spacing.largest_change": scene.largest_change,
+        }  # fmt: skip
+        for name, value in asked.items():
+            if value is not None:
+                raise ValueError(f'{file}: {name} is in metres: not with of = "height"')
+    if scene.stock is not None and scene.length is not None:
+        assert scene.stock is not None
+        if sum(scene.stock.count) != scene.count:
+            raise ValueError(
+                f"{file}: stock.count adds up to {sum(scene.stock.count)}: with row.length, give "
+                f"exactly row.count = {scene.count}"
+            )
+
+
 def _feasible(scene: Scene, file: str) -> None:
-    """Whether any row at all meets the length."""
+    """Whether any row within the bounds meets the length; lists and steps: `optimize.feasible`."""
     if scene.length is None:
         return
     pairs = scene.count - 1
-    least = pairs * (scene.spacing[0] + scene.thickness[0])
-    most = pairs * (scene.spacing[1] + scene.thickness[1])
-    if not least <= scene.length <= most:
+    least, most = (pairs * (scene.spacing[k] + scene.thickness[k]) for k in (0, 1))
+    if scene.stock is not None:
+        bodies = float(scene.stock.without(scene.first_thickness).dominoes.sum())
+        least, most = (pairs * scene.spacing[k] + bodies for k in (0, 1))
+    if not least - 1e-12 <= scene.length <= most + 1e-12:
         raise ValueError(
             f"{file}: row.length = {scene.length} m cannot be met: {scene.count} dominoes within "
             f"the bounds cover {least:.6g} to {most:.6g} m"

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.rules import ON_LIST, nearest_of
+
 if TYPE_CHECKING:
     from domino_env.layout import Layout
     from domino_env.scene import Scene
@@ -14,27 +16,43 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 GRID_1D, GRID_2D = 1024, 96  # first look at the whole range, per axis
+COARSE_1D, COARSE_2D = 128, 24  # where every look topples hundreds of rows
 KEEP = 6  # places that are looked at again, each time more closely
 FINEST = 1e-9  # [m] where looking closer ends
+FINEST_DRAWN = 1e-7  # the same where rows are drawn at random: the draws are worth no more
+RTOL, RTOL_DRAWN = 1e-11, 1e-8
 LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
 
 
 def best_uniform(scene: Scene) -> Layout:
-    """The fastest layout of one gap and one thickness within the scene's rules.
+    """The best layout of one pitch and one thickness within the scene's rules.
 
-    The first domino keeps the scene's thickness.  A grid over all there is to choose, then finer
-    grids around the best places: the speed has several peaks, and steps where a wave dies.
-    Where none propagates, the one that came furthest.
+    The first domino keeps the scene's thickness.  With a stock, the dominoes stand in the order
+    given at one pitch, pivot to pivot.  In a growing row, gaps have one ratio to the heights, and
+    heights to those before.  Where a length and a list of allowed gaps leave no equal pitch, those
+    next to it take turns evenly.
+
+    A grid over all there is to choose, then finer grids around the best places: the speed has
+    several peaks, and steps where a wave dies.  Where no row is a success, the best of the others.
     """
-    low, high = _box(scene)
+    rows = _Rows(scene)
+    drawn = scene.placement is not None
+    low, high = rows.low, rows.high
+    both = float(np.min(high - low)) > 0.0
+    fine = (COARSE_2D if both else COARSE_1D) if drawn else (GRID_2D if both else GRID_1D)
     axes = [
-        np.linspace(a, b, 1 if a == b else (GRID_1D if min(high - low) == 0.0 else GRID_2D))
-        for a, b in zip(low, high, strict=True)
+        np.linspace(a, b, 1 if a == b else fine) if some is None else np.array(some)
+        for a, b, some in zip(low, high, rows.allowed, strict=True)
     ]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    scores = _scores(scene, points)
-    cell = np.array([a[1] - a[0] if len(a) > 1 else 0.0 for a in axes])
-    while cell.max() > FINEST:
+    scores = rows.scores(points)
+    first_points, first_scores = points, scores
+    # no looking closer along an axis whose values are all on the list
+    cell = np.array([
+        a[1] - a[0] if len(a) > 1 and some is None else 0.0
+        for a, some in zip(axes, rows.allowed, strict=True)
+    ])  # fmt: skip
+    while cell.max() > (FINEST_DRAWN if drawn else FINEST):
         best = points[_apart(points, scores, 2.0 * cell)]
         offsets = np.linspace(-1.0, 1.0, 9)
         steps = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -43,49 +61,189 @@ def best_uniform(scene: Scene) -> Layout:
         fresh = (best[:, None, :] + steps[None] * cell).reshape(-1, 2)
         fresh = np.unique(np.clip(fresh, low, high), axis=0)
         # the places themselves are among the fresh ones, so the best is never lost
-        points, scores = fresh, _scores(scene, fresh)
+        points, scores = fresh, rows.scores(fresh)
         cell = cell / 4.0
-    gap, thickness = points[int(np.argmax(scores))]
-    if scene.length is not None:
-        gap = _gap_for(scene, thickness)
-    return scene.layout(gap, thickness)
+    best = points[[int(np.argmax(scores))]]
+    equal = np.flatnonzero(first_scores >= scores.max())
+    if len(equal):  # a plateau: its middle, not the edge where a hair more ends the wave
+        best = first_points[[equal[len(equal) // 2]]]
+    spacing, thickness, height = rows.at(best)
+    return scene.layout(spacing[0], thickness[0], None if height is None else height[0])
 
 
-def _gap_for(scene: Scene, thickness: float) -> float:
-    """The one gap that meets the length."""
-    assert scene.length is not None
-    return float(scene.length / (scene.count - 1) - thickness)
+class _Rows:
+    """The uniform rows of a scene by two numbers: gap (or pitch, or gap over height), thickness
+    (or growth).
 
+    low, high: (2,) their bounds.  allowed: for each, the values that are tried, None for any.
+    """
 
-def _box(scene: Scene) -> tuple[Floats, Floats]:
-    """Least and largest (gap, thickness); where a length is to be met, the gap follows."""
-    low = np.array([scene.spacing[0], scene.thickness[0]])
-    high = np.array([scene.spacing[1], scene.thickness[1]])
-    if scene.length is not None:
-        pitch = scene.length / (scene.count - 1)
-        low[1] = max(low[1], pitch - scene.spacing[1])
-        high[1] = min(high[1], pitch - scene.spacing[0])
-        if low[1] > high[1] + 1e-12:
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        pairs = scene.count - 1
+        self.allowed = [scene.spacing_values, scene.thickness_values]
+        first, second = scene.spacing, scene.thickness
+        self.bodies = np.zeros(0)
+        if scene.growth is not None:
+            second = scene.growth
+        if scene.stock is not None:
+            self.bodies = scene.stock.without(scene.first_thickness).dominoes[:pairs]
+            second, self.allowed[1] = (0.0, 0.0), None
+            if scene.spacing_values is None:
+                # one pitch: the gaps are what the dominoes leave of it
+                first = first[0] + self.bodies.max(), first[1] + self.bodies.min()
+        self.low, self.high = np.array([first, second]).T.copy()
+        self.spread: tuple[float, ...] | None = None
+        if scene.length is not None:
+            self._follow_length(scene.length / pairs)
+        if self.low[0] > self.high[0] + 1e-12 or self.low[1] > self.high[1] + 1e-12:
+            asked = f"{scene.length} m long" if scene.length is not None else "of one pitch"
             raise ValueError(
-                f"scene '{scene.name}': no uniform row of {scene.count} dominoes is {scene.length} "
-                f"m long within spacing {scene.spacing} m and thickness {scene.thickness} m"
+                f"scene '{scene.name}': no uniform row of {scene.count} dominoes is {asked} "
+                f"within spacing {scene.spacing} m and thickness {scene.thickness} m"
             )
-        low[0] = high[0] = pitch - low[1]
-    return low, high
+
+    def _follow_length(self, pitch: float) -> None:
+        """Where a length is to be met, the gap follows from the thickness."""
+        scene = self.scene
+        listed, self.allowed[0] = scene.spacing_values, None
+        if listed and scene.stock is None and self.allowed[1] is None and scene.free_thickness:
+            # a gap of the list and the thickness that it leaves; else two gaps that take turns
+            values, part = np.array(listed), np.linspace(0.0, 1.0, scene.count)
+            mixed = (values[:-1, None] + np.diff(values)[:, None] * part).ravel()
+            for means in (values, mixed):
+                thick = np.sort(pitch - means)
+                thick = thick[(thick >= scene.thickness[0]) & (thick <= scene.thickness[1])]
+                if len(thick):
+                    self.allowed[1] = tuple(float(d) for d in thick)
+                    break
+        self.spread = listed
+        if scene.stock is not None:
+            self.low[0], self.high[0] = max(self.low[0], pitch), min(self.high[0], pitch)
+            if self.spread is not None:
+                self.low[0] = self.high[0] = pitch - float(self.bodies.mean())
+            return
+        self.low[1] = max(self.low[1], pitch - scene.spacing[1])
+        self.high[1] = min(self.high[1], pitch - scene.spacing[0])
+        some = self.allowed[1]
+        if some is not None:
+            slack = ON_LIST / len(some)
+            within = [d for d in some if self.low[1] - slack <= d <= self.high[1] + slack]
+            if self.spread is not None:
+                within = [d for d in within if _spread(self._gap(d), self.spread, scene.count - 1)]
+            self.allowed[1] = tuple(within)
+            self.low[1], self.high[1] = (within[0], within[-1]) if within else (1.0, 0.0)
+        if self.low[1] <= self.high[1] + 1e-12:
+            self.low[0] = self.high[0] = pitch - self.low[1]
+
+    def _gap(self, thickness: float) -> float:
+        """The one gap that meets the length."""
+        assert self.scene.length is not None
+        return float(self.scene.length / (self.scene.count - 1) - thickness)
+
+    def at(self, points: Floats) -> tuple[Floats, Floats, Floats | None]:
+        """Gaps, thicknesses and, where they grow, heights of dominoes 1 … N-1, (B, N-1) [m]."""
+        scene = self.scene
+        ones = np.ones(scene.count - 1)
+        first, second = points[:, :1], points[:, 1:]
+        if scene.growth is not None:
+            tall: Floats = np.asarray(scene.height * np.cumprod(second * ones, axis=1))
+            before = np.concatenate([np.full_like(first, scene.height), tall[:, :-1]], axis=1)
+            thick: Floats = scene.thickness[0] * tall
+            gaps: Floats = first * before
+            return gaps, thick, tall
+        if scene.in_heights:
+            scale = scene.height * ones
+            return first * scale, second * scale, None
+        if scene.stock is not None:
+            thick = np.broadcast_to(self.bodies, (len(points), scene.count - 1))
+            if scene.spacing_values is None:
+                return np.clip(first - thick, *scene.spacing), thick, None
+            gaps = first * ones
+        else:
+            thick, gaps = second * ones, first * ones
+            if scene.length is not None:
+                gaps = np.array([self._gap(d) for d in points[:, 1]])[:, None] * ones
+        if self.spread is not None:
+            for b in range(len(gaps)):
+                gaps[b] = self._spread(float(gaps[b, 0]))
+        return gaps, thick, None
+
+    def _spread(self, gap: float) -> Floats:
+        assert self.spread is not None
+        found = _spread(gap, self.spread, self.scene.count - 1)
+        if found is None:
+            raise ValueError(
+                f"scene '{self.scene.name}': gaps of {gap:.9g} m on average meet the length, and "
+                "none on the list add up to it"
+            )
+        return np.array(found)
+
+    def scores(self, points: Floats) -> Floats:
+        """(B,) scores of the rows at points (B, 2)."""
+        scene = self.scene
+        spacing, thickness, height = self.at(points)
+        scores = np.empty(len(points))
+        piece = max(1, LARGEST_BATCH // (scene.count * scene.waves_a_score))
+        rtol = RTOL if scene.placement is None else RTOL_DRAWN
+        for i in range(0, len(points), piece):
+            part = slice(i, i + piece)
+            tall = None if height is None else height[part]
+            scores[part] = scene.score_batch(spacing[part], thickness[part], rtol, tall)
+        return scores
 
 
-def _scores(scene: Scene, points: Floats) -> Floats:
-    gap = points[:, 0]
-    if scene.length is not None:
-        gap = np.array([_gap_for(scene, d) for d in points[:, 1]])
-    ones = np.ones(scene.count - 1)
-    scores = np.empty(len(points))
-    piece = max(1, LARGEST_BATCH // scene.count)
-    for i in range(0, len(points), piece):
-        part = slice(i, i + piece)
-        spacing, thickness = gap[part, None] * ones, points[part, 1, None] * ones
-        scores[part] = scene.score_batch(spacing, thickness, rtol=1e-11)
-    return scores
+def _spread(gap: float, allowed: tuple[float, ...], pairs: int) -> list[float] | None:
+    """Gaps that are `gap` on average, of the allowed values next to it; None where none are."""
+    values = np.array(allowed)
+    near = float(nearest_of(np.array([gap]), values)[0])
+    if abs(near - gap) * pairs <= ON_LIST:
+        return [near] * pairs
+    above = int(np.searchsorted(values, gap))
+    if 0 < above < len(values):
+        a, b = values[above - 1], values[above]
+        wide = (gap - a) * pairs / (b - a)
+        if abs(wide - round(wide)) * (b - a) <= ON_LIST:
+            turns = np.floor((np.arange(pairs + 1) + 0.5) * round(wide) / pairs)
+            return [float(b if more else a) for more in np.diff(turns)]
+    counts = _nearest_counts(gap, values, pairs)
+    if counts is None:
+        return None
+    # each value as evenly along the row as its number allows
+    places = [((j + 0.5) / n, v) for v, n in zip(values, counts, strict=True) for j in range(n)]
+    return [float(v) for _, v in sorted(places)]
+
+
+def _nearest_counts(gap: float, values: Floats, pairs: int) -> list[int] | None:
+    """How often each value, for `pairs` of them to be `gap` on average and least far from it.
+
+    A dynamic programme over the sum; None where nothing adds up.
+    """
+    rise = np.round((values - values[0]) / ON_LIST).astype(np.int64)
+    unit = int(np.gcd.reduce(rise)) or 1
+    exact = (gap - values[0]) * pairs / (unit * ON_LIST)
+    total = int(round(exact))
+    if total < 0 or abs(exact - total) * unit > 1.0:
+        return None
+    steps, price = rise // unit, (values - gap) ** 2
+    cost = np.full(total + 1, np.inf)
+    cost[0] = 0.0
+    chosen = np.zeros((pairs, total + 1), dtype=np.int32)
+    for i in range(pairs):
+        after = np.full(total + 1, np.inf)
+        for k in np.flatnonzero(steps <= total):
+            found = cost[: total + 1 - steps[k]] + price[k]
+            better = np.flatnonzero(found < after[steps[k] :]) + steps[k]
+            after[better], chosen[i, better] = found[better - steps[k]], k
+        cost = after
+    if not np.isfinite(cost[total]):
+        return None
+    counts = [0] * len(values)
+    for i in range(pairs - 1, -1, -1):
+        last = int(chosen[i, total])
+        counts[last] += 1
+        total -= int(steps[last])
+    return counts
 
 
 def _apart(points: Floats, scores: Floats, distance: Floats) -> list[int]:

@@ -56,7 +56,7 @@ class Budget:
         self.slopes: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self._watch = watch
-        self._piece = max(8, PIECE // problem.scene.count)
+        self._piece = max(8, PIECE // (problem.scene.count * problem.scene.waves_a_score))
         self._began = time.perf_counter()
 
     @property
@@ -142,6 +142,15 @@ class Budget:
             self._note(designs[part], *found)
             at += size
         return scores, gradients
+
+    def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
+        """See `Problem.lateness`.  Raises BudgetSpent where it cannot be paid for."""
+        spent = self.evaluations is not None and self.problem.evaluations >= self.evaluations
+        if spent or (self.finalists and self.part >= 1.0):
+            raise BudgetSpent
+        found = self.problem.lateness(design)
+        self._note(np.asarray(design)[None], np.array([found[0]]))
+        return found
 
     def _note(self, designs: Floats, scores: Floats, gradients: Floats | None = None) -> None:
         i = int(np.argmax(scores))

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from domino_env.layout import Layout
 from domino_env.scene import Scene
-from optimize.projection import nearest_with_sum
+from domino_env.wave import Outcome, simulate
+from optimize.allowed import Allowed
+from optimize.feasible import require_feasible
 
 Floats = NDArray[np.float64]
 
@@ -23,30 +25,43 @@ STEP_RTOL = 1e-10
 class Problem:
     """The design vector of a scene, how it becomes a layout, and what the layout scores.
 
-    A design x has one entry in [0, 1] for each free gap, then one for each free thickness, running
-    from its least to its largest value.  Where the scene asks for a length, a design stands for the
-    nearest one (in metres) that meets it: no layout outside the rules is ever simulated.
+    A design x has one entry in [0, 1] for each free gap, then one for each free thickness, then one
+    for each free height (over that of the domino before), running from its least to its largest
+    value.  Any design stands for the nearest one (in metres) that keeps the scene's rules: length,
+    largest change, lists of allowed values, stock; no layout outside them is ever simulated.
 
     scene: the scene.  dimension: n, length of x.  rtol: how closely the waves are simulated.
-    low, high: (n,) what 0 and 1 stand for [m].
-    evaluations, falls: layouts and single falls simulated so far.
+    low, high: (n,) what 0 and 1 stand for [m], or what the scene gives in heights.
+    discrete: whether some values come from a list or the stock, so that scores have steps.
+    evaluations, falls: layouts and single falls simulated so far; an evaluation of a "robust" scene
+        topples hundreds of rows.
+    relaxed: leaves lists and stock out, but for their bounds: a search may begin so, and end with
+        `Problem(scene).project`.
 
-    Raises ValueError for a scene that leaves nothing free.
+    Raises ValueError for a scene that leaves nothing free, and for one whose rules clash, with
+    their names.
     """
 
-    def __init__(self, scene: Scene, rtol: float = 1e-6) -> None:
+    def __init__(self, scene: Scene, rtol: float = 1e-6, *, relaxed: bool = False) -> None:
         self.scene = scene
         self.rtol = rtol
         pairs = scene.count - 1
         bounds = [scene.spacing] * pairs * scene.free_spacing
         bounds += [scene.thickness] * pairs * scene.free_thickness
+        if scene.growth is not None:
+            bounds += [scene.growth] * pairs * scene.free_height
         if not bounds:
             raise ValueError(
                 f"scene '{scene.name}' leaves nothing free: there is nothing to search"
             )
+        require_feasible(scene)
         self.low = np.array([b[0] for b in bounds])
         self.high = np.array([b[1] for b in bounds])
         self.dimension = len(bounds)
+        gaps = pairs * scene.free_spacing
+        total = None if scene.length is None else self._total
+        self._allowed = Allowed(scene, self.low, self.high, gaps, total, relaxed)
+        self.discrete = self._allowed.discrete
         self.evaluations = 0
         self.falls = 0
 
@@ -58,6 +73,14 @@ class Problem:
         return self.high - self.low, self._total - float(self.low.sum())
 
     @property
+    def linear(self) -> tuple[Floats, Floats] | None:
+        """A (m, n) and b (m,) of A x ≤ b [m]: the largest change of the gaps; None where any is."""
+        rules = self._allowed.linear()
+        if rules is None:
+            return None
+        return rules[0] * (self.high - self.low), rules[1] - rules[0] @ self.low
+
+    @property
     def _total(self) -> float:
         """What the free gaps and thicknesses add up to where a length is asked [m]."""
         scene = self.scene
@@ -67,25 +90,31 @@ class Problem:
         return scene.length - (scene.count - 1) * fixed
 
     def values(self, designs: Floats) -> Floats:
-        """The free gaps and thicknesses that designs (B, n) stand for, (B, n) [m]."""
-        values: Floats = np.clip(self.low + designs * (self.high - self.low), self.low, self.high)
-        if self.scene.length is None:
-            return values
-        return nearest_with_sum(values, self.low, self.high, self._total)
+        """The free gaps, thicknesses and growths that designs (B, n) stand for, (B, n) [m]."""
+        return self._allowed.nearest(self._wanted(designs))
 
     def project(self, designs: Floats) -> Floats:
-        """The nearest designs (in metres) within the box and of the right length, (B, n)."""
+        """The nearest designs (in metres) that keep the scene's rules, (B, n)."""
         return self._scaled(self.values(designs))
 
     def layout(self, design: Floats) -> Layout:
         """The layout of one design (n,)."""
-        spacing, thickness = self._parts(np.asarray(design, dtype=np.float64)[None])
-        return self.scene.layout(spacing[0], None if thickness is None else thickness[0])
+        spacing, thickness, height = self._parts(np.asarray(design, dtype=np.float64)[None])
+        return self.scene.layout(
+            spacing[0],
+            None if thickness is None else thickness[0],
+            None if height is None else height[0],
+        )
 
     def design(self, layout: Layout) -> Floats:
         """The design of a layout of this scene, (n,)."""
-        values = [layout.spacing] * self.scene.free_spacing
-        values += [layout.thickness[1:]] * self.scene.free_thickness
+        scene = self.scene
+        gaps, thick, tall = layout.spacing, layout.thickness[1:], layout.height
+        if scene.in_heights:
+            gaps, thick = gaps / np.minimum(tall[:-1], tall[1:]), thick / tall[1:]
+        values = [gaps] * scene.free_spacing
+        values += [thick] * scene.free_thickness
+        values += [tall[1:] / tall[:-1]] * scene.free_height
         return self._scaled(np.concatenate(values))
 
     def scores(self, designs: Floats, rtol: float | None = None) -> Floats:
@@ -94,9 +123,11 @@ class Problem:
         rtol: how closely to simulate, the problem's own where None.
         """
         designs = self._checked(designs)
-        scores = self.scene.score_batch(*self._parts(designs), rtol=rtol or self.rtol)
+        spacing, thickness, height = self._parts(designs)
+        more = {} if height is None else {"height": height}
+        scores = self.scene.score_batch(spacing, thickness, rtol or self.rtol, **more)
         self.evaluations += len(designs)
-        self.falls += self._falls(scores)
+        self.falls += self.scene.falls(scores)
         return scores
 
     def score(self, design: Floats) -> float:
@@ -118,29 +149,93 @@ class Problem:
 
         Exact, at the cost of some four waves each, whatever n; an evaluation counts as one.  At an
         edge of the rules (a face of the box, the length that is asked for) it is that of the
-        nearest layout within them.  Where a wave dies the score is how far it came, and its
-        gradient is taken by differences.
+        nearest layout within them.  Values from a list or the stock stay where they are when a
+        design changes a little, so their gradient is 0; a relaxed problem tells what changing them
+        at will would bring.  Where a row is no success the score is how far the wave came or how
+        much a limit is broken, and its gradient is taken by differences.
         scores: takes designs and a tolerance, `self.scores` where None (a meter may stand between).
         """
         designs = np.clip(self._checked(designs), 0.0, 1.0)
-        spacing, thickness = self._parts(designs)
-        found, *slopes = self.scene.score_batch_gradient(spacing, thickness, GRADIENT_RTOL)
+        values = self.values(designs)
+        spacing, thickness, height = self._split(values)
+        more = {} if height is None else {"height": height}
+        found, *slopes = self.scene.score_batch_gradient(spacing, thickness, GRADIENT_RTOL, **more)
         self.evaluations += len(designs)
-        self.falls += self._falls(found)
-        free = [self.scene.free_spacing, self.scene.free_thickness]
-        by_value = np.concatenate([s for s, f in zip(slopes, free, strict=True) if f], axis=1)
-        if self.scene.length is not None:
-            # The projection moves all values that are not at a bound alike.
-            values = self.values(designs)
-            inside = (values > self.low) & (values < self.high)
-            mean = (by_value * inside).sum(1) / np.maximum(inside.sum(1), 1)
-            # What stands at its bound may leave it; what was only projected there stays.
-            stays = ~inside & (designs > 0.0) & (designs < 1.0)
-            by_value = np.where(stays, 0.0, by_value - mean[:, None])
+        self.falls += self.scene.falls(found)
+        by_value = self._by_value(values, *slopes)
+        by_value = self._allowed.tangent(by_value, self._wanted(designs), values)
         gradients = by_value * (self.high - self.low)
-        for b in np.flatnonzero(found < 0.0):
-            gradients[b] = self._differences(designs[b], scores)
+        for b in np.flatnonzero(self._without_slope(found)):
+            gradients[b] = self._differences(designs[b], scores) * ~self._allowed.stepped
         return found, gradients
+
+    def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
+        """How late each domino of one design (n,) is hit, with its slopes: for least squares.
+
+        Returns the score, (N-1,) arrival minus schedule of dominoes 1 … N-1 [s], and its derivative
+        by the design, (N-1, n) [s]; both empty for a wave that dies.  One evaluation, at the cost
+        of N gradients.  ValueError where the scene has no schedule.
+        """
+        tempo, pairs = self.scene.tempo, self.scene.count - 1
+        if tempo is None:
+            raise ValueError(f"scene '{self.scene.name}' has no schedule: there is no lateness")
+        designs = np.clip(self._checked(np.asarray(design)[None]), 0.0, 1.0)
+        values = self.values(designs)
+        layout = self.layout(designs[0])
+        wave = simulate(layout, self.scene.physics, rtol=STEP_RTOL, gradient=True)
+        score = self.scene.score_wave(wave)
+        self.evaluations += 1
+        self.falls += self.scene.falls(np.array([score]))
+        if wave.outcome != Outcome.PROPAGATED:
+            return score, np.empty(0), np.empty((0, self.dimension))
+        pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
+        slopes = self._by_value(
+            np.repeat(values, pairs, axis=0),
+            np.array([one.spacing for one in pulled]),
+            np.array([one.thickness[1:] for one in pulled]),
+            np.array([one.height[1:] for one in pulled]),
+        )
+        wanted = np.repeat(self._wanted(designs), pairs, axis=0)
+        slopes = self._allowed.tangent(slopes, wanted, np.repeat(values, pairs, axis=0))
+        late = wave.arrival_times[1:] - tempo.schedule(self.scene.count)
+        return score, late, slopes * (self.high - self.low)
+
+    def _without_slope(self, found: Floats) -> NDArray[np.bool_]:
+        """Whose scores have no exact gradient."""
+        if self.scene.objective == "toppled":
+            return np.asarray(found < self.scene.count)
+        return np.asarray(found < 0.0)
+
+    def _by_value(
+        self, values: Floats, by_gap: Floats, by_thickness: Floats, by_height: Floats
+    ) -> Floats:
+        """Slopes by the free values, from those by gaps, thicknesses and heights [m]."""
+        scene = self.scene
+        free = [scene.free_spacing, scene.free_thickness, scene.free_height]
+        if scene.in_heights:
+            by_gap, by_thickness, by_height = self._in_heights(
+                values, by_gap, by_thickness, by_height
+            )
+        slopes = (by_gap, by_thickness, by_height)
+        return np.concatenate([s for s, f in zip(slopes, free, strict=True) if f], axis=1)
+
+    def _in_heights(
+        self, values: Floats, by_gap: Floats, by_thickness: Floats, by_height: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Slopes by gaps over heights, thicknesses over heights, and growths."""
+        gaps, thick, tall = self._split(values)
+        scene, pairs = self.scene, self.scene.count - 1
+        if tall is None:
+            return scene.height * by_gap, scene.height * by_thickness, by_height
+        before = np.concatenate([np.full((len(tall), 1), scene.height), tall[:, :-1]], axis=1)
+        thick = scene.thickness[0] * tall if thick is None else thick
+        # a height carries its domino's thickness along, and the gap behind it
+        whole = by_height * tall + by_thickness * thick
+        whole[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
+        growth = values[:, -pairs:] if scene.free_height else np.ones_like(tall)
+        # and a growth all heights from there on
+        later = np.cumsum(whole[:, ::-1], axis=1)[:, ::-1] / growth
+        return by_gap * before, by_thickness * tall, later
 
     def _differences(
         self, design: Floats, scores: Callable[[Floats, float], Floats] | None
@@ -154,22 +249,36 @@ class Problem:
         found = (scores or self.scores)(points, STEP_RTOL)
         return np.asarray((found[:n] - found[n:]) / (ahead - behind))
 
-    def _parts(self, designs: Floats) -> tuple[Floats, Floats | None]:
-        """Gaps and, where free, thicknesses of dominoes 1 … N-1, (B, N-1) each [m]."""
-        values, pairs = self.values(designs), self.scene.count - 1
-        if not self.scene.free_spacing:
-            return np.full((len(values), pairs), self.scene.spacing[0]), values
-        if not self.scene.free_thickness:
-            return values, None
-        return values[:, :pairs], values[:, pairs:]
+    def _wanted(self, designs: Floats) -> Floats:
+        """Values (B, n) before the rules are applied."""
+        return np.asarray(np.clip(self.low + designs * (self.high - self.low), self.low, self.high))
+
+    def _parts(self, designs: Floats) -> tuple[Floats, Floats | None, Floats | None]:
+        """Gaps and, where free, thicknesses and heights of dominoes 1 … N-1, (B, N-1) each [m]."""
+        return self._split(self.values(designs))
+
+    def _split(self, values: Floats) -> tuple[Floats, Floats | None, Floats | None]:
+        scene, pairs = self.scene, self.scene.count - 1
+        at = 0
+        gaps: Floats = np.full((len(values), pairs), scene.spacing[0])
+        thick: Floats | None = None
+        tall: Floats | None = None
+        if scene.free_spacing:
+            gaps, at = values[:, :pairs], pairs
+        if scene.free_thickness:
+            thick, at = values[:, at : at + pairs], at + pairs
+        if scene.growth is not None:
+            growth = values[:, at:] if scene.free_height else np.full_like(gaps, scene.growth[0])
+            tall = np.asarray(scene.height * np.cumprod(growth, axis=1))
+        if scene.in_heights:
+            own = np.full_like(gaps, scene.height) if tall is None else tall
+            before = np.concatenate([np.full((len(own), 1), scene.height), own[:, :-1]], axis=1)
+            gaps = gaps * before
+            thick = None if thick is None else thick * own
+        return gaps, thick, tall
 
     def _scaled(self, values: Floats) -> Floats:
         return np.asarray(np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0))
-
-    def _falls(self, scores: Floats) -> int:
-        """Falls simulated: all of them for a wave that ran through, else what its score tells."""
-        reach = np.where(scores < 0.0, scores + 1.0, 1.0)
-        return int(np.ceil(reach * self.scene.count).sum())
 
     def _checked(self, designs: Floats) -> Floats:
         designs = np.asarray(designs, dtype=np.float64)

@@ -25,6 +25,7 @@ METHODS = {
     "auto": "structured",
     "cma": "evolution",
     "l-bfgs": "quasi_newton",
+    "gauss-newton": "least_squares",
     "slsqp": "quadratic_programs",
     "scp": "convex_steps",
     "trust-constr": "trust_regions",

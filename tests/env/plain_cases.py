@@ -5,10 +5,14 @@ also how the coverage of the kernel is measured (`make coverage`).
 """
 
 import json
+from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 
 import domino_env as de
+from domino_env.motion import Motion
+from domino_env.vector_env import DominoChainVector
 
 H = 0.048
 
@@ -74,6 +78,12 @@ def results():
     large = de.Layout(2.0 ** np.arange(-6, -1), 2.0 ** np.arange(-7, -1), 2.0 ** np.arange(-3, 3))
     add("growing", large, de.Physics(0.1, 9.81, 20.0))
     for name, layout, push in (
+        ("stall", de.Layout.uniform(5, spacing=0.003), 4.0),
+        ("runs through", de.Layout(random, 0.0075), 12.0),
+    ):
+        motion = Motion(layout, de.Physics(0.25, 9.81, push))
+        found[f"motion: {name}"] = [motion.end, *motion.angles([0.5 * motion.end])[0]]
+    for name, layout, push in (
         ("flushes", de.Layout(random, 0.0075), 12.0),
         ("stall", de.Layout.uniform(5, spacing=0.003), 4.0),
         ("out of reach", de.Layout([0.02, 0.05], 0.0075), 8.0),
@@ -91,6 +101,26 @@ def results():
         np.stack([random, 0.0 * random + 0.003]), 0.0075, de.Physics(), gradient=True
     )
     found["batch: gradient"] = [float(x) for x in batch.gradient.spacing.ravel()]
+    found |= {f"environment: {name}": episodes(name) for name in ("gentle", "course", "reach")}
+    return found
+
+
+def episodes(name):
+    """Rewards and observations of a few short episodes, two at a time."""
+    scene = de.load_scene("course" if name == "course" else "gentle")
+    scene = replace(scene, count=6, length=scene.length and 0.1)
+    if name == "reach":
+        scene = replace(scene, spacing=(0.04, 0.05))
+    layout = scene.layout(sum(scene.spacing) / 2, scene.thickness[0])
+    wave = scene.simulate(layout)
+    mark = de.UniformMark(layout, wave, scene.score_wave(wave))
+    with patch.object(de.Scene, "uniform", lambda scene: mark):  # the search would take long
+        env = DominoChainVector(2, scene, window=3, rtol=1e-7)
+    rng, found = np.random.default_rng(3), []
+    env.reset(options={"layout": [de.Layout([sum(scene.spacing) / 2], 0.0075), None]})
+    for _ in range(14):
+        seen, rewards, ended, *_ = env.step(rng.uniform(-1.5, 1.5, env.action_space.shape))
+        found += [*seen.ravel().tolist(), *rewards.tolist(), *ended.tolist()]
     return found
 
 

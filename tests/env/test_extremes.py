@@ -167,6 +167,10 @@ FOUND = {
         ),
         Physics(0.0, 9.81, 40.0),
     ),
+    "a sharp corner before a long calm": (
+        Layout([7.49894209e-07, 7.49894210e-02, 1.0, 1.0], 1.0, 1.0, 1.0, 1.0),
+        Physics(0.0, 1.0, 7.882387605032138),
+    ),
     "friction of next to nothing": (
         Layout([1.0, 0.1, 1.0, 1.0, 1.0], 1.0, 1.0, 1.0, 1.0),
         Physics(4.2840694269053945e-60, 1.0, 7.882387605032138),
@@ -174,12 +178,14 @@ FOUND = {
 }
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow])
+# the same rows every time: what a longer search finds goes into FOUND
+@settings(max_examples=300, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(rows())
 @example(FOUND["ends at its tipping angle, hardly moving"])
 @example(FOUND["estimates 1e-7, errs by 2e-6 at 1e-3"])
 @example(FOUND["both ends agree by chance"])
 @example(FOUND["a long swing after a short one"])
+@example(FOUND["a sharp corner before a long calm"])
 @example(FOUND["friction of next to nothing"])
 def test_nothing_that_stands_breaks_it(case: tuple[Layout, Physics]) -> None:
     tight = simulate(*case, rtol=1e-13)

@@ -1,0 +1,117 @@
+"""Render: the frames of the environments; loaded when one is asked for.
+
+An image (`rgb_array`), a window (`human`, needs pygame-ce) or a line of text (`ansi`) of the row at
+the latest hit, with the leans that the model gives it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.layout import Layout
+from domino_env.moment import Moment
+from domino_env.motion import lean_behind
+from domino_env.scene import Scene
+
+WIDTH, HEIGHT = 1200, 200
+TEXT_WIDTH = 100
+FRAMES_A_SECOND = 20  # of a window, at most
+
+
+class Painter:
+    """Draws the moments of one environment.
+
+    scene: what is being built.  mode: "rgb_array", "human" or "ansi".
+    Raises ImportError that says what to install where a window is asked for and cannot be opened.
+    """
+
+    def __init__(self, scene: Scene, mode: str) -> None:
+        self.scene, self.mode = scene, mode
+        self._window = _Window() if mode == "human" else None
+        self._scale: Any = None
+
+    def frame(self, moment: Moment) -> NDArray[np.uint8] | str | None:
+        """An image (H, W, 3), a text, or None for a window, which shows it."""
+        layout = Layout(moment.spacing, moment.thickness, moment.height)
+        leader = max(moment.hit - 1, 0)
+        leans = lean_behind(layout, np.array([leader]), np.zeros(1))[0]
+        if self.mode == "ansi":
+            return self._words(moment, layout, leader, leans)
+        from domino_env.drawing import Scale, strip
+
+        if self._scale is None:
+            length = self.scene.length or 1.1 * float(self.scene.uniform().layout.length)
+            tallest = float(self.scene.uniform().layout.height.max())
+            self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT)
+        ghost = moment.uniform_speed * moment.time if moment.uniform_speed > 0.0 else None
+        image = np.asarray(strip(layout, leans, leader, self._scale, _line(moment, layout), ghost))
+        if self._window is None:
+            return image.copy()
+        self._window.show(image)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+
+    def _words(
+        self, moment: Moment, layout: Layout, leader: int, leans: NDArray[np.float64]
+    ) -> str:
+        """The row to scale in characters, a domino at least one, and what `_line` says."""
+        cell = max(float(layout.length), 1e-9) / TEXT_WIDTH
+        row, at = [], 0
+        for i, x in enumerate(layout.positions):
+            column = max(int(x / cell), at)
+            sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > 1.1 else "/"
+            row.append(" " * (column - at) + sign)
+            at = column + 1
+        return "".join(row) + "\n" + _line(moment, layout) + "\n"
+
+
+def _line(moment: Moment, layout: Layout) -> str:
+    """Time, place and speed, against uniform."""
+    words = f"{moment.time * 1e3:7.1f} ms   {moment.hit} of {layout.count} struck"
+    if moment.time > 0.0 and moment.hit > 1:
+        speed = float(layout.positions[moment.hit - 1]) / moment.time
+        words += f"   {speed:.4f} m/s so far"
+        if moment.uniform_speed > 0.0:
+            words += f" ({speed / moment.uniform_speed - 1.0:+.1%} against uniform)"
+    if moment.wave is not None:
+        words += f"   {moment.wave.outcome.name.lower().replace('_', ' ')}"
+    return words
+
+
+class _Window:
+    """A pygame window that shows images."""
+
+    def __init__(self) -> None:
+        try:
+            import pygame
+        except ImportError:
+            raise ImportError(
+                'a window needs pygame-ce: pip install "domino-chains[render]"'
+            ) from None
+        self._pygame = pygame
+        self._surface: Any = None
+
+    def show(self, image: NDArray[np.uint8]) -> None:
+        pygame = self._pygame
+        size = (image.shape[1], image.shape[0])
+        if self._surface is None:
+            pygame.init()
+            pygame.display.set_caption("toppling dominoes")
+            self._surface = pygame.display.set_mode(size)
+            self._clock = pygame.time.Clock()
+        pygame.event.pump()
+        self._surface.blit(pygame.image.frombuffer(image.tobytes(), size, "RGB"), (0, 0))
+        pygame.display.flip()
+        self._clock.tick(FRAMES_A_SECOND)
+
+    def close(self) -> None:
+        if self._surface is not None:
+            self._pygame.display.quit()
+            self._surface = None

@@ -1,0 +1,83 @@
+"""Stock: a box with so many dominoes of each thickness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+SAME = 1e-9  # [m] two thicknesses this close are the same domino
+
+
+@dataclass(frozen=True)
+class Stock:
+    """What lies in the box.
+
+    thickness: the kinds [m], no two alike.  count: how many there are of each.
+
+    Raises ValueError, with the place and what to do, for anything that is no box.
+    """
+
+    thickness: tuple[float, ...]
+    count: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.thickness) != len(self.count) or not self.thickness:
+            raise ValueError(
+                f"thickness has {len(self.thickness)} entries and count {len(self.count)}: give "
+                "one count for each thickness"
+            )
+        object.__setattr__(self, "thickness", tuple(float(d) for d in self.thickness))
+        object.__setattr__(self, "count", tuple(int(n) for n in self.count))
+        for i, (d, n) in enumerate(zip(self.thickness, self.count, strict=True)):
+            if not 0.0 < d < np.inf:
+                raise ValueError(f"thickness[{i}] = {d}: must be positive and finite [m]")
+            if n < 0:
+                raise ValueError(f"count[{i}] = {n}: must be 0 or more")
+            for j in range(i):
+                if abs(d - self.thickness[j]) <= SAME:
+                    raise ValueError(f"thickness[{i}] = {d} m stands there twice: add the counts")
+
+    @property
+    def dominoes(self) -> Floats:
+        """Thickness of every domino in the box, in the order given [m]."""
+        return np.repeat(np.array(self.thickness), self.count)
+
+    def kind(self, thickness: float) -> int | None:
+        """Which of the kinds a thickness is; None if none."""
+        near = np.abs(np.array(self.thickness) - thickness)
+        return int(np.argmin(near)) if near.min() <= SAME else None
+
+    def without(self, thickness: float) -> Stock:
+        """The box after one domino has been taken out.  ValueError where there is none left."""
+        kind = self.kind(thickness)
+        if kind is None or self.count[kind] == 0:
+            raise ValueError(
+                f"no domino of {thickness} m is in the stock: {self.in_words()}; "
+                "the first domino is taken from it"
+            )
+        count = list(self.count)
+        count[kind] -= 1
+        return Stock(self.thickness, tuple(count))
+
+    def broken_by(self, thickness: Floats) -> list[str]:
+        """What a row of these thicknesses (N,) takes that is not there, a sentence each."""
+        kinds = np.array(self.thickness)
+        near = np.abs(thickness[:, None] - kinds).argmin(axis=1)
+        strange = np.flatnonzero(np.abs(thickness - kinds[near]) > SAME)
+        if len(strange):
+            i = int(strange[0])
+            return [f"thickness[{i}] = {thickness[i]} m: the stock has {self.in_words()}"]
+        used = np.bincount(near, minlength=len(kinds))
+        return [
+            f"{used[k]} dominoes are {self.thickness[k]} m thick: the stock has {self.count[k]}"
+            for k in np.flatnonzero(used > np.array(self.count))
+        ]
+
+    def in_words(self) -> str:
+        """As in "16 of 0.005 m, 14 of 0.0075 m"."""
+        pairs = zip(self.count, self.thickness, strict=True)
+        return ", ".join(f"{n} of {d:g} m" for n, d in pairs)

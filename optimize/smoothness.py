@@ -1,0 +1,128 @@
+"""The nearest row whose neighbouring gaps differ by no more than is allowed.
+
+A dynamic programme over the row (after Johnson 2013, the fused lasso): the price of the best
+beginning of a row, as a function of its last gap, is convex, and its slope is piecewise linear.
+Letting the next gap move freely within ± the largest change pulls the falling part of the slope to
+the left and the rising part to the right; the next gap's own price adds a line.  Cost n² at worst,
+a millisecond for a thousand gaps.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 100  # of the search for the shift; some ten are used
+
+
+def nearest_smooth(
+    values: Floats, low: Floats, high: Floats, change: Floats, total: float | None = None
+) -> Floats:
+    """The point of {low ≤ x ≤ high, |x_{i+1} - x_i| ≤ change_i, Σ x = total} nearest to each row.
+
+    values: (B, n).  low, high: (n,).  change: (n-1,), inf between two that may differ at will;
+    where it is finite, both have the same bounds.  total: between Σ low and Σ high; None for any.
+    """
+    values = np.ascontiguousarray(values, dtype=np.float64)
+    found = np.empty_like(values)
+    for b in range(len(values)):
+        if total is None:
+            found[b] = _nearest(values[b], low, high, change)
+        else:
+            found[b] = _with_total(values[b], low, high, change, total)
+    return found
+
+
+def _with_total(values: Floats, low: Floats, high: Floats, change: Floats, total: float) -> Floats:
+    """A shift of all values alike, as without smoothness; its effect on the sum is monotone."""
+    span = float((high - low).max())
+    below, above = float((low - values).min()) - span, float((high - values).max()) + span
+    sum_below, sum_above = float(low.sum()) - total, float(high.sum()) - total
+    shift, near = 0.0, _nearest(values, low, high, change)
+    for k in range(ROUNDS):
+        rest = float(near.sum()) - total
+        if abs(rest) <= 4e-16 * len(values) * span or above - below <= 1e-16 * span:
+            break
+        if rest < 0.0:
+            below, sum_below = shift, rest
+        else:
+            above, sum_above = shift, rest
+        # regula falsi, halved every third time so that no end stays for long
+        part = 0.5 if k % 3 == 2 else -sum_below / (sum_above - sum_below)
+        shift = below + min(max(part, 0.01), 0.99) * (above - below)
+        near = _nearest(values + shift, low, high, change)
+    return _even_out(near, low, high, total)
+
+
+def _even_out(near: Floats, low: Floats, high: Floats, total: float) -> Floats:
+    """What rounding has left of the sum goes to all that are not at a bound."""
+    free = (near > low) & (near < high)
+    share = (total - near.sum()) / max(int(free.sum()), 1)
+    return np.asarray(np.clip(near + free * share, low, high))
+
+
+@numba.njit(cache=True)
+def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Floats:
+    n = len(values)
+    # knots of the slope, at x, and its value there; from the middle, one more to each side a step
+    size = 4 * n + 4
+    x, slope = np.empty(size), np.empty(size)
+    first, last = 2 * n, 2 * n + 1
+    x[first], x[last] = low[0], high[0]
+    slope[first], slope[last] = low[0] - values[0], high[0] - values[0]
+    best = np.empty(n)  # where the price of the beginning is least
+    for i in range(n):
+        # the root of the slope
+        if slope[first] >= 0.0:
+            root, k = x[first], first  # k: knots before it fall
+        elif slope[last] <= 0.0:
+            root, k = x[last], last + 1
+        else:
+            k = first
+            while slope[k] < 0.0:
+                k += 1
+            rise = slope[k] - slope[k - 1]
+            root = x[k] - slope[k] * (x[k] - x[k - 1]) / rise if rise > 0.0 else x[k]
+        best[i] = root
+        if i == n - 1:
+            break
+        reach = change[i]
+        if reach == np.inf:
+            first, last = 2 * n, 2 * n + 1
+            x[first], x[last] = low[i + 1], high[i + 1]
+            slope[first], slope[last] = 0.0, 0.0
+        else:
+            # falling part to the left, a flat of slope 0 around the root, rising part to the right
+            for j in range(first, k):
+                x[j - 1], slope[j - 1] = x[j] - reach, slope[j]
+            for j in range(last, k - 1, -1):
+                x[j + 1], slope[j + 1] = x[j] + reach, slope[j]
+            first, last = first - 1, last + 1
+            x[k - 1], slope[k - 1] = root - reach, 0.0
+            x[k], slope[k] = root + reach, 0.0
+            # cut off beyond the bounds
+            while x[first + 1] <= low[i + 1] and first + 1 < last:
+                first += 1
+            if x[first] < low[i + 1]:
+                width = x[first + 1] - x[first]
+                part = (low[i + 1] - x[first]) / width if width > 0.0 else 1.0
+                slope[first] += part * (slope[first + 1] - slope[first])
+                x[first] = low[i + 1]
+            while x[last - 1] >= high[i + 1] and last - 1 > first:
+                last -= 1
+            if x[last] > high[i + 1]:
+                width = x[last] - x[last - 1]
+                part = (x[last] - high[i + 1]) / width if width > 0.0 else 1.0
+                slope[last] -= part * (slope[last] - slope[last - 1])
+                x[last] = high[i + 1]
+        for j in range(first, last + 1):
+            slope[j] += x[j] - values[i + 1]
+    near = np.empty(n)
+    near[n - 1] = min(max(best[n - 1], low[n - 1]), high[n - 1])
+    for i in range(n - 2, -1, -1):
+        wanted = min(max(best[i], near[i + 1] - change[i]), near[i + 1] + change[i])
+        near[i] = min(max(wanted, low[i]), high[i])
+    return near

@@ -1,0 +1,321 @@
+"""What a scene can ask: objectives, limits, stock, lists, growth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.objective import Limits
+from domino_env.placement import LEAST_GAP, Placement
+from domino_env.scene import Scene
+from domino_env.stock import Stock
+from domino_env.tempo import Tempo
+
+
+def some(name: str, **changes: object) -> Scene:
+    return replace(de.load_scene(name), **changes)
+
+
+def gaps_of(scene: Scene, rows: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(*scene.spacing, (rows, scene.count - 1))
+
+
+# tempo ------------------------------------------------------------------------------------------
+
+
+def test_the_schedule_of_tempo_rises_from_30_to_45_hits_a_second() -> None:
+    scene = de.load_scene("tempo")
+    times = scene.tempo.schedule(40)
+    rates = 1.0 / np.diff(times, prepend=0.0)
+    assert rates[0] == pytest.approx(30.0)
+    assert rates[-1] == pytest.approx(45.0)
+    assert np.diff(rates) == pytest.approx(np.full(38, 15.0 / 38.0))
+
+
+def test_the_schedule_of_a_row_is_met_by_it() -> None:
+    plain = some("tempo", count=9)
+    row = plain.layout(0.005 + 0.3 * gaps_of(plain, 1)[0], 0.006)
+    times = plain.simulate(row).arrival_times
+    scene = replace(plain, tempo=Tempo(times=tuple(times[1:])))
+    assert scene.tempo.error(times[None])[0] == 0.0
+    assert scene.score(row) == 1.0
+    late = times.copy()
+    late[1:] += [0.003, -0.004, 0, 0, 0, 0, 0, 0]
+    # √((9 + 16)/8) ms
+    assert scene.tempo.error(late[None])[0] == pytest.approx(1e-3 * math.sqrt(25.0 / 8.0))
+    assert scene.tempo.score(late[None])[0] == pytest.approx(1.0 / (1.0 + math.sqrt(25.0 / 8.0)))
+
+
+def test_the_tolerance_halves_the_score() -> None:
+    tempo = Tempo(10.0, 20.0, tolerance=0.002)
+    times = np.concatenate([[0.0], tempo.schedule(6) + 0.002])[None]
+    assert tempo.score(times)[0] == pytest.approx(0.5)
+
+
+def test_the_slope_of_the_tempo_s_score() -> None:
+    tempo = Tempo(10.0, 20.0)
+    random = np.random.default_rng(2)
+    times = np.concatenate([[0.0], tempo.schedule(7) + 1e-3 * random.standard_normal(6)])
+    slope = tempo.slope(times[None])[0]
+    assert slope[0] == 0.0
+    for k in range(1, 7):
+        step = 1e-8 * np.eye(7)[k]
+        rise = tempo.score((times + step)[None]) - tempo.score((times - step)[None])
+        assert slope[k] == pytest.approx(rise[0] / 2e-8, rel=1e-5)
+
+
+# robust -----------------------------------------------------------------------------------------
+
+
+def test_the_robust_score_is_the_quantile_computed_by_hand() -> None:
+    scene = some("jitter", count=9)
+    rows = 0.005 + 0.4 * gaps_of(scene, 2, seed=4)
+    errors = 0.0005 * np.random.default_rng(0).standard_normal((256, 8))
+    scores = scene.score_batch(rows, None, rtol=1e-10)
+    for gaps, score in zip(rows, scores, strict=True):
+        speeds = []
+        for error in errors:
+            placed = np.maximum(gaps + error, LEAST_GAP)
+            speeds.append(scene.simulate(scene.layout(placed)).mean_speed)
+        # 5 % of 256 is 12.8: twelve rows may be slower, and the thirteenth counts
+        assert score == pytest.approx(sorted(speeds)[12], rel=1e-12)
+        assert scene.score(scene.layout(gaps)) == pytest.approx(score, rel=1e-12)
+
+
+def test_draws_that_die_count_as_zero() -> None:
+    scene = some("jitter", count=9, placement=Placement(0.002, 0.25, 40, seed=3))
+    gaps = np.full((1, 8), 0.02)
+    gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
+    placed = scene.placement.rows(gaps)
+    died = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in placed])
+    assert 10 < died.sum() < 30
+    assert scene.score_batch(gaps, None)[0] < 0.0  # more than a quarter
+    few = replace(scene, placement=Placement(0.002, (died.sum() + 1) / 40, 40, seed=3))
+    assert few.score_batch(gaps, None)[0] > 0.0
+
+
+def test_no_gap_is_placed_tighter_than_a_fifth_of_a_millimetre() -> None:
+    placed = Placement(0.01, draws=500, seed=1).rows(np.full((3, 5), 0.002))
+    assert placed.shape == (1500, 5)
+    assert placed.min() == LEAST_GAP
+    assert np.array_equal(placed[:500], placed[500:1000])  # the same errors for every row
+
+
+def test_the_rank_of_a_quantile() -> None:
+    for quantile, draws, rank in [(0.05, 256, 12), (0.05, 20, 0), (0.5, 3, 1), (1.0, 7, 6),
+                                  (0.1, 10, 0), (0.3, 10, 2)]:  # fmt: skip
+        assert Placement(0.1, quantile, draws).rank == rank
+
+
+def test_without_errors_robust_is_the_mean_speed() -> None:
+    scene = some("jitter", count=9, placement=Placement(0.0, draws=3))
+    rows = 0.005 + 0.4 * gaps_of(scene, 5)
+    plain = replace(scene, objective="mean_speed", placement=None)
+    assert np.array_equal(scene.score_batch(rows, None), plain.score_batch(rows, None))
+
+
+# toppled, magnify, time -------------------------------------------------------------------------
+
+
+def test_more_dominoes_toppled_score_more() -> None:
+    scene = some("sprint", objective="toppled", count=20, spacing=(0.01, 0.05))
+    rows = np.full((13, 19), 0.016)
+    for k in range(12):
+        rows[k, k + 3] = 0.049  # out of reach, each later than the last
+    scores = scene.score_batch(rows, None)
+    assert np.all(np.diff(scores) > 0.0)
+    for gaps, score in zip(rows, scores, strict=True):
+        wave = scene.simulate(scene.layout(gaps))
+        assert math.floor(score) == wave.toppled
+    assert scores[-1] == 20.0
+
+
+def test_magnify_scores_the_height_of_the_last() -> None:
+    scene = de.load_scene("magnify")
+    tall = 0.048 * 1.3 ** np.arange(1, 12)
+    before = np.concatenate([[0.048], tall[:-1]])
+    row = scene.layout(0.6 * before, None, tall)
+    assert scene.violations(row) == []
+    assert row.thickness == pytest.approx(0.15 * row.height)
+    assert scene.score(row) == pytest.approx(tall[-1])
+    # gaps of a twentieth of the height do not carry such a growth
+    assert -1.0 < scene.score(scene.layout(0.05 * before, None, tall)) < 0.0
+
+
+def test_a_growing_row_keeps_its_rules() -> None:
+    scene = de.load_scene("magnify")
+    tall = 0.048 * 1.3 ** np.arange(1, 12)
+    before = np.concatenate([[0.048], tall[:-1]])
+    tall[4:] *= 1.3
+    words = scene.violations(scene.layout(0.91 * before, 0.15 * tall * 1.01, tall))
+    assert [w.split(" ")[0] for w in words] == ["growth[5]", "spacing[0]", "thickness[1]"]
+    assert words[0].endswith("the scene allows 1.0 to 1.6")
+    assert words[2].endswith("(and 10 more): the scene allows 0.15 heights")
+    with pytest.raises(ValueError, match="lets the row grow: give the heights too"):
+        scene.layout(0.02)
+
+
+def test_the_uniform_row_that_grows() -> None:
+    mark = de.load_scene("magnify").uniform()
+    growth = mark.layout.height[1:] / mark.layout.height[:-1]
+    assert np.ptp(growth) < 1e-12
+    assert np.ptp(mark.layout.spacing / mark.layout.height[:-1]) < 1e-12
+    assert mark.wave.stall_margin.min() > 0.1  # the middle of all that reach the bound
+    assert mark.score == pytest.approx(0.048 * 1.6**11)
+
+
+def test_the_time_over_a_course_orders_rows_as_their_speed() -> None:
+    scene = some("course", objective="time")
+    speed = de.load_scene("course")
+    row = speed.uniform().layout
+    assert scene.score(row) == speed.score(row)
+    assert scene.score(row) == pytest.approx(1.2 / scene.simulate(row).arrival_times[-1])
+
+
+# limits -----------------------------------------------------------------------------------------
+
+
+def test_a_limit_that_is_broken_scores_between_deaths_and_successes() -> None:
+    plain = some("gentle", count=20)
+    random = np.random.default_rng(7)
+    gaps = random.uniform(*plain.spacing, (400, 19))
+    thick = random.uniform(*plain.thickness, (400, 19))
+    limited = replace(plain, limits=Limits(stall_margin=0.1, flush_loss=0.1))
+    before, after = plain.score_batch(gaps, thick), limited.score_batch(gaps, thick)
+    kept = broken = 0
+    excess = np.full(400, np.nan)
+    for b in range(400):
+        wave = plain.simulate(plain.layout(gaps[b], thick[b]), rtol=1e-6)
+        assert after[b] == limited.score_wave(wave)
+        if wave.outcome != de.Outcome.PROPAGATED:
+            assert -1.0 <= after[b] < -0.5
+        elif wave.stall_margin.min() >= 0.1 and wave.largest_flush_loss <= 0.1:
+            assert after[b] == before[b] > 0.0
+            kept += 1
+        else:
+            assert -0.5 < after[b] < 0.0
+            broken += 1
+            excess[b] = max(0.1 - wave.stall_margin.min(), 0.0)
+            excess[b] += max(wave.largest_flush_loss - 0.1, 0.0)
+    assert kept > 5
+    assert broken > 5
+    some_broken = np.flatnonzero(np.isfinite(excess))
+    order = some_broken[np.argsort(excess[some_broken])]
+    assert np.all(np.diff(after[order]) <= 0.0)  # the less is broken, the better
+    dead = np.flatnonzero(before < 0.0)
+    assert np.all(np.argsort(before[dead]) == np.argsort(after[dead]))
+
+
+def test_falls_can_be_told_from_scores() -> None:
+    plain = some("gentle", count=20)
+    random = np.random.default_rng(7)
+    gaps = random.uniform(*plain.spacing, (60, 19))
+    thick = random.uniform(*plain.thickness, (60, 19))
+    waves = [plain.simulate(plain.layout(s, d)) for s, d in zip(gaps, thick, strict=True)]
+    expected = sum(int(np.isfinite(wave.stall_margin).sum()) for wave in waves)
+    for scene in (
+        plain,
+        replace(plain, limits=Limits(0.3, 0.02)),
+        replace(plain, objective="toppled"),
+    ):
+        assert scene.falls(scene.score_batch(gaps, thick)) == expected
+
+
+# stock and lists --------------------------------------------------------------------------------
+
+
+def test_the_stock_of_the_scene() -> None:
+    scene = de.load_scene("stock")
+    left = scene.stock.without(0.0075)
+    assert left.count == (16, 13, 10)
+    order = np.random.default_rng(0).permutation(left.dominoes)
+    assert scene.violations(scene.layout(0.015, order)) == []
+    order[order == 0.005] = 0.0075
+    assert scene.violations(scene.layout(0.015, order)) == [
+        "30 dominoes are 0.0075 m thick: the stock has 14"
+    ]
+    order[3] = 0.006
+    assert scene.violations(scene.layout(0.015, order))[0].startswith("thickness[4] = 0.006 m")
+
+
+def test_the_uniform_row_of_a_stock_has_one_pitch_and_the_order_given() -> None:
+    scene = de.load_scene("stock")
+    mark = scene.uniform()
+    assert np.ptp(mark.layout.pitch) < 1e-12
+    assert np.all(np.diff(mark.layout.thickness[1:]) >= 0.0)  # as the file lists them
+    assert scene.violations(mark.layout) == []
+    pitches = np.linspace(0.0125, 0.044, 400)
+    thick = np.tile(mark.layout.thickness[1:], (400, 1))
+    others = scene.score_batch(np.clip(pitches[:, None] - thick, 0.002, 0.04), thick, rtol=1e-10)
+    assert others.max() <= mark.score
+
+
+def test_values_are_on_the_list_and_change_no_faster_than_allowed() -> None:
+    scene = some("sprint", count=5, spacing_values=(0.002, 0.01, 0.02, 0.04), largest_change=0.01)
+    assert scene.violations(scene.layout([0.002, 0.01, 0.02, 0.02])) == []
+    words = scene.violations(scene.layout([0.002, 0.011, 0.04, 0.02]))
+    assert words == [
+        "spacing[1] = 0.011 m: the scene allows only 0.002, 0.01, 0.02, 0.04 m",
+        "spacing[2] - spacing[1] = 0.029 m (and 1 more): the scene allows a change of at most "
+        "0.01 m",
+    ]
+
+
+def test_the_uniform_row_of_a_list() -> None:
+    scene = some("sprint", count=12, spacing_values=(0.002, 0.011, 0.017, 0.04),
+                 thickness=(0.005, 0.01), thickness_values=(0.005, 0.0075, 0.01))  # fmt: skip
+    mark = scene.uniform()
+    assert scene.violations(mark.layout) == []
+    scores = [
+        scene.score(scene.layout(s, d))
+        for s in scene.spacing_values
+        for d in scene.thickness_values
+    ]
+    assert mark.score == max(scores)
+
+
+def test_where_no_gap_of_the_list_meets_the_length_two_take_turns() -> None:
+    grid = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
+    scene = some("course", spacing_values=grid)
+    mark = scene.uniform()
+    assert scene.violations(mark.layout) == []
+    used, counts = np.unique(np.round(mark.layout.spacing, 6), return_counts=True)
+    assert used.tolist() == [0.0125, 0.013]
+    assert 0.0125 * counts[0] + 0.013 * counts[1] == pytest.approx(1.2 - 59 * 0.0075)
+    wide = np.flatnonzero(mark.layout.spacing > 0.01275)
+    assert np.ptp(np.diff(wide)) <= 1  # evenly
+
+
+@pytest.mark.parametrize(("kinds", "counts", "words"), [
+    ((0.005, 0.01), (1,), "thickness has 2 entries and count 1"),
+    ((0.005, 0.005), (1, 2), r"thickness\[1\] = 0.005 m stands there twice"),
+    ((0.005, -1.0), (1, 2), r"thickness\[1\] = -1.0: must be positive"),
+    ((0.005,), (-2,), r"count\[0\] = -2"),
+])  # fmt: skip
+def test_what_is_no_stock_is_told(kinds, counts, words) -> None:
+    with pytest.raises(ValueError, match=words):
+        Stock(kinds, counts)
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda: Tempo(), "give either from and to"),
+    (lambda: Tempo(30.0, 40.0, times=(0.1,)), "give either from and to"),
+    (lambda: Tempo(30.0), "to = None"),
+    (lambda: Tempo(30.0, -1.0), "to = -1.0"),
+    (lambda: Tempo(times=(0.1, 0.1)), r"times\[1\] = 0.1 s: times rise"),
+    (lambda: Tempo(1.0, 2.0, tolerance=0.0), "tolerance = 0.0"),
+    (lambda: Tempo(times=(0.1, 0.2)).schedule(4), "times has 2 entries: a row of 4"),
+    (lambda: Placement(-1.0), "deviation = -1.0"),
+    (lambda: Placement(0.1, 0.0), "quantile = 0.0"),
+    (lambda: Placement(0.1, draws=0), "draws = 0"),
+    (lambda: Placement(0.1, seed=-1), "seed = -1"),
+    (lambda: Limits(1.0), "stall_margin = 1.0"),
+    (lambda: Limits(flush_loss=-0.1), "flush_loss = -0.1"),
+])  # fmt: skip
+def test_what_is_no_part_of_a_scene_is_told(call, words) -> None:
+    with pytest.raises(ValueError, match=words):
+        call()
