@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -34,7 +33,7 @@ class DominoVecEnv(VecEnv):
             number,
             scene,
             reference_speed=reference_speed,
-            autoreset_mode=AutoresetMode.SAME_STEP,
+            autoreset_mode="SameStep",
         )
         self.render_mode = None
         super().__init__(number, self.rows.single_observation_space, self.rows.single_action_space)
