@@ -17,6 +17,7 @@ import numpy as np
 
 from optimize.ascent import Ascent
 from optimize.budget import Budget
+from optimize.methods import assignment
 from optimize.moves import MOVES, TIGHT_AT_MOST, tight_end
 from optimize.problem import Floats, Problem
 
@@ -31,6 +32,9 @@ ALIKE = 1e-3  # largest distance of two designs that are one
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """Race the starts, then change and climb until the budget is spent."""
+    if budget.problem.scene.stock is not None:
+        assignment.run(budget, rng)  # what stands where decides, and no climb can change it
+        return
     elite = _Elite(budget.problem)
     _race(budget, elite)
     while True:
@@ -148,7 +152,7 @@ def _climb(budget: Budget, arms: list[Ascent], gradients: int) -> None:
 
 def _ascent(budget: Budget, design: Floats) -> Ascent:
     problem = budget.problem
-    return Ascent(design, None if problem.equality is None else problem.project)
+    return Ascent(design, problem.project if problem.coupled else None)
 
 
 def _columns(problem: Problem, design: Floats) -> Floats:
