@@ -87,17 +87,17 @@ class Scene:
     @property
     def free_spacing(self) -> bool:
         """Whether the designer chooses the gaps."""
-        return self.spacing[0] < self.spacing[1]
+        return bool(self.spacing[0] < self.spacing[1])
 
     @property
     def free_thickness(self) -> bool:
         """Whether the designer chooses the thickness of all dominoes but the first."""
-        return self.thickness[0] < self.thickness[1]
+        return bool(self.thickness[0] < self.thickness[1])
 
     @property
     def free_height(self) -> bool:
         """Whether the designer chooses the height of all dominoes but the first."""
-        return self.growth is not None and self.growth[0] < self.growth[1]
+        return self.growth is not None and bool(self.growth[0] < self.growth[1])
 
     @property
     def plain(self) -> bool:
