@@ -10,7 +10,7 @@ Variables at a face of the box that the slope holds there are left out of the st
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,56 @@ class Ascent:
             if best is not None and high - low < 0.1 * high:
                 return best
         return best
+
+
+class Refined:
+    """An ascent on a coarse schedule, then on finer ones, then on the design itself.
+
+    Told and asked as an `Ascent` is.  matrices: from the numbers of each schedule to a design,
+    the coarsest first.
+    """
+
+    def __init__(
+        self,
+        start: Floats,
+        matrices: Sequence[Floats],
+        project: Callable[[Floats], Floats] | None = None,
+    ) -> None:
+        self._matrices = list(matrices)
+        self._project = project
+        self.told = 0
+        self.done = False
+        self.score, self.design = -np.inf, start
+        self._begin(start)
+
+    def _begin(self, design: Floats) -> None:
+        self._matrix = self._matrices.pop(0) if self._matrices else None
+        if self._matrix is None:
+            self._ascent = Ascent(design, self._project)
+        else:
+            coarse = np.linalg.lstsq(self._matrix, design, rcond=None)[0]
+            self._ascent = Ascent(np.clip(coarse, 0.0, 1.0))
+
+    @property
+    def wanted(self) -> Floats:
+        """The design whose score and slope it wants to be told next."""
+        if self._matrix is None:
+            return self._ascent.wanted
+        design = np.clip(self._matrix @ self._ascent.wanted, 0.0, 1.0)
+        return design if self._project is None else self._project(design[None])[0]
+
+    def tell(self, score: float, gradient: Floats) -> None:
+        """Score and slope of `wanted`."""
+        self.told += 1
+        if score > self.score:
+            self.score, self.design = score, self.wanted
+        here = gradient if self._matrix is None else self._matrix.T @ gradient
+        self._ascent.tell(score, here)
+        if self._ascent.done:
+            if self._matrix is None:
+                self.done = True
+            else:
+                self._begin(self.design)
 
 
 class _Dense:

@@ -11,24 +11,21 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-GROWTH = 1.35  # of the distance between knots, away from the ends
-
 
 def knots(pairs: int, most: int) -> NDArray[np.int64]:
-    """Places 0 … pairs-1 of at most `most` knots, both ends among them."""
+    """Places 0 … pairs-1 of at most `most` knots, both ends among them, as dense as that allows."""
     if pairs <= most:
         return np.arange(pairs)
-    growth = GROWTH
+    growth = 1.02  # of the distance from the end, from knot to knot
     while True:
         offsets = [0.0]
         while offsets[-1] < 0.5 * pairs:
             offsets.append(max(offsets[-1] + 1.0, offsets[-1] * growth))
         from_end = np.array(offsets[:-1]).astype(np.int64)
-        # the end is where tight gaps stand: it keeps every offset, the start every other one
-        places = np.unique(np.concatenate([from_end[::2], pairs - 1 - from_end]))
-        if len(places) <= most:
-            return places
-        growth *= 1.1
+        places = np.unique(np.concatenate([from_end, pairs - 1 - from_end]))
+        if len(places) <= most or growth > pairs:
+            return places if len(places) <= most else np.array([0, pairs - 1])
+        growth = 1.0 + 1.1 * (growth - 1.0)
 
 
 def schedule(parts: int, pairs: int, most: int) -> Floats:

@@ -71,7 +71,7 @@ class Step:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of an answer that is not exact
-                self._program.solve(solver=cp.CLARABEL)  # type: ignore[no-untyped-call]
+                self._program.solve(solver=cp.CLARABEL)
         except cp.SolverError:
             return None
         promised = self._program.value

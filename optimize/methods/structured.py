@@ -4,21 +4,25 @@
    its end, which is what local climbs get wrong.  All of them climb in lockstep, as one batch, and
    every round the worse half is put aside (successive halving), so that most gradients go where
    they pay.
-2. Then without end: good rows are changed by structured moves; many are scored, the best few climb
+2. Then good rows are changed by structured moves; many are scored, the best few climb
    a little, and those that come near the best climb on.  Moves that have paid are drawn more often.
+3. When that gains no more, the same begins abroad with random starts, and the best come home.
 Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from optimize.ascent import Ascent
+from optimize.ascent import Refined
 from optimize.budget import Budget
-from optimize.moves import MOVES, TIGHT_AT_MOST, tight_end
+from optimize.methods import assignment
+from optimize.moves import MOVES, TIGHT_AT_MOST, bend, free_the_end, tight_end
 from optimize.problem import Floats, Problem
+from optimize.schedules import schedule
 
 FIRST = 12  # gradients of every start
 WIDE = 8  # children that climb together
@@ -26,15 +30,27 @@ DRAWN = 32  # children that are drawn for these
 SHORT, MORE = 10, 60  # gradients of a child, and of one that came near the best
 NEAR = 3e-4  # relative distance to the best that counts as near
 ELITE = 8  # rows that children come from
+COARSE = (28, 110)  # numbers of the schedules that long rows climb on first
+LONG = 200  # places from which on a row is long
+PATIENCE, GAIN = 6, 3e-6  # generations without a relative gain after which to look elsewhere
+EMIGRANTS = 2  # rows that come home from there
 ALIKE = 1e-3  # largest distance of two designs that are one
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """Race the starts, then change and climb until the budget is spent."""
-    elite = _Elite(budget.problem)
-    _race(budget, elite)
+    """Race the starts, then change and climb, at home and abroad, until the budget is spent."""
+    if budget.problem.scene.stock is not None:
+        assignment.run(budget, rng)  # what stands where decides, and no climb can change it
+        return
+    home = _Elite(budget.problem)
+    _race(budget, home, starts(budget.problem))
     while True:
-        _generation(budget, elite, rng)
+        _settle(budget, home, rng)
+        abroad = _Elite(budget.problem)
+        _race(budget, abroad, random_starts(budget.problem, rng))
+        _settle(budget, abroad, rng)
+        for score, design in abroad.rows[:EMIGRANTS]:
+            home.add(score, design)
 
 
 def starts(problem: Problem) -> Floats:
@@ -44,13 +60,35 @@ def starts(problem: Problem) -> Floats:
     found = [row]
     if problem.scene.free_spacing:
         most = min(TIGHT_AT_MOST - 2, row.shape[1] - 1)
-        found += [tight_end(row, count) for count in range(1, most + 1)]
+        # the end of a long row hardly matters
+        counts = range(1, most + 1) if row.shape[1] <= LONG else range(4, 5)
+        found += [tight_end(row, count) for count in counts]
     if problem.scene.free_thickness:
         for design in list(found):
             thick = design.copy()
             thick[-1, -2:] = 1.0
             found.append(thick)
     return np.unique(np.array([design.ravel() for design in found]), axis=0)
+
+
+def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
+    """The best uniform row with a random end, random hills and hollows, random thickness."""
+    mark = _columns(problem, problem.design(problem.scene.uniform().layout))
+    found = []
+    for _ in range(WIDE):
+        design = mark.copy()
+        for part in design[1 if problem.scene.free_spacing else 0 :]:
+            if rng.random() < 0.5:
+                part[:] = rng.random()
+        for _ in range(int(rng.integers(0, 5))):
+            design = bend(design, design, rng)
+        if problem.scene.free_spacing:
+            most = min(TIGHT_AT_MOST, mark.shape[1] - 1)
+            design = tight_end(design, int(rng.integers(0, most + 1)))
+        for _ in range(int(rng.integers(0, 3))):
+            design = free_the_end(design, design, rng)
+        found.append(np.clip(design.ravel(), 0.0, 1.0))
+    return problem.project(np.array(found))
 
 
 @dataclass
@@ -89,23 +127,30 @@ class _Elite:
         self.paid[move] = np.clip(self.paid[move] * (1.5 if gained else 0.97), 0.2, 5.0)
 
 
-def _race(budget: Budget, elite: _Elite) -> None:
-    designs = starts(budget.problem)
+def _race(budget: Budget, elite: _Elite, designs: Floats) -> None:
     scores = budget.scores(designs)
     order = np.argsort(-scores, kind="stable")
-    arms = [_ascent(budget, designs[i]) for i in order]
+    for i in order:
+        elite.add(float(scores[i]), designs[i])
+    levels = _levels(budget.problem, COARSE)
+    arms = [Refined(designs[i], *levels) for i in order if scores[i] > 0.0]
     gradients = FIRST
-    while True:
+    while arms:
         _climb(budget, arms, gradients)
         arms.sort(key=lambda arm: -arm.score)
         for arm in arms:
             elite.add(arm.score, arm.design)
-        if len(arms) == 1 and arms[0].done:
-            return
         arms = [arm for arm in arms[: (len(arms) + 1) // 2] if not arm.done]
-        if not arms:
-            return
         gradients *= 2
+
+
+def _settle(budget: Budget, elite: _Elite, rng: np.random.Generator) -> None:
+    """One generation after the other until several in a row have gained nothing."""
+    idle = 0
+    while idle < PATIENCE:
+        before = elite.rows[0][0]
+        _generation(budget, elite, rng)
+        idle = 0 if elite.rows[0][0] > before + GAIN * abs(before) else idle + 1
 
 
 def _generation(budget: Budget, elite: _Elite, rng: np.random.Generator) -> None:
@@ -118,7 +163,8 @@ def _generation(budget: Budget, elite: _Elite, rng: np.random.Generator) -> None
     chosen = [*order[: WIDE // 2], *rng.choice(order[WIDE // 2 :], WIDE // 2, replace=False)]
     for i in order[: WIDE // 2]:
         elite.add(float(scores[i]), designs[i])
-    arms = {int(i): _ascent(budget, designs[i]) for i in chosen if scores[i] > 0.0}
+    levels = _levels(budget.problem, COARSE[1:])
+    arms = {int(i): Refined(designs[i], *levels) for i in chosen if scores[i] > 0.0}
     _climb(budget, list(arms.values()), SHORT)
     near = [i for i, arm in arms.items() if arm.score > before - NEAR * abs(before)]
     near.sort(key=lambda i: -arms[i].score)
@@ -133,7 +179,7 @@ def _generation(budget: Budget, elite: _Elite, rng: np.random.Generator) -> None
             elite.add(arm.score, arm.design)
 
 
-def _climb(budget: Budget, arms: list[Ascent], gradients: int) -> None:
+def _climb(budget: Budget, arms: list[Refined], gradients: int) -> None:
     """All in lockstep, each at most so many gradients further."""
     until = {id(arm): arm.told + gradients for arm in arms}
     while True:
@@ -146,9 +192,14 @@ def _climb(budget: Budget, arms: list[Ascent], gradients: int) -> None:
             arm.tell(float(score), slope)
 
 
-def _ascent(budget: Budget, design: Floats) -> Ascent:
-    problem = budget.problem
-    return Ascent(design, None if problem.equality is None else problem.project)
+def _levels(
+    problem: Problem, most: Sequence[int]
+) -> tuple[list[Floats], Callable[[Floats], Floats] | None]:
+    """The schedules that a row is long enough for, and the projection where there is a length."""
+    pairs = problem.scene.count - 1
+    parts = problem.dimension // pairs
+    matrices = [schedule(parts, pairs, parts * m) for m in most if m < pairs]
+    return matrices, problem.project if problem.coupled else None
 
 
 def _columns(problem: Problem, design: Floats) -> Floats:
