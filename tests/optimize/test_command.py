@@ -40,7 +40,7 @@ def test_a_search_says_what_it_found_and_where_it_is(
     text = said(capsys, "optimize", scene_file, "--evaluations", 400, "--seed", 5, "--out", out)
     summary = json.loads((out / "summary.json").read_text())
     mark = de.load_scene(scene_file).uniform()
-    assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "cma")
+    assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "auto")
     lines = text.splitlines()
     assert lines[0] == "both: a small scene: both"
     assert lines[1].startswith(f"best uniform row: {mark.wave.mean_speed:.6f} m/s, gaps ")
