@@ -1,5 +1,30 @@
 """Builders that learn: reinforcement-learning baselines on the scenes of `domino_env`.
 
-This package holds no agent yet; the scenes, the score and the search that agents are judged by are
-in `domino_env` and `optimize`.
+    from agents import train, evaluate
+    run = train("sprint", algorithm="ppo", steps=2_000_000, seed=0, folder="runs/ppo")
+    evaluate(run.folder).score
+
+They build with the environment DominoChain-v0 and are judged by the scene's score, as every search
+is.  Importing this loads no torch; learning needs the extra: pip install "domino-chains[rl]".
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from agents.evaluation import Built, evaluate
+    from agents.training import Run, train
+
+_HOMES = {"train": "training", "Run": "training", "evaluate": "evaluation", "Built": "evaluation"}
+
+__all__ = ["Built", "Run", "evaluate", "train"]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'agents' has no attribute '{name}'")
+    value = getattr(import_module(f"agents.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value

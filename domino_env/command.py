@@ -51,7 +51,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("domino: interrupted", file=sys.stderr)
         return 130
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         print(f"domino: {error}", file=sys.stderr)
         return 2
     finally:
@@ -61,7 +61,8 @@ def main(words: Sequence[str] | None = None) -> int:
 def _say_that_it_compiles() -> None:
     """Explain a long silence: the kernel is compiled at its first use after an install."""
     kernel = sys.modules.get("domino_env.kernel")
-    if kernel is not None and not kernel.solve_rows.signatures:
+    rows = getattr(kernel, "solve_rows", None)  # loading may not be over
+    if rows is not None and not rows.signatures:
         print("compiling the simulator, once, for about half a minute ...", file=sys.stderr)
 
 

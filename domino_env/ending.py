@@ -23,14 +23,15 @@ Objects = NDArray[np.object_]
 class Endings:
     """What is kept of E episodes that ended together.
 
-    spacing: (E, N-1); thickness: (E, N); placed: (E,) dominoes placed after the first, the rest of
-    both is not used.  reach: (E,) how far each wave came, of the scene's N dominoes.
+    spacing: (E, N-1); thickness, height: (E, N); placed: (E,) dominoes placed after the first, what
+    lies beyond them is not used.  reach: (E,) how far each wave came, of the scene's N dominoes.
     """
 
     scene: Scene
     rtol: float
     spacing: Floats
     thickness: Floats
+    height: Floats
     placed: list[int]
     reach: list[float]
 
@@ -40,7 +41,7 @@ class Endings:
         return Layout(
             self.spacing[i, :placed],
             self.thickness[i, : placed + 1],
-            scene.height,
+            self.height[i, : placed + 1],
             scene.width,
             scene.density,
         )

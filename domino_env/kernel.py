@@ -2384,16 +2384,22 @@ BOOK_SIZE = 8
 IDLE, RUNS, OVER = 0.0, 1.0, 2.0
 
 # The rules that all rows share: physics, the speed to lead against and the score to beat [m/s],
-# course length (0: free), bounds [m], the height that rewards and observations are scaled by [m],
-# whether single steps are paid, and how many dominoes are seen behind the front.
+# course length (0: free), bounds [m] (in heights, where G_IN_HEIGHTS), largest change of a gap,
+# bounds of growth, the height that rewards and observations are scaled by [m], whether single steps
+# are paid, whether the score is a speed that is known at once, and how many dominoes are seen.
 (
     G_FRICTION, G_GRAVITY, G_PUSH, G_RTOL, G_REFERENCE, G_UNIFORM, G_LENGTH,
-    G_GAP_LOW, G_GAP_HIGH, G_THICK_LOW, G_THICK_HIGH, G_UNIT, G_PAYS, G_WINDOW,
-) = range(14)  # fmt: skip
-RULES_SIZE = 14
+    G_GAP_LOW, G_GAP_HIGH, G_THICK_LOW, G_THICK_HIGH, G_CHANGE, G_GROWS, G_GROW_LOW, G_GROW_HIGH,
+    G_IN_HEIGHTS, G_UNIT, G_PAYS, G_SPEED, G_WINDOW, G_BOX,
+) = range(21)  # fmt: skip
+RULES_SIZE = 21
 
 FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut off there
 LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
+
+
+# Handing a dozen arrays from function to function costs more than these functions do.
+_INLINE = {**_JIT, "forceinline": True}
 
 
 @numba.extending.intrinsic
@@ -2403,7 +2409,7 @@ def borrowed(_, array):
     Counting is atomic, and was an eighth of a step's time.
     """
 
-    def without_owner(context, builder, _, args):
+    def without_owner(context, builder, _, args):  # pragma: no cover - runs in the compiler
         view = context.make_array(array)(context, builder, args[0])
         view.meminfo = view.meminfo.type(None)
         return view._getvalue()
@@ -2418,14 +2424,14 @@ if numba.config.DISABLE_JIT:
         return array
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def between(action, low, high):
     """The value that an action in [-1, 1] stands for; beyond them, the nearer bound."""
     value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
     return min(max(value, low), high)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def reachable(low, high, least, most):
     """[low, high] narrowed to [least, most]; a single value where rounding leaves none."""
     new_low, new_high = max(low, least), min(high, most)
@@ -2435,7 +2441,7 @@ def reachable(low, high, least, most):
     return new_low, new_high
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def pitch_bounds(rules, pairs_left, way):
     """Least and largest pitch of this pair from which the course length can still be met."""
     low = rules[G_GAP_LOW] + rules[G_THICK_LOW]
@@ -2446,7 +2452,7 @@ def pitch_bounds(rules, pairs_left, way):
     return left - after * high, left - after * low
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def thickness_bounds(rules, pairs_left, way):
     """Bounds of the next domino's thickness: some gap must still fit its pitch."""
     low, high = rules[G_THICK_LOW], rules[G_THICK_HIGH]
@@ -2456,7 +2462,7 @@ def thickness_bounds(rules, pairs_left, way):
     return reachable(low, high, least - rules[G_GAP_HIGH], most - rules[G_GAP_LOW])
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def gap_bounds(rules, pairs_left, way, thickness):
     """Bounds of the next gap, once the thickness of the domino behind it is chosen."""
     low, high = rules[G_GAP_LOW], rules[G_GAP_HIGH]
@@ -2467,16 +2473,70 @@ def gap_bounds(rules, pairs_left, way, thickness):
 
 
 @numba.njit(**_JIT)
-def choose(action, rules, pairs_left, way):
-    """Gap and thickness that an action stands for."""
-    thickness, gap = rules[G_THICK_LOW], rules[G_GAP_LOW]
+def nearest_left(kinds, left, thickness):
+    """Which of the kinds that are still in the box comes nearest."""
+    best, away = 0, np.inf
+    for k in range(len(kinds)):
+        if left[k] > 0.0 and abs(kinds[k] - thickness) < away:
+            best, away = k, abs(kinds[k] - thickness)
+    return best
+
+
+@numba.njit(**_JIT)
+def nearest_within(values, low, high, gap):
+    """The value of a list nearest to a gap among those in [low, high]."""
+    best, away = gap, np.inf
+    for value in values:
+        if low - 1e-12 <= value <= high + 1e-12 and abs(value - gap) < away:
+            best, away = value, abs(value - gap)
+    return best
+
+
+@numba.njit(**_INLINE)
+def choose(action, rules, gaps, kinds, left, n, way, spacing, thickness, height):
+    """Lay down what an action stands for: gap n, and thickness (and height) of domino n+1.
+
+    gaps, kinds: the only values allowed, or none; left: how many there are of each kind.
+    """
+    pairs_left, column = len(spacing) - n, len(action) - 1
+    behind = height[n]
+    if rules[G_GROWS] > 0.0:
+        growth = rules[G_GROW_LOW]
+        if rules[G_GROW_LOW] < rules[G_GROW_HIGH]:
+            growth = between(action[column], rules[G_GROW_LOW], rules[G_GROW_HIGH])
+            column -= 1
+        height[n + 1] = behind * growth
+    ahead = height[n + 1]
+    thick = rules[G_THICK_LOW]
     if rules[G_THICK_LOW] < rules[G_THICK_HIGH]:
         low, high = thickness_bounds(rules, pairs_left, way)
-        thickness = between(action[len(action) - 1], low, high)
+        thick = between(action[column], low, high)
+        if len(kinds) > 0:
+            k = nearest_left(kinds, left, thick)
+            left[k] -= 1.0
+            thick = kinds[k]
+    gap = rules[G_GAP_LOW]
     if rules[G_GAP_LOW] < rules[G_GAP_HIGH]:
-        low, high = gap_bounds(rules, pairs_left, way, thickness)
+        low, high = gap_bounds(rules, pairs_left, way, thick)
+        if rules[G_CHANGE] > 0.0 and n > 0:
+            before = spacing[n - 1]
+            low, high = max(low, before - rules[G_CHANGE]), min(high, before + rules[G_CHANGE])
         gap = between(action[0], low, high)
-    return gap, thickness
+        if len(gaps) > 0:
+            gap = nearest_within(gaps, low, high, gap)
+    if rules[G_IN_HEIGHTS] > 0.0:
+        thick *= ahead
+        gap *= min(behind, ahead)
+    spacing[n], thickness[n + 1] = gap, thick
+
+
+@numba.njit(**_JIT)
+def choose_all(actions, rules, gaps, kinds, left, spacing, thickness, height):
+    """Lay down a whole row; actions (N-1, A)."""
+    way = 0.0
+    for n in range(len(spacing)):
+        choose(actions[n], rules, gaps, kinds, left, n, way, spacing, thickness, height)
+        way += spacing[n] + thickness[n + 1]
 
 
 @numba.njit(**_JIT)
@@ -2489,7 +2549,7 @@ def open_row(rules, ring, state, book, thickness, height, density):
     book[B_PHASE] = RUNS
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density):
     """Domino n+1 is placed and leader n falls, as in `chain`."""
     mask, count = len(ring) - 1, len(thickness)
@@ -2509,6 +2569,7 @@ def close_row(rules, state, book, n, outcome, spacing, thickness, height, densit
     """The wave has run through or died under leader n: what the row is worth."""
     count = len(thickness)
     book[B_PHASE], book[B_OUTCOME] = OVER, outcome
+    book[B_DOUBT] = 1.0 - rules[G_SPEED]
     if outcome == PROPAGATED:
         book[B_REACH] = 1.0
         book[B_SCORE] = book[B_WAY] / state[TIME]
@@ -2521,7 +2582,7 @@ def close_row(rules, state, book, n, outcome, spacing, thickness, height, densit
             book[B_DOUBT] = 1.0
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def worth(score, uniform):
     """The return of an episode: the gain over the best uniform row, in per cent."""
     if uniform > 0.0:
@@ -2529,7 +2590,7 @@ def worth(score, uniform):
     return 100.0 * (score - uniform) / max(-uniform, 1e-9)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def place_next(rules, lanes, ring, state, book, spacing, thickness, height, density):
     """Let the leader fall on the domino just laid down in spacing and thickness; returns the
     lead gained over a wave at the reference speed, in heights."""
@@ -2550,8 +2611,8 @@ def place_next(rules, lanes, ring, state, book, spacing, thickness, height, dens
     return lead
 
 
-@numba.njit(**_JIT)
-def observe(rules, progress, state, book, spacing, thickness, seen):
+@numba.njit(**_INLINE)
+def observe(rules, progress, kinds, box, left, state, book, spacing, thickness, height, seen):
     """Write what is seen of a row; the order of the entries is that of the environment's page."""
     placed, way, unit = int(book[B_PLACED]), book[B_WAY], rules[G_UNIT]
     dead = book[B_PHASE] == OVER and book[B_OUTCOME] != PROPAGATED
@@ -2563,38 +2624,57 @@ def observe(rules, progress, state, book, spacing, thickness, seen):
     seen[2] = min(max(speed, -1.0), SPEED_LIMIT)
     at = 3
     if rules[G_LENGTH] > 0.0:
-        left = max(rules[G_LENGTH] - way, 0.0)
+        rest = max(rules[G_LENGTH] - way, 0.0)
         pairs = len(spacing) - placed
         least = rules[G_GAP_LOW] + rules[G_THICK_LOW]
         most = rules[G_GAP_HIGH] + rules[G_THICK_HIGH]
-        mean = 2.0 * (left / pairs - least) / (most - least) - 1.0 if pairs > 0 else 0.0
-        seen[at] = min(left / rules[G_LENGTH], 1.0)
+        mean = 2.0 * (rest / pairs - least) / (most - least) - 1.0 if pairs > 0 else 0.0
+        seen[at] = min(rest / rules[G_LENGTH], 1.0)
         seen[at + 1] = min(max(mean, -1.0), 1.0)
         at += 2
     window = int(rules[G_WINDOW])
-    there = min(window, placed)
+    there, scaled = min(window, placed), rules[G_IN_HEIGHTS] > 0.0
     if rules[G_GAP_LOW] < rules[G_GAP_HIGH]:
         low, scale = rules[G_GAP_LOW], 2.0 / (rules[G_GAP_HIGH] - rules[G_GAP_LOW])
         for j in range(there):
-            seen[at + j] = min(max(scale * (spacing[placed - 1 - j] - low) - 1.0, -1.0), 1.0)
+            i = placed - 1 - j
+            x = spacing[i] / min(height[i], height[i + 1]) if scaled else spacing[i]
+            seen[at + j] = min(max(scale * (x - low) - 1.0, -1.0), 1.0)
         for j in range(there, window):
             seen[at + j] = 0.0
         at += window
     if rules[G_THICK_LOW] < rules[G_THICK_HIGH]:
         low, scale = rules[G_THICK_LOW], 2.0 / (rules[G_THICK_HIGH] - rules[G_THICK_LOW])
         for j in range(there):
-            seen[at + j] = min(max(scale * (thickness[placed - j] - low) - 1.0, -1.0), 1.0)
+            i = placed - j
+            x = thickness[i] / height[i] if scaled else thickness[i]
+            seen[at + j] = min(max(scale * (x - low) - 1.0, -1.0), 1.0)
         for j in range(there, window):
             seen[at + j] = 0.0
         at += window
+    if rules[G_GROW_LOW] < rules[G_GROW_HIGH]:
+        low, scale = rules[G_GROW_LOW], 2.0 / (rules[G_GROW_HIGH] - rules[G_GROW_LOW])
+        for j in range(there):
+            i = placed - j
+            seen[at + j] = min(max(scale * (height[i] / height[i - 1] - low) - 1.0, -1.0), 1.0)
+        for j in range(there, window):
+            seen[at + j] = 0.0
+        at += window
+        most = math.log(rules[G_GROW_HIGH]) * len(spacing)
+        seen[at] = min(math.log(height[placed] / height[0]) / most, 1.0)
+        at += 1
+    if rules[G_BOX] > 0.0:
+        for k in range(len(kinds)):
+            seen[at + k] = left[k] / max(box[k], 1.0)
+        at += len(kinds)
     for j in range(progress.shape[1]):
         seen[at + j] = progress[placed, j]
 
 
 @numba.njit(**_JIT)
 def reset_rows(
-    first, last, rules, progress, rings, states, books, spacing, thickness, height, density, chosen,
-    given, seen,
+    first, last, rules, progress, gaps, kinds, box, lefts, rings, states, books, spacing, thickness,
+    height, density, chosen, given, seen,
 ):  # fmt: skip
     """Begin anew in the rows that are chosen, with the first `given` gaps as they are laid down.
 
@@ -2606,43 +2686,49 @@ def reset_rows(
             continue
         h, rho = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
         open_row(rules, rings[b], states[b], books[b], thickness[b], h, rho)
-        for _ in range(given[b]):
+        lefts[b, :] = box
+        for i in range(given[b]):
+            if len(kinds) > 0:
+                lefts[b, nearest_left(kinds, lefts[b], thickness[b, i + 1])] -= 1.0
             lead = place_next(
                 rules, lanes, rings[b], states[b], books[b], spacing[b], thickness[b], h, rho
             )
             books[b, B_PAID] += lead * rules[G_PAYS]
             if books[b, B_PHASE] == OVER:
                 break
-        observe(rules, progress, states[b], books[b], spacing[b], thickness[b], seen[b])
+        observe(
+            rules, progress, kinds, box, lefts[b], states[b], books[b], spacing[b], thickness[b], h,
+            seen[b],
+        )  # fmt: skip
 
 
 @numba.njit(**_JIT)
 def step_rows(
-    first, last, rules, progress, rings, states, books, spacing, thickness, height, density,
-    actions, seen, rewards, ended,
+    first, last, rules, progress, gaps, kinds, box, lefts, rings, states, books, spacing, thickness,
+    height, density, actions, seen, rewards, ended,
 ):  # fmt: skip
     """One step of those rows first … last - 1 that run; returns how many episodes have ended.
 
+    lefts: (B, K) what is left in each row's box; height: (1, N), or (B, N) where rows grow.
     actions: (B, A); seen: (B, O) observations; rewards: (B,); ended: (B,) booleans.  Of rows that
     are over, only rewards (0) and ended (False) are written.
     """
     owned = np.zeros(LANE_ROWS * PITCH)
     lanes, rules, progress = borrowed(owned), borrowed(rules), borrowed(progress)
+    gaps, kinds, box, lefts = borrowed(gaps), borrowed(kinds), borrowed(box), borrowed(lefts)
     rings, states, books = borrowed(rings), borrowed(states), borrowed(books)
     spacing, thickness = borrowed(spacing), borrowed(thickness)
     height, density = borrowed(height), borrowed(density)
     actions, seen = borrowed(actions), borrowed(seen)
     number = 0
     for b in range(first, last):
-        state, book = states[b], books[b]
+        state, book, left, s, d = states[b], books[b], lefts[b], spacing[b], thickness[b]
         rewards[b], ended[b] = 0.0, False
         if book[B_PHASE] != RUNS:
             continue
         h, rho = height[b if len(height) > 1 else 0], density[b if len(density) > 1 else 0]
-        n = int(book[B_PLACED])
-        gap, thick = choose(actions[b], rules, spacing.shape[1] - n, book[B_WAY])
-        spacing[b, n], thickness[b, n + 1] = gap, thick
-        lead = place_next(rules, lanes, rings[b], state, book, spacing[b], thickness[b], h, rho)
+        choose(actions[b], rules, gaps, kinds, left, int(book[B_PLACED]), book[B_WAY], s, d, h)
+        lead = place_next(rules, lanes, rings[b], state, book, s, d, h, rho)
         if book[B_PHASE] == OVER:
             rewards[b] = worth(book[B_SCORE], rules[G_UNIFORM]) - book[B_PAID]
             ended[b] = True
@@ -2650,6 +2736,6 @@ def step_rows(
         else:
             rewards[b] = lead * rules[G_PAYS]
             book[B_PAID] += rewards[b]
-        observe(rules, progress, state, book, spacing[b], thickness[b], seen[b])
+        observe(rules, progress, kinds, box, left, state, book, s, d, h, seen[b])
     owned[0] = number  # keeps the lanes alive to here
     return number

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 
 from domino_env import kernel
 from domino_env.ending import LateWave
+from domino_env.layout import Layout
 from domino_env.moment import Moment
 from domino_env.row_env import RTOL, RowEnv, checked_options, wrong_actions
-from domino_env.rows import Floats, Seen, checked_rtol, require_choice
+from domino_env.rows import Floats, Rows, Seen
 from domino_env.scene import Scene
 
 
@@ -25,10 +26,11 @@ class DominoLayout(RowEnv):
     The same scenes and the same score as `DominoChain-v0`, one step an episode.
 
     ## Action space
-    `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 free gaps, then one for each of the
-    N - 1 free thicknesses (of dominoes 1 … N - 1), as far as the scene leaves them free; -1 stands
-    for the least, 1 for the largest value [m], beyond them the value is cut off.  Where the scene
-    asks for a total length, the row is the nearest one (in metres) that has it.
+    `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
+    thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
+    them free; -1 stands for the least, 1 for the largest value, beyond them the value is cut off.
+    Where the scene asks for a total length, the row is the nearest one (in metres) that has it;
+    other rules narrow the entries from the first domino to the last, as in `DominoChain-v0`.
 
     ## Observation space
     `Box(0, 1, (1,), float32)`: 0 before the row is laid, 1 after.
@@ -54,12 +56,12 @@ class DominoLayout(RowEnv):
         rtol: float = RTOL,
     ) -> None:
         super().__init__(scene, render_mode)
-        require_choice(self.scene)
-        self.rtol = checked_rtol(rtol)
-        self.mark = self.scene.uniform()
+        self._rows = Rows(self.scene, 1, rtol, None, 0)
+        self.rtol, self.mark = self._rows.rtol, self._rows.mark
         pairs = self.scene.count - 1
         bounds = [self.scene.spacing] * pairs * self.scene.free_spacing
         bounds += [self.scene.thickness] * pairs * self.scene.free_thickness
+        bounds += [self.scene.growth or (1.0, 1.0)] * pairs * self.scene.free_height
         self._low, self._high = np.array(bounds).T
         self.action_space = Box(-1.0, 1.0, (len(bounds),), np.float32)
         self.observation_space = Box(0.0, 1.0, (1,), np.float32)
@@ -84,8 +86,7 @@ class DominoLayout(RowEnv):
             raise ValueError(wrong_actions(values, self.action_space))
         if not self._ready:
             raise ResetNeeded("an episode has one step: call reset() before step()")
-        spacing, thickness = self._parts(self._values(values))
-        layout = self.scene.layout(spacing, thickness)
+        layout = self._laid(values)
         wave = self.scene.simulate(layout, self.rtol)
         score = self.scene.score_wave(wave)
         reward = float(kernel.worth(score, self.mark.score))
@@ -102,26 +103,20 @@ class DominoLayout(RowEnv):
             self.render()
         return np.ones(1, np.float32), reward, True, False, info
 
-    def _values(self, action: Floats) -> Floats:
-        """The free gaps and thicknesses that an action stands for [m]."""
-        wide = 0.5 * (np.clip(action, -1.0, 1.0) + 1.0) * (self._high - self._low)
-        values: Floats = np.clip(self._low + wide, self._low, self._high)
-        scene = self.scene
+    def _laid(self, action: Floats) -> Layout:
+        """The row that an action stands for."""
+        scene, pairs = self.scene, self.scene.count - 1
         if scene.length is None:
-            return values
+            return self._rows.lay(np.ascontiguousarray(action.reshape(-1, pairs).T))
+        wide = 0.5 * (np.clip(action, -1.0, 1.0) + 1.0) * (self._high - self._low)
         fixed = scene.spacing[0] * (not scene.free_spacing)
         fixed += scene.thickness[0] * (not scene.free_thickness)
-        return nearest_with_sum(
-            values, self._low, self._high, scene.length - (scene.count - 1) * fixed
-        )
-
-    def _parts(self, values: Floats) -> tuple[Floats, Floats]:
-        """Gaps and thicknesses of dominoes 1 … N-1, (N-1,) each [m]."""
-        scene, pairs = self.scene, self.scene.count - 1
-        spacing = values[:pairs] if scene.free_spacing else np.full(pairs, scene.spacing[0])
-        if scene.free_thickness:
-            return spacing, values[-pairs:]
-        return spacing, np.full(pairs, scene.thickness[0])
+        values = nearest_with_sum(
+            np.clip(self._low + wide, self._low, self._high), self._low, self._high,
+            scene.length - pairs * fixed,
+        )  # fmt: skip
+        gaps = values[:pairs] if scene.free_spacing else scene.spacing[0]
+        return scene.layout(gaps, values[-pairs:] if scene.free_thickness else None)
 
     def moment(self) -> Moment:
         """The first domino alone, or the row at its last hit."""

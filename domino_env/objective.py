@@ -25,6 +25,12 @@ robust: the mean speed that most of the rows reach whose gaps are off at random 
 toppled: how many dominoes topple, and a fraction that tells how far the wave came [1].
 magnify: the height of the last domino, if the wave topples it [m]."""
 
+UNITS = {
+    "mean_speed": "m/s", "time": "m/s", "tempo": "", "robust": "m/s", "toppled": "dominoes",
+    "magnify": "m",
+}  # fmt: skip
+"""Of a success's score."""
+
 # Of a row at its limit it depends on rounding whether it keeps it.  A close look lets that pass; a
 # search, which looks less closely, does not, and so proposes rows that the close look passes.
 CLOSE_LOOK = 1e-9

@@ -18,7 +18,7 @@ from domino_env.moment import Moment
 from domino_env.scene import LENGTH_TOLERANCE, Scene, load_scene
 from domino_env.scene_files import parse_scene
 from domino_env.threads import share_rows
-from domino_env.wave import LOOSEST, TIGHTEST, Outcome, simulate
+from domino_env.wave import LOOSEST, TIGHTEST, Outcome, Wave, simulate
 
 Floats = NDArray[np.float64]
 Seen = NDArray[np.float32]
@@ -27,6 +27,7 @@ Bools = NDArray[np.bool_]
 SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] over which the ends of the row make themselves felt
 LARGEST_RING = 1024  # dominoes remembered behind a front; the wave feels some thirty
 _OUTCOMES = [Outcome(i) for i in range(len(Outcome))]
+SPEEDS = ("mean_speed", "time", "robust")  # objectives that a lead on the way tells about
 ALONE = 128  # rows from which on it pays to wake another thread
 
 
@@ -41,16 +42,43 @@ def _scene_of(text: str) -> Scene:
 def shared_scene(scene: str | Path | Scene) -> Scene:
     """The scene, the same object for all who ask for equal ones: its mark is found once."""
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
-    return _scene_of(loaded.to_toml())
+    try:
+        return _scene_of(loaded.to_toml())
+    except ValueError:  # made in Python, of what no file would say
+        return loaded
 
 
 def require_choice(scene: Scene) -> None:
-    """Refuse a scene that leaves nothing free."""
-    if not (scene.free_spacing or scene.free_thickness):
+    """Refuse a scene that leaves nothing free, or whose rules cannot be kept domino by domino."""
+    if not (scene.free_spacing or scene.free_thickness or scene.free_height):
         raise ValueError(
             f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
             "or thickness a min and a max"
         )
+    if scene.length is not None and not replace(scene, limits=None).plain:
+        raise ValueError(
+            f"scene '{scene.name}' asks for a length and for lists, a stock or a largest change "
+            "too: what remains reachable of these is not known domino by domino; leave one out, or "
+            "search such rows with `optimize`"
+        )
+
+
+def kinds_to_choose(scene: Scene) -> tuple[Floats, Floats]:
+    """The thicknesses that dominoes 1 … N-1 may have [m], if only some, and how many of each."""
+    if scene.stock is not None:
+        box = scene.stock.without(scene.first_thickness)
+        order = np.argsort(box.thickness)
+        return np.array(box.thickness)[order], np.array(box.count, dtype=np.float64)[order]
+    kinds = np.array(scene.thickness_values or (), dtype=np.float64)
+    return kinds, np.full(len(kinds), np.inf)
+
+
+def scene_score(scene: Scene, wave: Wave) -> float:
+    """The score of a wave; also of one that died before all dominoes were placed."""
+    if wave.layout.count == scene.count:
+        return scene.score_wave(wave)
+    # how a wave that dies is judged depends on nothing that is not yet placed
+    return replace(scene, count=wave.layout.count, placement=None).score_wave(wave)
 
 
 def checked_rtol(rtol: float) -> float:
@@ -86,7 +114,11 @@ class Rows:
         self.mark = scene.uniform()
         self.window = min(int(window), scene.count - 1)
         self.choices = int(scene.free_spacing) + int(scene.free_thickness)
+        self.choices += int(scene.free_height)
         self._rules = self._numbers()
+        self._gaps = np.array(scene.spacing_values or (), dtype=np.float64)
+        self._kinds, self._box = kinds_to_choose(scene)
+        self._lefts = np.tile(self._box, (number, 1))
         self.reference_speed = self._speed_of_uniform() if reference_speed is None else (
             reference_speed
         )  # fmt: skip
@@ -101,7 +133,9 @@ class Rows:
         self.books = np.zeros((number, kernel.BOOK_SIZE))
         self._spacing = np.full((number, scene.count - 1), scene.spacing[0])
         self._thickness = np.full((number, scene.count), scene.first_thickness)
-        self._height = np.full((1, scene.count), scene.height)
+        # where all are equally high, all rows share one array
+        rows = number if scene.growth is not None else 1
+        self._height = np.full((rows, scene.count), scene.height)
         self._density = np.full((1, scene.count), scene.density)
 
     # what can be set ------------------------------------------------------------------------------
@@ -138,7 +172,14 @@ class Rows:
         rules[[kernel.G_GAP_LOW, kernel.G_GAP_HIGH]] = scene.spacing
         rules[[kernel.G_THICK_LOW, kernel.G_THICK_HIGH]] = scene.thickness
         rules[kernel.G_UNIT] = scene.height
-        rules[kernel.G_PAYS] = float(scene.objective == "mean_speed")
+        rules[kernel.G_CHANGE] = scene.largest_change or 0.0
+        rules[kernel.G_GROWS] = float(scene.growth is not None)
+        rules[[kernel.G_GROW_LOW, kernel.G_GROW_HIGH]] = scene.growth or (1.0, 1.0)
+        rules[kernel.G_IN_HEIGHTS] = float(scene.in_heights)
+        rules[kernel.G_BOX] = float(scene.stock is not None)
+        rules[kernel.G_PAYS] = float(scene.objective in SPEEDS)
+        speed_alone = scene.objective in ("mean_speed", "time") and scene.limits is None
+        rules[kernel.G_SPEED] = float(speed_alone)
         rules[kernel.G_WINDOW] = self.window
         return rules
 
@@ -149,7 +190,8 @@ class Rows:
         if self.scene.length is not None:
             low, high = [*low, 0.0, -1.0], [*high, 1.0, 1.0]
         behind = self.window * self.choices
-        ends = self._progress.shape[1]
+        ends = self._progress.shape[1] + int(self.scene.free_height)
+        ends += len(self._kinds) * (self.scene.stock is not None)
         low += [-1.0] * behind + [0.0] * ends
         high += [1.0] * (behind + ends)
         return np.array(low, np.float32), np.array(high, np.float32)
@@ -181,9 +223,16 @@ class Rows:
                     given[b] = layout.count - 1
                     self._spacing[b, : given[b]] = layout.spacing
                     self._thickness[b, : layout.count] = layout.thickness
-        kernel.reset_rows(
-            0, self.number, self._rules, self._progress, self._rings, self._states, self.books,
-            self._spacing, self._thickness, self._height, self._density, chosen, given, seen,
+                    if self.scene.growth is not None:
+                        self._height[b, : layout.count] = layout.height
+        kernel.reset_rows(0, self.number, *self._arrays(), chosen, given, seen)
+
+    def _arrays(self) -> tuple[Floats | Seen, ...]:
+        """What both compiled calls take."""
+        return (
+            self._rules, self._progress, self._gaps, self._kinds, self._box, self._lefts,
+            self._rings, self._states, self.books, self._spacing, self._thickness, self._height,
+            self._density,
         )  # fmt: skip
 
     def _require_start(self, layout: Layout) -> None:
@@ -220,11 +269,19 @@ class Rows:
         rewards = np.empty(self.number)
         ended = np.empty(self.number, np.bool_)
         share_rows(
-            kernel.step_rows, self.number, ALONE, self._rules, self._progress, self._rings,
-            self._states, self.books, self._spacing, self._thickness, self._height, self._density,
-            actions, seen, rewards, ended,
-        )  # fmt: skip
+            kernel.step_rows, self.number, ALONE, *self._arrays(), actions, seen, rewards, ended
+        )
         return seen, rewards, ended
+
+    def lay(self, actions: Floats) -> Layout:
+        """The whole row that actions (N-1, choices) stand for, none of it simulated."""
+        scene, left = self.scene, self._box.copy()
+        spacing, thickness = self._spacing[0].copy(), self._thickness[0].copy()
+        height = self._height[0].copy()
+        kernel.choose_all(
+            actions, self._rules, self._gaps, self._kinds, left, spacing, thickness, height
+        )
+        return Layout(spacing, thickness, height, scene.width, scene.density)
 
     # ends -----------------------------------------------------------------------------------------
 
@@ -236,16 +293,16 @@ class Rows:
         Returns score, gain, outcome, layout and wave, (E,) each.
         """
         scene = self.scene
-        for b in rows[self.books[rows, kernel.B_DOUBT] > 0.0]:
-            wave = simulate(
-                scene.layout(self._spacing[b], self._thickness[b, 1:]),
-                scene.physics,
-                rtol=self.rtol,
-            )
-            self.books[b, kernel.B_OUTCOME] = wave.outcome
-            self.books[b, kernel.B_REACH] = wave.reach
-            self.books[b, kernel.B_SCORE] = scene.score_wave(wave)
-            rewards[b] = self._worth(scene.score_wave(wave)) - self.books[b, kernel.B_PAID]
+        endings = self._endings(rows)
+        for i in np.flatnonzero(self.books[rows, kernel.B_DOUBT] > 0.0).tolist():
+            book = self.books[rows[i]]
+            if book[kernel.B_PLACED] == scene.count - 1:
+                wave = simulate(endings.layout(i), scene.physics, rtol=self.rtol)
+                book[kernel.B_OUTCOME], book[kernel.B_REACH] = wave.outcome, wave.reach
+            else:
+                wave = endings.waves()[i]
+            book[kernel.B_SCORE] = scene_score(scene, wave)
+            rewards[rows[i]] = self._worth(book[kernel.B_SCORE]) - book[kernel.B_PAID]
         endings = self._endings(rows)
         books = self.books[rows]
         scores = books[:, kernel.B_SCORE]
@@ -265,6 +322,7 @@ class Rows:
             rtol=self.rtol,
             spacing=self._spacing[rows],
             thickness=self._thickness[rows],
+            height=self._height[rows if len(self._height) > 1 else np.zeros_like(rows)],
             placed=books[:, kernel.B_PLACED].astype(np.intp).tolist(),
             reach=books[:, kernel.B_REACH].tolist(),
         )
@@ -282,7 +340,7 @@ class Rows:
         return Moment(
             spacing=self._spacing[b, :placed].copy(),
             thickness=self._thickness[b, : placed + 1].copy(),
-            height=np.full(placed + 1, self.scene.height),
+            height=self._height[b % len(self._height), : placed + 1].copy(),
             hit=wave.hit if wave is not None else placed + 1,
             time=float(state[kernel.TIME]),
             speed=0.0 if dead else float(np.sqrt(state[kernel.U])),

@@ -87,23 +87,28 @@ class Scene:
     @property
     def free_spacing(self) -> bool:
         """Whether the designer chooses the gaps."""
-        return self.spacing[0] < self.spacing[1]
+        return bool(self.spacing[0] < self.spacing[1])
 
     @property
     def free_thickness(self) -> bool:
         """Whether the designer chooses the thickness of all dominoes but the first."""
-        return self.thickness[0] < self.thickness[1]
+        return bool(self.thickness[0] < self.thickness[1])
 
     @property
     def free_height(self) -> bool:
         """Whether the designer chooses the height of all dominoes but the first."""
-        return self.growth is not None and self.growth[0] < self.growth[1]
+        return self.growth is not None and bool(self.growth[0] < self.growth[1])
 
     @property
     def plain(self) -> bool:
         """Whether bounds and a length are all the rules, so that gaps may be chosen one by one."""
         asked = (self.spacing_values, self.thickness_values, self.largest_change, self.stock)
         return all(rule is None for rule in (*asked, self.growth, self.limits))
+
+    @property
+    def unit(self) -> str:
+        """The unit of a success's score, as in "m/s"; empty for none."""
+        return worth.UNITS[self.objective]
 
     @property
     def waves_a_score(self) -> int:
@@ -265,10 +270,11 @@ class Scene:
         """A score in the words and units of the objective."""
         if score <= 0.0:
             broken = self.limits is not None and wave.outcome == Outcome.PROPAGATED
-            return "breaks a limit of the scene" if broken else f"no success ({wave.outcome.name})"
+            none = {"m/s": "no speed", "m": "no height"}.get(self.unit, "no success")
+            return "breaks a limit of the scene" if broken else none
         if self.objective == "tempo":
             assert self.tempo is not None
-            return f"RMS error {1e3 * self.tempo.error(wave.arrival_times[None])[0]:.6f} ms"
+            return f"RMS error {1e3 * self.tempo.error(wave.arrival_times[None])[0]:.6g} ms"
         if self.objective == "toppled":
             return f"{wave.toppled} of {self.count} toppled"
         if self.objective == "magnify":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,14 +29,20 @@ def best_uniform(scene: Scene) -> Layout:
     """The best layout of one pitch and one thickness within the scene's rules.
 
     The first domino keeps the scene's thickness.  With a stock, the dominoes stand in the order
-    given at one pitch, pivot to pivot.  In a growing row, gaps have one ratio to the heights, and
-    heights to those before.  Where a length and a list of allowed gaps leave no equal pitch, those
-    next to it take turns evenly.
+    given at one pitch, pivot to pivot, or at one gap where the rules leave no such pitch.  In a
+    growing row, gaps have one ratio to the heights, and heights to those before.  Where a length
+    and a list of allowed gaps leave no equal pitch, those next to it take turns evenly; where the
+    lists leave no such row either, the mark is the best row without the lists.
 
     A grid over all there is to choose, then finer grids around the best places: the speed has
     several peaks, and steps where a wave dies.  Where no row is a success, the best of the others.
     """
-    rows = _Rows(scene)
+    try:
+        rows = _Rows(scene)
+    except ValueError:
+        if scene.stock or not (scene.spacing_values or scene.thickness_values):
+            raise
+        return best_uniform(replace(scene, spacing_values=None, thickness_values=None))
     drawn = scene.placement is not None
     low, high = rows.low, rows.high
     both = float(np.min(high - low)) > 0.0
@@ -83,15 +90,20 @@ class _Rows:
         pairs = scene.count - 1
         self.allowed = [scene.spacing_values, scene.thickness_values]
         first, second = scene.spacing, scene.thickness
-        self.bodies = np.zeros(0)
+        self.bodies, self.one_pitch = np.zeros(0), False
         if scene.growth is not None:
             second = scene.growth
         if scene.stock is not None:
             self.bodies = scene.stock.without(scene.first_thickness).dominoes[:pairs]
             second, self.allowed[1] = (0.0, 0.0), None
-            if scene.spacing_values is None:
-                # one pitch: the gaps are what the dominoes leave of it
-                first = first[0] + self.bodies.max(), first[1] + self.bodies.min()
+            pitch = first[0] + self.bodies.max(), first[1] + self.bodies.min()
+            wanted = pitch[0] if scene.length is None else scene.length / pairs
+            self.one_pitch = scene.spacing_values is None and pitch[0] <= wanted <= pitch[1]
+            if scene.largest_change is not None and pairs > 1:
+                steepest = float(np.abs(np.diff(self.bodies)).max())
+                self.one_pitch = self.one_pitch and steepest <= scene.largest_change
+            if self.one_pitch:  # the gaps are what the dominoes leave of it
+                first = pitch
         self.low, self.high = np.array([first, second]).T.copy()
         self.spread: tuple[float, ...] | None = None
         if scene.length is not None:
@@ -119,9 +131,8 @@ class _Rows:
                     break
         self.spread = listed
         if scene.stock is not None:
-            self.low[0], self.high[0] = max(self.low[0], pitch), min(self.high[0], pitch)
-            if self.spread is not None:
-                self.low[0] = self.high[0] = pitch - float(self.bodies.mean())
+            exact = pitch if self.one_pitch else pitch - float(self.bodies.mean())
+            self.low[0], self.high[0] = max(self.low[0], exact), min(self.high[0], exact)
             return
         self.low[1] = max(self.low[1], pitch - scene.spacing[1])
         self.high[1] = min(self.high[1], pitch - scene.spacing[0])
@@ -157,7 +168,7 @@ class _Rows:
             return first * scale, second * scale, None
         if scene.stock is not None:
             thick = np.broadcast_to(self.bodies, (len(points), scene.count - 1))
-            if scene.spacing_values is None:
+            if self.one_pitch:
                 return np.clip(first - thick, *scene.spacing), thick, None
             gaps = first * ones
         else:

@@ -107,14 +107,19 @@ class Allowed:
         up[every, ties + 1], up[every, ties] = 1.0, -1.0
         return np.concatenate([up, -up]), np.tile(self.change[ties], 2)
 
-    def tangent(self, slopes: Floats, wanted: Floats, values: Floats) -> Floats:
+    def tangent(
+        self, slopes: Floats, wanted: Floats, values: Floats, at_will: bool = False
+    ) -> Floats:
         """Slopes (B, n) by the values wanted, from those by the nearest allowed `values`.
 
         Values bound together move together: all where a length is asked, neighbours whose
         difference is at its largest, and those held at a bound not at all.  Where what is wanted is
         allowed, only the length counts, so that every way out of a corner is seen.  Values from a
-        list or the stock keep theirs when what is wanted changes a little: their slope is 0.
+        list or the stock keep theirs when what is wanted changes a little: their slope is 0,
+        or, `at_will`, the one given.
         """
+        if at_will and self.discrete:
+            return slopes
         found = np.where(self.stepped, 0.0, slopes)
         if self.total is None and not self.coupled:
             return found

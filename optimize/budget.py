@@ -116,12 +116,13 @@ class Budget:
         return float(scores[0]), gradients[0]
 
     def scores_and_gradients(
-        self, designs: Floats, *, of_dying: bool = True
+        self, designs: Floats, *, of_dying: bool = True, at_will: bool = False
     ) -> tuple[Floats, Floats]:
         """Scores (B,) and gradients (B, n) of designs (B, n): see `Problem.scores_and_gradients`.
 
         of_dying: whether a wave that dies gets a gradient too, which takes 2n more evaluations;
             otherwise it is zero.
+        at_will: as of `Problem.scores_and_gradients`.
         Raises BudgetSpent where not all can be paid for; what can be is simulated first.
         """
         designs = np.asarray(designs, dtype=np.float64)
@@ -136,7 +137,7 @@ class Budget:
                 size = min(size, self.evaluations - self.problem.evaluations)
             part = slice(at, at + size)
             found = self.problem.scores_and_gradients(
-                designs[part], self.scores if of_dying else _nothing
+                designs[part], self.scores if of_dying else _nothing, at_will=at_will
             )
             scores[part], gradients[part] = found
             self._note(designs[part], *found)

@@ -11,7 +11,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from domino_env.scene import UniformMark
+    from domino_env.scene import Scene
     from optimize.result import SearchResult
 
 SUMMARY = "search a better row than the best uniform one"
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         seconds = DEFAULT_SECONDS
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}")
-    print(f"best uniform row: {_uniform(scene.uniform())}", flush=True)
+    print(f"best uniform row: {_uniform(scene)}", flush=True)
     result = search(
         scene,
         arguments.method,
@@ -62,19 +62,21 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _uniform(mark: UniformMark) -> str:
+def _uniform(scene: Scene) -> str:
+    mark = scene.uniform()
     gap, thickness = mark.layout.spacing[0] * 1e3, mark.layout.thickness[-1] * 1e3
-    speed = f"{mark.wave.mean_speed:.6f} m/s" if mark.score > 0.0 else "no speed"
-    return f"{speed}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({mark.wave.outcome.name})"
+    worth = scene.in_words(mark.score, mark.wave)
+    return f"{worth}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({mark.wave.outcome.name})"
 
 
 def _found(result: SearchResult) -> str:
     wave = result.wave
-    speed = f"{wave.mean_speed:.6f} m/s" if result.score > 0.0 else "no speed"
-    gain = "" if result.gain is None else f", {result.gain:+.2%}"
+    worth = result.scene.in_words(result.score, wave)
+    # of a score without a unit, the ratio says nothing
+    gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+.2%}"
     ended = "interrupted after " if result.interrupted else ""
     text = (
-        f"{speed}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
+        f"{worth}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
         f"{ended}{result.evaluations} rows in {result.seconds:.1f} s)"
     )
     return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

@@ -21,6 +21,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from domino_env.files import write_bytes
 from domino_env.layout import Layout
+from domino_env.scene import Scene
 from domino_env.wave import Wave
 from optimize.problem import Floats
 from optimize.result import SearchResult
@@ -34,6 +35,7 @@ HEAD, LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.85, 0.30, 1.75, 0.18, 0.62, 0.
 
 LONGEST = 45.0  # heights; of a longer row the two ends are shown
 SHORTEST = 8.0  # heights; a shorter row leaves room
+SHORTEST_GROWING = 3.0  # of the tallest
 SMALL = 0.36  # inches a domino's height takes in a long row
 SPLIT = 0.4  # inches between the two ends
 
@@ -68,6 +70,8 @@ def picture(result: SearchResult) -> Figure:
     panels: list[Callable[[Axes, SearchResult, _Window], None]] = [_spacing, _speed]
     if result.scene.free_thickness:
         panels.insert(1, _thickness)
+    if result.scene.free_height:
+        panels.insert(-1, _heights)
     row = tall * scale + LABEL
     along = len(panels) * (PANEL + BETWEEN)
     height = HEAD + 2 * row + along + UNDER_AXIS + PANEL + FOOT
@@ -115,7 +119,8 @@ def _windows(result: SearchResult) -> tuple[list[_Window], float, float]:
     layouts = [layout for layout, _, _, _ in _pairs(result)]
     tall = 1e3 * max(layout.height.max() for layout in layouts)
     low = -1e3 * result.layout.thickness[0] - 0.8 * tall
-    high = max(1e3 * max(layout.length for layout in layouts) + 0.25 * tall, low + SHORTEST * tall)
+    shortest = SHORTEST if result.scene.growth is None else SHORTEST_GROWING
+    high = max(1e3 * max(layout.length for layout in layouts) + 0.25 * tall, low + shortest * tall)
     if high - low <= LONGEST * tall:
         return [_Window(LEFT, SPAN, low, high, False)], SPAN / (high - low), tall
     scale = SMALL / tall
@@ -151,6 +156,10 @@ def _headline(result: SearchResult) -> str:
     name, speed, gain = result.scene.name, result.wave.mean_speed, result.gain
     if result.score <= 0.0:
         return f"{name}: no row found that topples to the end"
+    if result.scene.objective not in ("mean_speed", "time"):
+        scene, mark = result.scene, result.uniform
+        found = scene.in_words(result.score, result.wave)
+        return f"{name}: {found} (uniform: {scene.in_words(mark.score, mark.wave)})"
     if gain is None:
         return f"{name}: {speed:.4f} m/s, where no uniform pitch topples to the end"
     compared = "faster" if gain >= 0.0 else "slower"
@@ -222,24 +231,30 @@ def _curves(axes: Axes, result: SearchResult, window: _Window, mark: Floats, bes
 
 def _spacing(axes: Axes, result: SearchResult, window: _Window) -> None:
     mark, best = 1e3 * result.uniform.layout.spacing, 1e3 * result.layout.spacing
-    _bounds(axes, result.scene.spacing, mark, best)
+    _bounds(axes, result.scene, result.scene.spacing, mark, best)
     _curves(axes, result, window, mark, best)
     axes.set_ylabel("spacing [mm]")
 
 
 def _thickness(axes: Axes, result: SearchResult, window: _Window) -> None:
     mark, best = 1e3 * result.uniform.layout.thickness[1:], 1e3 * result.layout.thickness[1:]
-    _bounds(axes, result.scene.thickness, mark, best)
+    _bounds(axes, result.scene, result.scene.thickness, mark, best)
     _curves(axes, result, window, mark, best)
     axes.set_ylabel("thickness [mm]")
 
 
-def _bounds(axes: Axes, bounds: tuple[float, float], *values: Floats) -> None:
-    """The scene's bounds, dashed, where they are near what is drawn."""
+def _heights(axes: Axes, result: SearchResult, window: _Window) -> None:
+    mark, best = 1e3 * result.uniform.layout.height[1:], 1e3 * result.layout.height[1:]
+    _curves(axes, result, window, mark, best)
+    axes.set_ylabel("height [mm]")
+
+
+def _bounds(axes: Axes, scene: Scene, bounds: tuple[float, float], *values: Floats) -> None:
+    """The scene's bounds, dashed, where they are near what is drawn; not those in heights."""
     low, high = min(v.min() for v in values), max(v.max() for v in values)
     room = max(0.12 * (high - low), 0.02 * high)
     axes.set_ylim(low - room, high + room)
-    for bound in bounds:
+    for bound in bounds if not scene.in_heights else ():
         axes.axhline(1e3 * bound, color=SOFT, linewidth=0.8, linestyle=(0, (4, 4)))
 
 
@@ -285,7 +300,8 @@ def _search(axes: Axes, result: SearchResult) -> None:
         axes.set_xscale("log")
         _plain(axes.xaxis, [a * 10.0**k for k in range(-6, 7) for a in (1, 3)])
     axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
-    axes.set_ylabel("best score [m/s]" if high > 0.0 else "best score (below 0: it dies)")
+    unit = f" [{result.scene.unit}]" if result.scene.unit else ""
+    axes.set_ylabel(f"best score{unit}" if high > 0.0 else "best score (below 0: it dies)")
     axes.set_xlabel(
         f"seconds of search ({result.method}, seed {result.seed}, {result.evaluations} rows)"
     )

@@ -81,6 +81,11 @@ class Problem:
         return rules[0] * (self.high - self.low), rules[1] - rules[0] @ self.low
 
     @property
+    def coupled(self) -> bool:
+        """Whether some designs of the box stand for others: see `project`."""
+        return self.scene.length is not None or self.discrete or self._allowed.coupled
+
+    @property
     def _total(self) -> float:
         """What the free gaps and thicknesses add up to where a length is asked [m]."""
         scene = self.scene
@@ -143,15 +148,19 @@ class Problem:
         return float(found[0]), gradients[0]
 
     def scores_and_gradients(
-        self, designs: Floats, scores: Callable[[Floats, float], Floats] | None = None
+        self,
+        designs: Floats,
+        scores: Callable[[Floats, float], Floats] | None = None,
+        *,
+        at_will: bool = False,
     ) -> tuple[Floats, Floats]:
         """Scores (B,) of designs (B, n) and their gradients (B, n).
 
         Exact, at the cost of some four waves each, whatever n; an evaluation counts as one.  At an
         edge of the rules (a face of the box, the length that is asked for) it is that of the
         nearest layout within them.  Values from a list or the stock stay where they are when a
-        design changes a little, so their gradient is 0; a relaxed problem tells what changing them
-        at will would bring.  Where a row is no success the score is how far the wave came or how
+        design changes a little, so their gradient is 0; `at_will` gives them the one they would
+        have if they could.  Where a row is no success the score is how far the wave came or how
         much a limit is broken, and its gradient is taken by differences.
         scores: takes designs and a tolerance, `self.scores` where None (a meter may stand between).
         """
@@ -163,7 +172,7 @@ class Problem:
         self.evaluations += len(designs)
         self.falls += self.scene.falls(found)
         by_value = self._by_value(values, *slopes)
-        by_value = self._allowed.tangent(by_value, self._wanted(designs), values)
+        by_value = self._allowed.tangent(by_value, self._wanted(designs), values, at_will)
         gradients = by_value * (self.high - self.low)
         for b in np.flatnonzero(self._without_slope(found)):
             gradients[b] = self._differences(designs[b], scores) * ~self._allowed.stepped

@@ -21,11 +21,11 @@ class Watch(Protocol):
 
 
 @contextmanager
-def progress_line(name: str, mark: float, shown: bool | None) -> Iterator[Watch]:
+def progress_line(name: str, mark: float, shown: bool | None, unit: str = "m/s") -> Iterator[Watch]:
     """A watch that keeps the line.
 
     name: what to call the search.  mark: the uniform score.  shown: None for where standard error
-    is a terminal.
+    is a terminal.  unit: of the scores.
     """
     if not (sys.stderr.isatty() if shown is None else shown):
         yield lambda budget: None
@@ -35,15 +35,15 @@ def progress_line(name: str, mark: float, shown: bool | None) -> Iterator[Watch]
     with tqdm(total=1.0, desc=name, bar_format=FORMAT, leave=False, dynamic_ncols=True) as line:
 
         def watch(budget: Budget) -> None:
-            line.set_postfix_str(best_so_far(budget.best_score, mark), refresh=False)
+            line.set_postfix_str(best_so_far(budget.best_score, mark, unit), refresh=False)
             line.update(budget.part - line.n)
 
         yield watch
 
 
-def best_so_far(score: float, mark: float) -> str:
-    """The best speed and its gain over uniform, in words."""
+def best_so_far(score: float, mark: float, unit: str = "m/s") -> str:
+    """The best score and its gain over uniform, in words."""
     if score <= 0.0:
         return f"no row runs through yet, the best to {1.0 + score:.0%}"
     gain = f", {score / mark - 1.0:+.2%} against uniform" if mark > 0.0 else ""
-    return f"best {score:.5f} m/s{gain}"
+    return f"best {score:.5f} {unit}".rstrip() + gain

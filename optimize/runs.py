@@ -132,6 +132,7 @@ def summary(result: SearchResult) -> dict[str, Any]:
         "outcome": wave.outcome.name,
         "explanation": wave.explanation,
         "score": result.score,
+        "score_in_words": result.scene.in_words(result.score, wave),
         "mean_speed": wave.mean_speed,
         "uniform_mean_speed": mark.wave.mean_speed,
         "gain": result.gain,

@@ -68,7 +68,7 @@ def search(
     warm.scores(mark)  # compiles what is not compiled yet, and so do gradients
     warm.scores_and_gradients(mark, of_dying=False)
     interrupted = False
-    with progress_line(f"{scene.name}, {method}", uniform.score, progress) as show:
+    with progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit) as show:
 
         def look(meter: Budget) -> None:
             show(meter)

@@ -16,18 +16,28 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def assign(prices: Floats, count: Ints) -> Ints:
+def assign(
+    prices: Floats, count: Ints, current: Ints | None = None, changes: int | None = None
+) -> Ints:
     """(n,) the kind for each place that makes the sum of prices (n, kinds) least.
 
-    count: (kinds,) how many there are of each, n or more in all.  ValueError where there are less.
+    count: (kinds,) how many there are of each, n or more in all.
+    current, changes: (n,) what stands there, and at how many places another may; None for any.
+    ValueError where there are less than n.
     """
     import cvxpy as cp
 
     places, kinds = prices.shape
     if int(np.sum(count)) < places:
         raise ValueError(f"{int(np.sum(count))} dominoes are in the box: {places} places need one")
-    taken = cp.Variable((places, kinds), nonneg=True)
-    rules = [cp.sum(taken, axis=1) == 1.0, cp.sum(taken, axis=0) <= count]
+    few = current is not None and changes is not None and changes < places
+    # without a bound on the changes the corners are whole numbers by themselves
+    taken = cp.Variable((places, kinds), boolean=True) if few else cp.Variable((places, kinds))
+    rules = [cp.sum(taken, axis=1) == 1.0, cp.sum(taken, axis=0) <= count, taken >= 0.0]
+    if few:
+        assert current is not None
+        assert changes is not None
+        rules.append(cp.sum(cp.multiply(np.eye(kinds)[current], taken)) >= places - changes)
     scale = float(np.ptp(prices)) or 1.0
     worth = (prices - prices.min()) / scale
     programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(worth, taken))), rules)

@@ -26,6 +26,7 @@ METHODS = {
     "cma": "evolution",
     "l-bfgs": "quasi_newton",
     "gauss-newton": "least_squares",
+    "assign": "assignment",
     "slsqp": "quadratic_programs",
     "scp": "convex_steps",
     "trust-constr": "trust_regions",

@@ -66,7 +66,7 @@ def _descend(
         proposed = strategy.ask()
         designs = np.array(proposed)[:, :n]
         costs = -budget.scores(designs)
-        if problem.equality is not None:
+        if problem.equality is not None or problem.linear is not None:
             costs += price * np.mean((designs - problem.project(designs)) ** 2, axis=1)
         strategy.tell(proposed, costs)
     return problem.evaluations - before

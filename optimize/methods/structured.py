@@ -19,6 +19,7 @@ import numpy as np
 
 from optimize.ascent import Refined
 from optimize.budget import Budget
+from optimize.methods import assignment
 from optimize.moves import MOVES, TIGHT_AT_MOST, bend, free_the_end, tight_end
 from optimize.problem import Floats, Problem
 from optimize.schedules import schedule
@@ -38,6 +39,9 @@ ALIKE = 1e-3  # largest distance of two designs that are one
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """Race the starts, then change and climb, at home and abroad, until the budget is spent."""
+    if budget.problem.scene.stock is not None:
+        assignment.run(budget, rng)  # what stands where decides, and no climb can change it
+        return
     home = _Elite(budget.problem)
     _race(budget, home, starts(budget.problem))
     while True:
@@ -195,7 +199,7 @@ def _levels(
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
     matrices = [schedule(parts, pairs, parts * m) for m in most if m < pairs]
-    return matrices, None if problem.equality is None else problem.project
+    return matrices, problem.project if problem.coupled else None
 
 
 def _columns(problem: Problem, design: Floats) -> Floats:

@@ -16,9 +16,31 @@ from gymnasium.utils.env_checker import check_env
 import domino_env as de
 from domino_env.env import DominoChain
 from domino_env.layout_env import DominoLayout
+from domino_env.objective import Limits
+from domino_env.stock import Stock
 
 SCENES = de.scene_names()
 BOTH = ("DominoChain-v0", "DominoLayout-v0")
+
+
+@pytest.fixture(autouse=True)
+def quick_marks(monkeypatch):
+    """Some row in place of the best uniform one, where finding that takes long."""
+    search, found = de.Scene.uniform, {}
+
+    def uniform(scene):
+        if scene.name not in ("stock", "jitter"):
+            return search(scene)
+        if scene not in found:
+            gap, thickness = sum(scene.spacing) / 2, scene.thickness[0]
+            if scene.stock is not None:
+                thickness = scene.stock.without(scene.first_thickness).dominoes[: scene.count - 1]
+            layout = scene.layout(gap, thickness)
+            wave = scene.simulate(layout)
+            found[scene] = de.UniformMark(layout, wave, scene.score_wave(wave))
+        return found[scene]
+
+    monkeypatch.setattr(de.Scene, "uniform", uniform)
 
 
 def short(name, count=7):
@@ -388,6 +410,114 @@ def test_a_length_is_met_by_the_nearest_row():
         common = shift[inner].mean()
         assert np.all(np.clip(wanted + common, low, high) == pytest.approx(gaps, abs=1e-12))
         assert gaps.sum() == pytest.approx(total, abs=1e-12)
+
+
+# scenes that ask more ----------------------------------------------------------------------------
+
+
+def demanding():
+    """Scenes with every rule and objective beyond bounds and a length, by name."""
+    thick, gentle = short("sprint-thickness", 9), short("gentle", 6)
+    grid = tuple((np.arange(4, 81) * 0.0005).tolist())
+    return {
+        "grid": replace(thick, spacing_values=grid, thickness_values=(0.004, 0.0075, 0.012)),
+        "smooth": replace(thick, largest_change=0.003),
+        "smooth grid": replace(thick, largest_change=0.0031, spacing_values=grid),
+        "stock": replace(
+            short("stock", 9), name="box", stock=Stock((0.01, 0.005, 0.0075), (3, 4, 2))
+        ),
+        "limits": replace(thick, limits=Limits(0.5, 0.3)),
+        "deadly limits": replace(gentle, limits=Limits(0.5, 0.3)),
+        "toppled": replace(gentle, objective="toppled"),
+        "magnify": short("magnify", 8),
+        "tempo": short("tempo", 8),
+        "jitter": replace(short("jitter", 8), name="few draws",
+                          placement=replace(de.load_scene("jitter").placement, draws=8)),
+        "time": replace(short("course", 8), objective="time"),
+    }  # fmt: skip
+
+
+DEMANDING = demanding()
+
+
+@pytest.mark.parametrize("kind", [DominoChain, DominoLayout])
+@pytest.mark.parametrize("name", DEMANDING)
+def test_all_rules_are_kept_and_all_objectives_paid(name, kind):
+    env, rng = kind(DEMANDING[name]), np.random.default_rng(7)
+    scene, mark = env.scene, env.scene.uniform().score
+    whole, returns, scores = 0, [], []
+    for episode in range(30):
+        edge = (-1.0, 1.0) if episode % 3 else np.sort(rng.uniform(-1.5, 1.5, 2))
+        _, observations, rewards, info = play(env, at_random(env, rng, *edge))
+        for seen in observations:
+            assert seen in env.observation_space
+        layout = info["layout"]
+        exact = 100.0 * (info["score"] - mark) / abs(mark)
+        assert rewards.sum() == pytest.approx(exact, abs=1e-9)
+        if scene.objective in ("tempo", "toppled", "magnify"):
+            assert not rewards[:-1].any()
+        if layout.count < scene.count:
+            assert info["outcome"] != de.Outcome.PROPAGATED
+            if scene.placement is None and scene.growth is None:
+                layout = completed(scene, layout)
+                assert info["score"] == pytest.approx(scene.score_wave(
+                    scene.simulate(layout, 1e-6)), abs=1e-12)  # fmt: skip
+            continue
+        whole += 1
+        assert scene.violations(layout) == []
+        assert info["score"] == scene.score_wave(scene.simulate(layout, 1e-6))
+        returns.append(rewards.sum())
+        scores.append(scene.score(layout))
+    assert whole >= 5
+    order = np.argsort(scores)
+    clear = np.diff(np.array(scores)[order]) > 1e-5
+    assert np.all(np.diff(np.array(returns)[order])[clear] > 0.0)
+
+
+def test_a_box_empties_and_the_nearest_left_is_taken():
+    env = DominoChain(DEMANDING["stock"])
+    seen, _ = env.reset()
+    np.testing.assert_array_equal(seen[-12:-9], 1.0)  # thin to thick; the first is taken out
+    taken = []
+    for _ in range(8):
+        seen, *_ = env.step([0.5, 1.0])
+        taken.append(env.moment().thickness[-1])
+        left = [4 - taken.count(0.005), 1 - taken.count(0.0075), 3 - taken.count(0.01)]
+        np.testing.assert_allclose(seen[-12:-9], np.array(left) / (4, 1, 3))
+    assert taken == [0.01] * 3 + [0.0075] + [0.005] * 4
+    start = de.Layout([0.02] * 3, [0.0075, 0.005, 0.01, 0.005])
+    seen, _ = env.reset(options={"layout": start})
+    np.testing.assert_allclose(seen[-12:-9], [0.5, 1.0, 2 / 3])
+    with pytest.raises(ValueError, match=r"4 dominoes are 0\.0075 m thick: the stock has 2"):
+        env.reset(options={"layout": de.Layout([0.02] * 3, 0.0075)})
+
+
+def test_growing_rows_are_seen_in_their_own_measure():
+    env = DominoChain(DEMANDING["magnify"], window=2)
+    assert env.action_space.shape == (2,)
+    env.reset()
+    env.step([0.5, -0.5])
+    seen, *_ = env.step([-0.25, 1.0])
+    moment = env.moment()
+    ratio = moment.height[1:] / moment.height[:-1]
+    np.testing.assert_allclose(ratio, [1.15, 1.6])
+    np.testing.assert_allclose(moment.thickness, 0.15 * moment.height)
+    np.testing.assert_allclose(
+        moment.spacing / moment.height[:-1], 0.05 + 0.85 * np.array([0.75, 0.375])
+    )
+    np.testing.assert_allclose(seen[3:7], [-0.25, 0.5, 1.0, -0.5], atol=1e-6)
+    most = 7 * np.log(1.6)
+    assert seen[7] == pytest.approx(np.log(1.15 * 1.6) / most, rel=1e-6)
+    start = de.Layout(moment.spacing, moment.thickness, moment.height)
+    again, _ = env.reset(options={"layout": start})
+    np.testing.assert_allclose(again, seen, rtol=1e-6)
+
+
+def test_rules_that_cannot_be_kept_domino_by_domino_are_refused():
+    both = replace(de.load_scene("course"), largest_change=0.001)
+    for kind in (DominoChain, DominoLayout):
+        with pytest.raises(ValueError, match="a length and for lists, a stock or a largest change"):
+            kind(both)
 
 
 # errors ------------------------------------------------------------------------------------------

@@ -13,6 +13,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import domino_env as de
 from domino_env.env import DominoChain
+from domino_env.objective import Limits
+from domino_env.stock import Stock
 from domino_env.vector_env import DominoChainVector
 
 NEXT, SAME, OFF = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
@@ -27,6 +29,14 @@ def scenes():
         "ideal": replace(de.load_scene("ideal"), count=9),
         "two": replace(gentle, count=2),
         "three": replace(gentle, count=3),
+        "growing": replace(de.load_scene("magnify"), count=7),
+        "box": replace(
+            de.load_scene("stock"), count=7, stock=Stock((0.01, 0.005, 0.0075), (3, 2, 2))
+        ),
+        "limits": replace(gentle, count=6, limits=Limits(0.3, 0.3)),
+        "stepped": replace(
+            de.load_scene("sprint"), count=6, spacing_values=(0.01, 0.02, 0.03), largest_change=0.01
+        ),
     }
 
 

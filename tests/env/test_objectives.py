@@ -290,6 +290,15 @@ def test_where_no_gap_of_the_list_meets_the_length_two_take_turns() -> None:
     assert np.ptp(np.diff(wide)) <= 1  # evenly
 
 
+def test_a_mark_without_the_lists_where_they_leave_none() -> None:
+    lists = {"spacing": (0.0078, 0.0078), "thickness": (0.0044, 0.0091),
+             "thickness_values": (0.0044, 0.0059, 0.0065, 0.0091)}  # fmt: skip
+    scene = some("sprint", count=6, length=0.0755, **lists)
+    mark = scene.uniform()
+    assert mark.layout.thickness[1:] == pytest.approx(np.full(5, 0.0755 / 5 - 0.0078))
+    assert mark.layout.length == pytest.approx(0.0755, abs=1e-12)
+
+
 @pytest.mark.parametrize(("kinds", "counts", "words"), [
     ((0.005, 0.01), (1,), "thickness has 2 entries and count 1"),
     ((0.005, 0.005), (1, 2), r"thickness\[1\] = 0.005 m stands there twice"),

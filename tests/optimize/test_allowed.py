@@ -139,6 +139,31 @@ def test_the_stock_is_taken_as_near_as_can_be(seed: int) -> None:
         assert np.square(kinds[chosen] - want).sum() == pytest.approx(least, abs=1e-9)
 
 
+def test_an_assignment_that_changes_few_places() -> None:
+    random = np.random.default_rng(0)
+    kinds, current = np.array([2, 2, 2]), np.array([0, 0, 1, 1, 2])
+    for changes in (0, 2, 3, 5):
+        prices = random.random((5, 3))
+        allowed = [
+            row for row in product(range(3), repeat=5)
+            if np.all(np.bincount(row, minlength=3) <= kinds)
+            and np.sum(np.array(row) != current) <= changes
+        ]  # fmt: skip
+        least = min(prices[np.arange(5), row].sum() for row in allowed)
+        found = assign(prices, kinds, current, changes)
+        assert tuple(found.tolist()) in allowed
+        assert prices[np.arange(5), found].sum() == pytest.approx(least)
+
+
+def test_assign_orders_a_small_box_as_well_as_can_be() -> None:
+    """Against all orders of the box at gaps that the scene fixes."""
+    scene = asking(spacing=(0.018, 0.018), **BOXED)
+    orders = set(permutations(BOX.without(0.0075).dominoes.tolist()))
+    scores = scene.score_batch(np.full((len(orders), 8), 0.018), np.array(list(orders)))
+    result = search(scene, "assign", budget=600, seed=0)
+    assert result.score == pytest.approx(scores.max(), rel=1e-6)
+
+
 def test_more_places_than_dominoes_are_told() -> None:
     with pytest.raises(ValueError, match="2 dominoes are in the box: 3 places"):
         assign(np.zeros((3, 2)), np.array([1, 1]))

@@ -1,0 +1,145 @@
+"""Evaluation: what a builder builds, and what the scene gives for it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.env import DominoChain
+from domino_env.layout import Layout
+from domino_env.scene import Scene, UniformMark, load_scene
+from domino_env.wave import Wave
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+Seen = NDArray[np.float32]
+Policy = Callable[[Seen], NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A row that a builder built, beside the best uniform one.
+
+    layout, wave, score: simulated closely; `score` as the scene judges it.
+    uniform: the best uniform row.  seconds: what building took, without the simulation of the mark.
+    """
+
+    scene: Scene
+    layout: Layout
+    wave: Wave
+    score: float
+    uniform: UniformMark
+    seconds: float
+
+    @property
+    def gain(self) -> float | None:
+        """score / uniform score - 1; None where one of the two rows does not run through."""
+        if self.score > 0.0 and self.uniform.score > 0.0:
+            return self.score / self.uniform.score - 1.0
+        return None
+
+
+def build(policy: Policy, scene: Scene, reference_speed: float | None = None) -> Built:
+    """Let a policy build one row, domino by domino.
+
+    A row that dies on the way is completed with what the policy would have placed last, so that it
+    can be shown; its score is that of the wave that died.
+    """
+    uniform = scene.uniform()
+    env = DominoChain(scene, reference_speed=reference_speed)
+    began = time.perf_counter()
+    seen, _ = env.reset()
+    over, told = False, dict[str, Any]()
+    while not over:
+        seen, _, over, _, told = env.step(policy(seen))
+    layout = _completed(told["layout"], scene)
+    seconds = time.perf_counter() - began
+    wave = scene.simulate(layout)
+    return Built(scene, layout, wave, scene.score_wave(wave), uniform, seconds)
+
+
+def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool = False) -> Built:
+    """What the best policy of a run builds, deterministically.
+
+    run: the folder that `train` wrote; or, with trust=True, an archive of stable-baselines3 (.zip),
+        whose loading runs code that it holds.
+    scene: another one than it was trained on; its observations must have the same entries.
+    ValueError where they have not, and for what is no run.
+    """
+    path = Path(run)
+    if path.suffix == ".zip":
+        if scene is None:
+            raise ValueError(f"{path} does not say which scene it builds: name one")
+        judged = load_scene(scene) if not isinstance(scene, Scene) else scene
+        model, speed = _from_archive(path, trust), None
+    else:
+        home = load_scene(path / "scene.toml") if (path / "scene.toml").exists() else None
+        if home is None or not (path / "policy.npz").exists():
+            raise ValueError(f"{path} holds no policy: name the folder of a finished training")
+        judged = home if scene is None else scene if isinstance(scene, Scene) else load_scene(scene)
+        model, relative = load_policy(path, home)
+        speed = relative * judged.uniform().wave.mean_speed
+    shape = DominoChain(judged).observation_space.shape
+    assert model.observation_space.shape is not None
+    if shape != model.observation_space.shape:
+        raise ValueError(
+            f"scene '{judged.name}' shows {shape} numbers, this policy was trained on "
+            f"{model.observation_space.shape}: choose a scene with the same things left free"
+        )
+    return build(lambda seen: model.predict(seen, deterministic=True)[0], judged, speed)
+
+
+def load_policy(folder: Path, scene: Scene) -> tuple[BaseAlgorithm, float]:
+    """The best policy of a run, and the reference speed it is used to, over the uniform row's."""
+    from agents.extra import require_extra
+
+    require_extra()
+    from agents.learner import learner, load_weights
+    from agents.presets import Preset
+    from agents.sb3_vec_env import DominoVecEnv
+
+    config = json.loads((folder / "config.json").read_text("utf-8"))
+    plan = Preset(**config["preset"])
+    small = {"buffer_size": 10} if "buffer_size" in plan.options else {}
+    plan = replace(plan, options=plan.options | small)
+    model = learner(config["algorithm"], plan, DominoVecEnv(scene, plan.rows), 0)
+    load_weights(model.policy, folder / "policy.npz")
+    best = json.loads((folder / "policy.json").read_text("utf-8"))
+    return model, float(best["reference_over_uniform"])
+
+
+def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:
+    if not trust:
+        raise ValueError(
+            f"loading {path} runs code that it holds: say --trust if you know where it comes from"
+        )
+    from agents.learner import CLASSES
+
+    for kind in CLASSES.values():
+        try:
+            return kind.load(path, device="cpu")
+        except (KeyError, ValueError, AttributeError, RuntimeError, TypeError):
+            continue
+    raise ValueError(f"{path} is no archive of {', '.join(CLASSES)}")
+
+
+def _completed(layout: Layout, scene: Scene) -> Layout:
+    """A row of all dominoes: what was not placed is as the last that was."""
+    missing = scene.count - layout.count
+    if missing == 0:
+        return layout
+    return Layout(
+        np.concatenate([layout.spacing, np.full(missing, layout.spacing[-1])]),
+        np.concatenate([layout.thickness, np.full(missing, layout.thickness[-1])]),
+        scene.height,
+        layout.width,
+        scene.density,
+    )

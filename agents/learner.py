@@ -1,0 +1,124 @@
+"""Learner: an algorithm of stable-baselines3 set up by its preset; its state without pickles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from sb3_contrib import ARS, TQC
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import VecEnv
+
+from agents.presets import Preset
+from domino_env.files import write_bytes
+
+CLASSES: dict[str, type[BaseAlgorithm]] = {
+    "ppo": PPO,
+    "sac": SAC,
+    "td3": TD3,
+    "tqc": TQC,
+    "ars": ARS,
+}
+
+
+def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorithm:
+    """A new learner.  One torch thread: more only slow such small networks down."""
+    torch.set_num_threads(1)
+    options = dict(plan.options)
+
+    def rate(left: float) -> float:
+        return plan.rate * (plan.last_rate + (1.0 - plan.last_rate) * left)
+
+    net = [plan.width] * plan.depth
+    policy_options: dict[str, Any] = {"net_arch": net}
+    if algorithm == "ppo":
+        policy_options |= {"activation_fn": torch.nn.Tanh, "log_std_init": 0.0}
+    if algorithm == "td3":
+        size = env.action_space.sample().size
+        options["action_noise"] = NormalActionNoise(np.zeros(size), 0.15 * np.ones(size))
+    if algorithm == "ars":
+        policy_options = {}
+        kind = "LinearPolicy"
+        step: Any = plan.rate
+    else:
+        kind, step = "MlpPolicy", rate
+    model = CLASSES[algorithm](
+        kind, env, learning_rate=step, policy_kwargs=policy_options, seed=seed, device="cpu",
+        verbose=0, **options,
+    )  # fmt: skip
+    if algorithm == "ppo":
+        model.policy.log_std.requires_grad_(False)
+    return model
+
+
+def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
+    """Of PPO's actions."""
+    policy: Any = model.policy
+    policy.log_std.data.fill_(float(np.log(deviation)))
+
+
+def save_weights(policy: torch.nn.Module, path: Path) -> None:
+    """Write a policy's weights as plain arrays."""
+    arrays = {name: value.detach().numpy() for name, value in policy.state_dict().items()}
+    write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
+
+
+def load_weights(policy: torch.nn.Module, path: Path) -> None:
+    """Read them back; nothing in the file is run.  ValueError where they do not fit."""
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            state = {name: torch.from_numpy(arrays[name].copy()) for name in arrays.files}
+        policy.load_state_dict(state)
+    except (ValueError, RuntimeError, OSError, KeyError, TypeError, EOFError) as error:
+        raise ValueError(f"{path} does not hold the weights of such a policy: {error}") from None
+
+
+def save_state(model: BaseAlgorithm, more: dict[str, Any], path: Path) -> None:
+    """Write all that going on needs: weights, optimisers, counters, random numbers, buffer."""
+    _, keys, place, _, _ = np.random.get_state(legacy=True)  # noqa: NPY002 - the learner draws from it
+    state: dict[str, Any] = {
+        "parameters": model.get_parameters(),
+        "steps": model.num_timesteps,
+        "updates": getattr(model, "_n_updates", 0),
+        "episodes": model._episode_num,
+        "torch": torch.get_rng_state(),
+        "numpy": torch.from_numpy(np.asarray(keys).astype(np.int64)),
+        "place": int(place),
+        "more": more,
+    }
+    entropy = getattr(model, "log_ent_coef", None)
+    if entropy is not None:
+        state["entropy"] = entropy.detach()
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is not None:
+        state["buffer"] = {
+            name: torch.from_numpy(getattr(buffer, name))
+            for name in ("observations", "next_observations", "actions", "rewards", "dones")
+        }
+        state["buffer_place"] = [int(buffer.pos), bool(buffer.full)]
+    write_bytes(path, lambda file: torch.save(state, file))
+
+
+def load_state(model: Any, path: Path) -> dict[str, Any]:
+    """Take a learner back to where `save_state` left it; returns what was kept beside it."""
+    state = torch.load(path, weights_only=True)
+    model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+    model.num_timesteps = state["steps"]
+    model._n_updates = state["updates"]
+    model._episode_num = state["episodes"]
+    torch.set_rng_state(state["torch"])
+    keys = state["numpy"].numpy().astype(np.uint32)
+    np.random.set_state(("MT19937", keys, state["place"], 0, 0.0))  # noqa: NPY002
+    if "entropy" in state:
+        model.log_ent_coef.data.copy_(state["entropy"])
+    if "buffer" in state:
+        buffer = model.replay_buffer
+        for name, values in state["buffer"].items():
+            getattr(buffer, name)[:] = values.numpy()
+        buffer.pos, buffer.full = state["buffer_place"]
+    more: dict[str, Any] = state["more"]
+    return more

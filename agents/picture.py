@@ -1,0 +1,54 @@
+"""The picture of a training: its learning curve, and the row it builds."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from domino_env.files import write_bytes
+from optimize.best_known import best_known
+
+if TYPE_CHECKING:
+    from agents.training import Run
+
+
+def draw(run: Run, path: Path) -> None:
+    """Write result.png."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 5.5), layout="constrained")
+    curve, row = figure.subplots(2, 1, height_ratios=[3, 1.2])
+    table = np.array(run.curve)
+    seconds, score, best = table[:, 1], table[:, 2], table[:, 3]
+    shown = score > 0.0
+    curve.plot(seconds[shown], score[shown], color="#56B4E9", lw=1, label="policy, without noise")
+    curve.plot(seconds[best > 0.0], best[best > 0.0], color="#0072B2", lw=2, label="best so far")
+    marks = [run.built.uniform.score]
+    curve.axhline(marks[0], color="#6b7280", ls="--", label=f"best uniform {marks[0]:.4f}")
+    known = best_known().get(run.built.scene.name)
+    if known is not None:
+        marks.append(known.score)
+        curve.axhline(known.score, color="#D55E00", ls=":", label=f"best known {known.score:.4f}")
+    low = min(marks) - 0.6 * (max(marks) - min(marks)) - 0.01 * abs(marks[0])
+    curve.set_ylim(low, max(*marks, run.built.score) + 0.01 * abs(marks[0]))
+    curve.set_xlabel("seconds of training")
+    curve.set_ylabel("score")
+    built = run.built
+    curve.set_title(f"{built.scene.name}, {run.algorithm}: {built.score:.5f}, {run.steps:,} steps")
+    curve.legend(loc="lower right", frameon=False)
+    layout = run.built.layout
+    row.plot(np.arange(layout.count - 1), layout.spacing * 1e3, color="#0072B2", label="gap")
+    if run.built.scene.free_thickness:
+        thick = layout.thickness * 1e3
+        row.plot(np.arange(layout.count), thick, color="#E69F00", label="thickness")
+        row.legend(frameon=False)
+    row.set_xlabel("domino")
+    row.set_ylabel("gap [mm]" if not run.built.scene.free_thickness else "[mm]")
+    for axes in (curve, row):
+        axes.spines[["top", "right"]].set_visible(False)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    write_bytes(path, lambda file: file.write(buffer.getvalue()))

@@ -1,0 +1,81 @@
+"""Presets: hyperparameters of every algorithm, typed, in one place, with what they gave.
+
+PPO's were found on `sprint`: the deviation of the actions falls on a schedule and is not learned,
+and the speed that single steps are paid against follows the best row found, so that the sum of
+rewards and the ratio that is scored agree in the end (Dinkelbach's iteration).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+ALGORITHMS = ("ppo", "sac", "td3", "tqc", "ars")
+
+
+@dataclass(frozen=True)
+class Preset:
+    """How an algorithm learns.
+
+    rows: environments side by side.  steps: in all, by default.
+    width, depth: of both networks.
+    rate: of learning at the start; it falls to `last_rate` of that.
+    first_deviation, last_deviation: of the actions, from start to end (PPO).
+    follow: whether the reference speed follows the best row found.
+    options: what the algorithm itself is given.
+    """
+
+    rows: int
+    steps: int
+    width: int = 64
+    depth: int = 2
+    rate: float = 1e-3
+    last_rate: float = 0.05
+    first_deviation: float = 1.0
+    last_deviation: float = 0.03
+    follow: bool = True
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For a file."""
+        return asdict(self)
+
+
+def preset(algorithm: str, episode: int) -> Preset:
+    """That of an algorithm for episodes of so many steps.  ValueError for an unknown one."""
+    if algorithm == "ppo":
+        length = 2 * episode if episode <= 120 else episode
+        return Preset(
+            rows=256,
+            steps=10_000_000,
+            options={
+                "n_steps": length,
+                "batch_size": max(256 * length // 4, 256),
+                "n_epochs": 8,
+                "gamma": 1.0,
+                "gae_lambda": 0.95,
+                "clip_range": 0.2,
+                "ent_coef": 0.0,
+                "vf_coef": 0.5,
+                "max_grad_norm": 0.5,
+            },
+        )
+    if algorithm in ("sac", "td3", "tqc"):
+        options: dict[str, Any] = {
+            "batch_size": 256,
+            "buffer_size": 200_000,
+            "gamma": 1.0,
+            "learning_starts": 2_000,
+            "train_freq": 1,
+            "gradient_steps": 8,
+            "tau": 0.005,
+        }
+        return Preset(rows=16, steps=60_000, rate=1e-3, options=options)
+    if algorithm == "ars":
+        return Preset(
+            rows=32,
+            steps=4_000_000,
+            rate=0.03,
+            options={"n_delta": 16, "n_top": 8, "delta_std": 0.03, "zero_policy": True},
+        )
+    raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")

@@ -1,0 +1,100 @@
+"""The native vector environment as stable-baselines3 wants it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from domino_env.scene import Scene
+from domino_env.vector_env import DominoChainVector
+
+NOTHING: dict[str, Any] = {}
+
+
+class DominoVecEnv(VecEnv):
+    """Rows that are built side by side in one compiled call a step.
+
+    An episode that ends begins anew in the same step; its info holds `terminal_observation`,
+    `TimeLimit.truncated` (never), `episode` (return, length, seconds), and what the environment
+    tells at the end: score, gain, outcome, layout, wave.
+
+    scene: what is built.  number: how many rows.  reference_speed: see `DominoChain`.
+    """
+
+    def __init__(
+        self, scene: str | Scene, number: int, reference_speed: float | None = None
+    ) -> None:
+        self.rows = DominoChainVector(
+            number,
+            scene,
+            reference_speed=reference_speed,
+            autoreset_mode="SameStep",
+        )
+        self.render_mode = None
+        super().__init__(number, self.rows.single_observation_space, self.rows.single_action_space)
+        self._actions: NDArray[Any] = np.zeros((number, 1))
+        self._returns = np.zeros(number)
+        self._lengths = np.zeros(number, dtype=np.int64)
+        self._began = time.perf_counter()
+
+    def reset(self) -> NDArray[np.float32]:
+        """Begin anew in every row."""
+        self._returns[:] = 0.0
+        self._lengths[:] = 0
+        seeds: Any = self._seeds if any(s is not None for s in self._seeds) else None
+        seen, _ = self.rows.reset(seed=seeds)
+        self._reset_seeds()
+        self._reset_options()
+        return seen
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        self._actions = actions
+
+    def step_wait(self) -> Any:
+        seen, rewards, ended, _, told = self.rows.step(self._actions)
+        self._returns += rewards
+        self._lengths += 1
+        infos = [NOTHING] * self.num_envs
+        if ended.any():
+            elapsed = time.perf_counter() - self._began
+            final = told["final_info"]
+            keys = [key for key in final if not key.startswith("_")]
+            for i in np.flatnonzero(ended):
+                infos[i] = {key: final[key][i] for key in keys} | {
+                    "terminal_observation": told["final_obs"][i],
+                    "TimeLimit.truncated": False,
+                    "episode": {
+                        "r": float(self._returns[i]),
+                        "l": int(self._lengths[i]),
+                        "t": elapsed,
+                    },
+                }
+            self._returns[ended] = 0.0
+            self._lengths[ended] = 0
+        return seen, rewards.astype(np.float32), ended, infos
+
+    def close(self) -> None:
+        self.rows.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        return [getattr(self.rows, attr_name)] * len(self._chosen(indices))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        setattr(self.rows, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+    ) -> list[Any]:
+        found = getattr(self.rows, method_name)(*method_args, **method_kwargs)
+        return [found] * len(self._chosen(indices))
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        return [False] * len(self._chosen(indices))
+
+    def _chosen(self, indices: int | Sequence[int] | None) -> list[int]:
+        return list(self._get_indices(indices))

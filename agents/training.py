@@ -1,0 +1,318 @@
+"""Training: one learner on one scene, in a folder from which it can go on.
+
+scene.toml      the scene                    config.json   algorithm, seed, preset, versions
+progress.csv    the learning curve           policy.npz    weights of the best policy so far
+policy.json     what it built, and when      checkpoint.pt all that going on needs (no pickled code)
+layout.csv/json the row it builds            summary.json, result.png
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from agents.evaluation import Built, build
+from agents.extra import require_extra
+from agents.presets import ALGORITHMS, Preset, preset
+from domino_env.files import write_text
+from domino_env.scene import Scene, load_scene
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+    from stable_baselines3.common.callbacks import BaseCallback
+
+LOOKS = 200  # evaluations of the policy in a run
+KEEPS = 40  # checkpoints of a run
+COLUMNS = ("steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference")
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a training came to.
+
+    folder: where all of it lies.  built: the row of the best policy.  steps, seconds: spent.
+    curve: a tuple of `COLUMNS` for each evaluation.  interrupted: whether it was ended by hand.
+    """
+
+    folder: Path
+    algorithm: str
+    built: Built
+    steps: int
+    seconds: float
+    curve: tuple[tuple[float, ...], ...]
+    interrupted: bool
+
+
+def train(
+    scene: str | Scene,
+    algorithm: str = "ppo",
+    steps: int | None = None,
+    seed: int = 0,
+    folder: str | Path | None = None,
+    *,
+    resume: bool = False,
+    progress: bool = False,
+    plan: Preset | None = None,
+) -> Run:
+    """Train an agent to build rows for a scene.
+
+    algorithm: "ppo", "sac", "td3", "tqc" or "ars".
+    steps: dominoes to place in all; None for the preset's.
+    seed: the same seed on the same machine gives the same weights.
+    folder: where the run is kept (runs/SCENE-ALGORITHM).
+    resume: go on from the checkpoint in the folder, with its scene, seed and steps.
+    plan: another preset.
+
+    Ctrl-C ends it with the best policy so far; a kill loses what came after the last checkpoint.
+    ImportError where the extra "rl" is missing; ValueError for an unknown algorithm or scene, for a
+    folder that holds another run, and for nothing to go on from.
+    """
+    if algorithm not in ALGORITHMS:
+        raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")
+    if steps is not None and steps < 1:
+        raise ValueError(f"steps = {steps}: give 1 or more")
+    require_extra()
+    judged = scene if isinstance(scene, Scene) else load_scene(scene)
+    home = Path(folder or f"runs/{judged.name}-{algorithm}")
+    if resume:
+        judged, algorithm, seed, plan, steps = _as_begun(home)
+    elif (home / "config.json").exists() or (home.is_dir() and any(home.iterdir())):
+        raise ValueError(f"{home} is not empty: name another folder, or go on with --resume")
+    plan = plan or preset(algorithm, judged.count - 1)
+    total = steps or plan.steps
+    state = np.random.get_state()  # noqa: NPY002 - the learner draws from the global stream
+    try:
+        return _Training(judged, algorithm, plan, total, seed, home, progress).run(resume)
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
+
+
+class _Training:
+    """One training while it runs."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        algorithm: str,
+        plan: Preset,
+        total: int,
+        seed: int,
+        home: Path,
+        progress: bool,
+    ) -> None:
+        from agents.learner import learner
+        from agents.sb3_vec_env import DominoVecEnv
+
+        self.scene, self.algorithm, self.plan = scene, algorithm, plan
+        self.total, self.home = total, home
+        self.uniform_speed = scene.uniform().wave.mean_speed
+        self.env = DominoVecEnv(scene, plan.rows)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
+            self.model: BaseAlgorithm = learner(algorithm, plan, self.env, seed)
+        self.seed = seed
+        self.best = -np.inf
+        self.sampled = -np.inf
+        self.curve: list[tuple[float, ...]] = []
+        self.spent = 0.0  # seconds of earlier sessions
+        self.began = time.perf_counter()
+        self.next_look = self.next_keep = 0
+        self.bar: Any = None
+        if progress:
+            from tqdm import tqdm
+
+            self.bar = tqdm(total=total, unit=" dominoes", unit_scale=True)
+
+    def run(self, resume: bool) -> Run:
+        from agents.learner import load_state
+
+        if resume:
+            self._restore(load_state(self.model, self.home / "checkpoint.pt"))
+        else:
+            self._begin()
+        interrupted = False
+        left = self.total - self.model.num_timesteps
+        if left > 0:
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", UserWarning)
+                    self.model.learn(left, callback=self._watch(), reset_num_timesteps=False)
+            except KeyboardInterrupt:
+                interrupted = True
+        if not interrupted or not self.curve:
+            self.look()
+        self.keep()
+        return self._finish(interrupted)
+
+    @property
+    def seconds(self) -> float:
+        return self.spent + time.perf_counter() - self.began
+
+    @property
+    def done(self) -> float:
+        """The part of the steps that has been taken."""
+        return min(self.model.num_timesteps / self.total, 1.0)
+
+    def deviation(self) -> float:
+        """Of PPO's actions, falling geometrically."""
+        first, last = self.plan.first_deviation, self.plan.last_deviation
+        return float(first * (last / first) ** self.done)
+
+    def tune(self) -> None:
+        """What changes along the way: deviation and reference speed."""
+        from agents.learner import set_deviation
+
+        if self.algorithm == "ppo":
+            set_deviation(self.model, self.deviation())
+        if self.plan.follow and self.scene.objective == "mean_speed":
+            found = max(self.best, self.sampled)
+            self.env.rows.reference_speed = float(max(found, self.uniform_speed))
+
+    def look(self) -> None:
+        """Let the policy build a row without noise; keep the policy if it is the best so far."""
+        from agents.learner import save_weights
+
+        speed = float(self.env.rows.reference_speed)
+        built = build(
+            lambda seen: self.model.predict(seen, deterministic=True)[0], self.scene, speed
+        )
+        if built.score > self.best:
+            self.best = built.score
+            save_weights(self.model.policy, self.home / "policy.npz")
+            document = {
+                "score": built.score,
+                "gain": built.gain,
+                "steps": self.model.num_timesteps,
+                "seconds": self.seconds,
+                "reference_over_uniform": speed / self.uniform_speed
+                if self.uniform_speed > 0.0
+                else 1.0,
+            }
+            write_text(self.home / "policy.json", json.dumps(document, indent=1) + "\n")
+            built.layout.to_csv(self.home / "layout.csv")
+            built.layout.to_json(self.home / "layout.json")
+        self.curve.append(
+            (
+                float(self.model.num_timesteps), self.seconds, built.score, self.best,
+                self.sampled, self.deviation(), speed,
+            )
+        )  # fmt: skip
+        if self.bar is not None:
+            mark = self.scene.uniform().score
+            self.bar.set_postfix_str(f"best {self.best:.4f}, uniform {mark:.4f}")
+
+    def keep(self) -> None:
+        """Write the checkpoint and the learning curve."""
+        from agents.learner import save_state
+
+        more = {
+            "best": float(self.best),
+            "sampled": float(self.sampled),
+            "curve": [list(row) for row in self.curve],
+            "seconds": self.seconds,
+            "reference": float(self.env.rows.reference_speed),
+            "next_look": self.next_look,
+            "next_keep": self.next_keep,
+        }
+        save_state(self.model, more, self.home / "checkpoint.pt")
+        lines = [",".join(COLUMNS)]
+        lines += [",".join(f"{x:.10g}" for x in row) for row in self.curve]
+        write_text(self.home / "progress.csv", "\n".join(lines) + "\n")
+
+    def at_rollout(self) -> None:
+        """Between two updates: look, keep, tune."""
+        steps = self.model.num_timesteps
+        if steps >= self.next_look:
+            self.look()
+            self.next_look = steps + self.total // LOOKS
+        if steps >= self.next_keep:
+            self.next_keep = steps + self.total // KEEPS
+            self.keep()
+            # A run that goes on from here begins with new rows; so does this one.
+            self.model._last_obs = self.env.reset()
+            self.model._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
+        self.tune()
+        if self.bar is not None:
+            self.bar.update(steps - self.bar.n)
+
+    def _watch(self) -> BaseCallback:
+        from stable_baselines3.common.callbacks import BaseCallback
+
+        training = self
+
+        class Watch(BaseCallback):
+            def _on_rollout_start(self) -> None:
+                training.at_rollout()
+
+            def _on_step(self) -> bool:
+                for info in self.locals.get("infos", ()):
+                    if "score" in info:
+                        training.sampled = max(training.sampled, float(info["score"]))
+                return True
+
+        return Watch()
+
+    def _begin(self) -> None:
+        self.home.mkdir(parents=True, exist_ok=True)
+        from optimize.runs import versions
+
+        document = {
+            "algorithm": self.algorithm,
+            "seed": self.seed,
+            "steps": self.total,
+            "preset": self.plan.to_dict(),
+            "versions": versions(),
+        }
+        write_text(self.home / "scene.toml", self.scene.to_toml())
+        write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
+
+    def _restore(self, more: dict[str, Any]) -> None:
+        self.best, self.sampled = more["best"], more["sampled"]
+        self.curve = [tuple(row) for row in more["curve"]]
+        self.spent = more["seconds"]
+        self.env.rows.reference_speed = more["reference"]
+        self.next_look, self.next_keep = more["next_look"], more["next_keep"]
+
+    def _finish(self, interrupted: bool) -> Run:
+        from agents.evaluation import evaluate
+        from agents.picture import draw
+
+        if self.bar is not None:
+            self.bar.close()
+        built = evaluate(self.home)
+        run = Run(
+            self.home, self.algorithm, built, self.model.num_timesteps, self.seconds,
+            tuple(self.curve), interrupted,
+        )  # fmt: skip
+        document = {
+            "finished": not interrupted,
+            "scene": self.scene.name,
+            "algorithm": self.algorithm,
+            "seed": self.seed,
+            "score": built.score,
+            "uniform_score": built.uniform.score,
+            "gain": built.gain,
+            "steps": run.steps,
+            "seconds": run.seconds,
+        }
+        write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
+        draw(run, self.home / "result.png")
+        return run
+
+
+def _as_begun(home: Path) -> tuple[Scene, str, int, Preset, int]:
+    """What a run in this folder was begun with."""
+    if not (home / "checkpoint.pt").exists():
+        raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
+    config = json.loads((home / "config.json").read_text("utf-8"))
+    if config["algorithm"] == "ars":
+        raise ValueError("ars keeps no checkpoint that it can go on from: begin anew")
+    scene = load_scene(home / "scene.toml")
+    plan = Preset(**config["preset"])
+    return scene, config["algorithm"], int(config["seed"]), replace(plan), int(config["steps"])

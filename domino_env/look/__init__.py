@@ -1,0 +1,1 @@
+"""Look: what people look at and build, and checks against other physics."""

@@ -1,0 +1,57 @@
+"""Check rows in an independent rigid-body engine (pymunk), hinged and free on a rough floor.
+
+The engine runs at two or more time steps; its times are extrapolated to steps of zero and put
+beside the model's.  Needs the extra 'verify'.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "the same row in an independent physics engine, times side by side"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `domino verify`."""
+    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="a .csv or .json file")
+    parser.add_argument("--scene", help="a scene's physics, by name or .toml file")
+    parser.add_argument("--friction", type=float, help="between dominoes (0.25)")
+    parser.add_argument("--gravity", type=float, help="[m/s²] (9.81)")
+    parser.add_argument("--push", type=float, help="angular velocity of the first [rad/s] (8)")
+    parser.add_argument(
+        "--steps", type=float, nargs="+", metavar="US", help="of the engine's time [µs] (40 20)"
+    )
+    parser.add_argument(
+        "--json", metavar="FILE", help="write the times (one layout only), for domino report"
+    )
+    parser.add_argument("--plot", metavar="FILE", help="draw the differences (PNG)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check each row; 1 if any differs by more than 0.3 per cent."""
+    from dataclasses import replace
+    from pathlib import Path
+
+    from domino_env.layout import Layout
+    from domino_env.look.verification import STEPS, table, verify, write_verification
+    from domino_env.physics import Physics
+    from domino_env.scene import load_scene
+
+    if len(arguments.layouts) > 1 and (arguments.json or arguments.plot):
+        raise ValueError("--json and --plot name one file: give one layout with them")
+    physics = load_scene(arguments.scene).physics if arguments.scene else Physics()
+    given = {k: getattr(arguments, k) for k in ("friction", "gravity", "push")}
+    physics = replace(physics, **{k: v for k, v in given.items() if v is not None})
+    steps = [h * 1e-6 for h in arguments.steps] if arguments.steps else STEPS
+    differs = False
+    for name in arguments.layouts:
+        checked = verify(Layout.read(name), physics, steps)
+        print(f"{name}\n" + "\n".join(table(checked)))
+        differs |= checked.verdict.startswith("DIFFERS")
+        if arguments.json:
+            write_verification(checked, Path(arguments.json))
+        if arguments.plot:
+            from domino_env.look.verification_picture import write_picture
+
+            write_picture(checked, Path(arguments.plot), Path(name).stem)
+    return 1 if differs else 0
