@@ -109,9 +109,16 @@ def gradients() -> list[str]:
     return lines
 
 
+def environments() -> list[str]:
+    """Steps of the environments, beside CartPole's."""
+    from domino_env.env_bench import environment_steps
+
+    return environment_steps()
+
+
 def main() -> None:
     """Print every table."""
-    for table in (single_waves, gradients, long_rows, batches):
+    for table in (single_waves, gradients, long_rows, batches, environments):
         print("\n".join(table()), end="\n\n", flush=True)
 
 

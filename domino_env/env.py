@@ -28,25 +28,30 @@ class DominoChain(RowEnv):
     is simulated to the tolerance asked for, and a step costs microseconds.
 
     ## Action space
-    `Box(-1, 1, (A,), float32)`, the first of these entries, or the second, or both: what the scene
-    leaves free.  -1 stands for the least, 1 for the largest value; beyond them the value is cut
-    off.
+    `Box(-1, 1, (A,), float32)`: of these entries, in this order, those that the scene leaves free.
+    -1 stands for the least, 1 for the largest value; beyond them the value is cut off.
 
-    | entry     | meaning                                     | unit |
-    |-----------|---------------------------------------------|------|
-    | gap       | free gap in front of the domino that leads  | m    |
-    | thickness | thickness of the domino that is placed      | m    |
+    | entry     | meaning                                     | unit                     |
+    |-----------|---------------------------------------------|--------------------------|
+    | gap       | free gap in front of the domino that leads  | m, or heights (scene)    |
+    | thickness | thickness of the domino that is placed      | m, or heights (scene)    |
+    | growth    | its height over that of the one before      | 1                        |
 
-    Where the scene asks for a total length, the bounds narrow to what remains reachable.  With R
-    left of the length and m dominoes to place after this one, the pitch (gap and thickness) of
-    this step lies between R - m (largest gap + largest thickness) and R - m (least gap + least
-    thickness).  The thickness ranges over what leaves some gap for such a pitch, the gap over what
-    fits the thickness chosen; the last pitch is what is left.  `bounds_ahead()` gives them.
+    The bounds narrow to what the scene's rules leave; no row that breaks them can be built.
+    - A total length: with R left of it and m dominoes to place after this one, the pitch (gap and
+      thickness) lies between R - m (largest gap + largest thickness) and R - m (least gap + least
+      thickness).  The thickness ranges over what leaves some gap for such a pitch, the gap over
+      what fits the thickness chosen; the last pitch is what is left.  `bounds_ahead()` tells.
+    - A largest change: the gap stays that close to the one before.
+    - Lists, steps: the nearest value that is allowed.  A stock: the nearest thickness that is left
+      in the box.
+    A length together with lists, a stock or a largest change is refused.
 
     ## Observation space
-    `Box(low, high, (O,), float32)`, finite.  h is the height of a domino, g gravity, N the number
-    of dominoes, k how many are placed after the first.  Entries marked * are there only where the
-    scene asks for a length; windows only of what it leaves free.
+    `Box(low, high, (O,), float32)`, finite.  h is the height of the first domino, g gravity, N the
+    number of dominoes, k how many are placed after the first.  Entries marked * are there only
+    where the scene asks for a length, + where rows grow, # where there is a stock; windows only of
+    what the scene leaves free.
 
     | entries | meaning                                                             | range     |
     |---------|---------------------------------------------------------------------|-----------|
@@ -57,6 +62,9 @@ class DominoChain(RowEnv):
     | 1 *     | mean pitch left: -1 the least, 1 the largest                        | -1, 1     |
     | W       | last W gaps, the latest first: -1 least, 1 largest, 0 not there yet | -1, 1     |
     | W       | last W thicknesses, likewise (the first domino's is not among them) | -1, 1     |
+    | W +     | last W growths, likewise                                            | -1, 1     |
+    | 1 +     | log of the height over the first's, over its largest possible value | 0, 1      |
+    | K #     | part of each kind that is left in the box, thin to thick            | 0, 1      |
     | 1       | k / (N - 1)                                                         | 0, 1      |
     | 4       | exp(-k / c) for c = 1, 2, 4, 8: closeness to the start              | 0, 1      |
     | 4       | exp(-(N - 1 - k) / c) for the same c: closeness to the end          | 0, 1      |
@@ -68,8 +76,8 @@ class DominoChain(RowEnv):
     row - 1), whatever the reference speed.  So the return orders layouts as `scene.score` does.
     A wave that dies scores between -1 and 0, higher the further it came (see `Scene.score`): its
     return is below -100, and below that of every row that topples.  (Where even the best uniform
-    row scores 0 or less, the return is 100 (score - its score) / |its score|.)  Objectives other
-    than the mean speed pay on the last step only.
+    row scores 0 or less, the return is 100 (score - its score) / |its score|.)  Where the objective
+    is no speed ("tempo", "toppled", "magnify"), only the last step pays.
 
     ## Starting state
     The first domino alone.  `reset(options={"layout": layout})` starts from a layout of fewer
@@ -80,9 +88,10 @@ class DominoChain(RowEnv):
     Terminated when the last domino is placed, or when the wave dies.  Never truncated.
 
     ## Info
-    Empty but on the last step: `score` (as `scene.score_wave(wave)`), `gain` (over the best uniform
-    row, 0.01 is one per cent), `outcome` (an `Outcome`), `layout` (what was placed) and `wave` (its
-    wave at the environment's tolerance; its `reach` counts against all N dominoes).
+    Empty but on the last step: `score` (that of `wave`), `gain` (over the best uniform row, 0.01 is
+    one per cent), `outcome` (an `Outcome`), `layout` (what was placed) and `wave` (its wave at the
+    environment's tolerance; its `reach` counts against all N dominoes).  Layout and wave are worked
+    out when they are looked at.
 
     ## Arguments
     - `scene`: a name, the path of a TOML file, or a `Scene`.  Default "sprint".

@@ -2398,6 +2398,10 @@ FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut
 LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
 
 
+# Handing a dozen arrays from function to function costs more than these functions do.
+_INLINE = {**_JIT, "forceinline": True}
+
+
 @numba.extending.intrinsic
 def borrowed(_, array):
     """The same array without its reference count, whose owner must outlive it.
@@ -2420,14 +2424,14 @@ if numba.config.DISABLE_JIT:
         return array
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def between(action, low, high):
     """The value that an action in [-1, 1] stands for; beyond them, the nearer bound."""
     value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
     return min(max(value, low), high)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def reachable(low, high, least, most):
     """[low, high] narrowed to [least, most]; a single value where rounding leaves none."""
     new_low, new_high = max(low, least), min(high, most)
@@ -2437,7 +2441,7 @@ def reachable(low, high, least, most):
     return new_low, new_high
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def pitch_bounds(rules, pairs_left, way):
     """Least and largest pitch of this pair from which the course length can still be met."""
     low = rules[G_GAP_LOW] + rules[G_THICK_LOW]
@@ -2448,7 +2452,7 @@ def pitch_bounds(rules, pairs_left, way):
     return left - after * high, left - after * low
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def thickness_bounds(rules, pairs_left, way):
     """Bounds of the next domino's thickness: some gap must still fit its pitch."""
     low, high = rules[G_THICK_LOW], rules[G_THICK_HIGH]
@@ -2458,7 +2462,7 @@ def thickness_bounds(rules, pairs_left, way):
     return reachable(low, high, least - rules[G_GAP_HIGH], most - rules[G_GAP_LOW])
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def gap_bounds(rules, pairs_left, way, thickness):
     """Bounds of the next gap, once the thickness of the domino behind it is chosen."""
     low, high = rules[G_GAP_LOW], rules[G_GAP_HIGH]
@@ -2488,7 +2492,7 @@ def nearest_within(values, low, high, gap):
     return best
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def choose(action, rules, gaps, kinds, left, n, way, spacing, thickness, height):
     """Lay down what an action stands for: gap n, and thickness (and height) of domino n+1.
 
@@ -2545,7 +2549,7 @@ def open_row(rules, ring, state, book, thickness, height, density):
     book[B_PHASE] = RUNS
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def next_fall(rules, lanes, ring, state, n, spacing, thickness, height, density):
     """Domino n+1 is placed and leader n falls, as in `chain`."""
     mask, count = len(ring) - 1, len(thickness)
@@ -2578,7 +2582,7 @@ def close_row(rules, state, book, n, outcome, spacing, thickness, height, densit
             book[B_DOUBT] = 1.0
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def worth(score, uniform):
     """The return of an episode: the gain over the best uniform row, in per cent."""
     if uniform > 0.0:
@@ -2586,7 +2590,7 @@ def worth(score, uniform):
     return 100.0 * (score - uniform) / max(-uniform, 1e-9)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def place_next(rules, lanes, ring, state, book, spacing, thickness, height, density):
     """Let the leader fall on the domino just laid down in spacing and thickness; returns the
     lead gained over a wave at the reference speed, in heights."""
@@ -2607,7 +2611,7 @@ def place_next(rules, lanes, ring, state, book, spacing, thickness, height, dens
     return lead
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def observe(rules, progress, kinds, box, left, state, book, spacing, thickness, height, seen):
     """Write what is seen of a row; the order of the entries is that of the environment's page."""
     placed, way, unit = int(book[B_PLACED]), book[B_WAY], rules[G_UNIT]

@@ -26,10 +26,11 @@ class DominoLayout(RowEnv):
     The same scenes and the same score as `DominoChain-v0`, one step an episode.
 
     ## Action space
-    `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 free gaps, then one for each of the
-    N - 1 free thicknesses (of dominoes 1 … N - 1), as far as the scene leaves them free; -1 stands
-    for the least, 1 for the largest value [m], beyond them the value is cut off.  Where the scene
-    asks for a total length, the row is the nearest one (in metres) that has it.
+    `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
+    thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
+    them free; -1 stands for the least, 1 for the largest value, beyond them the value is cut off.
+    Where the scene asks for a total length, the row is the nearest one (in metres) that has it;
+    other rules narrow the entries from the first domino to the last, as in `DominoChain-v0`.
 
     ## Observation space
     `Box(0, 1, (1,), float32)`: 0 before the row is laid, 1 after.

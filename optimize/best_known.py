@@ -40,19 +40,21 @@ class BestKnown:
     version: str
 
 
-def best_known(path: Path = PATH) -> dict[str, BestKnown]:
-    """All records, by the name of their scene; none where there is no such file."""
+def best_known(path: Path | None = None) -> dict[str, BestKnown]:
+    """All records, by the name of their scene; none where there is no such file (None: PATH)."""
+    path = path or PATH
     if not path.exists():
         return {}
     document = json.loads(path.read_text("utf-8"))
     return {name: _read(record) for name, record in document.items()}
 
 
-def update(results: list[SearchResult], path: Path = PATH) -> list[str]:
+def update(results: list[SearchResult], path: Path | None = None) -> list[str]:
     """Write down what beats the record of its scene; returns the names of these scenes.
 
     A layout that breaks a rule, or whose wave dies at the closest look, is no record.
     """
+    path = path or PATH
     records = best_known(path)
     improved: list[str] = []
     for result in results:

@@ -28,7 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="for each run (10)")
     parser.add_argument("--out", metavar="FOLDER", default="runs/comparison", help="%(default)s")
     parser.add_argument(
-        "--update-best", action="store_true", help="write new records into optimize/best_known.json"
+        "--update-best",
+        action="store_true",
+        help="write new records of scenes that ship into optimize/best_known.json",
     )
 
 
@@ -58,7 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"\n{name}\n" + "\n".join(table(comparison, name)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")
     if arguments.update_best:
-        improved = best_known.update(list(comparison.results))
+        shipped = [r for r in comparison.results if r.scene.name in scene_names()]
+        improved = best_known.update(shipped)
         print(f"new records: {', '.join(improved) or 'none'}")
     return 0
 

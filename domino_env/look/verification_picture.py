@@ -29,10 +29,12 @@ def write_picture(checked: Verification, path: Path, title: str) -> None:
 
     axes.axhspan(-100.0 * AGREES, 100.0 * AGREES, color="#eef1f4", zorder=0)
     axes.axhline(0.0, color="#282c34", linewidth=0.8)
-    for step, times in zip(checked.steps, checked.hinged, strict=True):
+    for k, (step, times) in enumerate(zip(checked.steps, checked.hinged, strict=True)):
+        # the finer, the bolder
         axes.plot(
-            numbers, share(times), color=PALE, linewidth=0.9, label=f"hinged, {step * 1e6:g} µs"
-        )
+            numbers, share(times), color=PALE, linewidth=0.8 + 0.6 * k,
+            label=f"hinged, {step * 1e6:g} µs",
+        )  # fmt: skip
     axes.plot(numbers, share(checked.limit), color=HINGED, label="hinged, extrapolated")
     axes.plot(numbers, share(checked.free_limit), color=FREE, linestyle="--", label="free")
     axes.set_xlabel("domino")

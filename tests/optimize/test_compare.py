@@ -111,7 +111,7 @@ def test_what_cannot_be_compared_is_told(scene_list, methods, seeds, message: st
 
 def test_the_command(scenes, tmp_path: Path, capsys, monkeypatch) -> None:
     (tmp_path / "mine.toml").write_text(replace(scenes["spacing"]).to_toml())
-    monkeypatch.setattr(best_known, "PATH", None)  # nothing is written unless it is asked for
+    monkeypatch.setattr(best_known, "PATH", tmp_path / "best.json")
     parser = argparse.ArgumentParser()
     compare_command.add_arguments(parser)
     words = [str(tmp_path / "mine.toml"), "--methods", "auto, uniform", "--seeds", "1"]
@@ -121,6 +121,10 @@ def test_the_command(scenes, tmp_path: Path, capsys, monkeypatch) -> None:
     assert "2 runs of 0.1 s" in said
     assert "| `auto` |" in said
     assert (tmp_path / "out" / "comparison.md").exists()
+    assert not (tmp_path / "best.json").exists()  # only when it is asked for
+    assert compare_command.run(parser.parse_args([*words, "--update-best"])) == 0
+    assert "new records: none" in capsys.readouterr().out
+    assert not (tmp_path / "best.json").exists()  # which is for scenes that ship
 
 
 # best known -------------------------------------------------------------------------------------
