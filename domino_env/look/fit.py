@@ -1,0 +1,104 @@
+"""Fit: the friction that explains measured hit frequencies of uniform rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from domino_env.layout import HEIGHT
+from domino_env.physics import Physics
+from domino_env.steady import steady_wave
+
+HIGHEST = 1.5  # friction looked for
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+CLOSE = 1e-7  # of the friction
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The friction that explains all rows best.
+
+    friction, uncertainty: of least squares in relative frequency; the uncertainty is the standard
+        error that the rows' scatter implies, nan for a single row.
+    single: (K,) friction that explains each row alone; nan where none does.
+    explained: (K,) hits a second at the common friction.
+    """
+
+    friction: float
+    uncertainty: float
+    single: tuple[float, ...]
+    explained: tuple[float, ...]
+
+
+def fit_friction(
+    pitches: Sequence[float],
+    frequencies: Sequence[float],
+    thickness: float = 0.0075,
+    height: float = HEIGHT,
+    gravity: float = 9.81,
+) -> Fit:
+    """Friction between the dominoes from hits a second of long uniform rows, pitch by pitch [m].
+
+    ValueError for pitches that no row can have, or frequencies that are not positive.
+    """
+    if len(pitches) != len(frequencies) or not len(pitches):
+        raise ValueError(f"{len(pitches)} pitches and {len(frequencies)} frequencies: give pairs")
+    for pitch, told in zip(pitches, frequencies, strict=True):
+        if not thickness < pitch < thickness + height:
+            raise ValueError(
+                f"pitch = {pitch} m: must be between the thickness {thickness} m and that plus "
+                f"the height {height} m"
+            )
+        if not 0.0 < told < np.inf:
+            raise ValueError(f"frequency = {told}: must be positive and finite")
+
+    def model(pitch: float, friction: float) -> float:
+        wave = steady_wave(pitch, thickness, height, Physics(friction, gravity))
+        return wave.frequency  # 0 where friction is too high for a wave
+
+    def misfit(friction: float) -> float:
+        rows = zip(pitches, frequencies, strict=True)
+        return sum((model(p, friction) / f - 1.0) ** 2 for p, f in rows)
+
+    best = _lowest(misfit, 0.0, HIGHEST)
+    single = tuple(
+        _crossing(lambda m, p=p, f=f: model(p, m) - f)  # type: ignore[misc]
+        for p, f in zip(pitches, frequencies, strict=True)
+    )
+    step = 1e-4
+    low = max(best - step, 0.0)
+    slopes = [
+        (model(p, best + step) - model(p, low)) / (best + step - low) / f
+        for p, f in zip(pitches, frequencies, strict=True)
+    ]
+    free = len(pitches) - 1
+    scatter = np.sqrt(misfit(best) / free / sum(s * s for s in slopes)) if free else np.nan
+    return Fit(best, float(scatter), single, tuple(model(p, best) for p in pitches))
+
+
+def _lowest(function: Callable[[float], float], low: float, high: float) -> float:
+    """The best of a coarse look, then golden sections around it."""
+    looks = np.linspace(low, high, 61)
+    k = int(np.argmin([function(float(x)) for x in looks]))
+    a, b = float(looks[max(k - 1, 0)]), float(looks[min(k + 1, 60)])
+    while b - a > CLOSE:
+        c, d = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
+        if function(c) <= function(d):
+            b = d
+        else:
+            a = c
+    middle = 0.5 * (a + b)
+    return low if function(low) <= function(middle) else middle
+
+
+def _crossing(function: Callable[[float], float]) -> float:
+    """Where a falling function crosses zero, by bisection; nan where it does not."""
+    a, b = 0.0, HIGHEST
+    if function(a) < 0.0 or function(b) > 0.0:
+        return float("nan")
+    while b - a > CLOSE:
+        middle = 0.5 * (a + b)
+        a, b = (middle, b) if function(middle) > 0.0 else (a, middle)
+    return 0.5 * (a + b)

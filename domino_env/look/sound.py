@@ -1,0 +1,174 @@
+"""Sound: the clicks of a row as a recording, and the hits a second of a recording."""
+
+from __future__ import annotations
+
+import wave as wav
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.files import write_bytes
+from domino_env.wave import Wave
+
+Floats = NDArray[np.float64]
+
+RATE = 44100  # samples a second
+REST = 0.1  # [s] of silence before and after
+PITCH_OF_CLICK, DECAY = 3200.0, 0.0012  # [Hz], [s]
+HOP = 0.0005  # [s] a loudness
+SLOWEST, FASTEST = 5.0, 250.0  # hits a second that are looked for
+QUIET = 0.1  # of the loudest tenth: below it nothing is toppling
+RUN_UP = 0.25  # of the recording: the wave is still gathering speed
+PARTS = 5  # estimated one by one, for the uncertainty
+ENOUGH = 8  # hits a part at least
+
+
+def clicks(wave: Wave, rate: int = RATE) -> Floats:
+    """Samples in -1 … 1: a short click at every hit, louder the faster the tip."""
+    times = wave.arrival_times[1 : wave.hit]
+    end = float(times[-1]) if len(times) else 0.0
+    sound = np.zeros(int((end + 2.0 * REST) * rate) + 1)
+    length = int(8.0 * DECAY * rate)
+    loud = np.abs(wave.impact_velocity[: len(times)])
+    for t, level in zip(times, loud / max(float(loud.max(initial=0.0)), 1e-12), strict=True):
+        first = int(np.ceil((t + REST) * rate))
+        # the click begins between two samples
+        since = np.arange(first, first + length) / rate - (t + REST)
+        sound[first : first + length] += (
+            level * np.exp(-since / DECAY) * np.sin(2.0 * np.pi * PITCH_OF_CLICK * since)
+        )[: len(sound) - first]
+    top = float(np.abs(sound).max())
+    return sound / top * 0.9 if top > 0.0 else sound
+
+
+def write_wav(samples: Floats, path: Path, rate: int = RATE) -> None:
+    """Write 16-bit mono sound whole."""
+    whole = np.round(np.clip(samples, -1.0, 1.0) * 32767.0).astype("<i2")
+
+    def fill(file: object) -> None:
+        with wav.open(file, "wb") as out:  # type: ignore[call-overload]
+            out.setnchannels(1)
+            out.setsampwidth(2)
+            out.setframerate(rate)
+            out.writeframes(whole.tobytes())
+
+    write_bytes(path, fill)
+
+
+def read_wav(path: Path) -> tuple[Floats, int]:
+    """Samples in -1 … 1, channels averaged, and samples a second.  ValueError for other files."""
+    try:
+        with wav.open(str(path), "rb") as file:
+            size, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
+            data = file.readframes(file.getnframes())
+    except (wav.Error, EOFError) as error:
+        raise ValueError(f"{path}: not a plain WAV file ({error}); convert it to PCM WAV") from None
+    if size == 1:
+        samples = np.frombuffer(data, np.uint8).astype(np.float64) / 128.0 - 1.0
+    elif size == 3:
+        raw = np.frombuffer(data, np.uint8).reshape(-1, 3).astype(np.int32)
+        joined = raw[:, 0] | raw[:, 1] << 8 | raw[:, 2] << 16
+        samples = (joined - (joined >> 23 << 24)) / 2.0**23
+    else:
+        kind = {2: "<i2", 4: "<i4"}[size]
+        samples = np.frombuffer(data, kind).astype(np.float64) / 2.0 ** (8 * size - 1)
+    return samples.reshape(-1, channels).mean(axis=1), rate
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What a recording tells.
+
+    frequency: hits a second.  uncertainty: standard error, from the parts of the recording.
+    clarity: of the autocorrelation at that period, 1 for a perfect repeat, about 0 for noise.
+    seconds: of toppling that were listened to.
+    """
+
+    frequency: float
+    uncertainty: float
+    clarity: float
+    seconds: float
+
+
+def listen(samples: Floats, rate: int) -> Heard:
+    """The hit frequency of a recording, by autocorrelation of its loudness.
+
+    The stretch that is not quiet is found, its first quarter left out as the wave gathers speed.
+    ValueError where there is too little to hear.
+    """
+    if not len(samples) or not np.isfinite(samples).all() or float(np.abs(samples).max()) == 0.0:
+        raise ValueError("the recording is silent: nothing to listen to")
+    loud = _onsets(samples, rate)
+    busy = np.flatnonzero(loud > QUIET * float(np.quantile(loud[loud > 0.0], 0.95)))
+    first, last = int(busy[0]), int(busy[-1]) + 1
+    steady = loud[first + int(RUN_UP * (last - first)) : last]
+    seconds = len(steady) * HOP
+    if seconds < 2.0 * ENOUGH / FASTEST:
+        raise ValueError(f"only {seconds:.2f} s of toppling to hear: record a longer row")
+    frequency, clarity = _repeat(steady, SLOWEST, FASTEST)
+    size = max(len(steady) // PARTS, int(ENOUGH / frequency / HOP))
+    count = len(steady) // size
+    parts = [
+        _repeat(steady[k * size : (k + 1) * size], 0.75 * frequency, 1.33 * frequency)[0]
+        for k in range(count)
+    ]
+    # half a loudness in the time of the whole is the least doubt
+    least = frequency * 0.5 * HOP / seconds
+    spread = float(np.std(parts, ddof=1) / np.sqrt(count)) if count > 1 else 0.1 * frequency
+    return Heard(frequency, max(spread, least), clarity, seconds)
+
+
+def _onsets(samples: Floats, rate: int) -> Floats:
+    """Rise of the loudness, one value a HOP: hits are what begins suddenly."""
+    edges = np.round(np.arange(0.0, len(samples) / rate, HOP) * rate).astype(np.int64)
+    power = np.add.reduceat(np.diff(samples, prepend=samples[0]) ** 2, edges[edges < len(samples)])
+    level = np.sqrt(power)
+    rise = np.maximum(np.diff(level, prepend=level[0]), 0.0)
+    # a hit falls between two values: spread it, so that the maximum can be found between them
+    kernel = np.hanning(9)
+    return np.convolve(rise, kernel / kernel.sum(), mode="same")
+
+
+def _repeat(loud: Floats, slowest: float, fastest: float) -> tuple[float, float]:
+    """Frequency and height of the strongest repeat between two frequencies."""
+    centred = loud - loud.mean()
+    size = 1 << (2 * len(centred) - 1).bit_length()
+    spectrum = np.fft.rfft(centred, size)
+    raw = np.fft.irfft(np.abs(spectrum) ** 2, size)[: len(centred)]
+    same = raw / max(float(raw[0]), 1e-300) * len(centred) / np.arange(len(centred), 0, -1)
+    low = max(int(1.0 / fastest / HOP), 1)
+    high = min(int(1.0 / slowest / HOP) + 2, 2 * len(centred) // 3)
+    if high - low < 3:
+        raise ValueError("the recording is too short for this frequency")
+    inside = same[low:high]
+    best = float(inside.max())
+    # of the period and its multiples, which repeat as well, the shortest
+    peaks = [
+        k
+        for k in range(1, len(inside) - 1)
+        if inside[k - 1] <= inside[k] >= inside[k + 1] and inside[k] > 0.8 * best
+    ]
+    lag = low + (peaks[0] if peaks else int(inside.argmax()))
+    # then as many periods further as still repeat clearly, for a finer answer
+    period = _between(same, lag)
+    times = 1
+    while True:
+        guess = round((times + 1) * period)
+        reach = max(round(0.12 * period), 2)
+        if guess + reach >= high or guess + reach >= len(same) - 1:
+            break
+        near = guess - reach + int(same[guess - reach : guess + reach + 1].argmax())
+        if same[near] < 0.5 * best or near in (guess - reach, guess + reach):
+            break
+        times += 1
+        period = _between(same, near) / times
+    return 1.0 / (period * HOP), float(same[lag])
+
+
+def _between(values: Floats, k: int) -> float:
+    """Where a parabola through three neighbours is highest."""
+    a, b, c = values[k - 1 : k + 2]
+    bend = a - 2.0 * b + c
+    return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)
