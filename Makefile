@@ -9,13 +9,14 @@ SCENE ?= sprint
 OUT ?= runs/$(SCENE)
 OPTIMIZE_FLAGS ?= --seconds 45
 
-.PHONY: help run test bench lint clean
+.PHONY: help run test bench lint docs clean
 
 help:
 	@echo "make run    search a better row than the best uniform one: SCENE=$(SCENE), into $(OUT)"
 	@echo "make test   all tests"
 	@echo "make bench  timings with the error beside them"
 	@echo "make lint   ruff, mypy, import-linter"
+	@echo "make docs   the documentation as a site, into site/"
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.core
@@ -32,6 +33,10 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: $(VENV)/.docs
+	$(BIN)/domino figures --out docs/figures
+	$(BIN)/mkdocs build --strict --quiet
 
 # An environment that was not finished would pass for one the next time.
 $(BIN)/python:
@@ -50,6 +55,10 @@ $(VENV)/.dev: $(VENV)/.core
 	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify]'
 	@touch $@
 
+$(VENV)/.docs: $(VENV)/.core
+	$(PIP) --no-build-isolation -e '.[docs]'
+	@touch $@
+
 clean:
-	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis \
+	rm -rf $(VENV) build site docs/figures *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis \
 		.import_linter_cache

@@ -73,11 +73,10 @@ def test_friction_is_found_again() -> None:
 
 
 def test_seeds_table_asks_for_less_friction_than_it_names() -> None:
-    found = fit_friction((0.016, 0.024, 0.032), (64.4, 42.3, 28.1), gravity=9.8)
+    pitches, measured = (0.016, 0.024, 0.032), (64.4, 42.3, 28.1)
+    found = fit_friction(pitches, measured, gravity=9.8)
     assert 0.1 < found.friction < 0.25
-    for pitch, told, alone in zip(
-        (0.016, 0.024, 0.032), (64.4, 42.3, 28.1), found.single, strict=True
-    ):
+    for pitch, told, alone in zip(pitches, measured, found.single, strict=True):
         wave = de.steady_wave(pitch, 0.0075, physics=de.Physics(alone, 9.8))
         assert wave.frequency == pytest.approx(told, rel=1e-5)
 
