@@ -23,6 +23,10 @@ def run(budget: Budget, rng: np.random.Generator) -> None:
         row, total = budget.problem.equality
         size = np.abs(row).max()
         constraints = [LinearConstraint(row[None] / size, total / size, total / size)]
+    if budget.problem.linear is not None:
+        rows, most = budget.problem.linear
+        size = np.abs(rows).max()
+        constraints.append(LinearConstraint(rows / size, -np.inf, most / size))
     for start in starts(budget, rng):
         minimize(
             partial(cost, budget),

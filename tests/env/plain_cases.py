@@ -11,7 +11,9 @@ from unittest.mock import patch
 import numpy as np
 
 import domino_env as de
+from domino_env.layout_env import DominoLayout
 from domino_env.motion import Motion
+from domino_env.stock import Stock
 from domino_env.vector_env import DominoChainVector
 
 H = 0.048
@@ -101,25 +103,44 @@ def results():
         np.stack([random, 0.0 * random + 0.003]), 0.0075, de.Physics(), gradient=True
     )
     found["batch: gradient"] = [float(x) for x in batch.gradient.spacing.ravel()]
-    found |= {f"environment: {name}": episodes(name) for name in ("gentle", "course", "reach")}
+    found |= {f"environment: {name}": episodes(scene) for name, scene in scenes().items()}
     return found
 
 
-def episodes(name):
+def scenes():
+    """Short scenes with all that the environment has rules for."""
+    gentle = replace(de.load_scene("gentle"), count=6)
+    box = Stock((0.005, 0.0075, 0.01), (2, 3, 3))
+    return {
+        "gentle": gentle,
+        "reach": replace(gentle, spacing=(0.04, 0.05)),
+        "course": replace(gentle, length=0.1, spacing=(0.008, 0.02)),
+        "box": replace(gentle, stock=box, thickness=(0.005, 0.01), largest_change=0.004,
+                       spacing_values=(0.002, 0.008, 0.011, 0.0135, 0.0175)),
+        "growing": replace(de.load_scene("magnify"), count=6, in_heights=True),
+    }  # fmt: skip
+
+
+def episodes(scene):
     """Rewards and observations of a few short episodes, two at a time."""
-    scene = de.load_scene("course" if name == "course" else "gentle")
-    scene = replace(scene, count=6, length=scene.length and 0.1)
-    if name == "reach":
-        scene = replace(scene, spacing=(0.04, 0.05))
-    layout = scene.layout(sum(scene.spacing) / 2, scene.thickness[0])
+    tall = scene.height if scene.growth is None else scene.height * 1.1 ** np.arange(1, 6)
+    least = tall if scene.in_heights else 1.0
+    layout = scene.layout(sum(scene.spacing) / 2 * least, scene.thickness[0] * least, tall)
     wave = scene.simulate(layout)
     mark = de.UniformMark(layout, wave, scene.score_wave(wave))
     with patch.object(de.Scene, "uniform", lambda scene: mark):  # the search would take long
         env = DominoChainVector(2, scene, window=3, rtol=1e-7)
-    rng, found = np.random.default_rng(3), []
-    env.reset(options={"layout": [de.Layout([sum(scene.spacing) / 2], 0.0075), None]})
+        whole = DominoLayout(scene)
+    rng = np.random.default_rng(3)
+    whole.reset()
+    found = [whole.step(rng.uniform(-1.0, 1.0, whole.action_space.shape))[1]]
+    start = None
+    if not scene.in_heights:
+        start = de.Layout([0.0175 if scene.spacing_values else scene.spacing[1] * 0.8], 0.0075)
+    env.reset(options={"layout": [start, None]})
     for _ in range(14):
         seen, rewards, ended, *_ = env.step(rng.uniform(-1.5, 1.5, env.action_space.shape))
+        found += [*env.bounds_ahead(0)["spacing"], *env.bounds_ahead(1)["thickness"]]
         found += [*seen.ravel().tolist(), *rewards.tolist(), *ended.tolist()]
     return found
 

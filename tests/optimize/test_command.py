@@ -40,13 +40,13 @@ def test_a_search_says_what_it_found_and_where_it_is(
     text = said(capsys, "optimize", scene_file, "--evaluations", 400, "--seed", 5, "--out", out)
     summary = json.loads((out / "summary.json").read_text())
     mark = de.load_scene(scene_file).uniform()
-    assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "cma")
+    assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "auto")
     lines = text.splitlines()
     assert lines[0] == "both: a small scene: both"
     assert lines[1].startswith(f"best uniform row: {mark.wave.mean_speed:.6f} m/s, gaps ")
     assert lines[1].endswith("(PROPAGATED)")
     speed, gain = summary["mean_speed"], summary["gain"]
-    assert lines[2].startswith(f"best row found:   {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; cma,")
+    assert lines[2].startswith(f"best row found:   {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; auto,")
     assert lines[3] == f"written to {out}: {', '.join(FILES)}"
 
 
@@ -124,5 +124,5 @@ def test_a_terminal_sees_a_line_with_the_best_speed_and_the_gain(
     words = ["--evaluations", "4000", "--out", str(tmp_path / "run")]
     assert main(["optimize", str(scene_file), *words]) == 0
     shown = terminal.text.split("\r")
-    assert any(line.startswith("both, cma") and "%|" in line for line in shown)
+    assert any(line.startswith("both, auto") and "%|" in line for line in shown)
     assert any("m/s, +" in line and "% against uniform" in line for line in shown)

@@ -145,7 +145,7 @@ def test_a_record_is_what_it_says(name: str) -> None:
         wave = scene.simulate(record.layout, rtol=1e-12)
         assert wave.outcome == de.Outcome.PROPAGATED
         assert wave.error_estimate < 2e-12
-    assert record.score > scene.uniform().score
+    assert record.score >= scene.uniform().score  # equal where growth is at its bound everywhere
     assert record.method
     assert record.seconds > 0.0
 
