@@ -28,6 +28,8 @@ from optimize.result import SearchResult
 PAUSE = 2.0  # [s] between two savings of the best so far
 SUMMARY = "summary.json"
 FILES = ("scene.toml", "layout.csv", "layout.json", "trace.csv", SUMMARY, "result.png")
+# what other commands make of a run, and would be stale beside the next one
+DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav")
 
 
 class RunFolder:
@@ -95,7 +97,7 @@ class RunFolder:
 
     def _begin(self) -> None:
         """Take away what an earlier run left, so that no file of it passes for one of this."""
-        for name in FILES:
+        for name in (*FILES, *DERIVED):
             (self.path / name).unlink(missing_ok=True)
         write_text(self.path / "scene.toml", self.scene.to_toml())
 
@@ -115,7 +117,7 @@ class RunFolder:
 def _require_a_run(path: Path) -> None:
     """Refuse a folder whose files are not all those of an earlier run."""
     names = sorted(f.name for f in path.iterdir() if not f.name.startswith("."))
-    others = [name for name in names if name not in FILES]
+    others = [name for name in names if name not in FILES + DERIVED]
     if names and (others or SUMMARY not in names):
         raise ValueError(
             f"{path} holds {(others or names)[0]} and is no run's folder: name another one"

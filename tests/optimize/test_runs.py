@@ -18,7 +18,7 @@ import domino_env as de
 from optimize import search
 from optimize.budget import Budget, slope_left
 from optimize.problem import Problem
-from optimize.runs import FILES, RunFolder
+from optimize.runs import DERIVED, FILES, RunFolder
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -233,3 +233,11 @@ def test_ctrl_c_writes_the_best_so_far(tmp_path: Path) -> None:
     assert summary["interrupted"]
     scene = de.load_scene("sprint")
     assert summary["score"] == scene.score(de.Layout.read(folder / "layout.csv"))
+
+
+def test_what_was_made_of_an_earlier_run_goes_with_it(scenes, tmp_path: Path) -> None:
+    search(scenes["spacing"], "random", budget=20, folder=tmp_path)
+    for name in DERIVED:
+        (tmp_path / name).write_text("of the earlier run")
+    search(scenes["spacing"], "random", budget=20, seed=1, folder=tmp_path)
+    assert sorted(files(tmp_path)) == sorted(FILES)
