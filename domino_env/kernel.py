@@ -42,6 +42,8 @@ from domino_env.quadrature import (
 )
 
 _JIT = {"cache": True, "nogil": True, "error_model": "numpy"}
+# Handing a dozen arrays from function to function costs more than small functions do themselves.
+_INLINE = {**_JIT, "forceinline": True}
 
 # --- Places in the working arrays -----------------------------------------------------------------
 # A lane is one angle of a quadrature rule: the start of the interval, its nodes, its end. All lanes
@@ -92,6 +94,29 @@ EPS = 2.220446049250313e-16
 TINY = 1e-290
 UNWATCHED, TO_HIT, TO_SWITCH = 0, 1, 2  # how an interval ends, for the watch on switches
 TOGETHER = 1e-9  # links flush within this Δ [rad] switch in one impact
+
+
+# --- Arrays without reference counts --------------------------------------------------------------
+@numba.extending.intrinsic
+def borrowed(_, array):
+    """The same array without its reference count, whose owner must outlive it.
+
+    Counting is atomic, and was an eighth of a step's time.
+    """
+
+    def without_owner(context, builder, _, args):  # pragma: no cover - runs in the compiler
+        view = context.make_array(array)(context, builder, args[0])
+        view.meminfo = view.meminfo.type(None)
+        return view._getvalue()
+
+    return array(array), without_owner
+
+
+if numba.config.DISABLE_JIT:
+
+    def borrowed(array):
+        """The array itself."""
+        return array
 
 
 # --- One link -------------------------------------------------------------------------------------
@@ -207,7 +232,7 @@ def lean_free(lanes, count, ring, row):
 
 
 # --- The stack ------------------------------------------------------------------------------------
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def stand(ring, mask, i, height, thickness, density):
     """Write domino i into the ring (per unit of width; its link forward comes with the next)."""
     row = i & mask
@@ -221,7 +246,7 @@ def stand(ring, mask, i, height, thickness, density):
     ring[row, END_WEIGHT] = 0.0
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def join(ring, mask, i, height, gap, thickness_next):
     """Write the link from i to i+1."""
     row = i & mask
@@ -236,13 +261,13 @@ def join(ring, mask, i, height, gap, thickness_next):
     ring[row, DUE] = min(ring[row, V_FLUSH], ring[row, V_RELEASE])
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def can_flush(ring, row):
     """Whether the link is to go from tip to corner, rather than be released."""
     return ring[row, STATE] == TIP and ring[row, V_FLUSH] < ring[row, V_RELEASE]
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def flush(ring, row, state):
     """From tip to corner."""
     ring[row, STATE] = CORNER
@@ -264,7 +289,7 @@ _EVEN = [(-1.0) ** n / math.factorial(2 * n) for n in range(10)]
 C2, C4, C6, C8, C10, C12, C14, C16, C18 = _EVEN[1:10]
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def half_angle(x):
     """sin and cos of x in [0, π/4] by their series, to rounding; unlike the library's, in lanes."""
     q = x * x
@@ -273,7 +298,7 @@ def half_angle(x):
     return x + x * (q * s), 1.0 + q * (C2 + q * c)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def spread(lanes, k, a, h):
     """Lay the lanes over the interval [a, a + h] of the leader's angle; returns their number."""
     count = ORDERS[k] + 2
@@ -286,7 +311,7 @@ def spread(lanes, k, a, h):
     return count
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def lead(lanes, count, ring, row, mu):
     """Begin the sums with the leading domino."""
     inertia, half, slender = ring[row, INERTIA], ring[row, HALF_WEIGHT], ring[row, SLENDER]
@@ -304,7 +329,7 @@ def lead(lanes, count, ring, row, mu):
     ring[row, END_WEIGHT] = 1.0
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def tail_size(lanes, count, mu, force, h, behind):
     """What dominoes behind the cut can still do, relative to u: bound over all lanes."""
     worst = 0.0
@@ -322,7 +347,7 @@ def tail_size(lanes, count, mu, force, h, behind):
     return worst * behind / max(lightest, TINY)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def catch_up(ring, row, i, v, state):
     """Make up for switches beyond an earlier cut: they had no weight then, and need no impact."""
     if can_flush(ring, row):
@@ -639,7 +664,7 @@ def lowest_lane(lanes, values, count):
     return best
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def place(k, j):
     """Position of lane j in [0, 1]."""
     if j == 0:
@@ -799,7 +824,7 @@ FINE, ROUGH, DEAD = 0, 1, 2
 RUN, CREEP, LAST_RESORT = 0, 1, 2
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def order_for(state, h, tol):
     """The rule expected to meet `tol` on an interval of length h, from the last one's decay."""
     if state[LOG_RHO] <= 0.0:
@@ -934,7 +959,7 @@ def compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state):
     return FINE
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def slow_down(state, keep):
     """An impact leaves the leader the part `keep` of its angular velocity."""
     k2 = keep * keep
@@ -1032,7 +1057,7 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
     return PROPAGATED
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def hit(ring, mask, n, mu, state):
     """Leader n, at its hitting angle, strikes n+1: eqs. 8-9 with friction."""
     row = n & mask
@@ -1070,7 +1095,7 @@ def add_time(state):
     state[WORST_ROUND] = max(state[WORST_ROUND], state[TIME_ROUND] / total)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def fall_angle(ring, mask, n, strikes):
     """Angle at which leader n hits the next, or, where there is none in reach, tips over."""
     row = n & mask
@@ -1080,13 +1105,13 @@ def fall_angle(ring, mask, n, strikes):
     return math.atan(ring[row, SLENDER])
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def heaviest_force(height, thickness):
     """Largest gravity torque of a domino over its inertia and g (for the bound on the tail)."""
     return 1.5 / math.sqrt(height * height + thickness * thickness)
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep, tape):
     """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
     state[NOISE] = 8.0 * EPS * gravity * state[KAPPA]
@@ -1104,7 +1129,7 @@ def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep, tape):
     return outcome
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
     """Book a fall that has come to its end, then hit the next domino."""
     state[MARGIN] = 0.0 if outcome == STALLED else state[MARGIN] / released
@@ -1238,7 +1263,7 @@ def record(out, n, outcome, state):
             out[n + 1, OUT_RELEASE] = math.sqrt(state[U])
 
 
-@numba.njit(**_JIT)
+@numba.njit(**_INLINE)
 def lay(ring, mask, n, spacing, thickness, height, density, state):
     """Make ready for the fall of leader n: the domino that it is to hit, and the bound on what
     lies behind."""
@@ -1361,8 +1386,9 @@ def solve_rows(
     """Chains first … last - 1 of a batch.  height, density (B, N) or (1, N); out (B, N, 4) or
     (0, 0, 4); tape for one chain, or empty."""
     count = thickness.shape[1]
-    ring, lanes = np.zeros((ring_size(count), RING_COLUMNS)), np.zeros(LANE_ROWS * PITCH)
-    state = np.zeros(STATE_SIZE)
+    own_ring, own_lanes = np.zeros((ring_size(count), RING_COLUMNS)), np.zeros(LANE_ROWS * PITCH)
+    own_state = np.zeros(STATE_SIZE)
+    ring, lanes, state = borrowed(own_ring), borrowed(own_lanes), borrowed(own_state)
     unrecorded = np.empty((0, 4))
     for b in range(first, last):
         rows = out[b] if len(out) > 0 else unrecorded
@@ -1372,6 +1398,7 @@ def solve_rows(
             deep, rows, tape,
         )  # fmt: skip
         summarise(summary[b], count, outcome, leader, struck, toppled, state)
+    own_ring[0, 0] = own_lanes[0] = own_state[0] = 0.0  # keeps them alive to here
 
 
 @numba.njit(**_JIT)
@@ -2396,32 +2423,6 @@ RULES_SIZE = 21
 
 FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut off there
 LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
-
-
-# Handing a dozen arrays from function to function costs more than these functions do.
-_INLINE = {**_JIT, "forceinline": True}
-
-
-@numba.extending.intrinsic
-def borrowed(_, array):
-    """The same array without its reference count, whose owner must outlive it.
-
-    Counting is atomic, and was an eighth of a step's time.
-    """
-
-    def without_owner(context, builder, _, args):  # pragma: no cover - runs in the compiler
-        view = context.make_array(array)(context, builder, args[0])
-        view.meminfo = view.meminfo.type(None)
-        return view._getvalue()
-
-    return array(array), without_owner
-
-
-if numba.config.DISABLE_JIT:
-
-    def borrowed(array):
-        """The array itself."""
-        return array
 
 
 @numba.njit(**_INLINE)
