@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import argparse
 
+from domino_env.physics_options import add_physics_options, asked_physics
+
 SUMMARY = "rows that topple, as an animated GIF or a film"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `domino render`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="a .csv or .json file")
-    parser.add_argument("--scene", help="its physics, and its best uniform row as a rival")
-    parser.add_argument("--friction", type=float, help="between dominoes (0.25)")
-    parser.add_argument("--gravity", type=float, help="[m/s²] (9.81)")
-    parser.add_argument("--push", type=float, help="angular velocity of the first [rad/s] (8)")
+    add_physics_options(parser, "its physics, and its best uniform row as a rival")
     parser.add_argument("--gif", metavar="FILE", help="write an animated picture")
     parser.add_argument("--mp4", metavar="FILE", help="write a film (needs the extra 'render')")
     parser.add_argument("--slow", type=float, default=5.0, help="times slower than nature (5)")
@@ -26,13 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, draw, write."""
-    from dataclasses import replace
     from pathlib import Path
 
     from domino_env.animation import Runner, frames, write_gif, write_mp4
     from domino_env.layout import Layout
-    from domino_env.physics import Physics
-    from domino_env.scene import load_scene
     from domino_env.wave import simulate
 
     wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]
@@ -42,10 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     for name, ending, _ in wanted:
         if Path(name).suffix.lower() != ending:
             raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
-    scene = load_scene(arguments.scene) if arguments.scene else None
-    physics = scene.physics if scene else Physics()
-    given = {k: getattr(arguments, k) for k in ("friction", "gravity", "push")}
-    physics = replace(physics, **{k: v for k, v in given.items() if v is not None})
+    scene, physics = asked_physics(arguments)
     rows = [(Path(name).stem, Layout.read(name)) for name in arguments.layouts]
     if scene:
         rows.append(("best uniform", scene.uniform().layout))

@@ -10,6 +10,8 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
+from domino_env.physics_options import add_physics_options, asked_physics
+
 if TYPE_CHECKING:
     from domino_env.scene import Scene
     from domino_env.wave import Wave
@@ -21,10 +23,7 @@ THICK = 0.5  # [m] a domino thicker than this was probably measured in millimetr
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `domino simulate`."""
     parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
-    parser.add_argument("--scene", help="a scene's physics and rules, by name or .toml file")
-    parser.add_argument("--friction", type=float, help="between dominoes (0.25)")
-    parser.add_argument("--gravity", type=float, help="[m/s²] (9.81)")
-    parser.add_argument("--push", type=float, help="angular velocity of the first [rad/s] (8)")
+    add_physics_options(parser, "a scene's physics and rules, by name or .toml file")
     parser.add_argument("--rtol", type=float, default=1e-8, help="relative error allowed (1e-8)")
     parser.add_argument(
         "--csv", metavar="FILE", help="write the table, SI units, for other programs"
@@ -35,20 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, print, and write the table if asked to."""
     import json
-    from dataclasses import replace
     from pathlib import Path
 
     from domino_env.files import write_text
     from domino_env.layout import Layout
-    from domino_env.physics import Physics
-    from domino_env.scene import load_scene
     from domino_env.wave import simulate
 
     layout = Layout.read(arguments.layout)
-    scene = load_scene(arguments.scene) if arguments.scene else None
-    physics = scene.physics if scene else Physics()
-    given = {k: getattr(arguments, k) for k in ("friction", "gravity", "push")}
-    physics = replace(physics, **{k: v for k, v in given.items() if v is not None})
+    scene, physics = asked_physics(arguments)
     wave = simulate(layout, physics, rtol=arguments.rtol)
     judged = _judged(wave, scene) if scene else {}
     if arguments.csv:

@@ -23,14 +23,35 @@ def share_rows(task: Callable[..., object], rows: int, least: int, *arguments: o
     if threads <= 1:
         task(0, rows, *arguments)
         return
-    if threads not in _POOLS:
-        _POOLS[threads] = ThreadPoolExecutor(threads - 1, "domino-rows")
+    pool = _pool(threads - 1)
     edges = [rows * i // threads for i in range(threads + 1)]
-    jobs = [
-        _POOLS[threads].submit(task, edges[i], edges[i + 1], *arguments) for i in range(1, threads)
-    ]
+    jobs = [pool.submit(task, edges[i], edges[i + 1], *arguments) for i in range(1, threads)]
     try:
         task(0, edges[1], *arguments)
     finally:
         for job in jobs:
             job.result()
+
+
+def share_pieces(task: Callable[..., object], rows: int, count: int, *arguments: object) -> None:
+    """Call task(first, last, *arguments) for small pieces of `rows` chains of `count` dominoes.
+
+    Small pieces keep all cores busy where some waves die early.  Plain threads rather than a
+    parallel Numba loop: they may be called from several threads at once and survive a fork.
+    """
+    threads = numba.get_num_threads()
+    piece = max(1, min(-(-rows // (4 * threads)), 200_000 // max(count, 1)))
+    if threads == 1 or rows * count < 400:
+        task(0, rows, *arguments)
+        return
+    pool = _pool(threads)
+    jobs = [pool.submit(task, i, min(i + piece, rows), *arguments) for i in range(0, rows, piece)]
+    for job in jobs:
+        job.result()
+
+
+def _pool(workers: int) -> ThreadPoolExecutor:
+    """That of so many threads, kept for the next call."""
+    if workers not in _POOLS:
+        _POOLS[workers] = ThreadPoolExecutor(workers, "domino")
+    return _POOLS[workers]

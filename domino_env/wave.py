@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import enum
-import os
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -17,6 +13,7 @@ from domino_env import kernel
 from domino_env.gradient import Gradient, pull, room_for
 from domino_env.layout import Layout
 from domino_env.physics import Physics
+from domino_env.threads import share_pieces
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -278,12 +275,12 @@ def simulate_batch(
     if gradient:
         gaps, bodies = np.empty((rows, count - 1)), np.empty((rows, 3, count))
         whole = np.empty((rows, 3))
-        _in_threads(kernel.pull_rows, rows, count, *setting, summary, gaps, bodies, whole)
+        share_pieces(kernel.pull_rows, rows, count, *setting, summary, gaps, bodies, whole)
         parts = (bodies[:, 0], bodies[:, 1], bodies[:, 2], whole[:, 0], whole[:, 1], whole[:, 2])
         slopes = Gradient(gaps, *parts)
     else:
         untaped = np.empty((0, kernel.TAPE_COLUMNS))
-        _in_threads(kernel.solve_rows, rows, count, *setting, record, summary, out, untaped)
+        share_pieces(kernel.solve_rows, rows, count, *setting, record, summary, out, untaped)
     outcome = summary[:, kernel.END].astype(np.int64)
     total = summary[:, kernel.TOTAL_TIME]
     # summed as Layout.length sums it, so that speeds agree to the last bit
@@ -310,31 +307,6 @@ def simulate_batch(
         run_time=time.perf_counter() - began,
         gradient=slopes,
     )
-
-
-_POOLS: dict[int, ThreadPoolExecutor] = {}  # by their number of threads
-os.register_at_fork(after_in_child=_POOLS.clear)  # a child has none of its parent's threads
-
-
-def _in_threads(job: Callable[..., None], rows: int, count: int, *arguments: object) -> None:
-    """Share the rows among Numba's number of threads; the kernel holds no lock while it runs.
-
-    Plain threads rather than a parallel Numba loop: they may be called from several threads at
-    once and survive a fork.  Small pieces keep all cores busy where some waves die early.
-    """
-    threads = numba.get_num_threads()
-    piece = max(1, min(-(-rows // (4 * threads)), 200_000 // max(count, 1)))
-    if threads == 1 or rows * count < 400:
-        job(0, rows, *arguments)
-        return
-    if threads not in _POOLS:
-        _POOLS[threads] = ThreadPoolExecutor(threads, "domino")
-    pieces = [
-        _POOLS[threads].submit(job, i, min(i + piece, rows), *arguments)
-        for i in range(0, rows, piece)
-    ]
-    for done in pieces:
-        done.result()
 
 
 def _checked(rtol: float) -> float:

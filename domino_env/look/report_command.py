@@ -8,33 +8,27 @@ from __future__ import annotations
 
 import argparse
 
+from domino_env.physics_options import add_physics_options, asked_physics, given_physics
+
 SUMMARY = "a page that races rows against each other"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `domino report`."""
     parser.add_argument("paths", metavar="RUN|LAYOUT", nargs="+", help="a folder or a layout file")
-    parser.add_argument("--scene", help="its physics, and its best uniform row as a rival")
-    parser.add_argument("--friction", type=float, help="between dominoes (0.25)")
-    parser.add_argument("--gravity", type=float, help="[m/s²] (9.81)")
-    parser.add_argument("--push", type=float, help="angular velocity of the first [rad/s] (8)")
+    add_physics_options(parser, "its physics, and its best uniform row as a rival")
     parser.add_argument("--html", metavar="FILE", help="(report.html, in the run's folder)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, write the page."""
-    from dataclasses import replace
     from pathlib import Path
 
     from domino_env.look.race_data import headline
     from domino_env.look.report import read_racers, write_report
-    from domino_env.physics import Physics
-    from domino_env.scene import load_scene
 
-    scene = load_scene(arguments.scene) if arguments.scene else None
-    given = {k: getattr(arguments, k) for k in ("friction", "gravity", "push")}
-    given = {k: v for k, v in given.items() if v is not None}
-    physics = replace(scene.physics if scene else Physics(), **given) if given else None
+    scene, asked = asked_physics(arguments)
+    physics = asked if given_physics(arguments) else None
     paths = [Path(name) for name in arguments.paths]
     racers, title = read_racers(paths, scene, physics)
     folder = paths[0] if paths[0].is_dir() else Path()

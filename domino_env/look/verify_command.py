@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import argparse
 
+from domino_env.physics_options import add_physics_options, asked_physics
+
 SUMMARY = "the same row in an independent physics engine, times side by side"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `domino verify`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="a .csv or .json file")
-    parser.add_argument("--scene", help="a scene's physics, by name or .toml file")
-    parser.add_argument("--friction", type=float, help="between dominoes (0.25)")
-    parser.add_argument("--gravity", type=float, help="[m/s²] (9.81)")
-    parser.add_argument("--push", type=float, help="angular velocity of the first [rad/s] (8)")
+    add_physics_options(parser, "a scene's physics, by name or .toml file")
     parser.add_argument(
         "--steps", type=float, nargs="+", metavar="US", help="of the engine's time [µs] (40 20)"
     )
@@ -29,19 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check each row; 1 if any differs by more than 0.3 per cent."""
-    from dataclasses import replace
     from pathlib import Path
 
     from domino_env.layout import Layout
     from domino_env.look.verification import STEPS, table, verify, write_verification
-    from domino_env.physics import Physics
-    from domino_env.scene import load_scene
 
     if len(arguments.layouts) > 1 and (arguments.json or arguments.plot):
         raise ValueError("--json and --plot name one file: give one layout with them")
-    physics = load_scene(arguments.scene).physics if arguments.scene else Physics()
-    given = {k: getattr(arguments, k) for k in ("friction", "gravity", "push")}
-    physics = replace(physics, **{k: v for k, v in given.items() if v is not None})
+    _, physics = asked_physics(arguments)
     steps = [h * 1e-6 for h in arguments.steps] if arguments.steps else STEPS
     differs = False
     for name in arguments.layouts:
