@@ -13,10 +13,11 @@ from optimize.best_known import best_known
 
 if TYPE_CHECKING:
     from agents.training import Run
+    from optimize.result import SearchResult
 
 
-def draw(run: Run, path: Path) -> None:
-    """Write result.png."""
+def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
+    """Write result.png; rival: what CMA-ES found, if it was asked."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 5.5), layout="constrained")
@@ -28,6 +29,10 @@ def draw(run: Run, path: Path) -> None:
     curve.plot(seconds[best > 0.0], best[best > 0.0], color="#0072B2", lw=2, label="best so far")
     marks = [run.built.uniform.score]
     curve.axhline(marks[0], color="#6b7280", ls="--", label=f"best uniform {marks[0]:.4f}")
+    if rival is not None:
+        found = f"CMA-ES in {rival.seconds:.0f} s {rival.score:.4f}"
+        curve.axhline(rival.score, color="#009E73", ls="-.", label=found)
+        marks.append(rival.score)
     known = best_known().get(run.built.scene.name)
     if known is not None:
         marks.append(known.score)
