@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from importlib.metadata import entry_points
 
 from domino_env import __version__
+from domino_env.reading import one_line
 
 NOTICE_AFTER = 2.0  # [s] of silence
 
@@ -52,7 +53,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print("domino: interrupted", file=sys.stderr)
         return 130
     except (ValueError, OSError, ImportError) as error:
-        print(f"domino: {error}", file=sys.stderr)
+        print(f"domino: {one_line(str(error), 1000)}", file=sys.stderr)
         return 2
     finally:
         notice.cancel()
