@@ -16,6 +16,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from domino_env import __version__
+from domino_env.reading import one_line
 
 NOTICE_AFTER = 2.0  # [s] of silence
 
@@ -58,7 +59,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"domino: {stop or 'interrupted'}", file=sys.stderr)
         return 143 if termination.came else 130
     except (ValueError, OSError, ImportError) as error:
-        print(f"domino: {error}", file=sys.stderr)
+        print(f"domino: {one_line(str(error), 1000)}", file=sys.stderr)
         return 2
     finally:
         notice.cancel()

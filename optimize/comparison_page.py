@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -119,10 +120,9 @@ def table(comparison: Comparison, scene: str) -> list[str]:
 def _about(comparison: Comparison, scene: str) -> str:
     result = next(r for r in comparison.results if r.scene.name == scene)
     mark = result.uniform.score
-    return (
-        f"{result.scene.title}. Best uniform pitch {mark:.5f}, best known "
-        f"{comparison.best[scene]:.5f}."
-    )
+    # a stranger's title is text, not Markdown
+    title = re.sub(r"([\\`*_\[\]<>!|&])", r"\\\1", result.scene.title)
+    return f"{title}. Best uniform pitch {mark:.5f}, best known {comparison.best[scene]:.5f}."
 
 
 def _median(values: list[float]) -> float:
