@@ -88,7 +88,8 @@ def _say_that_it_compiles() -> None:
     """Explain a long silence: the kernel is compiled at its first use after an install."""
     kernel = sys.modules.get("domino_env.kernel")
     rows = getattr(kernel, "solve_rows", None)  # loading may not be over
-    if rows is not None and not rows.signatures:
+    elsewhere = {"optimize.worker_pool", "optimize.cluster"} & sys.modules.keys()  # workers do
+    if rows is not None and not rows.signatures and not elsewhere:
         print("compiling the simulator, once, for about half a minute ...", file=sys.stderr)
 
 
