@@ -1,4 +1,4 @@
-"""The picture of a training: its learning curve, and the row it builds."""
+"""Pictures of trainings: the learning curve and the row of one, the curves of many."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ from domino_env.files import write_bytes
 from optimize.best_known import best_known
 
 if TYPE_CHECKING:
+    from agents.long_runs import Learned
     from agents.training import Run
+    from optimize.result import SearchResult
+
+SEED_COLOURS = ("#0072B2", "#56B4E9", "#009E73")
 
 
-def draw(run: Run, path: Path) -> None:
-    """Write result.png."""
+def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
+    """Write result.png; rival: what CMA-ES found, if it was asked."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 5.5), layout="constrained")
@@ -28,6 +32,10 @@ def draw(run: Run, path: Path) -> None:
     curve.plot(seconds[best > 0.0], best[best > 0.0], color="#0072B2", lw=2, label="best so far")
     marks = [run.built.uniform.score]
     curve.axhline(marks[0], color="#6b7280", ls="--", label=f"best uniform {marks[0]:.4f}")
+    if rival is not None:
+        found = f"CMA-ES in {rival.seconds:.0f} s {rival.score:.4f}"
+        curve.axhline(rival.score, color="#009E73", ls="-.", label=found)
+        marks.append(rival.score)
     known = best_known().get(run.built.scene.name)
     if known is not None:
         marks.append(known.score)
@@ -52,3 +60,30 @@ def draw(run: Run, path: Path) -> None:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
+
+
+def draw_shares(runs: list[Learned]) -> bytes:
+    """Learning curves as PNG, a panel a scene: the share of the best known row's gain over time."""
+    from matplotlib.figure import Figure
+
+    scenes = list(dict.fromkeys(run.scene for run in runs))
+    figure = Figure(figsize=(9, 2.6 * ((len(scenes) + 1) // 2)), layout="constrained")
+    panels = figure.subplots((len(scenes) + 1) // 2, 2, squeeze=False).ravel()
+    for panel, scene in zip(panels, scenes, strict=False):
+        for run in (r for r in runs if r.scene == scene):
+            share = (run.best - run.uniform) / (run.known - run.uniform)
+            panel.plot(run.seconds, share, lw=1.5, color=SEED_COLOURS[run.seed % 3])
+        panel.axhline(0.0, color="#6b7280", ls="--", lw=1)
+        panel.axhline(1.0, color="#D55E00", ls=":", lw=1)
+        panel.set_ylim(-0.5, 1.08)
+        panel.set_yticks([0.0, 0.8, 1.0], ["uniform", "80 %", "best known"])
+        panel.set_xlim(0.0, None)
+        panel.set_title(scene, loc="left", fontsize=10)
+        panel.set_xlabel("processor seconds")
+        panel.grid(axis="y", color="#e5e7eb")
+        panel.spines[["top", "right"]].set_visible(False)
+    for panel in panels[len(scenes) :]:
+        panel.set_axis_off()
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return buffer.getvalue()

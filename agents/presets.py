@@ -32,7 +32,7 @@ class Preset:
     rate: float = 1e-3
     last_rate: float = 0.05
     first_deviation: float = 1.0
-    last_deviation: float = 0.03
+    last_deviation: float = 0.012
     follow: bool = True
     options: dict[str, Any] = field(default_factory=dict)
 

@@ -4,6 +4,7 @@ scene.toml      the scene                    config.json   algorithm, seed, pres
 progress.csv    the learning curve           policy.npz    weights of the best policy so far
 policy.json     what it built, and when      checkpoint.pt all that going on needs (no pickled code)
 layout.csv/json the row it builds            summary.json, result.png
+tensorboard/    the losses too, where TensorBoard is installed
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import json
 import time
 import warnings
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +29,16 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.callbacks import BaseCallback
 
+    from optimize.result import SearchResult
+
 LOOKS = 200  # evaluations of the policy in a run
 KEEPS = 40  # checkpoints of a run
-COLUMNS = ("steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference")
+COLUMNS = (
+    "steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference",
+    "processor_seconds",
+)  # fmt: skip
+COMPARED = 0.1  # of the training's time is what CMA-ES gets, for the line in the picture
+LONGEST_COMPARED = 20.0  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +129,8 @@ class _Training:
         self.best = -np.inf
         self.sampled = -np.inf
         self.curve: list[tuple[float, ...]] = []
-        self.spent = 0.0  # seconds of earlier sessions
-        self.began = time.perf_counter()
+        self.spent = self.worked = 0.0  # seconds of earlier sessions: on the clock, of processors
+        self.began, self.began_work = time.perf_counter(), time.process_time()
         self.next_look = self.next_keep = 0
         self.bar: Any = None
         if progress:
@@ -136,6 +145,7 @@ class _Training:
             self._restore(load_state(self.model, self.home / "checkpoint.pt"))
         else:
             self._begin()
+        self._log()
         interrupted = False
         left = self.total - self.model.num_timesteps
         if left > 0:
@@ -153,6 +163,10 @@ class _Training:
     @property
     def seconds(self) -> float:
         return self.spent + time.perf_counter() - self.began
+
+    @property
+    def processor_seconds(self) -> float:
+        return self.worked + time.process_time() - self.began_work
 
     @property
     def done(self) -> float:
@@ -176,12 +190,10 @@ class _Training:
 
     def look(self) -> None:
         """Let the policy build a row without noise; keep the policy if it is the best so far."""
-        from agents.learner import save_weights
+        from agents.learner import builder, save_weights
 
         speed = float(self.env.rows.reference_speed)
-        built = build(
-            lambda seen: self.model.predict(seen, deterministic=True)[0], self.scene, speed
-        )
+        built = build(builder(self.model, self.algorithm), self.scene, speed)
         if built.score > self.best:
             self.best = built.score
             save_weights(self.model.policy, self.home / "policy.npz")
@@ -200,9 +212,11 @@ class _Training:
         self.curve.append(
             (
                 float(self.model.num_timesteps), self.seconds, built.score, self.best,
-                self.sampled, self.deviation(), speed,
+                self.sampled, self.deviation(), speed, self.processor_seconds,
             )
         )  # fmt: skip
+        self.model.logger.record("design/score", built.score)
+        self.model.logger.record("design/best_score", self.best)
         if self.bar is not None:
             mark = self.scene.uniform().score
             self.bar.set_postfix_str(f"best {self.best:.4f}, uniform {mark:.4f}")
@@ -216,6 +230,7 @@ class _Training:
             "sampled": float(self.sampled),
             "curve": [list(row) for row in self.curve],
             "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
             "reference": float(self.env.rows.reference_speed),
             "next_look": self.next_look,
             "next_keep": self.next_keep,
@@ -258,6 +273,15 @@ class _Training:
 
         return Watch()
 
+    def _log(self) -> None:
+        """Scalars for TensorBoard if it is installed; the learning curve is kept either way."""
+        from stable_baselines3.common.logger import Logger, configure
+
+        if find_spec("tensorboard") is None:
+            self.model.set_logger(Logger(folder=None, output_formats=[]))
+        else:
+            self.model.set_logger(configure(str(self.home / "tensorboard"), ["tensorboard"]))
+
     def _begin(self) -> None:
         self.home.mkdir(parents=True, exist_ok=True)
         from optimize.runs import versions
@@ -275,7 +299,7 @@ class _Training:
     def _restore(self, more: dict[str, Any]) -> None:
         self.best, self.sampled = more["best"], more["sampled"]
         self.curve = [tuple(row) for row in more["curve"]]
-        self.spent = more["seconds"]
+        self.spent, self.worked = more["seconds"], more["processor_seconds"]
         self.env.rows.reference_speed = more["reference"]
         self.next_look, self.next_keep = more["next_look"], more["next_keep"]
 
@@ -300,10 +324,24 @@ class _Training:
             "gain": built.gain,
             "steps": run.steps,
             "seconds": run.seconds,
+            "processor_seconds": self.processor_seconds,
         }
+        rival = None if interrupted else _rival(self.scene, COMPARED * run.seconds)
+        if rival is not None:
+            document["cma_score"], document["cma_seconds"] = rival.score, rival.seconds
         write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
-        draw(run, self.home / "result.png")
+        draw(run, rival, self.home / "result.png")
         return run
+
+
+def _rival(scene: Scene, seconds: float) -> SearchResult | None:
+    """What CMA-ES finds meanwhile; None where the training was too short to compare."""
+    from optimize.searching import search
+
+    if seconds < 1.0:
+        return None
+    given = min(seconds, LONGEST_COMPARED)
+    return search(scene, "cma", seconds=given, progress=False)
 
 
 def _as_begun(home: Path) -> tuple[Scene, str, int, Preset, int]:

@@ -93,6 +93,17 @@ def test_ppo_learns_and_repeats_to_the_bit(small, tmp_path: Path) -> None:
             assert np.array_equal(a[name], b[name])
 
 
+def test_scalars_go_to_tensorboard_only_where_it_is(small, tmp_path: Path, monkeypatch) -> None:
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    train(small, "ppo", folder=tmp_path / "with", plan=plan_for("ppo"), steps=800)
+    seen = EventAccumulator(str(tmp_path / "with" / "tensorboard")).Reload()
+    assert {"design/score", "train/value_loss"} <= set(seen.Tags()["scalars"])
+    monkeypatch.setattr("agents.training.find_spec", lambda name: None)
+    train(small, "ppo", folder=tmp_path / "without", plan=plan_for("ppo"), steps=800)
+    assert not (tmp_path / "without" / "tensorboard").exists()
+
+
 def test_going_on_reaches_what_an_undisturbed_run_does(small, tmp_path: Path, monkeypatch) -> None:
     plan = plan_for("ppo")
     whole = train(small, "ppo", seed=5, folder=tmp_path / "whole", plan=plan)
