@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from domino_env.env import DominoChain
 from domino_env.layout import Layout
+from domino_env.reading import told_of
 from domino_env.scene import Scene, UniformMark, load_scene
 from domino_env.wave import Wave
 
@@ -103,17 +103,21 @@ def load_policy(folder: Path, scene: Scene) -> tuple[BaseAlgorithm, float]:
 
     require_extra()
     from agents.learner import learner, load_weights
-    from agents.presets import Preset
+    from agents.run_files import read_config, read_reference
     from agents.sb3_vec_env import DominoVecEnv
 
-    config = json.loads((folder / "config.json").read_text("utf-8"))
-    plan = Preset(**config["preset"])
+    begun = read_config(folder)
+    plan = begun.plan
     small = {"buffer_size": 10} if "buffer_size" in plan.options else {}
     plan = replace(plan, options=plan.options | small)
-    model = learner(config["algorithm"], plan, DominoVecEnv(scene, plan.rows), 0)
+    reference = read_reference(folder)
+    with told_of(folder / "config.json"):
+        try:
+            model = learner(begun.algorithm, plan, DominoVecEnv(scene, plan.rows), 0)
+        except (TypeError, AssertionError, RuntimeError, ZeroDivisionError) as error:
+            raise ValueError(f"preset: no learner is made like this: {error}") from None
     load_weights(model.policy, folder / "policy.npz")
-    best = json.loads((folder / "policy.json").read_text("utf-8"))
-    return model, float(best["reference_over_uniform"])
+    return model, reference
 
 
 def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:
