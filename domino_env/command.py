@@ -50,7 +50,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         code = int(arguments.run(arguments))
         sys.stdout.flush()
-        return code
+        return 143 if termination.came else code
     except BrokenPipeError:
         # whoever read the output has enough; what is left in the buffer has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
