@@ -76,6 +76,9 @@ DRAWN_DOMINOES = Limit(
 RUN_BYTES = Limit(
     "DOMINO_RUN_BYTES", 16 * 2**20, "bytes", "settings, traces and checks of a run take kilobytes"
 )
+JOURNAL_BYTES = Limit(
+    "DOMINO_JOURNAL_BYTES", 2**30, "bytes", "some ten minutes of gradients on two cores"
+)
 SHOWN_DOMINOES = Limit(
     "DOMINO_SHOWN_DOMINOES", 5_000, "dominoes a row", "pictures need time by the square of a row"
 )
