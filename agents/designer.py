@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 PLANS = 13  # 0 … 12 tight gaps
 SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)  # [dominoes] over which the ends of a row make themselves felt
 SHOWN = len(FEATURES) + 5 + 2 * len(SCALES)  # numbers shown to the policy at a domino
-SHIPPED = Path(__file__).parent / "policies" / "family.npz"
+SHIPPED = Path(__file__).parent / "policies" / "family" / "policy.npz"
 _FAMILY = SceneFamily()
 
 
@@ -140,7 +140,7 @@ def design(
         raise ValueError(f"tries = {tries}: give 1 or more")
     judged = scene if isinstance(scene, Scene) else load_scene(scene)
     require_kind(judged)
-    policy = designer or shipped()
+    policy = designer or shipped_designer()
     began = time.perf_counter()
     there = np.arange(plans_of(judged.count))
     near = np.argsort(np.abs(there - policy.preferred(judged)), kind="stable")[:tries]
@@ -166,7 +166,7 @@ def acting(
     from domino_env.rows import progress_features
 
     require_kind(scene)
-    policy = designer or shipped()
+    policy = designer or shipped_designer()
     chosen = policy.preferred(scene) if plan is None else plan
     if not 0 <= chosen < plans_of(scene.count):
         raise ValueError(f"plan = {chosen}: choose 0 to {plans_of(scene.count) - 1} tight gaps")
@@ -185,7 +185,7 @@ def acting(
 
 
 @lru_cache(maxsize=1)
-def shipped() -> Designer:
+def shipped_designer() -> Designer:
     """The policy that comes with the package."""
     return load_designer(SHIPPED)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.network import network_of, read_weights
 from agents.presets import Preset
 from domino_env.files import write_bytes
 
@@ -61,19 +63,30 @@ def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
     policy.log_std.data.fill_(float(np.log(deviation)))
 
 
+def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
+    """What the policy does without noise."""
+    if algorithm == "ppo":
+        return network_of(weights(model.policy))
+    return lambda seen: model.predict(seen, deterministic=True)[0]
+
+
+def weights(policy: torch.nn.Module) -> dict[str, Any]:
+    """A policy's weights as plain arrays, by name."""
+    return {name: value.detach().numpy() for name, value in policy.state_dict().items()}
+
+
 def save_weights(policy: torch.nn.Module, path: Path) -> None:
     """Write a policy's weights as plain arrays."""
-    arrays = {name: value.detach().numpy() for name, value in policy.state_dict().items()}
+    arrays = weights(policy)
     write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
 
 
 def load_weights(policy: torch.nn.Module, path: Path) -> None:
     """Read them back; nothing in the file is run.  ValueError where they do not fit."""
+    arrays = read_weights(path)
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            state = {name: torch.from_numpy(arrays[name].copy()) for name in arrays.files}
-        policy.load_state_dict(state)
-    except (ValueError, RuntimeError, OSError, KeyError, TypeError, EOFError) as error:
+        policy.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
+    except (RuntimeError, TypeError) as error:
         raise ValueError(f"{path} does not hold the weights of such a policy: {error}") from None
 
 

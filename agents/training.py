@@ -190,12 +190,10 @@ class _Training:
 
     def look(self) -> None:
         """Let the policy build a row without noise; keep the policy if it is the best so far."""
-        from agents.learner import save_weights
+        from agents.learner import builder, save_weights
 
         speed = float(self.env.rows.reference_speed)
-        built = build(
-            lambda seen: self.model.predict(seen, deterministic=True)[0], self.scene, speed
-        )
+        built = build(builder(self.model, self.algorithm), self.scene, speed)
         if built.score > self.best:
             self.best = built.score
             save_weights(self.model.policy, self.home / "policy.npz")

@@ -22,9 +22,9 @@ from agents.designer import (
     design,
     load_designer,
     plans_of,
-    shipped,
+    shipped_designer,
 )
-from agents.evaluation import build
+from agents.evaluation import build, evaluate
 from agents.family import SceneFamily, numbers, scene_of
 from agents.family_evaluation import designer_of, judge
 from agents.family_examples import load_examples, make_examples
@@ -151,6 +151,15 @@ def test_it_builds_the_same_row_domino_by_domino_in_the_environment(sprint) -> N
         acting(sprint, 13)
 
 
+def test_evaluate_knows_it_by_name(sprint) -> None:
+    built = evaluate("family", sprint)
+    assert built.score == design(sprint).score
+    assert built.gain is not None
+    assert built.gain > 0.0
+    with pytest.raises(ValueError, match="name one to design for"):
+        evaluate("family")
+
+
 def test_trying_plans_never_loses(sprint) -> None:
     scores = [design(sprint, tries=n).score for n in (1, 4, PLANS)]
     assert scores[0] <= scores[1] + 1e-9 <= scores[2] + 2e-9
@@ -180,13 +189,13 @@ def test_it_works_without_torch(tmp_path: Path) -> None:
 
 def test_what_ships_is_small_and_says_how_it_was_made() -> None:
     assert SHIPPED.stat().st_size < 1_000_000
-    told = SHIPPED.with_suffix(".json").read_text("utf-8")
+    told = SHIPPED.with_name("figures.json").read_text("utf-8")
     assert '"command": "domino train family' in told
 
 
 def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "policy.npz"
-    good = arrays_of(shipped())
+    good = arrays_of(shipped_designer())
     np.savez(path, **good)
     again = arrays_of(load_designer(path))
     assert all(np.array_equal(again[name], good[name]) for name in good)
