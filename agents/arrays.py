@@ -22,8 +22,11 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     try:
         with zipfile.ZipFile(path) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
-        if size > MOST:
-            raise ValueError(f"its arrays take {size:,} bytes, where {MOST:,} are accepted")
+            if size > MOST:
+                raise ValueError(f"its arrays take {size:,} bytes, where {MOST:,} are accepted")
+            torn = archive.testzip()  # NumPy reads arrays without a look at their checksums
+            if torn is not None:
+                raise ValueError(f"'{torn}' is damaged")
         with np.load(path, allow_pickle=False) as file:
             # of an entry that is no array NumPy gives the bytes
             arrays = {name: file[name] for name in file.files}

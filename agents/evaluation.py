@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
 POLICIES = Path(__file__).parent / "policies"
+FAMILY = "family"  # the one that was taught many scenes
 
 Seen = NDArray[np.float32]
 Policy = Callable[[Seen], NDArray[Any]]
@@ -73,10 +74,13 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
 
     run: the folder that `train` wrote; the name of a policy that ships (`shipped`); or, with
         trust=True, an archive of stable-baselines3 (.zip), whose loading runs code that it holds.
-    scene: another one than it was trained on; its observations must have the same entries.
+    scene: another one than it was trained on; its observations must have the same entries;
+        "family", which was taught many, asks for one.
     A policy of PPO needs NumPy alone, the others the extra "rl".
     ValueError where the scene shows something else, and for what is no run.
     """
+    from agents.family_evaluation import built_for, teaches_a_family
+
     path = Path(run)
     if path.suffix == ".zip":
         if scene is None:
@@ -89,8 +93,10 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     else:
         from agents.run_files import read_reference
 
-        if not path.exists() and str(run) in shipped():
+        if not path.exists() and str(run) in (*shipped(), FAMILY):
             path = POLICIES / str(run)
+        if teaches_a_family(path):
+            return built_for(path, scene)
         home = load_scene(path / "scene.toml") if (path / "scene.toml").exists() else None
         if home is None or not (path / "policy.npz").exists():
             raise ValueError(
@@ -110,8 +116,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
 
 
 def shipped() -> list[str]:
-    """Names of the policies that come with the package."""
-    return sorted(folder.name for folder in POLICIES.iterdir() if folder.is_dir())
+    """Names of the policies for one scene that come with the package."""
+    return sorted(folder.parent.name for folder in POLICIES.glob("*/scene.toml"))
 
 
 def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:

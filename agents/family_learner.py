@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents.designer import PLANS, SHOWN, Designer, plans_of, scene_shown, shown
+from agents.designer import PLANS, SHOWN, Designer, Layers, plans_of, scene_shown, shown
 from agents.family import FEATURES, numbers, uniform_speed
 from agents.teaching import Teaching
 from domino_env.scene import Scene
@@ -159,10 +159,9 @@ def _network(
     return torch.nn.Sequential(*layers[:-1])
 
 
-def _plain(network: torch.nn.Sequential) -> tuple[tuple[Floats, Floats], ...]:
+def _plain(network: torch.nn.Sequential) -> Layers:
     linear = [layer for layer in network if isinstance(layer, torch.nn.Linear)]
     return tuple(
-        (np.asarray(layer.weight.detach().numpy(), dtype=np.float64),
-         np.asarray(layer.bias.detach().numpy(), dtype=np.float64))
+        (layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy())
         for layer in linear
     )  # fmt: skip

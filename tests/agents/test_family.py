@@ -22,9 +22,9 @@ from agents.designer import (
     design,
     load_designer,
     plans_of,
-    shipped,
+    shipped_designer,
 )
-from agents.evaluation import build
+from agents.evaluation import build, evaluate
 from agents.family import SceneFamily, numbers, scene_of
 from agents.family_evaluation import designer_of, judge
 from agents.family_examples import load_examples, make_examples
@@ -121,12 +121,12 @@ def test_a_design_scales_with_the_dominoes(sprint) -> None:
     )
     small, big = design(sprint), design(large)
     assert big.plan == small.plan
-    assert big.layout.spacing == pytest.approx(k * small.layout.spacing, rel=1e-12)
-    assert big.score == pytest.approx(np.sqrt(k) * small.score, rel=1e-8)
+    assert big.layout.spacing == pytest.approx(k * small.layout.spacing, rel=1e-5)
+    assert big.score == pytest.approx(np.sqrt(k) * small.score, rel=1e-5)
     strong = replace(
         sprint, physics=de.Physics(0.25, 4.0 * 9.81, 2.0 * sprint.physics.push)
     )  # time runs twice as fast
-    assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-12)
+    assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-5)
 
 
 def test_a_design_does_not_ask_for_the_best_uniform_row(sprint, monkeypatch) -> None:
@@ -149,6 +149,15 @@ def test_it_builds_the_same_row_domino_by_domino_in_the_environment(sprint) -> N
     assert alone.score == pytest.approx(design(sprint, tries=1).score, rel=1e-5)
     with pytest.raises(ValueError, match="choose 0 to 12"):
         acting(sprint, 13)
+
+
+def test_evaluate_knows_it_by_name(sprint) -> None:
+    built = evaluate("family", sprint)
+    assert built.score == design(sprint).score
+    assert built.gain is not None
+    assert built.gain > 0.0
+    with pytest.raises(ValueError, match="name one to design for"):
+        evaluate("family")
 
 
 def test_trying_plans_never_loses(sprint) -> None:
@@ -180,13 +189,13 @@ def test_it_works_without_torch(tmp_path: Path) -> None:
 
 def test_what_ships_is_small_and_says_how_it_was_made() -> None:
     assert SHIPPED.stat().st_size < 1_000_000
-    told = SHIPPED.with_suffix(".json").read_text("utf-8")
+    told = SHIPPED.with_name("figures.json").read_text("utf-8")
     assert '"command": "domino train family' in told
 
 
 def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "policy.npz"
-    good = arrays_of(shipped())
+    good = arrays_of(shipped_designer())
     np.savez(path, **good)
     again = arrays_of(load_designer(path))
     assert all(np.array_equal(again[name], good[name]) for name in good)
@@ -195,6 +204,7 @@ def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> 
         "a missing array": {k: v for k, v in good.items() if k != "plan_0_bias"},
         "a shape": {**good, "row_1_weight": good["row_1_weight"][:-1]},
         "not finite": {**good, "row_0_bias": good["row_0_bias"] * np.nan},
+        "too large": {**good, "row_0_bias": good["row_0_bias"] + 1e30},
         "words": {**good, "row_0_bias": np.array(["a", "b"])},
         "nothing": {},
         "far too much": {**good, "extra": np.zeros(34_000_000)},
