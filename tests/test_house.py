@@ -114,7 +114,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
     sources = {
         str(path.relative_to(ROOT))
         for package in PACKAGES
-        for pattern in ("*.py", "*.toml", "py.typed", "best_known.json", "assets/*")
+        for pattern in ("*.py", "*.toml", "py.typed", "best_known.json", "assets/*", "policies/*")
         for path in (ROOT / package).rglob(pattern)
     }
     assert {"domino_env/scenes/sprint.toml", "domino_env/py.typed"} <= sources

@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 LOOKS = 32  # at the leader in every fall; straight lines between them are within 1e-4 rad
 INSTANT = 1e-7  # [s] on either side of an instant, to tell before a hit from after, and for speeds
 ENERGY_POINTS = 12  # in every fall
+LARGEST_PIECE = 1_000_000  # leans at once, some 100 MB
 
 
 @dataclass(frozen=True)
@@ -83,20 +84,27 @@ def energies(motion: Motion, wave: Wave) -> dict[str, list[float]]:
     if wave.hit < layout.count:
         ends = np.append(ends, motion.end)
     times = np.concatenate(
-        [
+        [np.zeros(0)]
+        + [
             np.linspace(a + 2.0 * INSTANT, b - 2.0 * INSTANT, ENERGY_POINTS)
             for a, b in pairwise(ends)
             if b - a > 8.0 * INSTANT
         ]
     )
-    leans = motion.angles(times)
-    rates = (motion.angles(times + INSTANT) - motion.angles(times - INSTANT)) / (2.0 * INSTANT)
     mass = layout.density * layout.height * layout.thickness * layout.width
     inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
     lever = 0.5 * wave.physics.gravity * mass
-    high = layout.height * np.cos(leans) + layout.thickness * np.sin(leans)
-    released = ((layout.height - high) * lever).sum(axis=1)
-    kinetic = 0.5 * (inertia * rates**2).sum(axis=1)
+    released, kinetic = np.empty(len(times)), np.empty(len(times))
+    piece = max(1, LARGEST_PIECE // layout.count)
+    for first in range(0, len(times), piece):
+        part = slice(first, first + piece)
+        leans, later, sooner = (
+            motion.angles(times[part] + shift) for shift in (0.0, INSTANT, -INSTANT)
+        )
+        high = layout.height * np.cos(leans) + layout.thickness * np.sin(leans)
+        released[part] = ((layout.height - high) * lever).sum(axis=1)
+        rates = (later - sooner) / (2.0 * INSTANT)
+        kinetic[part] = 0.5 * (inertia * rates**2).sum(axis=1)
     drop = np.zeros(len(times))
     at = np.searchsorted(times, wave.arrival_times[1 : wave.hit])
     at = at[(at > 0) & (at < len(times))]
