@@ -9,7 +9,7 @@ learns the returns of the clone, so that what follows does not begin with wrong 
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ import torch
 from numpy.typing import NDArray
 
 from agents.evaluation import build
-from agents.presets import Preset
+from agents.learner import builder
 from domino_env.layout import Layout
 from domino_env.scene import Scene
 
@@ -54,16 +54,6 @@ class Cloned:
     def to_dict(self) -> dict[str, Any]:
         """For a file."""
         return asdict(self)
-
-
-def warm_plan(plan: Preset) -> Preset:
-    """A preset for going on from a clone: small deviations and steps, and whole returns.
-
-    With an advantage that is estimated over a few steps (λ = 0.95) what the critic does not know
-    yet outweighs the little there is to gain.
-    """
-    options = plan.options | {"gae_lambda": 1.0, "target_kl": 0.02}
-    return replace(plan, rate=3e-4, first_deviation=0.03, last_deviation=0.01, options=options)
 
 
 def row_to_clone(scene: Scene, what: str | Path | Layout, seed: int = 0) -> tuple[Layout, str]:
@@ -104,16 +94,17 @@ def row_to_clone(scene: Scene, what: str | Path | Layout, seed: int = 0) -> tupl
 
 
 def clone(
-    model: Any, env: DominoVecEnv, row: Layout, source: str, deviation: float, seed: int
+    model: Any, env: DominoVecEnv, what: str | Path | Layout, deviation: float, seed: int
 ) -> Cloned:
     """Teach PPO's networks a row and its returns; the best of some rounds is kept.
 
-    model: of stable-baselines3.  env: what it learns in.
+    model: of stable-baselines3.  env: what it learns in.  what: see `row_to_clone`.
     deviation: of the actions with which it will go on.
-    seed: of the errors in the rows shown and of the order of learning.
+    seed: of the search of the row, and of the errors in the rows shown.
     """
     began = time.perf_counter()
     scene, policy = env.rows.scene, model.policy
+    row, source = row_to_clone(scene, what, seed)
     score = scene.score(row)
     if scene.objective == "mean_speed":  # what the training will lead against, and the policy sees
         env.rows.reference_speed = score
@@ -123,11 +114,7 @@ def clone(
     for _ in range(ROUNDS):
         seen, wanted = (np.concatenate(parts) for parts in zip(*shown, strict=True))
         _imitate(policy, seen, wanted)
-        built = build(
-            lambda state: model.predict(state, deterministic=True)[0],
-            scene,
-            float(env.rows.reference_speed),
-        )
+        built = build(builder(model, "ppo"), scene, float(env.rows.reference_speed))
         if built.score > best:
             best = built.score
             kept = {name: value.clone() for name, value in policy.state_dict().items()}
