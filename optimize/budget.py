@@ -66,11 +66,14 @@ class Budget:
         self._dominoes = problem.scene.count * problem.scene.waves_a_score  # of a row
         self._piece = min(max(8, PIECE // self._dominoes), MOST_ROWS)
         self._began = time.perf_counter()
+        if problem.journal is not None:
+            problem.journal.start()
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the search began."""
-        return time.perf_counter() - self._began
+        """Seconds since the search began, those before it was stopped and resumed among them."""
+        journal = self.problem.journal
+        return time.perf_counter() - self._began if journal is None else journal.seconds
 
     @property
     def bulk(self) -> int:
@@ -130,13 +133,17 @@ class Budget:
 
     def _found(self, pieces: list[Floats], rtol: float | None) -> Iterator[Floats]:
         """The scores of one piece after the other."""
+        journal, pieces = self.problem.journal, list(pieces)
+        while pieces and journal is not None and journal.replaying:
+            yield self.problem.scores(pieces.pop(0), rtol)
         tasks = [] if self._executor is None else tasks_of(pieces, self._dominoes)
         if self._executor is None or len(tasks) < 2:
             for piece in pieces:
                 yield self.problem.scores(piece, rtol)
         else:
-            for part in scores_elsewhere(self._executor, self.problem, tasks, rtol):
-                self.problem.count(part)
+            parts = scores_elsewhere(self._executor, self.problem, tasks, rtol)
+            for piece, part in zip(pieces, parts, strict=True):
+                self.problem.remember_scores(piece, rtol, part)
                 yield part
 
     def score(self, design: Floats) -> float:
