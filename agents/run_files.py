@@ -15,6 +15,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
@@ -140,7 +141,7 @@ def require_whole_archive(data: bytes) -> None:
 
 _TORN = (
     BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, KeyError, OSError, TypeError,
-    SyntaxError, IndexError, AttributeError,
+    SyntaxError, TokenError, IndexError, AttributeError,
 )  # fmt: skip
 
 

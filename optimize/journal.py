@@ -15,10 +15,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import struct
 import time
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -103,9 +105,15 @@ class Journal:
         if self._next is not None:
             known, elapsed, payload, place = self._next
             if known == digest:
+                found = _unpacked(payload)
+                if not found or len(found[0]) != len(question[1]):
+                    raise ValueError(
+                        f"{self.path} is damaged after {elapsed:.1f} s: begin anew, without "
+                        "--resume"
+                    )
                 self._before, self._since = elapsed, time.perf_counter()
                 self._advance()
-                return _unpacked(payload)
+                return found
             # A budget may have cut its last batch short, where a larger one asks for all of it.
             self._advance()
             if self._next is not None:
@@ -198,11 +206,15 @@ class Journal:
             newer = said[: len(MAGIC) - 1] == MAGIC[:-1]
             what = "a journal of another version" if newer else "no journal of a search"
             raise ValueError(f"{self.path} is {what}: begin anew, without --resume")
-        length, crc = _LENGTHS.unpack(said[len(MAGIC) :].ljust(_LENGTHS.size, b"\0"))
+        lengths = said[len(MAGIC) :].ljust(_LENGTHS.size, b"\xff")
+        length, crc = _LENGTHS.unpack(lengths)
         text = file.read(min(length, LARGEST_HEADER))
-        if len(text) != length or zlib.crc32(text) != crc:
+        known = None
+        if len(text) == length and zlib.crc32(text) == crc:
+            with suppress(ValueError, RecursionError):
+                known = json.loads(text)
+        if not isinstance(known, dict):
             raise ValueError(f"{self.path} is damaged at its start: begin anew, without --resume")
-        known = json.loads(text)
         for key, asked in self._header.items():
             if known.get(key) != asked and key != "scene":
                 raise ValueError(
@@ -273,16 +285,20 @@ def _packed(arrays: Arrays) -> bytes:
 
 
 def _unpacked(payload: bytes) -> Arrays:
+    """The arrays again; none where the payload is no whole number of them."""
     found: list[Floats] = []
     at = 0
-    while at < len(payload):
-        (dimensions,) = struct.unpack_from("<I", payload, at)
-        shape = struct.unpack_from(f"<{dimensions}I", payload, at + 4)
-        at += 4 * (1 + dimensions)
-        count = int(np.prod(shape, dtype=np.int64))
-        array = np.frombuffer(payload, "<f8", count, at).astype(np.float64)  # its own to change
-        found.append(array.reshape(shape))
-        at += 8 * count
+    try:
+        while at < len(payload):
+            (dimensions,) = struct.unpack_from("<I", payload, at)
+            shape = struct.unpack_from(f"<{dimensions}I", payload, at + 4)
+            at += 4 * (1 + dimensions)
+            count = math.prod(shape)
+            array = np.frombuffer(payload, "<f8", count, at) if count else np.empty(0)
+            found.append(array.astype(np.float64).reshape(shape))  # a copy, its own to change
+            at += 8 * count
+    except (struct.error, ValueError, OverflowError):
+        return ()
     return tuple(found)
 
 
