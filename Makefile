@@ -52,7 +52,7 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.core
-	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify]'
+	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify,dist]'
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core

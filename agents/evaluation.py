@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from domino_env.env import DominoChain
 from domino_env.layout import Layout
+from domino_env.reading import told_of
 from domino_env.scene import Scene, UniformMark, load_scene
 from domino_env.wave import Wave
 
@@ -91,6 +91,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
         (size,), speed = model.observation_space.shape, None
         policy: Policy = lambda seen: model.predict(seen, deterministic=True)[0]  # noqa: E731
     else:
+        from agents.run_files import read_reference
+
         if not path.exists() and str(run) in (*shipped(), FAMILY):
             path = POLICIES / str(run)
         if teaches_a_family(path):
@@ -103,8 +105,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
             )
         judged = home if scene is None else scene if isinstance(scene, Scene) else load_scene(scene)
         policy, size = load_policy(path, home)
-        best = json.loads((path / "policy.json").read_text("utf-8"))
-        speed = best["reference_over_uniform"] * judged.uniform().wave.mean_speed
+        speed = read_reference(path) * judged.uniform().wave.mean_speed
     shape = DominoChain(judged).observation_space.shape
     if shape != (size,):
         raise ValueError(
@@ -120,30 +121,37 @@ def shipped() -> list[str]:
 
 
 def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
-    """The best policy of a run, and how many numbers it is shown.
+    """The best policy of a run on a scene, and how many numbers it is shown.
 
     ValueError where the folder holds no such policy; ImportError where it needs the extra "rl".
     """
-    from agents.network import read_network
+    from agents.run_files import read_config
 
-    config = json.loads((folder / "config.json").read_text("utf-8"))
-    if config["algorithm"] == "ppo":
-        network = read_network(folder / "policy.npz")
-        return network, network.inputs
+    begun = read_config(folder)
+    plan, env = begun.plan, DominoChain(scene)
+    assert env.observation_space.shape is not None
+    assert env.action_space.shape is not None
+    (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape
+    if begun.algorithm == "ppo":
+        from agents.network import read_network
+
+        path = folder / "policy.npz"
+        return read_network(path, inputs, outputs, plan.width, plan.depth), inputs
     from agents.extra import require_extra
 
     require_extra()
     from agents.learner import builder, learner, load_weights
-    from agents.presets import Preset
     from agents.sb3_vec_env import DominoVecEnv
 
-    plan = Preset(**config["preset"])
     small = {"buffer_size": 10} if "buffer_size" in plan.options else {}
     plan = replace(plan, options=plan.options | small)
-    model = learner(config["algorithm"], plan, DominoVecEnv(scene, plan.rows), 0)
+    with told_of(folder / "config.json"):
+        try:
+            model = learner(begun.algorithm, plan, DominoVecEnv(scene, plan.rows), 0)
+        except (TypeError, AssertionError, RuntimeError, ZeroDivisionError) as error:
+            raise ValueError(f"preset: no learner is made like this: {error}") from None
     load_weights(model.policy, folder / "policy.npz")
-    assert model.observation_space.shape is not None
-    return builder(model, config["algorithm"]), int(model.observation_space.shape[0])
+    return builder(model, begun.algorithm), inputs
 
 
 def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:

@@ -14,8 +14,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.network import network_of, read_weights
+from agents.checkpoint import read_checkpoint
+from agents.network import network_of
 from agents.presets import Preset
+from agents.run_files import read_weights
 from domino_env.files import write_bytes
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
@@ -83,11 +85,9 @@ def save_weights(policy: torch.nn.Module, path: Path) -> None:
 
 def load_weights(policy: torch.nn.Module, path: Path) -> None:
     """Read them back; nothing in the file is run.  ValueError where they do not fit."""
-    arrays = read_weights(path)
-    try:
-        policy.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
-    except (RuntimeError, TypeError) as error:
-        raise ValueError(f"{path} does not hold the weights of such a policy: {error}") from None
+    kinds = {name: (value.shape, value.dtype) for name, value in weights(policy).items()}
+    arrays = read_weights(path, kinds)
+    policy.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
 
 
 def save_state(model: BaseAlgorithm, more: dict[str, Any], path: Path) -> None:
@@ -117,8 +117,11 @@ def save_state(model: BaseAlgorithm, more: dict[str, Any], path: Path) -> None:
 
 
 def load_state(model: Any, path: Path) -> dict[str, Any]:
-    """Take a learner back to where `save_state` left it; returns what was kept beside it."""
-    state = torch.load(path, weights_only=True)
+    """Take a learner back to where `save_state` left it; returns what was kept beside it.
+
+    ValueError, before anything is changed, for what is no checkpoint of such a learner.
+    """
+    state = read_checkpoint(model, path)
     model.set_parameters(state["parameters"], exact_match=True, device="cpu")
     model.num_timesteps = state["steps"]
     model._n_updates = state["updates"]

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arrays import read_arrays
+from agents.run_files import read_weights
 
 Single = NDArray[np.float32]
 
-HIDDEN, LAST = "mlp_extractor.policy_net.", "action_net."  # as stable-baselines3 calls its layers
+# as stable-baselines3 calls its layers
+LAST = "action_net."
+_HIDDEN = re.compile(r"mlp_extractor\.policy_net\.[0-9]+\.weight")
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,11 +24,6 @@ class Network:
     """Layers of tanh with a linear one on top: a weight (outputs, inputs) and a bias (outputs,)."""
 
     layers: tuple[tuple[Single, Single], ...]
-
-    @property
-    def inputs(self) -> int:
-        """Numbers that it is shown."""
-        return int(self.layers[0][0].shape[1])
 
     def __call__(self, seen: Single) -> Single:
         """(M,) the action for what is seen (inputs,), each entry from -1 to 1."""
@@ -35,42 +34,33 @@ class Network:
         return np.asarray(np.clip(weight @ values + bias, -1.0, 1.0), dtype=np.float32)
 
 
-def network_of(arrays: dict[str, Single]) -> Network:
-    """The network in a policy's arrays.  ValueError where they are none."""
-    names = [name for name in arrays if name.startswith(HIDDEN) and name.endswith(".weight")]
-    names.sort(key=lambda name: int(name.removeprefix(HIDDEN).removesuffix(".weight")))
-    stems = [name.removesuffix("weight") for name in names] + [LAST]
+def network_of(arrays: Mapping[str, Single]) -> Network:
+    """The network in the arrays of a policy."""
+    stems = sorted(
+        (name.removesuffix("weight") for name in arrays if _HIDDEN.fullmatch(name)),
+        key=lambda stem: int(stem.split(".")[2]),
+    )
+    return Network(tuple((arrays[s + "weight"], arrays[s + "bias"]) for s in [*stems, LAST]))
+
+
+def read_network(path: Path, inputs: int, outputs: int, width: int, depth: int) -> Network:
+    """The network in a policy's file; nothing in it is run.
+
+    ValueError where it holds another policy than one of `depth` layers of `width`.
+    """
+    kinds = arrays_of(inputs, outputs, width, depth)
+    single = np.dtype(np.float32)
+    return network_of(read_weights(path, {name: (kind, single) for name, kind in kinds.items()}))
+
+
+def arrays_of(inputs: int, outputs: int, width: int, depth: int) -> dict[str, tuple[int, ...]]:
+    """Names and shapes of all arrays of such a policy, those of its critic too."""
+    shapes: dict[str, tuple[int, ...]] = {"log_std": (outputs,)}
     layers = []
-    size = None
-    for stem in stems:
-        weight, bias = arrays.get(stem + "weight"), arrays.get(stem + "bias")
-        if weight is None or bias is None:
-            raise ValueError(f"no {stem}weight and {stem}bias")
-        fits = weight.ndim == 2 and bias.shape == weight.shape[:1]
-        if not fits or (size is not None and weight.shape[1] != size):
-            raise ValueError(f"{stem}weight {weight.shape} does not fit {size} values before it")
-        if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
-            raise ValueError(f"{stem} is not finite throughout")
-        size = weight.shape[0]
-        layers.append((np.asarray(weight, np.float32), np.asarray(bias, np.float32)))
-    return Network(tuple(layers))
-
-
-def read_weights(path: Path) -> dict[str, Single]:
-    """The arrays in a policy's file; nothing in it is run.  ValueError where it holds none."""
-    try:
-        return read_arrays(path)
-    except ValueError as error:
-        raise ValueError(f"{path} does not hold the weights of a policy: {error}") from None
-
-
-def read_network(path: Path) -> Network:
-    """The network in a policy's file.  ValueError where it holds none."""
-    try:
-        return network_of(read_weights(path))
-    except ValueError as error:
-        told = str(error)
-        told = (
-            told if str(path) in told else f"{path} does not hold the weights of a policy: {told}"
-        )
-        raise ValueError(told) from None
+    for i in range(depth):
+        for net in ("policy_net", "value_net"):
+            layers.append((f"mlp_extractor.{net}.{2 * i}.", width, width if i else inputs))
+    last = width if depth else inputs
+    for stem, rows, columns in [*layers, (LAST, outputs, last), ("value_net.", 1, last)]:
+        shapes[stem + "weight"], shapes[stem + "bias"] = (rows, columns), (rows,)
+    return shapes

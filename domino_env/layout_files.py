@@ -73,7 +73,7 @@ def read_json(path: Path) -> Layout:
     """Read what `write_json` wrote.  Raises ValueError naming file and key, and as `read_csv`."""
     with told_of(path):
         document = read_document(path, LAYOUT_BYTES, 4 * LAYOUT_DOMINOES.most + 100)
-        return _layout_of_document(document)
+        return layout_of_document(document)
 
 
 def _layout_of_table(path: Path, data: bytes) -> Layout:
@@ -141,7 +141,8 @@ def _layout_of_table(path: Path, data: bytes) -> Layout:
     )
 
 
-def _layout_of_document(document: object) -> Layout:
+def layout_of_document(document: object) -> Layout:
+    """The layout in a JSON document.  ValueError naming the key for anything else."""
     if not isinstance(document, dict):
         raise ValueError("expected an object with the keys spacing and thickness")
     for key in ("spacing", "thickness"):

@@ -76,6 +76,9 @@ DRAWN_DOMINOES = Limit(
 RUN_BYTES = Limit(
     "DOMINO_RUN_BYTES", 16 * 2**20, "bytes", "settings, traces and checks of a run take kilobytes"
 )
+JOURNAL_BYTES = Limit(
+    "DOMINO_JOURNAL_BYTES", 2**30, "bytes", "some ten minutes of gradients on two cores"
+)
 SHOWN_DOMINOES = Limit(
     "DOMINO_SHOWN_DOMINOES", 5_000, "dominoes a row", "pictures need time by the square of a row"
 )
@@ -87,7 +90,7 @@ SOUND_SAMPLES = Limit(
     "DOMINO_SOUND_SAMPLES", 30_000_000, "samples", "eleven minutes at 44.1 kHz; 2 GB to listen to"
 )
 SOUND_BYTES = Limit(
-    "DOMINO_SOUND_BYTES", 256 * 2**20, "bytes", "the samples above in four channels of 16 bits"
+    "DOMINO_SOUND_BYTES", 128 * 2**20, "bytes", "as many samples of 32 bits"
 )
 POLICY_BYTES = Limit(
     "DOMINO_POLICY_BYTES", 64 * 2**20, "bytes of weights", "two layers of 2 000; ours have 64"

@@ -40,7 +40,7 @@ from domino_env.limits import (
 from domino_env.objective import OBJECTIVES, Limits
 from domino_env.physics import Physics
 from domino_env.placement import LARGEST_DRAWS, Placement
-from domino_env.reading import one_line, plain_name, read_bytes, shown, told_of
+from domino_env.reading import one_line, plain_name, read_bytes, refuse, shown, told_of
 from domino_env.stock import Stock
 from domino_env.tempo import TOLERANCE, Tempo
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from domino_env.scene import Bounds, Scene
 
 LONGEST_TITLE = 300  # [characters]
-LONGEST_KEY = 8  # [words with dots between]; reading takes memory by its square
+LONGEST_KEY = 4  # [words with dots between]; reading takes memory by its square
 
 # texts, remarks, and keys of too many words, as TOML takes them apart from left to right; what is
 # not closed is read to the end, so that no sign is looked at twice
@@ -94,11 +94,11 @@ def read_scene(name: str | Path) -> Scene:
     known = scene_names()
     if str(name) not in known and (path.suffix == ".toml" or path.is_file()):
         if not path.is_file():
-            raise ValueError(f"{path}: there is no such scene file")
+            refuse(path, "there is no such scene file")
         try:
             text = read_bytes(path, SCENE_BYTES).decode("utf-8-sig")
         except UnicodeDecodeError:
-            raise ValueError(f"{path}: not UTF-8 text; save the file as UTF-8") from None
+            refuse(path, "not UTF-8 text; save the file as UTF-8")
         return parse_scene(text, path.stem, str(path))
     if str(name) not in known:
         near = difflib.get_close_matches(str(name)[:LONGEST_TITLE], known, n=1)
@@ -120,6 +120,12 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
         return _scene_of(_document(text), name, file)
 
 
+def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
+    """A scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
+    with told_of(file):
+        return _scene_of(document, name, file)
+
+
 def _document(text: str) -> dict[str, Any]:
     if _LONG_KEY.search(_TEXTS.sub(lambda m: "" if m[0][0] == "#" else "x", text)):
         raise ValueError(f"a key of {LONGEST_KEY + 1} words or more: no table is as deep as that")
@@ -127,7 +133,7 @@ def _document(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("not TOML: nested too deep") from None
-    except ValueError as error:
+    except tomllib.TOMLDecodeError as error:
         raise ValueError(f"not TOML: {error}") from None
 
 
@@ -341,7 +347,8 @@ def _whole(
     value = table.get(key, default)
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
         what = f"{where}.{key} is missing" if value is None else f"{where}.{key} = {shown(value)}"
-        raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}")
+        more = f"; for more set {SCENE_DOMINOES.variable}" if high == SCENE_DOMINOES.most else ""
+        raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}{more}")
     return value
 
 

@@ -20,10 +20,9 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any
 
-from optimize.engines import SURROUNDINGS, EngineLost, WorkerLost
+from optimize.engines import STRIKES, SURROUNDINGS, EngineLost, WorkerLost
 from optimize.reports import Hear, listen
 
-STRIKES = 3  # deaths of workers after which their task is given up
 PATIENCE = 10.0  # [s] for an idle worker to end by itself
 
 _READY, _DONE, _FAILED, _NEWS = range(4)

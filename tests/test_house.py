@@ -116,7 +116,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
         for package in PACKAGES
         for pattern in ("*.py", "*.toml", "py.typed", "best_known.json", "assets/*", "policies/*/*")
         for path in (ROOT / package).rglob(pattern)
-    }
+    } | {"domino_env/look/verified.json"}
     assert {"domino_env/scenes/sprint.toml", "domino_env/py.typed"} <= sources
     kept = {name for name in names if ".dist-info/" not in name}
     assert kept == sources

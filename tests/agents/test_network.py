@@ -13,7 +13,7 @@ import pytest
 
 import domino_env as de
 from agents.evaluation import POLICIES, evaluate, shipped
-from agents.network import network_of, read_network
+from agents.network import arrays_of, network_of, read_network
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -33,7 +33,7 @@ def test_it_does_what_torch_does() -> None:
     network = network_of(arrays)
     rng = np.random.default_rng(0)
     for _ in range(20):
-        seen = rng.standard_normal(network.inputs).astype(np.float32)
+        seen = rng.standard_normal(network.layers[0][0].shape[1]).astype(np.float32)
         values = torch.from_numpy(seen)
         for stem in ("mlp_extractor.policy_net.0.", "mlp_extractor.policy_net.2."):
             weight, bias = (torch.from_numpy(arrays[stem + n]) for n in ("weight", "bias"))
@@ -41,6 +41,12 @@ def test_it_does_what_torch_does() -> None:
         weight, bias = (torch.from_numpy(arrays["action_net." + n]) for n in ("weight", "bias"))
         wanted = torch.nn.functional.linear(values, weight, bias).clamp(-1.0, 1.0).numpy()
         assert network(seen) == pytest.approx(wanted, abs=2e-6)
+
+
+def test_the_arrays_of_a_policy_are_what_is_expected_of_one() -> None:
+    arrays = dict(np.load(POLICIES / "sprint" / "policy.npz"))
+    inputs = arrays["mlp_extractor.policy_net.0.weight"].shape[1]
+    assert {k: v.shape for k, v in arrays.items()} == arrays_of(inputs, 1, 64, 2)
 
 
 def test_building_needs_no_torch(tmp_path: Path) -> None:
@@ -66,8 +72,8 @@ def test_weights_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     ):
         arrays = {k: v for k, v in (good | {name: value}).items() if v is not None}
         np.savez(tmp_path / "policy.npz", **arrays)
-        with pytest.raises(ValueError, match=r"policy\.npz does not hold the weights"):
-            read_network(tmp_path / "policy.npz")
+        with pytest.raises(ValueError, match=r"policy\.npz"):
+            read_network(tmp_path / "policy.npz", good[first].shape[1], 1, 64, 2)
 
 
 def test_a_policy_of_another_scene_says_so() -> None:
