@@ -67,9 +67,13 @@ class Judged:
         )  # fmt: skip
         share = "" if self.searched is None else f"{self.share(scores):.1%}"
         return (
-            f"| {name} | {np.mean(gain > ROUNDING):.1%} of {len(gain)} | {np.median(gain):+.2%} "
+            f"| {name} | {self.beaten(scores):.1%} of {len(gain)} | {np.median(gain):+.2%} "
             f"| {np.quantile(gain, 0.1):+.2%} | {worst} | {share} | {times[0]} | {times[1]} |"
         )
+
+    def beaten(self, scores: Floats) -> float:
+        """The part of the scenes in which the best uniform row is beaten."""
+        return float(np.mean(scores > self.uniform * (1.0 + ROUNDING)))
 
     def share(self, scores: Floats) -> float:
         """Median part of what search gains over the uniform row, where it gains anything."""

@@ -108,7 +108,8 @@ class _Teaching:
         self.total = self.passes + teaching.batches
         self.done = 0
         self.curve: list[tuple[float, ...]] = []
-        self.spent, self.began = 0.0, time.perf_counter()
+        self.spent = self.worked = 0.0  # seconds of earlier sessions: on the clock, of processors
+        self.began, self.began_work = time.perf_counter(), time.process_time()
         rng = np.random.default_rng([seed, CHECK])
         self.checked = [family.draw(rng) for _ in range(CHECKED)]
 
@@ -128,7 +129,12 @@ class _Teaching:
         taught = Taught(
             self.home, designer, self.done, self.seconds, tuple(self.curve), interrupted
         )
-        document = {"finished": not interrupted, "steps": self.done, "seconds": self.seconds}
+        document = {
+            "finished": not interrupted,
+            "steps": self.done,
+            "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
+        }
         document |= dict(zip(COLUMNS[2:], self.curve[-1][2:], strict=True))
         write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
         return taught
@@ -136,6 +142,10 @@ class _Teaching:
     @property
     def seconds(self) -> float:
         return self.spent + time.perf_counter() - self.began
+
+    @property
+    def processor_seconds(self) -> float:
+        return self.worked + time.process_time() - self.began_work
 
     def _learn(self) -> None:
         from tqdm import tqdm
@@ -202,6 +212,7 @@ class _Teaching:
             "done": self.done,
             "curve": [list(row) for row in self.curve],
             "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
         }
         write_bytes(self.home / "checkpoint.pt", lambda file: torch.save(state, file))
         lines = [",".join(COLUMNS)]
@@ -226,7 +237,8 @@ class _Teaching:
 
         state = torch.load(self.home / "checkpoint.pt", weights_only=True)
         self.learner.restore(state["learner"])
-        self.done, self.spent = int(state["done"]), float(state["seconds"])
+        self.done = int(state["done"])
+        self.spent, self.worked = float(state["seconds"]), float(state["processor_seconds"])
         self.curve = [tuple(row) for row in state["curve"]]
 
 

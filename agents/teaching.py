@@ -17,6 +17,8 @@ class Teaching:
     passes: over the examples, in batches of `together`.
     batches, scenes: of fresh scenes on the exact slope, and scenes in each; 0 for imitation alone.
     climbing: plans of a scene that climb: all but one the best, one by chance.
+    sampled: noisy rows that the slope of a row's score is estimated from, as reinforcement learning
+        does that knows no simulator; 0 for the exact slope.
     rate, last_rate: of Adam, falling along half a cosine in each of the two stages.
     """
 
@@ -26,8 +28,9 @@ class Teaching:
     evaluations: int = 600
     passes: int = 60
     together: int = 16
-    batches: int = 3000
+    batches: int = 1500
     scenes: int = 32
     climbing: int = 3
+    sampled: int = 0
     rate: float = 3e-3
     last_rate: float = 3e-5
