@@ -16,6 +16,8 @@ from agents.family import FEATURES, SceneFamily, numbers
 from agents.family_examples import Examples
 from agents.teaching import EXAMPLES_SEED
 from domino_env.files import write_text
+from domino_env.limits import RUN_BYTES
+from domino_env.reading import read_json
 from domino_env.scene import Scene, load_scene
 
 if TYPE_CHECKING:
@@ -149,8 +151,11 @@ def judge(
 
 def teaches_a_family(folder: Path) -> bool:
     """Whether a folder holds what `agents.family_training.teach` writes."""
-    config = folder / "config.json"
-    return config.is_file() and '"algorithm": "family"' in config.read_text("utf-8")
+    try:
+        document = read_json(folder / "config.json", RUN_BYTES, 10_000)
+    except (ValueError, OSError):
+        return False
+    return isinstance(document, dict) and document.get("algorithm") == "family"
 
 
 def designer_of(name: str | Path) -> Designer | None:

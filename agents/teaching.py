@@ -5,6 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 EXAMPLES_SEED = 100  # that the scenes of the examples are drawn with, whatever the policy's seed
+LIMITS = (
+    ("width", 1, 1024), ("depth", 0, 8), ("examples", 0, 10**6), ("evaluations", 1, 10**9),
+    ("passes", 0, 10**6), ("together", 1, 10**4), ("batches", 0, 10**8), ("scenes", 1, 10**4),
+    ("climbing", 2, 13), ("sampled", 0, 10**4),
+)  # fmt: skip
+"""Whole numbers, with the least and the most that is accepted."""
 
 
 @dataclass(frozen=True)
@@ -34,3 +40,15 @@ class Teaching:
     sampled: int = 0
     rate: float = 3e-3
     last_rate: float = 3e-5
+
+    def __post_init__(self) -> None:
+        for name, low, high in LIMITS:
+            value = getattr(self, name)
+            if type(value) is not int or not low <= value <= high:
+                raise ValueError(f"{name} = {value!r}: give a whole number from {low} to {high}")
+        for name in ("rate", "last_rate"):
+            value = getattr(self, name)
+            if not (isinstance(value, int | float) and 0.0 < value <= 1.0):
+                raise ValueError(f"{name} = {value!r}: give a number above 0, at most 1")
+        if self.sampled % 2:
+            raise ValueError(f"sampled = {self.sampled}: give an even number, rows come in pairs")
