@@ -7,7 +7,9 @@ checkpoint.pt all that going on needs (no pickled code)           summary.json
 
 from __future__ import annotations
 
+import io
 import json
+import pickle
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,8 +22,11 @@ from agents.designer import Designer, arrays_of, load_designer, plans_of
 from agents.extra import require_extra
 from agents.family import SceneFamily
 from agents.family_examples import Examples, make_examples
+from agents.run_files import require_whole_archive
 from agents.teaching import EXAMPLES_SEED, Teaching
 from domino_env.files import write_bytes, write_text
+from domino_env.limits import CHECKPOINT_BYTES, RUN_BYTES
+from domino_env.reading import read_bytes, read_json, told_of
 from domino_env.scene import Scene
 
 if TYPE_CHECKING:
@@ -33,6 +38,7 @@ CHECKED = 64  # scenes that the learning curve is taken on
 LOOKS = 40  # points of the curve, and checkpoints
 COLUMNS = ("step", "seconds", "gain", "beaten", "gain_untried", "beaten_untried")
 FILES = ("config.json", "checkpoint.pt", "policy.npz")
+_FOREIGN = (KeyError, TypeError, AttributeError, IndexError, RuntimeError, EOFError)
 ORDER, BATCH, CHECK = 1, 2, 3  # what random numbers are for, beside the seed
 
 
@@ -108,7 +114,8 @@ class _Teaching:
         self.total = self.passes + teaching.batches
         self.done = 0
         self.curve: list[tuple[float, ...]] = []
-        self.spent, self.began = 0.0, time.perf_counter()
+        self.spent = self.worked = 0.0  # seconds of earlier sessions: on the clock, of processors
+        self.began, self.began_work = time.perf_counter(), time.process_time()
         rng = np.random.default_rng([seed, CHECK])
         self.checked = [family.draw(rng) for _ in range(CHECKED)]
 
@@ -128,7 +135,12 @@ class _Teaching:
         taught = Taught(
             self.home, designer, self.done, self.seconds, tuple(self.curve), interrupted
         )
-        document = {"finished": not interrupted, "steps": self.done, "seconds": self.seconds}
+        document = {
+            "finished": not interrupted,
+            "steps": self.done,
+            "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
+        }
         document |= dict(zip(COLUMNS[2:], self.curve[-1][2:], strict=True))
         write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
         return taught
@@ -136,6 +148,10 @@ class _Teaching:
     @property
     def seconds(self) -> float:
         return self.spent + time.perf_counter() - self.began
+
+    @property
+    def processor_seconds(self) -> float:
+        return self.worked + time.process_time() - self.began_work
 
     def _learn(self) -> None:
         from tqdm import tqdm
@@ -202,6 +218,7 @@ class _Teaching:
             "done": self.done,
             "curve": [list(row) for row in self.curve],
             "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
         }
         write_bytes(self.home / "checkpoint.pt", lambda file: torch.save(state, file))
         lines = [",".join(COLUMNS)]
@@ -224,10 +241,19 @@ class _Teaching:
     def _restore(self) -> None:
         import torch
 
-        state = torch.load(self.home / "checkpoint.pt", weights_only=True)
-        self.learner.restore(state["learner"])
-        self.done, self.spent = int(state["done"]), float(state["seconds"])
-        self.curve = [tuple(row) for row in state["curve"]]
+        path = self.home / "checkpoint.pt"
+        data = read_bytes(path, CHECKPOINT_BYTES)
+        with told_of(path):
+            require_whole_archive(data)
+            try:
+                state = torch.load(io.BytesIO(data), weights_only=True)
+                self.learner.restore(state["learner"])
+                self.done = int(state["done"])
+                self.spent, self.worked = float(state["seconds"]), float(state["processor_seconds"])
+                self.curve = [tuple(map(float, row)) for row in state["curve"]]
+            except (*_FOREIGN, pickle.UnpicklingError) as error:
+                kind = type(error).__name__
+                raise ValueError(f"it is no checkpoint of such a teaching ({kind})") from None
 
 
 def _gains(designer: Designer, scene: Scene) -> tuple[float, float]:
@@ -248,12 +274,13 @@ def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
     """What a teaching in this folder was begun with."""
     if not all((home / name).exists() for name in FILES):
         raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
+    config = read_json(home / "config.json", RUN_BYTES, 10_000)
     try:
-        config = json.loads((home / "config.json").read_text("utf-8"))
         ranges: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in config["family"].items()
         }
         return int(config["seed"]), Teaching(**config["teaching"]), SceneFamily(**ranges)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ValueError(f"{home} holds no teaching of a family: {error!r}") from None
+    except (*_FOREIGN, ValueError) as error:
+        said = str(error) if isinstance(error, ValueError) else type(error).__name__
+        raise ValueError(f"{home} holds no teaching of a family: {said}") from None
