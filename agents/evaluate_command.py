@@ -1,7 +1,9 @@
 """What an agent builds, beside the best uniform row and the best row known.
 
-RUN is the folder of a training, or a scripted builder: uniform, greedy, ramp.  A .zip archive of
-stable-baselines3 runs code when it is loaded and asks for --trust.
+RUN is the folder of a training, the name of a policy that ships (sprint, family), or a scripted
+builder: uniform, greedy, ramp.  A .zip archive of stable-baselines3 runs code when it is loaded and
+asks for --trust.  `family` designs a row for a new --scene in milliseconds; with --scenes it is
+judged on many that it has never seen.
 """
 
 from __future__ import annotations
@@ -17,10 +19,19 @@ SUMMARY = "what a trained agent, or a scripted builder, builds"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `domino evaluate`."""
-    parser.add_argument("agent", metavar="RUN", help="a training's folder; uniform, greedy or ramp")
+    parser.add_argument(
+        "agent",
+        metavar="RUN",
+        help="a training's folder; sprint or family, which ship; uniform, greedy or ramp",
+    )
     parser.add_argument("--scene", help="another scene than it was trained on")
     parser.add_argument("--trust", action="store_true", help="load an archive that may run code")
     parser.add_argument("--layout", metavar="FILE", help="write the row, .csv or .json")
+    many = parser.add_argument_group("a policy taught over a family of scenes")
+    many.add_argument("--scenes", type=int, metavar="N", help="judge it on N random scenes")
+    many.add_argument("--seed", type=int, default=1, help="that these are drawn with (1)")
+    many.add_argument("--search", type=int, metavar="E", help="search each too, E evaluations")
+    many.add_argument("--csv", metavar="FILE", help="write a line for each scene")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -31,6 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.evaluation import evaluate
     from domino_env.scene import load_scene
 
+    if arguments.scenes is not None:
+        return _judge(arguments)
     if arguments.agent in BUILDERS:
         built = BUILDERS[arguments.agent](load_scene(arguments.scene or "sprint"))
     else:
@@ -42,6 +55,32 @@ def run(arguments: argparse.Namespace) -> int:
             raise ValueError(f"{path}: a layout's file ends in .csv or .json")
         (built.layout.to_csv if path.suffix == ".csv" else built.layout.to_json)(path)
         print(f"row written to {path}")
+    return 0
+
+
+def _judge(arguments: argparse.Namespace) -> int:
+    """Its rows in many random scenes, as a table."""
+    import sys
+    from pathlib import Path
+
+    from agents.family_evaluation import designer_of, judge
+
+    designer = designer_of(arguments.agent)
+    if designer is None:
+        raise ValueError(
+            f"--scenes judges a policy taught over a family: {arguments.agent} is none"
+        )
+    judged = judge(
+        arguments.scenes,
+        arguments.seed,
+        designer,
+        evaluations=arguments.search,
+        progress=sys.stderr.isatty(),
+    )
+    print(judged.table())
+    if arguments.csv:
+        judged.save(Path(arguments.csv))
+        print(f"scenes written to {arguments.csv}")
     return 0
 
 

@@ -20,6 +20,9 @@ from domino_env.wave import Wave
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
+POLICIES = Path(__file__).parent / "policies"
+FAMILY = "family"  # the one that was taught many scenes
+
 Seen = NDArray[np.float32]
 Policy = Callable[[Seen], NDArray[Any]]
 
@@ -69,66 +72,98 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
 def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool = False) -> Built:
     """What the best policy of a run builds, deterministically.
 
-    run: the folder that `train` wrote; or, with trust=True, an archive of stable-baselines3 (.zip),
-        whose loading runs code that it holds.
-    scene: another one than it was trained on; its observations must have the same entries.
-    ValueError where they have not, and for what is no run.
+    run: the folder that `train` wrote; the name of a policy that ships (`shipped`); or, with
+        trust=True, an archive of stable-baselines3 (.zip), whose loading runs code that it holds.
+    scene: another one than it was trained on; its observations must have the same entries;
+        "family", which was taught many, asks for one.
+    A policy of PPO needs NumPy alone, the others the extra "rl".
+    ValueError where the scene shows something else, and for what is no run.
     """
+    from agents.family_evaluation import built_for, teaches_a_family
+
     path = Path(run)
     if path.suffix == ".zip":
         if scene is None:
             raise ValueError(f"{path} does not say which scene it builds: name one")
         judged = load_scene(scene) if not isinstance(scene, Scene) else scene
-        model, speed = _from_archive(path, trust), None
+        model = _from_archive(path, trust)
+        assert model.observation_space.shape is not None
+        (size,), speed = model.observation_space.shape, None
+        policy: Policy = lambda seen: model.predict(seen, deterministic=True)[0]  # noqa: E731
     else:
+        from agents.run_files import read_reference
+
+        if not path.exists() and str(run) in (*shipped(), FAMILY):
+            path = POLICIES / str(run)
+        if teaches_a_family(path):
+            return built_for(path, scene)
         home = load_scene(path / "scene.toml") if (path / "scene.toml").exists() else None
         if home is None or not (path / "policy.npz").exists():
-            raise ValueError(f"{path} holds no policy: name the folder of a finished training")
+            raise ValueError(
+                f"{path} holds no policy: name the folder of a finished training, or one that "
+                f"ships: {', '.join(shipped())}"
+            )
         judged = home if scene is None else scene if isinstance(scene, Scene) else load_scene(scene)
-        model, relative = load_policy(path, home)
-        speed = relative * judged.uniform().wave.mean_speed
+        policy, size = load_policy(path, home)
+        speed = read_reference(path) * judged.uniform().wave.mean_speed
     shape = DominoChain(judged).observation_space.shape
-    assert model.observation_space.shape is not None
-    if shape != model.observation_space.shape:
+    if shape != (size,):
         raise ValueError(
-            f"scene '{judged.name}' shows {shape} numbers, this policy was trained on "
-            f"{model.observation_space.shape}: choose a scene with the same things left free"
+            f"scene '{judged.name}' shows {shape} numbers, this policy was trained on ({size},): "
+            "choose a scene with the same things left free"
         )
 
-    def policy(seen: Seen) -> NDArray[Any]:
+    def certain(seen: Seen) -> NDArray[Any]:
+        # the largest weights that are finite overflow in a network
         with np.errstate(all="ignore"), told_of(path):
             try:
-                action = model.predict(seen, deterministic=True)[0]
+                action = policy(seen)
             except (ValueError, RuntimeError):
                 action = np.full(1, np.nan)
             if not np.isfinite(action).all():
                 raise ValueError("its policy does not know what to do: its weights are too large")
             return action
 
-    return build(policy, judged, speed)
+    return build(certain, judged, speed)
 
 
-def load_policy(folder: Path, scene: Scene) -> tuple[BaseAlgorithm, float]:
-    """The best policy of a run, and the reference speed it is used to, over the uniform row's."""
+def shipped() -> list[str]:
+    """Names of the policies for one scene that come with the package."""
+    return sorted(folder.parent.name for folder in POLICIES.glob("*/scene.toml"))
+
+
+def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
+    """The best policy of a run on a scene, and how many numbers it is shown.
+
+    ValueError where the folder holds no such policy; ImportError where it needs the extra "rl".
+    """
+    from agents.run_files import read_config
+
+    begun = read_config(folder)
+    plan, env = begun.plan, DominoChain(scene)
+    assert env.observation_space.shape is not None
+    assert env.action_space.shape is not None
+    (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape
+    if begun.algorithm == "ppo":
+        from agents.network import read_network
+
+        path = folder / "policy.npz"
+        return read_network(path, inputs, outputs, plan.width, plan.depth), inputs
     from agents.extra import require_extra
 
     require_extra()
-    from agents.learner import learner, load_weights
-    from agents.run_files import read_config, read_reference
+    from agents.learner import builder, learner, load_weights
     from agents.sb3_vec_env import DominoVecEnv
 
-    begun = read_config(folder)
-    plan = begun.plan
     small = {"buffer_size": 10} if "buffer_size" in plan.options else {}
     plan = replace(plan, options=plan.options | small)
-    reference = read_reference(folder)
     with told_of(folder / "config.json"):
         try:
             model = learner(begun.algorithm, plan, DominoVecEnv(scene, plan.rows), 0)
         except (TypeError, AssertionError, RuntimeError, ZeroDivisionError) as error:
             raise ValueError(f"preset: no learner is made like this: {error}") from None
     load_weights(model.policy, folder / "policy.npz")
-    return model, reference
+    return builder(model, begun.algorithm), inputs
 
 
 def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.arrays import read_weights
 from agents.checkpoint import read_checkpoint
+from agents.network import network_of
 from agents.presets import Preset
-from agents.run_files import read_weights
 from domino_env.files import write_bytes
 from domino_env.reading import told_of
 
@@ -64,16 +66,28 @@ def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
     policy.log_std.data.fill_(float(np.log(deviation)))
 
 
+def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
+    """What the policy does without noise."""
+    if algorithm == "ppo":
+        return network_of(weights(model.policy))
+    return lambda seen: model.predict(seen, deterministic=True)[0]
+
+
+def weights(policy: torch.nn.Module) -> dict[str, Any]:
+    """A policy's weights as plain arrays, by name."""
+    return {name: value.detach().numpy() for name, value in policy.state_dict().items()}
+
+
 def save_weights(policy: torch.nn.Module, path: Path) -> None:
     """Write a policy's weights as plain arrays."""
-    arrays = {name: value.detach().numpy() for name, value in policy.state_dict().items()}
+    arrays = weights(policy)
     write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
 
 
 def load_weights(policy: torch.nn.Module, path: Path) -> None:
     """Read them back; nothing in the file is run.  ValueError where they do not fit."""
-    held = {name: value.numpy() for name, value in policy.state_dict().items()}
-    arrays = read_weights(path, {name: (value.shape, value.dtype) for name, value in held.items()})
+    kinds = {name: (value.shape, value.dtype) for name, value in weights(policy).items()}
+    arrays = read_weights(path, kinds)
     policy.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
 
 

@@ -120,6 +120,12 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
         return _scene_of(_document(text), name, file)
 
 
+def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
+    """A scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
+    with told_of(file):
+        return _scene_of(document, name, file)
+
+
 def _document(text: str) -> dict[str, Any]:
     if _LONG_KEY.search(_TEXTS.sub(lambda m: "" if m[0][0] == "#" else "x", text)):
         raise ValueError(f"a key of {LONGEST_KEY + 1} words or more: no table is as deep as that")

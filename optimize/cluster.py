@@ -13,13 +13,19 @@ from importlib.util import find_spec
 from types import TracebackType
 from typing import Any
 
-from optimize.engines import SURROUNDINGS, EngineLost, WorkerLost
+from optimize.engines import STRIKES, SURROUNDINGS, EngineLost, WorkerLost
 from optimize.reports import TOPIC, Hear
+from optimize.worker_pool import without_ctrl_c
 
 LOOPBACK = "127.0.0.1"
 ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")
 ANSWER = 5.0  # [s] for a scheduler to answer
 FIRST_WORKER = 30.0  # [s] for the first worker to come
+# A worker that dies is blamed on every task it holds: it must hold none but the one it runs.
+EXACT = {
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.allowed-failures": STRIKES - 1,
+}
 DECISIVE = ("domino-chains", "numpy", "scipy", "numba", "cma")  # versions that must be the same
 
 
@@ -46,21 +52,23 @@ class Cluster(Executor):
             raise
 
     def _open(self, address: str, workers: int | None) -> None:
+        import dask
         from distributed import Client, LocalCluster
 
         # what goes wrong reaches the caller as an exception, in a sentence
         for name in ("distributed", "distributed.client", "distributed.scheduler"):
             self._stack.callback(_quieten(logging.getLogger(name)))
         if address == "local":
-            local = LocalCluster(
-                n_workers=workers or os.cpu_count() or 1,
-                threads_per_worker=1,
-                processes=True,
-                host=LOOPBACK,
-                dashboard_address=None,
-                silence_logs=logging.CRITICAL,
-                env=SURROUNDINGS,
-            )
+            with dask.config.set(EXACT), without_ctrl_c():
+                local = LocalCluster(
+                    n_workers=workers or os.cpu_count() or 1,
+                    threads_per_worker=1,
+                    processes=True,
+                    host=LOOPBACK,
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                    env=SURROUNDINGS,
+                )
             self._stack.callback(partial(local.close, timeout=ANSWER))
             address = local.scheduler_address
         elif workers is not None:

@@ -1,21 +1,34 @@
-"""Compare methods with each other and with the best uniform pitch, over seeds, with equal clocks.
+"""Compare methods with each other and with the best uniform pitch, over seeds, with equal budgets.
 
 SCENE is the name of a scene that ships, a .toml file, or `all`.  The folder gets a page of Markdown
 (a table a scene: score, gain over uniform, gap to the best known, time to 1 % and 0.1 % of it), the
 runs and their traces as CSV, and two pictures: the gap against run time, and the part of a ladder
 of targets that was reached.  Ctrl-C ends it with the runs that are complete.
+
+Every run goes into the study store as it comes; --resume goes on with a comparison that was
+stopped.  Runs are independent: --workers or --dask spread them.  With --evaluations the results
+can be repeated to the bit; equal --seconds are equal chances only where there are no more workers
+than cores and nothing else to do.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from optimize.engine_options import add_engine_options, asked_engine
+from optimize.study_options import add_study_options, asked_study
+
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from optimize.result import SearchResult
 
-SUMMARY = "compare search methods over seeds, with equal clocks"
+SUMMARY = "compare search methods over seeds, with equal budgets"
+DEFAULT_SECONDS = 10.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,8 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--methods", help="names with commas between (all, and the peers that are installed)"
     )
     parser.add_argument("--seeds", type=int, default=5, help="how many, from 0 (5)")
-    parser.add_argument("--seconds", type=float, default=10.0, help="for each run (10)")
+    parser.add_argument(
+        "--seconds", type=float, help=f"for each run ({DEFAULT_SECONDS:g}), or instead:"
+    )
+    parser.add_argument("--evaluations", type=int, help="rows that each run may simulate")
     parser.add_argument("--out", metavar="FOLDER", default="runs/comparison", help="%(default)s")
+    add_engine_options(parser)
+    add_study_options(parser)
     parser.add_argument(
         "--update-best",
         action="store_true",
@@ -36,9 +54,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
+    from domino_env.files import require_room
     from domino_env.scene import load_scene, scene_names
     from optimize import best_known, methods
-    from optimize.comparison import compare
+    from optimize.comparison import compare, comparison_tasks
     from optimize.comparison_page import FILES, table, write
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
@@ -51,10 +70,33 @@ def run(arguments: argparse.Namespace) -> int:
         methods.load(name)
     if arguments.seeds < 1:
         raise ValueError(f"--seeds {arguments.seeds}: give at least one")
-    total = len(scenes) * len(chosen) * arguments.seeds
-    print(f"{total} runs of {arguments.seconds:g} s: {total * arguments.seconds / 60.0:.1f} min")
-    comparison = compare(scenes, chosen, range(arguments.seeds), arguments.seconds, _tell)
+    seconds, evaluations = arguments.seconds, arguments.evaluations
+    if seconds is None and evaluations is None:
+        seconds = DEFAULT_SECONDS
+    seeds = range(arguments.seeds)
+    tasks = comparison_tasks(scenes, chosen, seeds, seconds, evaluations)
+    names = [scene.name for scene in scenes]
+    settings = {
+        "scenes": names, "methods": chosen, "seeds": arguments.seeds, "seconds": seconds,
+        "evaluations": evaluations,
+    }  # fmt: skip
+    default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
+    study = asked_study(arguments, "comparison", default, tasks, settings)
     folder = Path(arguments.out)
+    require_room(folder)
+    left = len(tasks) - len(study.done())
+    go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
+    try:
+        with asked_engine(arguments) as executor:
+            print(_announced(left, seconds, evaluations, executor), flush=True)
+            comparison = compare(
+                scenes, chosen, seeds, seconds, _tell, evaluations=evaluations, executor=executor,
+                study=study, progress=None,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("interrupted before any run was complete") from None
+    except OSError as error:
+        raise OSError(f"{error}; {go_on}") from None
     write(comparison, folder)
     for name in comparison.scenes:
         print(f"\n{name}\n" + "\n".join(table(comparison, name)))
@@ -63,7 +105,26 @@ def run(arguments: argparse.Namespace) -> int:
         shipped = [r for r in comparison.results if r.scene.name in scene_names()]
         improved = best_known.update(shipped)
         print(f"new records: {', '.join(improved) or 'none'}")
-    return 0
+    for failure in comparison.failures:
+        print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
+    if comparison.interrupted:
+        done = len(comparison.results)
+        raise KeyboardInterrupt(f"interrupted: {done} runs are complete; {go_on}")
+    return 1 if comparison.failures else 0
+
+
+def _announced(
+    runs: int, seconds: float | None, evaluations: int | None, executor: Executor | None
+) -> str:
+    """What is about to be run, and how long it takes where that is known."""
+    if seconds is None:
+        return f"{runs} runs of {evaluations} rows"
+    workers = getattr(executor, "workers", 1)
+    said = f"{runs} runs of {seconds:g} s: {-(-runs // workers) * seconds / 60.0:.1f} min"
+    cores = os.cpu_count() or 1
+    if workers > cores:
+        said += f"\n{workers} workers on {cores} cores: equal seconds are no equal chances so"
+    return said
 
 
 def _tell(result: SearchResult) -> None:

@@ -89,6 +89,7 @@ class TaskResult:
     evaluations, falls, seconds: spent.
     trace: (evaluations, simulated falls, seconds, best score) at every improvement, and at the end.
     versions: of everything the result may depend on.
+    scene: of the task, so that what is kept can be simulated again.
 
     Repeatable to the bit under a budget of evaluations, but for `seconds`, those in `trace`, and
     `versions`.
@@ -112,6 +113,7 @@ class TaskResult:
     trace: list[Step]
     labels: tuple[tuple[str, Label], ...] = ()
     versions: dict[str, str] = field(default_factory=dict)
+    scene: str = ""
 
 
 def run_task(
@@ -153,6 +155,7 @@ def run_task(
         trace=[(int(n), int(f), float(t), float(s)) for n, f, t, s in result.trace],
         labels=task.labels,
         versions=versions(),
+        scene=task.scene,
     )
 
 

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.look.energy import energies
 from domino_env.motion import Motion
 from domino_env.wave import Wave
 
 Floats = NDArray[np.float64]
 
+SPEEDS = ("mean_speed", "time", "robust")  # objectives whose score is a speed [m/s]
 LOOKS = 32  # at the leader in every fall; straight lines between them are within 1e-4 rad
-INSTANT = 1e-7  # [s] on either side of an instant, to tell before a hit from after, and for speeds
-ENERGY_POINTS = 12  # in every fall
-LARGEST_PIECE = 1_000_000  # leans at once, some 100 MB
 
 
 @dataclass(frozen=True)
@@ -27,98 +25,86 @@ class Racer:
 
     name: what it is called.  wave: how it topples.
     trace: (evaluations, best score) of the search that found it, if it was found by one.
+    learning: (dominoes placed, score of the policy) of the training of the agent that built it.
     verification: what `verification.json` says of it, if it was checked.
+    score, worth: what the scene gives it, as a number and in words; None where there is no scene,
+        or the row breaks its rules.
     """
 
     name: str
     wave: Wave
     trace: tuple[list[float], list[float]] | None = None
+    learning: tuple[list[float], list[float]] | None = None
     verification: dict[str, Any] | None = None
+    score: float | None = None
+    worth: str | None = None
 
 
-def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
+def race_data(racers: Sequence[Racer], objective: str = "mean_speed") -> dict[str, Any]:
     """All rows of a race.  ValueError where there is none, or a row of fewer than two dominoes."""
     if not racers:
         raise ValueError("nothing to race: give at least one layout")
     for one in racers:
         if one.wave.layout.count < 2:
             raise ValueError(f"{one.name}: one domino does not race; give at least two")
-    return {"headline": headline(racers), "rows": [_row(one) for one in racers]}
+    first = max(range(len(racers)), key=lambda k: _merit(racers[k]))
+    return {
+        "headline": headline(racers, objective),
+        "winner": first if len(racers) > 1 and _merit(racers[first]) > 0.0 else None,
+        "rows": [_row(one) for one in racers],
+    }
 
 
-def headline(racers: Sequence[Racer]) -> dict[str, str]:
-    """Who won and why, in two sentences."""
-    ranked = sorted(racers, key=lambda one: -one.wave.mean_speed)
+def headline(racers: Sequence[Racer], objective: str = "mean_speed") -> dict[str, str]:
+    """Who won and why, in a few sentences.
+
+    objective: what counts; the scene's score decides where every row has one, else the mean speed.
+    """
+    by_speed = objective in SPEEDS or any(one.score is None for one in racers)
+    ranked = sorted(racers, key=lambda one: -_merit(one))
     first = ranked[0]
-    if first.wave.mean_speed <= 0.0:
+    if _merit(first) <= 0.0:
+        if first.wave.mean_speed > 0.0:
+            return {"who": "No row keeps the limits of the scene", "why": _shape(first.wave)}
         far = max(racers, key=lambda one: one.wave.reach)
         return {"who": "No row topples to its end", "why": f"{far.name}: {far.wave.explanation}"}
+    called = first.name[0].upper() + first.name[1:]
     if len(ranked) == 1:
-        return {"who": f"{first.name}: {first.wave.mean_speed:.4f} m/s", "why": _shape(first.wave)}
+        told = f"{first.wave.mean_speed:.4f} m/s" if by_speed else first.worth
+        return {"who": f"{called}: {told}", "why": _shape(first.wave)}
     second = ranked[1]
     if second.wave.mean_speed <= 0.0:
         return {
-            "who": f"{first.name} wins",
+            "who": f"{called} wins",
             "why": f"{second.name} does not topple to its end: {second.wave.explanation}",
         }
-    lead = first.wave.mean_speed / second.wave.mean_speed - 1.0
+    if _merit(second) <= 0.0:
+        return {"who": f"{called} wins", "why": f"{second.name}: {second.worth}."}
+    if not by_speed:
+        return {
+            "who": f"{called} wins" if _merit(first) > _merit(second) else "The rows draw",
+            "why": f"{first.name}: {first.worth}; {second.name}: {second.worth}. "
+            + _shape(first.wave),
+        }
+    others = [one for one in ranked[2:] if _merit(one) > 0.0]
+    further = "".join(f", {_lead(first, one)} faster than {one.name}" for one in others)
     return {
-        "who": f"{first.name} wins by {lead:.1%}",
+        "who": f"{called} wins: {_lead(first, second)} faster than {second.name}{further}",
         "why": (
-            f"Its wave runs at {first.wave.mean_speed:.4f} m/s on average, against "
-            f"{second.wave.mean_speed:.4f} m/s of {second.name}. "
+            "Each row gets the same push, and what counts is how fast the wave of falling dominoes "
+            f"runs to the last: {_merit(first):.4f} m/s against {_merit(second):.4f} m/s. "
             f"{_parts(first.wave, second.wave)} {_shape(first.wave)}"
         ),
     }
 
 
-def energies(motion: Motion, wave: Wave) -> dict[str, list[float]]:
-    """Energy over time [J], reckoned from the row standing: what was put in, what is left of it.
+def _lead(first: Racer, other: Racer) -> str:
+    lead = _merit(first) / _merit(other) - 1.0
+    return f"{lead:.1%}" if lead >= 0.01 else f"{lead:.2%}"
 
-    released: potential energy given off.  kinetic.  hits: kinetic energy lost in hits.  rubbed:
-    what else is gone, to friction and flushes (and with dominoes that fall alone, which the motion
-    leaves where they were lost; so a row that runs through is followed to its last hit only).
-    """
-    layout = wave.layout
-    ends = wave.arrival_times[: wave.hit]
-    if wave.hit < layout.count:
-        ends = np.append(ends, motion.end)
-    times = np.concatenate(
-        [np.zeros(0)]
-        + [
-            np.linspace(a + 2.0 * INSTANT, b - 2.0 * INSTANT, ENERGY_POINTS)
-            for a, b in pairwise(ends)
-            if b - a > 8.0 * INSTANT
-        ]
-    )
-    mass = layout.density * layout.height * layout.thickness * layout.width
-    inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
-    lever = 0.5 * wave.physics.gravity * mass
-    released, kinetic = np.empty(len(times)), np.empty(len(times))
-    piece = max(1, LARGEST_PIECE // layout.count)
-    for first in range(0, len(times), piece):
-        part = slice(first, first + piece)
-        leans, later, sooner = (
-            motion.angles(times[part] + shift) for shift in (0.0, INSTANT, -INSTANT)
-        )
-        high = layout.height * np.cos(leans) + layout.thickness * np.sin(leans)
-        released[part] = ((layout.height - high) * lever).sum(axis=1)
-        rates = (later - sooner) / (2.0 * INSTANT)
-        kinetic[part] = 0.5 * (inertia * rates**2).sum(axis=1)
-    drop = np.zeros(len(times))
-    at = np.searchsorted(times, wave.arrival_times[1 : wave.hit])
-    at = at[(at > 0) & (at < len(times))]
-    drop[at] = kinetic[at - 1] - kinetic[at]
-    hits = np.cumsum(drop)
-    pushed = 0.5 * float(inertia[0]) * wave.physics.push**2
-    rubbed = pushed + released - kinetic - hits
-    return {
-        "time": _short(times),
-        "released": _short(released),
-        "kinetic": _short(kinetic),
-        "hits": _short(hits),
-        "rubbed": _short(rubbed),
-    }
+
+def _merit(one: Racer) -> float:
+    return one.wave.mean_speed if one.score is None else one.score
 
 
 def _row(one: Racer) -> dict[str, Any]:
@@ -152,9 +138,14 @@ def _row(one: Racer) -> dict[str, Any]:
         "gravity": wave.physics.gravity,
         "flushes": wave.flushes,
         "flush_loss": wave.largest_flush_loss,
-        "energy": energies(motion, wave),
+        "energy": {
+            name: values if isinstance(values, float) else _short(values)
+            for name, values in asdict(energies(motion, wave)).items()
+        },
         "trace": one.trace,
+        "learning": one.learning,
         "verification": one.verification,
+        "worth": one.worth,
     }
 
 

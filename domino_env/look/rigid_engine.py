@@ -28,14 +28,19 @@ KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart
 GRAIN = 1e-4  # [mm] overlap of faces that the engine leaves alone
 
 
-def topple(layout: Layout, physics: Physics, step: float, *, hinged: bool = True) -> Floats:
+def topple(
+    layout: Layout, physics: Physics, step: float, *, hinged: bool = True, window: int | None = None
+) -> Floats:
     """(N,) when each domino is hit [s]: the tip before it reaches its rear face; inf if never.
 
-    step: of time [s].  Raises ImportError that says what to install; ValueError for a step that is
-    not between 0 and 1 ms.
+    step: of time [s].  window: so many dominoes behind the leader still move, and those further
+    back lie still, which is what makes long rows affordable (None: all move).  Raises ImportError
+    that says what to install; ValueError for a step that is not between 0 and 1 ms, or no window.
     """
     if not 0.0 < step <= 1e-3:
         raise ValueError(f"step = {step} s: give one above 0 and up to 0.001")
+    if window is not None and window < 1:
+        raise ValueError(f"window = {window}: at least one domino must be able to move")
     row = _Row(layout, physics, hinged)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
@@ -52,6 +57,8 @@ def topple(layout: Layout, physics: Physics, step: float, *, hinged: bool = True
             if leader == layout.count - 1:
                 break
             row.place_up_to(leader + 1)
+            if window is not None:
+                row.fix_up_to(leader - window - 1)
             after = row.room(leader)
         elif now - arrivals[leader] > patience:
             break
@@ -71,6 +78,7 @@ class _Row:
         space.collision_slop = GRAIN
         self._space = space
         self.bodies: list[Any] = []
+        self._fixed = 0
         self.advance: Callable[[float], None] = space.step
         # the engine multiplies the two coefficients that meet; a smooth row still has a rough floor
         self._rub = math.sqrt(max(physics.friction, 1e-6))
@@ -117,6 +125,14 @@ class _Row:
                 hinge.collide_bodies = stop.collide_bodies = False
                 self._space.add(hinge, stop)
             self.bodies.append(body)
+
+    def fix_up_to(self, last: int) -> None:
+        """Let the dominoes up to this one lie still for good."""
+        for body in self.bodies[self._fixed : max(last + 1, 0)]:
+            # a joint that could move neither of its two bodies has no answer
+            self._space.remove(*body.constraints)
+            body.body_type = self._pymunk.Body.STATIC
+            self._fixed += 1
 
     def room(self, i: int) -> float:
         """From the top front edge of i to the rear face of i+1, which stands [mm]."""

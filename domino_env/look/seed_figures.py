@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from domino_env.files import write_bytes
 from domino_env.layout import HEIGHT, Layout
-from domino_env.look.race_data import energies
+from domino_env.look.energy import energies
 from domino_env.look.seed_tables import GRAVITY, THICKNESS
 from domino_env.motion import lean_behind
 from domino_env.physics import Physics
@@ -68,7 +68,7 @@ def sawtooth_of_energy(path: Path) -> None:
     wave = simulate(Layout.uniform(30, pitch=PITCH), Physics(0.0, GRAVITY, PUSH))
     energy = energies(Motion(wave.layout, wave.physics), wave)
     figure, axes = _sheet("Kinetic energy of a row (16 mm, no friction)")
-    axes.plot(energy["time"], 1e3 * np.array(energy["kinetic"]), color=COLOURS[0])
+    axes.plot(energy.time, 1e3 * energy.kinetic, color=COLOURS[0])
     axes.set(xlabel="time [s]", ylabel="kinetic energy [mJ]", ylim=(0.0, None))
     _keep(figure, axes, path)
 

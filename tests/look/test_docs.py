@@ -23,7 +23,7 @@ def test_commands_exist() -> None:
     told = {
         name
         for page in PAGES
-        for name in re.findall(r"(?:^|`)domino ([a-z]+)", page.read_text("utf-8"), re.MULTILINE)
+        for name in re.findall(r"(?:^|`)domino ([a-z-]+)", page.read_text("utf-8"), re.MULTILINE)
     }
     assert told
     assert told <= known

@@ -6,7 +6,7 @@
   const rows = data.rows;
   const end = Math.max(...rows.map((r) => r.end));
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const colour = (k) => css("--c" + (k % 4));
+  const colour = (k) => css("--c" + (k % 5));
   let now = 0, playing = false, last = null;
 
   $("who").textContent = data.headline.who;
@@ -48,21 +48,35 @@
   const canvas = $("race"), pen = canvas.getContext("2d");
   let view = { k: 1, lane: 100, width: 100, left: 10 };
   const longest = Math.max(...rows.map((r) => r.positions[r.positions.length - 1]));
-  const tallest = Math.max(...rows.map((r) => Math.max(...r.height)));
+  const heights = rows.flatMap((r) => r.height).sort((a, b) => a - b);
+  const tallest = heights[heights.length - 1], usual = heights[heights.length >> 1];
 
+  // A row too long for the screen is shown larger and followed, with a map of the whole under it.
   function resize() {
-    const width = canvas.clientWidth, ratio = window.devicePixelRatio || 1;
-    const left = 12 + 6, k = (width - 2 * left) / (longest + 1.15 * tallest + 0.01);
-    const lane = Math.max(tallest * k, 14) + 46;
-    view = { k, lane, width, left };
-    canvas.style.height = lane * rows.length + 8 + "px";
+    const width = canvas.clientWidth, ratio = window.devicePixelRatio || 1, left = 18;
+    const reach = longest + 1.15 * tallest + 0.01, fit = (width - 2 * left) / reach;
+    const k = Math.max(fit, Math.min(28 / usual, 160 / tallest));
+    const follows = k > 1.05 * fit, head = width < 560 ? 46 : 30;
+    const lane = head + Math.max(tallest * (follows ? k : fit), 14) + (follows ? 22 : 14);
+    view = { k: follows ? k : fit, fit, follows, lane, head, width, left, shift: 0 };
+    canvas.style.height = lane * rows.length + "px";
     canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round((lane * rows.length + 8) * ratio);
+    canvas.height = Math.round(lane * rows.length * ratio);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
+  // where the front of the wave is [m], moving on evenly between two hits
+  function reached(row, t) {
+    const [n] = leader(row, t), next = row.arrivals[n + 1];
+    if (next == null) return row.positions[n];
+    const share = Math.min(Math.max((t - row.arrivals[n]) / (next - row.arrivals[n]), 0), 1);
+    return row.positions[n] + share * (row.positions[n + 1] - row.positions[n]);
+  }
+
+  function floorOf(k) { return (k + 1) * view.lane - (view.follows ? 16 : 8); }
+
   function corners(row, i, lean, floor) {
-    const { k, left } = view, x = left + (row.positions[i] + row.thickness[0]) * k;
+    const { k, left, shift } = view, x = left - shift + (row.positions[i] + row.thickness[0]) * k;
     const ux = Math.sin(lean) * row.height[i] * k, uy = -Math.cos(lean) * row.height[i] * k;
     const bx = -Math.cos(lean) * row.thickness[i] * k, by = -Math.sin(lean) * row.thickness[i] * k;
     return [[x, floor], [x + ux, floor + uy], [x + ux + bx, floor + uy + by], [x + bx, floor + by]];
@@ -70,31 +84,57 @@
 
   function draw() {
     pen.clearRect(0, 0, view.width, canvas.height);
-    const best = Math.max(...rows.map((r) => r.mean_speed));
+    if (view.follows) {
+      const fronts = rows.map((r) => reached(r, now)), whole = (longest + 1.15 * tallest + 0.01) * view.k;
+      const middle = 0.5 * (Math.min(...fronts) + Math.max(...fronts)) * view.k;
+      view.shift = Math.min(Math.max(middle - 0.55 * view.width, 0), whole - view.width + 2 * view.left);
+    }
     rows.forEach((row, k) => {
-      const floor = (k + 1) * view.lane - 6, all = leans(row, now), [front] = leader(row, now);
+      const floor = floorOf(k), all = leans(row, now), [front] = leader(row, now);
       const done = row.mean_speed > 0 && now >= row.arrivals[row.arrivals.length - 1];
-      pen.strokeStyle = css("--line");
+      pen.strokeStyle = css("--line"); pen.lineWidth = 1;
       pen.beginPath(); pen.moveTo(0, floor); pen.lineTo(view.width, floor); pen.stroke();
       all.forEach((lean, i) => {
         const c = corners(row, i, lean, floor);
+        if (c.every(([x]) => x < 0) || c.every(([x]) => x > view.width)) return;
         pen.fillStyle = i === front && !done ? css("--front") : i <= front ? colour(k) : css("--stand");
         pen.beginPath(); c.forEach(([x, y], j) => (j ? pen.lineTo(x, y) : pen.moveTo(x, y)));
         pen.closePath(); pen.fill();
       });
-      const clock = row.arrivals[front];
+      if (view.follows) map(row, k);
+      const top = k * view.lane;
+      pen.fillStyle = colour(k); pen.fillRect(12, top + 11, 11, 11);
       pen.fillStyle = css("--ink"); pen.font = "600 14px system-ui, sans-serif"; pen.textAlign = "left";
-      pen.fillText(row.name, 12, k * view.lane + 22);
-      pen.textAlign = "right"; pen.font = "14px system-ui, sans-serif";
-      let said = `${front + 1} of ${all.length}`;
-      if (done) said = `${row.mean_speed.toFixed(4)} m/s` + (row.mean_speed === best && rows.length > 1 ? "  ★ fastest" : "");
-      else if (now > row.end || (front + 1 === row.hit && now >= row.end)) said = row.outcome;
-      else if (front > 0) said += `   ${(row.positions[front] / clock).toFixed(3)} m/s so far`;
-      pen.fillText(said, view.width - 12, k * view.lane + 22);
+      pen.fillText(row.name, 29, top + 21);
+      pen.font = "14px system-ui, sans-serif";
+      const narrow = view.width < 560;
+      if (!narrow) pen.textAlign = "right";
+      pen.fillText(state(row, k, front, done), narrow ? 29 : view.width - 12, top + (narrow ? 39 : 21));
     });
     $("clock").textContent = `${(now * 1000).toFixed(0)} ms`;
     $("scrub").value = String(Math.round((now / end) * 1000));
     $("scrub").setAttribute("aria-valuetext", $("clock").textContent);
+  }
+
+  // what a row has come to, in a few words
+  function state(row, k, front, done) {
+    if (done || (now === 0 && row.mean_speed > 0)) {
+      return `${row.mean_speed.toFixed(4)} m/s` + (k === data.winner ? "  ★ winner" : "");
+    }
+    if (now >= row.end) return row.outcome;
+    const told = `${front + 1} of ${row.thickness.length}`;
+    return front > 0 ? `${told}   ${(row.positions[front] / row.arrivals[front]).toFixed(3)} m/s so far` : told;
+  }
+
+  // the whole row as a line, the part shown as a box on it, and how far the wave is
+  function map(row, k) {
+    const y = (k + 1) * view.lane - 8, scale = view.fit, from = view.left;
+    pen.fillStyle = css("--line");
+    pen.fillRect(from, y, row.positions[row.positions.length - 1] * scale, 4);
+    pen.fillStyle = colour(k);
+    pen.fillRect(from, y, reached(row, now) * scale, 4);
+    pen.strokeStyle = css("--soft");
+    pen.strokeRect(from + (view.shift / view.k) * scale, y - 2, ((view.width - 2 * view.left) / view.k) * scale, 8);
   }
 
   function go(t) { now = Math.min(Math.max(t, 0), end); draw(); }
@@ -122,10 +162,10 @@
     e.preventDefault();
   });
 
-  canvas.addEventListener("pointermove", (e) => {
+  function point(e) {
     const k = Math.floor(e.offsetY / view.lane), row = rows[k], tip = $("tip");
     if (!row) { tip.hidden = true; return; }
-    const all = leans(row, now), floor = (k + 1) * view.lane - 6;
+    const all = leans(row, now), floor = floorOf(k);
     let near = 0, least = Infinity;
     all.forEach((lean, i) => {
       const c = corners(row, i, lean, floor);
@@ -139,23 +179,28 @@
       (row.arrivals[near] == null ? "never hit" : `hit at ${(row.arrivals[near] * 1000).toFixed(2)} ms`) +
       (near && row.speed[near - 1] ? `\nlocal speed ${row.speed[near - 1].toFixed(3)} m/s` : "");
     tip.hidden = false;
-    tip.style.left = Math.min(e.offsetX + 14, view.width - 190) + "px";
+    tip.style.left = Math.max(Math.min(e.offsetX + 14, view.width - 200), 0) + "px";
     tip.style.top = e.offsetY + 14 + "px";
-  });
+  }
+  canvas.addEventListener("pointermove", point);
+  canvas.addEventListener("pointerdown", point);
   canvas.addEventListener("pointerleave", () => ($("tip").hidden = true));
 
   // the table
-  const head = ["", "mean speed", "last hit", "length", "dominoes", "friction", "push", "ended"];
+  const best = data.winner == null ? 0 : rows[data.winner].mean_speed;
+  const scored = rows.some((r) => r.worth && !r.worth.endsWith("m/s"));
+  const head = ["", ...(scored ? ["result"] : []), "mean speed", "against winner", "last hit", "length", "dominoes", "friction", "push", "ended"];
   const table = $("table"), top = table.createTHead().insertRow();
   head.forEach((name) => { const th = document.createElement("th"); th.textContent = name; th.scope = "col"; top.append(th); });
   const body = table.createTBody();
   rows.forEach((row, k) => {
     const line = body.insertRow(), t = row.arrivals[row.arrivals.length - 1];
-    const cells = [row.name, row.mean_speed ? row.mean_speed.toFixed(5) + " m/s" : "–", t == null ? "never" : (t * 1000).toFixed(2) + " ms",
+    const behind = !best || !row.mean_speed ? "–" : k === data.winner ? "winner" : (100 * (row.mean_speed / best - 1)).toFixed(2) + " %";
+    const cells = [row.name, ...(scored ? [row.worth ?? "–"] : []), row.mean_speed ? row.mean_speed.toFixed(5) + " m/s" : "–", behind, t == null ? "never" : (t * 1000).toFixed(2) + " ms",
       row.positions[row.positions.length - 1].toFixed(4) + " m", row.thickness.length, row.friction, row.push.toFixed(2) + " rad/s", row.outcome];
     cells.forEach((text, j) => {
       const cell = line.insertCell();
-      if (!j) { const dot = document.createElement("span"); dot.className = "swatch"; dot.style.background = `var(--c${k % 4})`; cell.append(dot); }
+      if (!j) { const dot = document.createElement("span"); dot.className = "swatch"; dot.style.background = `var(--c${k % 5})`; cell.append(dot); }
       cell.append(String(text));
     });
     const note = document.createElement("li");
@@ -166,15 +211,18 @@
 
   // charts
   let charts = [];
-  const dashes = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
+  const dashes = [[], [7, 4], [2, 3], [9, 3, 2, 3], [14, 4]];
   const axis = () => ({ stroke: css("--soft"), grid: { stroke: css("--line"), width: 0.5 }, ticks: { stroke: css("--line") } });
+  const short = (v) => (Math.abs(v) >= 1e6 ? +(v / 1e6).toFixed(2) + " M" : Math.abs(v) >= 1e4 ? +(v / 1e3).toFixed(2) + " k" : String(+v.toPrecision(6)));
   function chart(id, x, series, label) {
     const box = $(id);
     box.textContent = "";
     const plot = new uPlot({
-      width: Math.max(box.clientWidth, 260), height: 240, scales: { x: { time: false } },
-      axes: [{ ...axis(), label, labelSize: 20, labelFont: "12px system-ui", font: "12px system-ui" }, { ...axis(), font: "12px system-ui" }],
-      series: [{ label }, ...series.map((s, k) => ({ label: s.name, stroke: colour(s.colour ?? k), width: 2, dash: dashes[k % 4], points: { show: false }, paths: s.steps ? uPlot.paths.stepped({ align: 1 }) : undefined, value: (u, v) => (v == null ? "–" : v.toPrecision(4)) }))],
+      width: Math.max(box.clientWidth, 240), height: 240, scales: { x: { time: false } },
+      axes: [{ ...axis(), label, labelSize: 20, labelFont: "12px system-ui", font: "12px system-ui", values: (u, ticks) => ticks.map(short) }, { ...axis(), font: "12px system-ui" }],
+      legend: { markers: { width: 0, fill: (u, i) => colour(series[i - 1].colour ?? i - 1) } },
+      series: [{ label, value: (u, v) => (v == null ? "" : String(+v.toPrecision(4))) },
+        ...series.map((s, k) => ({ label: s.name, stroke: colour(s.colour ?? k), width: 2, dash: dashes[(s.colour ?? k) % 5], points: { show: false }, paths: s.steps ? uPlot.paths.stepped({ align: 1 }) : undefined, value: (u, v) => (v == null ? "" : v.toPrecision(4)) }))],
     }, [x, ...series.map((s) => s.values)], box);
     box.setAttribute("role", "img");
     box.setAttribute("aria-label", series.map((s) => { const v = s.values.filter((q) => q != null); return `${s.name}: from ${v.length ? Math.min(...v).toPrecision(3) : "–"} to ${v.length ? Math.max(...v).toPrecision(3) : "–"}`; }).join("; "));
@@ -206,23 +254,64 @@
     const e = rows[0].energy, milli = (v) => v.map((q) => q * 1000);
     $("budgetname").textContent = `Where the energy goes: ${rows[0].name} [mJ]`;
     chart("budget", e.time, [{ name: "given by gravity", values: milli(e.released) }, { name: "kinetic", values: milli(e.kinetic) },
-      { name: "lost to hits", values: milli(e.hits) }, { name: "lost to friction, flushes", values: milli(e.rubbed) }], "time [s]");
-    const searched = rows.filter((r) => r.trace && r.trace[0].length);
-    if (searched.length) {
-      $("searchbox").hidden = false;
-      const [n, best] = joined(searched.map((r) => ({ x: r.trace[0], y: r.trace[1], hold: true })));
-      chart("search", n, searched.map((r, k) => ({ name: r.name, values: best[k].map((v) => (v != null && v < 0 ? null : v)), steps: true })), "evaluations");
-    }
+      { name: "lost to hits", values: milli(e.hits) }, { name: "lost to friction", values: milli(e.friction) },
+      { name: "lost to flushes", values: milli(e.flushes) }], "time [s]");
+    curves("search", (r) => r.trace, true, "rows simulated");
+    curves("learning", (r) => r.learning, false, "dominoes placed");
+    const side = rows.flatMap((r, k) => {
+      if (!r.verification || !r.verification.model) return [];
+      const over = (times) => numbers.map((i) => (times[i + 1] == null || r.verification.model[i + 1] == null ? null : 100 * (times[i + 1] / r.verification.model[i + 1] - 1)));
+      return [{ name: `${r.name}, hinged`, values: over(r.verification.hinged), colour: k }, { name: `${r.name}, free`, values: over(r.verification.free), colour: k + 2 }];
+    });
+    $("checkedbox").hidden = !side.length;
+    if (side.length) chart("checked", numbers.map((i) => i + 1), side, "domino");
+  }
+  // a best-so-far (in steps) or a learning curve of every row that has one
+  function curves(id, of, steps, label) {
+    const found = rows.map((r, k) => ({ r, k, c: of(r) })).filter(({ c }) => c && c[0].length);
+    $(id + "box").hidden = !found.length;
+    if (!found.length) return;
+    const [x, y] = joined(found.map(({ c }) => ({ x: c[0], y: c[1], hold: steps })));
+    // below zero are rows that died: how far they came is no speed to draw beside the others
+    chart(id, x, found.map(({ r, k }, j) => ({ name: r.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label);
   }
   const checked = rows.filter((r) => r.verification);
   if (checked.length) {
     $("verifybox").hidden = false;
-    $("verify").textContent = checked.map((r) => `${r.name}, rigid-body engine ${r.verification.engine}: ${r.verification.verdict}`).join(" ");
+    const share = (v) => (v == null ? "never" : (v > 0 ? "+" : "") + (100 * v).toFixed(3) + " %");
+    checked.forEach((r) => {
+      const v = r.verification, line = document.createElement("li");
+      const hinged = v.difference === undefined ? v.hinged : v.difference, free = v.free_difference === undefined ? v.free : v.free_difference;
+      line.textContent = `${r.name}: ${v.verdict} Last hit, engine against ours: hinged ${share(hinged)}, standing free on a rough floor ${share(free)}.`;
+      $("verify").append(line);
+    });
   }
+
+  // all numbers, for those who would rather read, or cannot see the canvas; filled when opened
+  $("numbers").addEventListener("toggle", () => {
+    const box = $("each");
+    if (box.childElementCount) return;
+    rows.forEach((row) => {
+      const table = document.createElement("table");
+      table.createCaption().textContent = row.name;
+      const top = table.createTHead().insertRow();
+      ["domino", "gap [mm]", "thickness [mm]", "hit at [ms]", "local speed [m/s]"].forEach((name) => { const th = document.createElement("th"); th.scope = "col"; th.textContent = name; top.append(th); });
+      const body = table.createTBody(), fixed = (v, f, n) => (v == null ? "–" : (v * f).toFixed(n));
+      row.thickness.forEach((d, i) => {
+        const line = body.insertRow();
+        [i, fixed(row.spacing[i], 1000, 2), fixed(d, 1000, 2), fixed(row.arrivals[i], 1000, 2), fixed(i ? row.speed[i - 1] : null, 1, 3)].forEach((text) => { line.insertCell().textContent = text; });
+      });
+      box.append(table);
+    });
+  });
 
   function all() { resize(); draw(); drawCharts(); }
   window.addEventListener("resize", all);
+  // paper is white and narrow whatever the screen is
+  const onPaper = (on) => () => { document.documentElement.classList.toggle("paper", on); all(); };
+  window.addEventListener("beforeprint", onPaper(true));
+  window.addEventListener("afterprint", onPaper(false));
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
-  window.race = { rows, end, leans, leader, go, play, now: () => now, playing: () => playing };
+  window.race = { rows, end, leans, leader, go, play, now: () => now, playing: () => playing, view: () => view };
   all();
 })();

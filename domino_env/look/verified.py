@@ -1,0 +1,135 @@
+"""Verified: what the engine said of the rows that ship, kept with them.
+
+`verified.json` beside this file: under a scene's name a `Verified`.  `domino best-known --verify
+--update` writes it; the documentation and `domino report` read it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from domino_env.files import write_text
+from domino_env.layout import Layout
+from domino_env.physics import Physics
+
+if TYPE_CHECKING:
+    from domino_env.look.verification import Verification
+
+PATH = Path(__file__).with_name("verified.json")
+
+
+@dataclass(frozen=True)
+class Verified:
+    """One row beside the engine, in numbers; differences are engine over model - 1 [1].
+
+    digest: of the row and its physics.  engine: name and version.  steps: of its time [s].
+    hinged, largest: extrapolated, of the last arrival and the largest of any.  free: of the last
+        arrival of the row that stands free on a rough floor; None where a wave died.
+    spread: how far the extrapolation reached beyond the finest step.
+    flush_loss, stall_margin: largest and lowest of the wave.  opened: contacts that the model keeps
+        closed although they would open.  lifted: pivots that would lift.  verdict: plain words.
+    """
+
+    digest: str
+    engine: str
+    steps: tuple[float, ...]
+    count: int
+    hinged: float | None
+    largest: float
+    free: float | None
+    spread: float
+    flush_loss: float
+    stall_margin: float
+    opened: int
+    lifted: int
+    verdict: str
+
+
+def digest(layout: Layout, physics: Physics) -> str:
+    """What tells one row under one physics from another: 16 hexadecimal digits."""
+    parts = (
+        layout.spacing, layout.thickness, layout.height, layout.density,
+        (physics.friction, physics.gravity, physics.push),
+    )  # fmt: skip
+    told = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in parts)
+    return hashlib.sha256(told).hexdigest()[:16]
+
+
+def summary(checked: Verification) -> Verified:
+    """A verification in numbers."""
+    import pymunk
+
+    wave, found = checked.wave, checked.diagnosis
+    hinged, free = (
+        None if np.isnan(x) else float(x) for x in (checked.difference, checked.free_difference)
+    )
+    return Verified(
+        digest=digest(wave.layout, wave.physics),
+        engine=f"pymunk {pymunk.version}",
+        steps=tuple(float(h) for h in checked.steps),
+        count=wave.layout.count,
+        hinged=hinged,
+        largest=checked.largest_difference,
+        free=free,
+        spread=checked.spread,
+        flush_loss=wave.largest_flush_loss,
+        stall_margin=float(np.nanmin(wave.stall_margin)),
+        opened=len(found.opened),
+        lifted=len(found.lifted),
+        verdict=checked.verdict,
+    )
+
+
+def read_verified(path: Path = PATH) -> dict[str, Verified]:
+    """All that is kept, by the name of the scene; nothing where there is no such file."""
+    if not path.exists():
+        return {}
+    document: dict[str, dict[str, Any]] = json.loads(path.read_text("utf-8"))
+    return {
+        name: Verified(**{**told, "steps": tuple(told["steps"])}) for name, told in document.items()
+    }
+
+
+def write_verified(found: dict[str, Verified], path: Path = PATH) -> None:
+    """Write all down, whole, in the order of the names."""
+    document = {name: asdict(found[name]) for name in sorted(found)}
+    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+@cache
+def _by_digest() -> dict[str, Verified]:
+    return {one.digest: one for one in read_verified().values()}
+
+
+def known_verification(layout: Layout, physics: Physics) -> Verified | None:
+    """What is kept of exactly this row under exactly this physics, if it is one of ours."""
+    return _by_digest().get(digest(layout, physics))
+
+
+def markdown(found: dict[str, Verified]) -> list[str]:
+    """Lines of a table, and under it the reason of every row that differs by more than 0.3 %."""
+    lines = [
+        "| scene | dominoes | hinged, last hit | hinged, largest | free, last hit "
+        "| largest flush loss | lowest stall margin | pivots lifted | steps [µs] |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, one in found.items():
+        cells = (
+            f"`{name}`", one.count, _share(one.hinged), f"{one.largest:.3%}", _share(one.free),
+            f"{one.flush_loss:.2%}", f"{one.stall_margin:.3f}", one.lifted,
+            ", ".join(f"{h * 1e6:g}" for h in one.steps),
+        )  # fmt: skip
+        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
+    differ = [f"- `{name}`: {one.verdict}" for name, one in found.items() if one.largest > 0.003]
+    return [*lines, "", *differ] if differ else lines
+
+
+def _share(value: float | None) -> str:
+    return "never" if value is None else f"{value:+.3%}"
