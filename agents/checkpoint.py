@@ -16,6 +16,7 @@ from domino_env.limits import CHECKPOINT_BYTES
 from domino_env.reading import read_bytes, shown, told_of
 
 WORDS = 624  # of the state of NumPy's old generator
+TAUGHT = ("learner", "done", "curve", "seconds", "processor_seconds")
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")  # of Adam, which all learners use
 BUFFER = ("observations", "next_observations", "actions", "rewards", "dones")
 
@@ -38,7 +39,7 @@ def read_teaching(learner: Any, path: Path, columns: int) -> dict[str, Any]:
     """
     with told_of(path):
         state, held = _plain(path), learner.state()
-        _same_keys("checkpoint", state, dict.fromkeys(("learner", "done", "curve", "seconds")))
+        _same_keys("checkpoint", state, dict.fromkeys(TAUGHT))
         _same_keys("learner", state["learner"], held)
         for name, values in held.items():
             found, owner = state["learner"][name], getattr(learner, name)
@@ -49,7 +50,8 @@ def read_teaching(learner: Any, path: Path, columns: int) -> dict[str, Any]:
         if type(state["done"]) is not int or not 0 <= state["done"] < 2**60:
             raise ValueError(f"done = {shown(state['done'])}: not a count")
         require_curve(state["curve"], columns)
-        require_number("seconds", state["seconds"])
+        for name in ("seconds", "processor_seconds"):
+            require_number(name, state[name])
         return dict(state)
 
 

@@ -12,6 +12,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from agents.designer import Designer
     from agents.evaluation import Built
 
 SUMMARY = "what a trained agent, or a scripted builder, builds"
@@ -40,11 +41,19 @@ def run(arguments: argparse.Namespace) -> int:
 
     from agents.builders import BUILDERS
     from agents.evaluation import evaluate
+    from agents.family_evaluation import designer_of
     from domino_env.scene import load_scene
 
+    designer = None if arguments.agent in BUILDERS else designer_of(arguments.agent)
+    if designer is not None and arguments.scenes is not None:
+        return _judge(designer, arguments)
     if arguments.scenes is not None:
-        return _judge(arguments)
-    if arguments.agent in BUILDERS:
+        raise ValueError(
+            f"--scenes judges a policy taught over a family: {arguments.agent} is none"
+        )
+    if designer is not None:
+        built = _designed(designer, arguments.scene)
+    elif arguments.agent in BUILDERS:
         built = BUILDERS[arguments.agent](load_scene(arguments.scene or "sprint"))
     else:
         built = evaluate(arguments.agent, arguments.scene, trust=arguments.trust)
@@ -58,18 +67,13 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _judge(arguments: argparse.Namespace) -> int:
+def _judge(designer: Designer, arguments: argparse.Namespace) -> int:
     """Its rows in many random scenes, as a table."""
     import sys
     from pathlib import Path
 
-    from agents.family_evaluation import designer_of, judge
+    from agents.family_evaluation import judge
 
-    designer = designer_of(arguments.agent)
-    if designer is None:
-        raise ValueError(
-            f"--scenes judges a policy taught over a family: {arguments.agent} is none"
-        )
     judged = judge(
         arguments.scenes,
         arguments.seed,
@@ -82,6 +86,20 @@ def _judge(arguments: argparse.Namespace) -> int:
         judged.save(Path(arguments.csv))
         print(f"scenes written to {arguments.csv}")
     return 0
+
+
+def _designed(designer: Designer, name: str | None) -> Built:
+    """Its row for one scene."""
+    from agents.designer import design
+    from agents.evaluation import Built
+    from domino_env.scene import load_scene
+
+    scene = load_scene(name or "sprint")
+    design(scene, designer=designer)  # compiles what is not compiled yet
+    found = design(scene, designer=designer)
+    for sentence in found.outside:
+        print(f"beyond what was taught: {sentence}")
+    return Built(scene, found.layout, found.wave, found.score, scene.uniform(), found.seconds)
 
 
 def sentence(built: Built) -> str:

@@ -69,9 +69,13 @@ class Judged:
         )  # fmt: skip
         share = "" if self.searched is None else f"{self.share(scores):.1%}"
         return (
-            f"| {name} | {np.mean(gain > ROUNDING):.1%} of {len(gain)} | {np.median(gain):+.2%} "
+            f"| {name} | {self.beaten(scores):.1%} of {len(gain)} | {np.median(gain):+.2%} "
             f"| {np.quantile(gain, 0.1):+.2%} | {worst} | {share} | {times[0]} | {times[1]} |"
         )
+
+    def beaten(self, scores: Floats) -> float:
+        """The part of the scenes in which the best uniform row is beaten."""
+        return float(np.mean(scores > self.uniform * (1.0 + ROUNDING)))
 
     def share(self, scores: Floats) -> float:
         """Median part of what search gains over the uniform row, where it gains anything."""
@@ -147,10 +151,10 @@ def judge(
 
 def teaches_a_family(folder: Path) -> bool:
     """Whether a folder holds what `agents.family_training.teach` writes."""
-    config = folder / "config.json"
-    if not config.is_file():
+    try:
+        document = read_json(folder / "config.json", RUN_BYTES, 10_000)
+    except (ValueError, OSError):
         return False
-    document = read_json(config, RUN_BYTES, 10_000)
     return isinstance(document, dict) and document.get("algorithm") == "family"
 
 

@@ -24,7 +24,7 @@ from agents.run_files import DEEPEST, WIDEST, require_number
 from agents.teaching import EXAMPLES_SEED, Teaching
 from domino_env.files import write_bytes, write_text
 from domino_env.limits import RUN_BYTES
-from domino_env.reading import one_line, read_json
+from domino_env.reading import read_json
 from domino_env.scene import Scene
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ CHECKED = 64  # scenes that the learning curve is taken on
 LOOKS = 40  # points of the curve, and checkpoints
 COLUMNS = ("step", "seconds", "gain", "beaten", "gain_untried", "beaten_untried")
 FILES = ("config.json", "checkpoint.pt", "policy.npz")
+_FOREIGN = (KeyError, TypeError, AttributeError)
 ORDER, BATCH, CHECK = 1, 2, 3  # what random numbers are for, beside the seed
 
 
@@ -111,7 +112,8 @@ class _Teaching:
         self.total = self.passes + teaching.batches
         self.done = 0
         self.curve: list[tuple[float, ...]] = []
-        self.spent, self.began = 0.0, time.perf_counter()
+        self.spent = self.worked = 0.0  # seconds of earlier sessions: on the clock, of processors
+        self.began, self.began_work = time.perf_counter(), time.process_time()
         rng = np.random.default_rng([seed, CHECK])
         self.checked = [family.draw(rng) for _ in range(CHECKED)]
 
@@ -131,7 +133,12 @@ class _Teaching:
         taught = Taught(
             self.home, designer, self.done, self.seconds, tuple(self.curve), interrupted
         )
-        document = {"finished": not interrupted, "steps": self.done, "seconds": self.seconds}
+        document = {
+            "finished": not interrupted,
+            "steps": self.done,
+            "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
+        }
         document |= dict(zip(COLUMNS[2:], self.curve[-1][2:], strict=True))
         write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
         return taught
@@ -139,6 +146,10 @@ class _Teaching:
     @property
     def seconds(self) -> float:
         return self.spent + time.perf_counter() - self.began
+
+    @property
+    def processor_seconds(self) -> float:
+        return self.worked + time.process_time() - self.began_work
 
     def _learn(self) -> None:
         from tqdm import tqdm
@@ -205,6 +216,7 @@ class _Teaching:
             "done": self.done,
             "curve": [list(row) for row in self.curve],
             "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
         }
         write_bytes(self.home / "checkpoint.pt", lambda file: torch.save(state, file))
         lines = [",".join(COLUMNS)]
@@ -229,7 +241,8 @@ class _Teaching:
 
         state = read_teaching(self.learner, self.home / "checkpoint.pt", len(COLUMNS))
         self.learner.restore(state["learner"])
-        self.done, self.spent = int(state["done"]), float(state["seconds"])
+        self.done = state["done"]
+        self.spent, self.worked = state["seconds"], state["processor_seconds"]
         self.curve = [tuple(row) for row in state["curve"]]
 
 
@@ -251,8 +264,8 @@ def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
     """What a teaching in this folder was begun with."""
     if not all((home / name).exists() for name in FILES):
         raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
+    config = read_json(home / "config.json", RUN_BYTES, 10_000)
     try:
-        config = read_json(home / "config.json", RUN_BYTES, 10_000)
         ranges: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in config["family"].items()
@@ -263,5 +276,6 @@ def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
         if not (1 <= teaching.width <= WIDEST and 0 <= teaching.depth <= DEEPEST):
             raise ValueError(f"{teaching.depth} layers of {teaching.width}")
         return int(config["seed"]), teaching, SceneFamily(**ranges)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ValueError(one_line(f"{home} holds no teaching of a family: {error}")) from None
+    except (*_FOREIGN, ValueError) as error:
+        said = str(error) if isinstance(error, ValueError) else type(error).__name__
+        raise ValueError(f"{home} holds no teaching of a family: {said}") from None

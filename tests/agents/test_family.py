@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import subprocess
 import sys
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -219,6 +220,12 @@ def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> 
     whole = SHIPPED.read_bytes()
     torn = bytearray(whole)
     torn[len(whole) // 2 : len(whole) // 2 + 40] = bytes(40)
+    with zipfile.ZipFile(path, "w") as archive:  # a header that asks for a terabyte
+        header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 38,)}
+        with archive.open("row_0_bias.npy", "w") as entry:
+            np.lib.format.write_array_header_1_0(entry, header)
+    with pytest.raises(ValueError, match="bytes, not"):
+        load_designer(path)
     for content in (b"", b"not an archive", whole[:2000], whole[2000:], bytes(torn)):
         path.write_bytes(content)
         with pytest.raises(ValueError, match="does not hold the weights"):
@@ -303,6 +310,17 @@ def test_the_same_seed_gives_the_same_weights_and_so_does_going_on(
         family_training.teach(tmp_path / "d", 1, LITTLE, TINY)
     with pytest.raises(ValueError, match="nothing to go on from"):
         family_training.teach(tmp_path / "none", resume=True)
+    kept = (tmp_path / "d" / "checkpoint.pt").read_bytes()
+    for content in (b"", kept[:3000], (tmp_path / "d" / "policy.npz").read_bytes()):
+        (tmp_path / "d" / "checkpoint.pt").write_bytes(content)
+        with pytest.raises(ValueError, match=r"checkpoint.pt"):
+            family_training.teach(tmp_path / "d", resume=True)
+    config = (tmp_path / "d" / "config.json").read_text("utf-8")
+    for old, new in (('"width": 8', '"width": "8"'), ("0.02", "-0.02"), ('"seed"', '"sead"')):
+        assert old in config
+        (tmp_path / "d" / "config.json").write_text(config.replace(old, new), "utf-8")
+        with pytest.raises(ValueError, match="holds no teaching of a family"):
+            family_training.teach(tmp_path / "d", resume=True)
 
 
 def test_the_exact_slope_teaches_from_scratch(tmp_path: Path, monkeypatch) -> None:
