@@ -113,7 +113,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
             "choose a scene with the same things left free"
         )
 
-    def careful(seen: Seen) -> NDArray[Any]:
+    def certain(seen: Seen) -> NDArray[Any]:
+        # the largest weights that are finite overflow in a network
         with np.errstate(all="ignore"), told_of(path):
             try:
                 action = policy(seen)
@@ -123,7 +124,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
                 raise ValueError("its policy does not know what to do: its weights are too large")
             return action
 
-    return build(careful, judged, speed)
+    return build(certain, judged, speed)
 
 
 def shipped() -> list[str]:

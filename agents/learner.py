@@ -14,10 +14,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.arrays import read_weights
 from agents.checkpoint import read_checkpoint
 from agents.network import network_of
 from agents.presets import Preset
-from agents.run_files import read_weights
 from domino_env.files import write_bytes
 from domino_env.reading import told_of
 
