@@ -15,6 +15,7 @@ from domino_env.limits import CHECKPOINT_BYTES
 from domino_env.reading import read_bytes, shown, told_of
 
 WORDS = 624  # of the state of NumPy's old generator
+MOMENTS = ("step", "exp_avg", "exp_avg_sq")  # of Adam, which all learners use
 BUFFER = ("observations", "next_observations", "actions", "rewards", "dones")
 
 
@@ -116,19 +117,22 @@ def _optimiser(where: str, found: Any, held: Any, owner: torch.optim.Optimizer) 
         raise ValueError(f"{where}.param_groups: not those of such a learner")
     for group, like in zip(groups, held["param_groups"], strict=True):
         _same_keys(f"{where}.param_groups", group, like)
-        if group["params"] != like["params"]:
+        _numbers(f"{where}.param_groups", group, 2)
+        # the rate changes along the way
+        if any(group[name] != value for name, value in like.items() if name != "lr"):
             raise ValueError(f"{where}.param_groups: not those of such a learner")
-        _numbers(f"{where}.param_groups", group, 3)
+        if not isinstance(group["lr"], float) or not 0.0 <= group["lr"] <= 1e3:
+            raise ValueError(f"{where}.param_groups.lr = {shown(group['lr'])}: no rate of learning")
     states = found["state"]
     if not isinstance(states, dict):
         raise ValueError(f"{where}.state: not that of such a learner")
     for key, state in states.items():
         if type(key) is not int or not 0 <= key < len(parameters) or not isinstance(state, dict):
             raise ValueError(f"{where}.state: not that of such a learner")
+        _same_keys(f"{where}.state.{key}", state, dict.fromkeys(MOMENTS))
         for name, value in state.items():
-            single = isinstance(value, torch.Tensor) and value.dim() == 0
-            like = torch.zeros((), dtype=value.dtype) if single else parameters[key]
-            _tensor(f"{where}.state.{key}.{shown(name)}", value, like)
+            like = torch.zeros(()) if name == "step" else parameters[key]
+            _tensor(f"{where}.state.{key}.{name}", value, like)
 
 
 def _numbers(where: str, value: Any, depth: int) -> None:

@@ -19,6 +19,7 @@ from agents.network import network_of
 from agents.presets import Preset
 from agents.run_files import read_weights
 from domino_env.files import write_bytes
+from domino_env.reading import told_of
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "ppo": PPO,
@@ -122,11 +123,15 @@ def load_state(model: Any, path: Path) -> dict[str, Any]:
     ValueError, before anything is changed, for what is no checkpoint of such a learner.
     """
     state = read_checkpoint(model, path)
-    model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+    with told_of(path):
+        try:
+            model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+            torch.set_rng_state(state["torch"])
+        except (KeyError, TypeError, RuntimeError, AttributeError) as error:
+            raise ValueError(f"it does not fit this learner: {error}") from None
     model.num_timesteps = state["steps"]
     model._n_updates = state["updates"]
     model._episode_num = state["episodes"]
-    torch.set_rng_state(state["torch"])
     keys = state["numpy"].numpy().astype(np.uint32)
     np.random.set_state(("MT19937", keys, state["place"], 0, 0.0))  # noqa: NPY002
     if "entropy" in state:

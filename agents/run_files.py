@@ -101,6 +101,8 @@ def require_progress(more: Mapping[str, Any], columns: int) -> None:
         _number(name, more.get(name), scores=name in ("best", "sampled"))
     for name in ("next_look", "next_keep"):
         _whole(more.get(name), name, 0, 2**60)
+    if more.get("clone_score") is not None:
+        _number("clone_score", more["clone_score"], scores=True)
     curve = more.get("curve")
     for row in curve if isinstance(curve, list) else [curve]:
         if not isinstance(row, list) or len(row) != columns:

@@ -19,6 +19,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=int, help="dominoes to place in all")
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
     parser.add_argument("--out", metavar="FOLDER", help="the run's folder (runs/SCENE-ALGORITHM)")
+    parser.add_argument(
+        "--warm-start",
+        metavar="ROW",
+        help="begin as a clone of a row: a layout's file, a run's folder, auto, best-known (PPO)",
+    )
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint there")
 
 
@@ -39,7 +44,10 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.out,
         resume=arguments.resume,
         progress=sys.stderr.isatty(),
+        warm_start=arguments.warm_start,
     )
+    if done.clone_score is not None:
+        print(f"the clone it began with: score {done.clone_score:.6f}")
     print(sentence(done.built))
     spent = f"{done.steps:,} dominoes placed in {done.seconds:.0f} s, written to {done.folder}"
     print(("interrupted after " if done.interrupted else "") + spent)

@@ -87,11 +87,9 @@ FRAMES = Limit(
 )
 SHEETS = Limit("DOMINO_SHEETS", 1_000, "sheets of paper", "of a row 270 m long")
 SOUND_SAMPLES = Limit(
-    "DOMINO_SOUND_SAMPLES", 30_000_000, "samples", "eleven minutes at 44.1 kHz; 2 GB to listen to"
+    "DOMINO_SOUND_SAMPLES", 30_000_000, "samples", "eleven minutes at 44.1 kHz; 1 GB to listen to"
 )
-SOUND_BYTES = Limit(
-    "DOMINO_SOUND_BYTES", 128 * 2**20, "bytes", "as many samples of 32 bits"
-)
+SOUND_BYTES = Limit("DOMINO_SOUND_BYTES", 128 * 2**20, "bytes", "as many samples of 32 bits")
 POLICY_BYTES = Limit(
     "DOMINO_POLICY_BYTES", 64 * 2**20, "bytes of weights", "two layers of 2 000; ours have 64"
 )

@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import tomllib
+import zipfile
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -241,7 +242,9 @@ def layout_that_topples(path: Path) -> Layout:
 
 
 _TABLE = b"number,spacing,thickness,height,density\n0,0.018,0.0075,0.048,1040\n1,,0.0075,0.05,900\n"
-_DOCUMENT = b'{"unit": "SI: m, kg/m3", "spacing": [0.018], "thickness": [0.0075, 0.007], "width": 0.02}'
+_DOCUMENT = (
+    b'{"unit": "SI: m, kg/m3", "spacing": [0.018], "thickness": [0.0075, 0.007], "width": 0.02}'
+)
 
 
 @FUZZ
@@ -292,7 +295,10 @@ def scenes(draw: Any) -> bytes:
     lines = [f"{k} = {toml(v)}" for k, v in document.items() if not isinstance(v, dict)]
     for name, table in document.items():
         if isinstance(table, dict):
-            lines += [f"[{json.dumps(name)}]", *(f"{json.dumps(k)} = {toml(v)}" for k, v in table.items())]  # noqa: E501
+            lines += [
+                f"[{json.dumps(name)}]",
+                *(f"{json.dumps(k)} = {toml(v)}" for k, v in table.items()),
+            ]
     return "\n".join(lines).encode("utf-8", "replace")
 
 
@@ -314,11 +320,7 @@ def scene_that_is_kept(path: Path) -> de.Scene:
 
 
 @FUZZ
-@given(
-    data=st.one_of(
-        scenes(), st.sampled_from([t.encode() for _, t in SHIPPED]).flatmap(mutated)
-    )
-)
+@given(data=st.one_of(scenes(), st.sampled_from([t.encode() for _, t in SHIPPED]).flatmap(mutated)))
 def test_any_scene_is_read_or_refused(folder: Path, data: bytes) -> None:
     path = folder / "any.toml"
     path.write_bytes(data)
@@ -362,7 +364,9 @@ def test_any_sound_is_heard_or_refused(folder: Path, data: bytes) -> None:
     assert found is None or all_finite(dataclasses.astuple(found))
 
 
-_TRACE = b"evaluations,simulated_falls,seconds,best_score,slope_left\n1,4,0.1,0.5,\n7,9,0.2,0.8,1e-3\n"
+_TRACE = (
+    b"evaluations,simulated_falls,seconds,best_score,slope_left\n1,4,0.1,0.5,\n7,9,0.2,0.8,1e-3\n"
+)
 _CHECK = b'{"engine": "pymunk", "verdict": "AGREES", "model": [0.0, null, 0.1]}'
 
 
@@ -525,7 +529,7 @@ def test_the_worst_files_take_little_memory(tmp_path: Path) -> None:
         "objects.json": b'{"spacing": [' + b"{}," * (size // 3),
         "brackets.json": b"[" * size,
         "one_text.json": b'{"spacing": "' + "😀".encode() * (size // 4) + b'"}',
-        "keys.toml": b"".join(b"[a%d.b.c.d]\n" % i for i in range(70_000)),
+        "keys.toml": b"".join(b"[a%d.b.c.d]\n" % i for i in range(60_000)),
         "long_keys.toml": b"a." * 400_000 + b"a = 1\n",
         "array.toml": b"x = [" + b"[],1.0," * 130_000 + b"]",
         "promises.wav": wav(b"\0\0" * 1000, 44100, 1, 16, 2**32 - 1),
@@ -533,17 +537,18 @@ def test_the_worst_files_take_little_memory(tmp_path: Path) -> None:
     }
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
-    import zipfile
-
-    with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
-        with archive.open("w.npy", "w") as member:
-            np.lib.format.write_array_header_1_0(member, zeros)
-            for _ in range(200):
-                member.write(bytes(1_000_000))
+    with (
+        zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("w.npy", "w") as member,
+    ):
+        np.lib.format.write_array_header_1_0(member, zeros)
+        for _ in range(200):
+            member.write(bytes(1_000_000))
     assert (tmp_path / "bomb.npz").stat().st_size < 10**6
+    surroundings = {"NUMBA_NUM_THREADS": "1", "DOMINO_LAYOUT_DOMINOES": "100000"}
     told = subprocess.run(
         [sys.executable, "-W", "error", "-c", _WORST, str(tmp_path)],
-        capture_output=True, text=True, check=False, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
+        capture_output=True, text=True, check=False, env=os.environ | surroundings,
     )  # fmt: skip
     assert told.returncode == 0, told.stdout + told.stderr
     took = dict(line.split() for line in told.stdout.splitlines())

@@ -178,7 +178,8 @@ def test_make_does_nothing_twice(tmp_path: Path) -> None:
     assert "[dev," in output_of(*plan, "test")
     assert "setuptools" not in output_of(*plan, "test")  # what `run` installed stays
     (venv / ".dev").touch()
-    assert output_of(*plan, "test").split() == [f"{venv}/bin/python", "-m", "pytest"]
+    words = output_of(*plan, "test").split()
+    assert words[:3] == [f"{venv}/bin/python", "-m", "pytest"]
 
 
 def test_make_says_that_it_needs_a_newer_python(tmp_path: Path) -> None:
