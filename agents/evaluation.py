@@ -63,7 +63,7 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
     over, told = False, dict[str, Any]()
     while not over:
         seen, _, over, _, told = env.step(policy(seen))
-    layout = _completed(told["layout"], scene)
+    layout = completed(told["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     return Built(scene, layout, wave, scene.score_wave(wave), uniform, seconds)
@@ -184,7 +184,7 @@ def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:
     raise ValueError(f"{path} is no archive of {', '.join(CLASSES)}")
 
 
-def _completed(layout: Layout, scene: Scene) -> Layout:
+def completed(layout: Layout, scene: Scene) -> Layout:
     """A row of all dominoes: what was not placed is as the last that was."""
     missing = scene.count - layout.count
     if missing == 0:
