@@ -1,6 +1,7 @@
 """What an agent builds, beside the best uniform row and the best row known.
 
-RUN is the folder of a training, or a scripted builder: uniform, greedy, ramp.  A .zip archive of
+RUN is the folder of a training, the name of a policy that ships (sprint), or a scripted builder:
+uniform, greedy, ramp.  A .zip archive of
 stable-baselines3 runs code when it is loaded and asks for --trust.
 """
 
@@ -17,7 +18,11 @@ SUMMARY = "what a trained agent, or a scripted builder, builds"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `domino evaluate`."""
-    parser.add_argument("agent", metavar="RUN", help="a training's folder; uniform, greedy or ramp")
+    parser.add_argument(
+        "agent",
+        metavar="RUN",
+        help="a training's folder; sprint, which ships; uniform, greedy or ramp",
+    )
     parser.add_argument("--scene", help="another scene than it was trained on")
     parser.add_argument("--trust", action="store_true", help="load an archive that may run code")
     parser.add_argument("--layout", metavar="FILE", help="write the row, .csv or .json")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,11 +13,14 @@ from numpy.typing import NDArray
 
 from domino_env.env import DominoChain
 from domino_env.layout import Layout
+from domino_env.reading import told_of
 from domino_env.scene import Scene, UniformMark, load_scene
 from domino_env.wave import Wave
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
+
+POLICIES = Path(__file__).parent / "policies"
 
 Seen = NDArray[np.float32]
 Policy = Callable[[Seen], NDArray[Any]]
@@ -69,51 +71,81 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
 def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool = False) -> Built:
     """What the best policy of a run builds, deterministically.
 
-    run: the folder that `train` wrote; or, with trust=True, an archive of stable-baselines3 (.zip),
-        whose loading runs code that it holds.
+    run: the folder that `train` wrote; the name of a policy that ships (`shipped`); or, with
+        trust=True, an archive of stable-baselines3 (.zip), whose loading runs code that it holds.
     scene: another one than it was trained on; its observations must have the same entries.
-    ValueError where they have not, and for what is no run.
+    A policy of PPO needs NumPy alone, the others the extra "rl".
+    ValueError where the scene shows something else, and for what is no run.
     """
     path = Path(run)
     if path.suffix == ".zip":
         if scene is None:
             raise ValueError(f"{path} does not say which scene it builds: name one")
         judged = load_scene(scene) if not isinstance(scene, Scene) else scene
-        model, speed = _from_archive(path, trust), None
+        model = _from_archive(path, trust)
+        assert model.observation_space.shape is not None
+        (size,), speed = model.observation_space.shape, None
+        policy: Policy = lambda seen: model.predict(seen, deterministic=True)[0]  # noqa: E731
     else:
+        from agents.run_files import read_reference
+
+        if not path.exists() and str(run) in shipped():
+            path = POLICIES / str(run)
         home = load_scene(path / "scene.toml") if (path / "scene.toml").exists() else None
         if home is None or not (path / "policy.npz").exists():
-            raise ValueError(f"{path} holds no policy: name the folder of a finished training")
+            raise ValueError(
+                f"{path} holds no policy: name the folder of a finished training, or one that "
+                f"ships: {', '.join(shipped())}"
+            )
         judged = home if scene is None else scene if isinstance(scene, Scene) else load_scene(scene)
-        model, relative = load_policy(path, home)
-        speed = relative * judged.uniform().wave.mean_speed
+        policy, size = load_policy(path, home)
+        speed = read_reference(path) * judged.uniform().wave.mean_speed
     shape = DominoChain(judged).observation_space.shape
-    assert model.observation_space.shape is not None
-    if shape != model.observation_space.shape:
+    if shape != (size,):
         raise ValueError(
-            f"scene '{judged.name}' shows {shape} numbers, this policy was trained on "
-            f"{model.observation_space.shape}: choose a scene with the same things left free"
+            f"scene '{judged.name}' shows {shape} numbers, this policy was trained on ({size},): "
+            "choose a scene with the same things left free"
         )
-    return build(lambda seen: model.predict(seen, deterministic=True)[0], judged, speed)
+    return build(policy, judged, speed)
 
 
-def load_policy(folder: Path, scene: Scene) -> tuple[BaseAlgorithm, float]:
-    """The best policy of a run, and the reference speed it is used to, over the uniform row's."""
+def shipped() -> list[str]:
+    """Names of the policies that come with the package."""
+    return sorted(folder.name for folder in POLICIES.iterdir() if folder.is_dir())
+
+
+def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
+    """The best policy of a run on a scene, and how many numbers it is shown.
+
+    ValueError where the folder holds no such policy; ImportError where it needs the extra "rl".
+    """
+    from agents.run_files import read_config
+
+    begun = read_config(folder)
+    plan, env = begun.plan, DominoChain(scene)
+    assert env.observation_space.shape is not None
+    assert env.action_space.shape is not None
+    (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape
+    if begun.algorithm == "ppo":
+        from agents.network import read_network
+
+        path = folder / "policy.npz"
+        return read_network(path, inputs, outputs, plan.width, plan.depth), inputs
     from agents.extra import require_extra
 
     require_extra()
-    from agents.learner import learner, load_weights
-    from agents.presets import Preset
+    from agents.learner import builder, learner, load_weights
     from agents.sb3_vec_env import DominoVecEnv
 
-    config = json.loads((folder / "config.json").read_text("utf-8"))
-    plan = Preset(**config["preset"])
     small = {"buffer_size": 10} if "buffer_size" in plan.options else {}
     plan = replace(plan, options=plan.options | small)
-    model = learner(config["algorithm"], plan, DominoVecEnv(scene, plan.rows), 0)
+    with told_of(folder / "config.json"):
+        try:
+            model = learner(begun.algorithm, plan, DominoVecEnv(scene, plan.rows), 0)
+        except (TypeError, AssertionError, RuntimeError, ZeroDivisionError) as error:
+            raise ValueError(f"preset: no learner is made like this: {error}") from None
     load_weights(model.policy, folder / "policy.npz")
-    best = json.loads((folder / "policy.json").read_text("utf-8"))
-    return model, float(best["reference_over_uniform"])
+    return builder(model, begun.algorithm), inputs
 
 
 def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:

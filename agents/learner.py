@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.checkpoint import read_checkpoint
+from agents.network import network_of
 from agents.presets import Preset
+from agents.run_files import read_weights
 from domino_env.files import write_bytes
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
@@ -61,20 +65,29 @@ def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
     policy.log_std.data.fill_(float(np.log(deviation)))
 
 
+def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
+    """What the policy does without noise."""
+    if algorithm == "ppo":
+        return network_of(weights(model.policy))
+    return lambda seen: model.predict(seen, deterministic=True)[0]
+
+
+def weights(policy: torch.nn.Module) -> dict[str, Any]:
+    """A policy's weights as plain arrays, by name."""
+    return {name: value.detach().numpy() for name, value in policy.state_dict().items()}
+
+
 def save_weights(policy: torch.nn.Module, path: Path) -> None:
     """Write a policy's weights as plain arrays."""
-    arrays = {name: value.detach().numpy() for name, value in policy.state_dict().items()}
+    arrays = weights(policy)
     write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
 
 
 def load_weights(policy: torch.nn.Module, path: Path) -> None:
     """Read them back; nothing in the file is run.  ValueError where they do not fit."""
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            state = {name: torch.from_numpy(arrays[name].copy()) for name in arrays.files}
-        policy.load_state_dict(state)
-    except (ValueError, RuntimeError, OSError, KeyError, TypeError, EOFError) as error:
-        raise ValueError(f"{path} does not hold the weights of such a policy: {error}") from None
+    kinds = {name: (value.shape, value.dtype) for name, value in weights(policy).items()}
+    arrays = read_weights(path, kinds)
+    policy.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
 
 
 def save_state(model: BaseAlgorithm, more: dict[str, Any], path: Path) -> None:
@@ -104,8 +117,11 @@ def save_state(model: BaseAlgorithm, more: dict[str, Any], path: Path) -> None:
 
 
 def load_state(model: Any, path: Path) -> dict[str, Any]:
-    """Take a learner back to where `save_state` left it; returns what was kept beside it."""
-    state = torch.load(path, weights_only=True)
+    """Take a learner back to where `save_state` left it; returns what was kept beside it.
+
+    ValueError, before anything is changed, for what is no checkpoint of such a learner.
+    """
+    state = read_checkpoint(model, path)
     model.set_parameters(state["parameters"], exact_match=True, device="cpu")
     model.num_timesteps = state["steps"]
     model._n_updates = state["updates"]

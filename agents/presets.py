@@ -20,7 +20,8 @@ class Preset:
     rows: environments side by side.  steps: in all, by default.
     width, depth: of both networks.
     rate: of learning at the start; it falls to `last_rate` of that.
-    first_deviation, last_deviation: of the actions, from start to end (PPO).
+    first_deviation, middle_deviation, last_deviation: of the actions, at the start, after
+        `middle` of the steps, and at the end; geometric between (PPO).
     follow: whether the reference speed follows the best row found.
     options: what the algorithm itself is given.
     """
@@ -32,9 +33,20 @@ class Preset:
     rate: float = 1e-3
     last_rate: float = 0.05
     first_deviation: float = 1.0
-    last_deviation: float = 0.012
+    middle_deviation: float = 0.03
+    last_deviation: float = 0.01
+    middle: float = 0.6
     follow: bool = True
     options: dict[str, Any] = field(default_factory=dict)
+
+    def deviation(self, done: float) -> float:
+        """Of PPO's actions when `done` of the steps, 0 to 1, have been taken."""
+        if done < self.middle:
+            begin, end, part = self.first_deviation, self.middle_deviation, done / self.middle
+        else:
+            begin, end = self.middle_deviation, self.last_deviation
+            part = (done - self.middle) / (1.0 - self.middle)
+        return float(begin * (end / begin) ** part)
 
     def to_dict(self) -> dict[str, Any]:
         """For a file."""
@@ -47,7 +59,7 @@ def preset(algorithm: str, episode: int) -> Preset:
         length = 2 * episode if episode <= 120 else episode
         return Preset(
             rows=256,
-            steps=10_000_000,
+            steps=15_000_000,
             options={
                 "n_steps": length,
                 "batch_size": max(256 * length // 4, 256),

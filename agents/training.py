@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import time
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,9 @@ import numpy as np
 from agents.evaluation import Built, build
 from agents.extra import require_extra
 from agents.presets import ALGORITHMS, Preset, preset
+from agents.run_files import read_config, require_memory, require_progress
 from domino_env.files import write_text
+from domino_env.reading import told_of
 from domino_env.scene import Scene, load_scene
 
 if TYPE_CHECKING:
@@ -94,6 +96,7 @@ def train(
     elif (home / "config.json").exists() or (home.is_dir() and any(home.iterdir())):
         raise ValueError(f"{home} is not empty: name another folder, or go on with --resume")
     plan = plan or preset(algorithm, judged.count - 1)
+    require_memory(plan)
     total = steps or plan.steps
     state = np.random.get_state()  # noqa: NPY002 - the learner draws from the global stream
     try:
@@ -174,9 +177,8 @@ class _Training:
         return min(self.model.num_timesteps / self.total, 1.0)
 
     def deviation(self) -> float:
-        """Of PPO's actions, falling geometrically."""
-        first, last = self.plan.first_deviation, self.plan.last_deviation
-        return float(first * (last / first) ** self.done)
+        """Of PPO's actions."""
+        return self.plan.deviation(self.done)
 
     def tune(self) -> None:
         """What changes along the way: deviation and reference speed."""
@@ -190,12 +192,10 @@ class _Training:
 
     def look(self) -> None:
         """Let the policy build a row without noise; keep the policy if it is the best so far."""
-        from agents.learner import save_weights
+        from agents.learner import builder, save_weights
 
         speed = float(self.env.rows.reference_speed)
-        built = build(
-            lambda seen: self.model.predict(seen, deterministic=True)[0], self.scene, speed
-        )
+        built = build(builder(self.model, self.algorithm), self.scene, speed)
         if built.score > self.best:
             self.best = built.score
             save_weights(self.model.policy, self.home / "policy.npz")
@@ -299,6 +299,8 @@ class _Training:
         write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
 
     def _restore(self, more: dict[str, Any]) -> None:
+        with told_of(self.home / "checkpoint.pt"):
+            require_progress(more, len(COLUMNS))
         self.best, self.sampled = more["best"], more["sampled"]
         self.curve = [tuple(row) for row in more["curve"]]
         self.spent, self.worked = more["seconds"], more["processor_seconds"]
@@ -350,9 +352,7 @@ def _as_begun(home: Path) -> tuple[Scene, str, int, Preset, int]:
     """What a run in this folder was begun with."""
     if not (home / "checkpoint.pt").exists():
         raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
-    config = json.loads((home / "config.json").read_text("utf-8"))
-    if config["algorithm"] == "ars":
+    begun = read_config(home)
+    if begun.algorithm == "ars":
         raise ValueError("ars keeps no checkpoint that it can go on from: begin anew")
-    scene = load_scene(home / "scene.toml")
-    plan = Preset(**config["preset"])
-    return scene, config["algorithm"], int(config["seed"]), replace(plan), int(config["steps"])
+    return load_scene(home / "scene.toml"), begun.algorithm, begun.seed, begun.plan, begun.steps

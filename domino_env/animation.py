@@ -13,6 +13,7 @@ from PIL import Image
 
 from domino_env.drawing import Scale, palette, stacked, strip
 from domino_env.files import write_bytes
+from domino_env.limits import FRAMES, SHOWN_DOMINOES
 from domino_env.motion import Motion
 from domino_env.wave import Wave
 
@@ -33,18 +34,22 @@ def frames(
     """Images of all rows toppling at once, one below the other, until all lie.
 
     rate: images a second.  slow: how many times slower than nature.  width: [px].
-    ValueError for a rate, a slowness or a width that is not positive.
+    ValueError for a rate, a slowness or a width that is not positive, and for rows that are longer
+    or take longer than `domino_env.limits` lets a picture.
     """
     for name, value in (("rate", rate), ("slow", slow), ("width", width)):
         if not 0.0 < value < np.inf:
             raise ValueError(f"{name} = {value}: must be positive and finite")
     if width % 2 or width < 200:
         raise ValueError(f"width = {width} px: give an even number of at least 200")
+    for one in runners:
+        SHOWN_DOMINOES.require(one.wave.layout.count, f"{one.name}: it has")
     motions = [Motion(one.wave.layout, one.wave.physics) for one in runners]
     longest = max(float(one.wave.layout.length) for one in runners)
     tallest = max(float(one.wave.layout.height.max()) for one in runners)
     scale = Scale.fitting(longest, tallest, width, 150)
     end = max(motion.end for motion in motions)
+    FRAMES.require(int((end + 2.0 * REST) * rate * slow), f"{end:.4g} s of toppling take")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     for t in times:
         yield stacked(

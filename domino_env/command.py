@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 import threading
 from collections.abc import Sequence
 from importlib.metadata import entry_points
+from typing import Any
 
 from domino_env import __version__
+from domino_env.reading import one_line
 
 NOTICE_AFTER = 2.0  # [s] of silence
 
@@ -35,11 +38,15 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a command; bad input ends with one line on standard error and exit status 2."""
+    """Run a command; bad input ends with one line on standard error and exit status 2.
+
+    Ctrl-C ends with 130, SIGTERM with 143.
+    """
     arguments = parser().parse_args(words)
     notice = threading.Timer(NOTICE_AFTER, _say_that_it_compiles)
     notice.daemon = True
     notice.start()
+    termination = _Termination()
     try:
         code = int(arguments.run(arguments))
         sys.stdout.flush()
@@ -48,21 +55,41 @@ def main(words: Sequence[str] | None = None) -> int:
         # whoever read the output has enough; what is left in the buffer has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt:
-        print("domino: interrupted", file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as stop:
+        print(f"domino: {stop or 'interrupted'}", file=sys.stderr)
+        return 143 if termination.came else 130
     except (ValueError, OSError, ImportError) as error:
-        print(f"domino: {error}", file=sys.stderr)
+        print(f"domino: {one_line(str(error), 1000)}", file=sys.stderr)
         return 2
     finally:
         notice.cancel()
+        termination.undo()
+
+
+class _Termination:
+    """Has SIGTERM end a command as Ctrl-C does, and knows whether it came."""
+
+    def __init__(self) -> None:
+        self.came = False
+        self._before: Any = None
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.signal(signal.SIGTERM, self._come)
+
+    def _come(self, *_: object) -> None:
+        self.came = True
+        raise KeyboardInterrupt
+
+    def undo(self) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGTERM, self._before)
 
 
 def _say_that_it_compiles() -> None:
     """Explain a long silence: the kernel is compiled at its first use after an install."""
     kernel = sys.modules.get("domino_env.kernel")
     rows = getattr(kernel, "solve_rows", None)  # loading may not be over
-    if rows is not None and not rows.signatures:
+    elsewhere = {"optimize.worker_pool", "optimize.cluster"} & sys.modules.keys()  # workers do
+    if rows is not None and not rows.signatures and not elsewhere:
         print("compiling the simulator, once, for about half a minute ...", file=sys.stderr)
 
 

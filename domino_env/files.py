@@ -26,3 +26,16 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 text whole."""
     write_bytes(path, lambda file: file.write(text.encode()))
+
+
+def require_room(folder: Path) -> None:
+    """Refuse a folder that cannot be written, before any time is spent; it is made if need be.
+
+    ValueError with the reason.
+    """
+    probe = folder / f".writable-{os.getpid()}-{secrets.token_hex(4)}"
+    try:
+        write_text(probe, "")
+        probe.unlink()
+    except OSError as error:
+        raise ValueError(f"{folder} cannot be written: {error.strerror}") from None

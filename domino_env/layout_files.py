@@ -6,19 +6,25 @@ import csv
 import difflib
 import io
 import json
-import math
 import re
+from array import array
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from domino_env.files import write_text
 from domino_env.layout import DENSITY, HEIGHT, WIDTH, Layout
+from domino_env.limits import LARGEST, LAYOUT_BYTES, LAYOUT_DOMINOES, SMALLEST
+from domino_env.reading import encoding_of, one_line, read_bytes, shown, told_of
+from domino_env.reading import read_json as read_document
 
-LARGEST_FILE = 256 * 1024 * 1024  # [bytes]; a million dominoes take about 80 MB
+LONGEST_LINE = 400_000  # [characters] of a table
 UNIT = "SI: m, kg/m3"
 _COLUMNS = ("spacing", "thickness", "height", "density")
+_UNITS = {"spacing": "m", "thickness": "m", "height": "m", "width": "m", "density": "kg/m³"}
+_POSITIVE = f"more than 0 and finite, {SMALLEST:g} to {LARGEST:g} in SI units"
 # divided by, not multiplied with 0.001: 18 mm then reads as the very number 0.018
 _PER_UNIT = {"spacing": 1.0, "thickness": 1.0, "height": 1.0, "density": 1.0}
 for _name in ("spacing", "thickness", "height"):
@@ -57,10 +63,24 @@ def read_csv(path: Path) -> Layout:
     spacing leads nowhere: it may be empty or missing, and is not used.  Comma, semicolon or tab
     between the cells, decimal commas where the cells are not divided by commas.  Other columns are
     left alone.
-    Raises ValueError with file, line and column.
+    Raises ValueError with file, line and column, and for what `domino_env.limits` forbids.
     """
-    divider, table = _table(path)
-    head, first = table[0]
+    with told_of(path):
+        return _layout_of_table(path, read_bytes(path, LAYOUT_BYTES))
+
+
+def read_json(path: Path) -> Layout:
+    """Read what `write_json` wrote.  Raises ValueError naming file and key, and as `read_csv`."""
+    with told_of(path):
+        document = read_document(path, LAYOUT_BYTES, 4 * LAYOUT_DOMINOES.most + 100)
+        return layout_of_document(document)
+
+
+def _layout_of_table(path: Path, data: bytes) -> Layout:
+    divider, rows = _table(path, data)
+    head, first = next(rows, (0, []))
+    if not first:
+        raise ValueError("the file is empty; the first line names the columns")
     names = [_column_name(cell) for cell in first]
     places: dict[str, tuple[int, float]] = {}
     for place, name in enumerate(names):
@@ -71,102 +91,136 @@ def read_csv(path: Path) -> Layout:
             places[kind] = (place, _PER_UNIT[name])
     for kind in ("spacing", "thickness"):
         if kind not in places:
+            found = ", ".join(one_line(n, 40) for n in names[:20] if n)
             raise ValueError(
                 f"{path}, line {head}: no column for the {kind}; name one '{kind}' (metres) or "
-                f"'{kind}_mm' (found: {', '.join(n for n in names if n) or 'nothing'})"
+                f"'{kind}_mm' (found: {found or 'nothing'})"
             )
-    columns: dict[str, list[float]] = {kind: [] for kind in places}
-    rows = table[1:]
-    if not rows:
-        raise ValueError(f"{path}: no dominoes below the line of names")
-    for order, (line, row) in enumerate(rows):
-        for kind, (place, per_unit) in places.items():
-            cell = row[place].strip() if place < len(row) else ""
-            if kind == "spacing" and order == len(rows) - 1:
-                continue
-            where = f"{path}, line {line}, column '{names[place]}'"
-            if not cell and kind == "spacing":
-                raise ValueError(
-                    f"{where}: empty; give the free gap in front of every domino but the last"
-                )
-            if not cell:
-                raise ValueError(f"{where}: empty; every domino needs a {kind}")
-            value = _number(cell, divider, where) / per_unit
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{where}: {cell} must be more than 0 and finite")
-            columns[kind].append(value)
-    try:
-        return Layout(
-            np.array(columns["spacing"]),
-            np.array(columns["thickness"]),
-            np.array(columns["height"]) if "height" in columns else HEIGHT,
-            WIDTH,
-            np.array(columns["density"]) if "density" in columns else DENSITY,
-        )
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    columns = {kind: array("d") for kind in places}
+    most = LAYOUT_DOMINOES.most
+
+    def keep(kind: str, line: int, row: list[str]) -> None:
+        place, per_unit = places[kind]
+        cell = row[place].strip() if place < len(row) else ""
+        if cell:
+            try:
+                value = float(cell.replace(",", ".") if divider != "," else cell) / per_unit
+            except ValueError:
+                value, wrong = 0.0, f"'{one_line(cell, 60)}' is not a number"
+            else:
+                wrong = f"{one_line(cell, 60)} must be {_POSITIVE}"
+            if SMALLEST <= value <= LARGEST:
+                columns[kind].append(value)
+                return
+        elif kind == "spacing":
+            wrong = "empty; give the free gap in front of every domino but the last"
+        else:
+            wrong = f"empty; every domino needs a {kind}"
+        raise ValueError(f"{path}, line {line}, column '{one_line(names[place], 60)}': {wrong}")
+
+    others = [kind for kind in places if kind != "spacing"]
+    before: tuple[int, list[str]] | None = None
+    for line, row in rows:
+        # only now is it known that the one before is not the last, whose gap leads nowhere
+        if before is not None:
+            keep("spacing", *before)
+        before = line, row
+        for kind in others:
+            keep(kind, line, row)
+        if len(columns["thickness"]) > most:
+            LAYOUT_DOMINOES.require(len(columns["thickness"]), "it has more than")
+    if before is None:
+        raise ValueError("no dominoes below the line of names")
+    values = {kind: np.frombuffer(column) for kind, column in columns.items()}
+    return Layout(
+        values["spacing"] if len(columns["spacing"]) else [],
+        values["thickness"],
+        values.get("height", HEIGHT),
+        WIDTH,
+        values.get("density", DENSITY),
+    )
 
 
-def read_json(path: Path) -> Layout:
-    """Read what `write_json` wrote.  Raises ValueError naming file and key."""
-    try:
-        document = json.loads(_text(path))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: not JSON: {error}") from None
+def layout_of_document(document: object) -> Layout:
+    """The layout in a JSON document.  ValueError naming the key for anything else."""
     if not isinstance(document, dict):
-        raise ValueError(f"{path}: expected an object with the keys spacing and thickness")
+        raise ValueError("expected an object with the keys spacing and thickness")
     for key in ("spacing", "thickness"):
         if key not in document:
-            raise ValueError(f"{path}: the key '{key}' is missing")
+            raise ValueError(f"the key '{key}' is missing")
     allowed = (*_COLUMNS, "width", "unit")
     for key in document:
         if key not in allowed:
-            near = difflib.get_close_matches(key, allowed, n=1)
+            near = difflib.get_close_matches(key[:50], allowed, n=1)
             hint = f"did you mean '{near[0]}'? " if near else ""
-            raise ValueError(f"{path}: unknown key '{key}': {hint}allowed: {', '.join(allowed)}")
+            raise ValueError(
+                f"unknown key '{one_line(key, 60)}': {hint}allowed: {', '.join(allowed)}"
+            )
     if document.get("unit", UNIT) != UNIT:
-        raise ValueError(f"{path}: unit = {document['unit']!r}: a layout is read in '{UNIT}'")
-    try:
-        return Layout(**{key: value for key, value in document.items() if key != "unit"})
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"unit = {shown(document['unit'])}: a layout is read in '{UNIT}'")
+    return Layout(**{k: _numbers(k, value) for k, value in document.items() if k != "unit"})
 
 
-def _text(path: Path) -> str:
-    """The file as text: UTF-8 with or without a mark, UTF-16 with one, else Latin-1."""
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
-        raise ValueError(f"{path}: {size / 1e6:.0f} MB; a layout file has at most 268 MB")
-    data = path.read_bytes()
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        try:
-            return data.decode("utf-16")
-        except UnicodeDecodeError as error:
-            raise ValueError(f"{path}: starts like UTF-16 text but is not: {error}") from None
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+def _numbers(key: str, value: object) -> Any:
+    """A number, or a list of numbers, that `Layout` can take without losing a digit."""
+    values: list[Any] = value if isinstance(value, list) and key != "width" else [value]
+    listed = values is value
+    if listed:
+        LAYOUT_DOMINOES.require(len(values), f"{key} has entries for")
+    for i, one in enumerate(values):
+        where = f"{key}[{i}]" if listed else key
+        if type(one) not in (int, float):
+            raise ValueError(f"{where} = {shown(one)}: give a number, without quotes")
+        if not SMALLEST <= one <= LARGEST:
+            if key == "spacing" and -LARGEST <= one <= 0:
+                continue  # `Layout` says that two dominoes overlap
+            raise ValueError(f"{where} = {shown(one)} {_UNITS[key]}: must be {_POSITIVE}")
+    return [float(one) for one in values] if listed else float(values[0])
 
 
-def _table(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """The sign between the cells, and every line that is not blank with its number."""
-    text = _text(path)
-    start = text.lstrip()
+    encoding = encoding_of(data)
+    breaks = data.count(b"\n") + data.count(b"\r")
+    # twice, as some systems end a line with two signs; and as many blank ones
+    if breaks > 4 * LAYOUT_DOMINOES.most + 1000:
+        LAYOUT_DOMINOES.require(breaks, "it has lines for")
+    first = next((line for line in _text(data, encoding) if line.strip()), "").lstrip()
     # some spreadsheets say on a line of its own what stands between the cells
-    told = start[4:5] if re.match(r"sep=[;,\t]\s", start, re.IGNORECASE) else ""
+    told = first[4:5] if re.match(r"sep=[;,\t]\s*$", first, re.IGNORECASE) else ""
     # otherwise what finds most names; of equals the first, as a comma may be part of a name
-    divider = told or max(";\t,", key=lambda sign: len(next(_lines(path, start, sign), (0, []))[1]))
-    table = list(_lines(path, text, divider))[1 if told else 0 :]
-    if not table:
-        raise ValueError(f"{path}: the file is empty; the first line names the columns")
-    return divider, table
+    divider = told or max(
+        ";\t,", key=lambda sign: len(next(_lines(path, data, encoding, sign), (0, []))[1])
+    )
+    rows = _lines(path, data, encoding, divider)
+    if told:
+        next(rows, None)
+    return divider, rows
 
 
-def _lines(path: Path, text: str, divider: str) -> Iterator[tuple[int, list[str]]]:
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=divider)
+def _text(data: bytes, encoding: str) -> Iterator[str]:
+    """The lines of the text with their ends; ValueError for one that no row of cells is."""
+    for line in io.TextIOWrapper(io.BytesIO(data), encoding, newline=""):
+        if len(line) > LONGEST_LINE:
+            raise ValueError(f"a line has {len(line):,} characters: this is no table of dominoes")
+        yield line
+
+
+def _lines(path: Path, data: bytes, encoding: str, divider: str) -> Iterator[tuple[int, list[str]]]:
+    since = 0  # characters of the row so far; one in quotes may go over many lines
+
+    def fed() -> Iterator[str]:
+        nonlocal since
+        for line in _text(data, encoding):
+            since += len(line)
+            if since > LONGEST_LINE:
+                raise ValueError(f"{path}, line {reader.line_num}: a row that does not end")
+            yield line
+
+    reader = csv.reader(fed(), delimiter=divider)
     try:
         for row in reader:
+            since = 0
             if any(cell.strip() for cell in row):
                 yield reader.line_num, row
     except csv.Error as error:
@@ -177,11 +231,3 @@ def _column_name(cell: str) -> str:
     """`Spacing (mm)`, `spacing [mm]` and `spacing_mm` are one name."""
     words = re.sub(r"[\s_()\[\]]+", " ", cell.lower()).split()
     return "_".join(words)
-
-
-def _number(cell: str, divider: str, where: str) -> float:
-    text = cell.replace(",", ".") if divider != "," else cell
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{where}: '{cell}' is not a number") from None

@@ -29,6 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from domino_env.animation import Runner, frames, write_gif, write_mp4
     from domino_env.layout import Layout
+    from domino_env.reading import one_line
     from domino_env.wave import simulate
 
     wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]
@@ -39,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
         if Path(name).suffix.lower() != ending:
             raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
     scene, physics = asked_physics(arguments)
-    rows = [(Path(name).stem, Layout.read(name)) for name in arguments.layouts]
+    rows = [(one_line(Path(name).stem, 100), Layout.read(name)) for name in arguments.layouts]
     if scene:
         rows.append(("best uniform", scene.uniform().layout))
     runners = [Runner(name, simulate(layout, physics)) for name, layout in rows]

@@ -16,7 +16,8 @@ name, title, objective   what it is called, what it is about, what counts
 from __future__ import annotations
 
 import difflib
-import sys
+import math
+import re
 import tomllib
 from importlib import resources
 from itertools import pairwise
@@ -26,17 +27,37 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from domino_env.layout import DENSITY, HEIGHT, WIDTH
+from domino_env.limits import (
+    DRAWN_DOMINOES,
+    LARGEST,
+    SCENE_BYTES,
+    SCENE_DOMINOES,
+    SCENE_KINDS,
+    SCENE_VALUES,
+    SMALLEST,
+    TALLEST,
+)
 from domino_env.objective import OBJECTIVES, Limits
 from domino_env.physics import Physics
-from domino_env.placement import Placement
+from domino_env.placement import LARGEST_DRAWS, Placement
+from domino_env.reading import one_line, plain_name, read_bytes, shown, told_of
 from domino_env.stock import Stock
 from domino_env.tempo import TOLERANCE, Tempo
 
 if TYPE_CHECKING:
     from domino_env.scene import Bounds, Scene
 
-LARGEST_FILE = 1_000_000  # [bytes]
-LARGEST_COUNT = 10_000_000
+LONGEST_TITLE = 300  # [characters]
+LONGEST_KEY = 8  # [words with dots between]; reading takes memory by its square
+
+# texts, remarks, and keys of too many words, as TOML takes them apart from left to right; what is
+# not closed is read to the end, so that no sign is looked at twice
+_TEXTS = re.compile(
+    r'''"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|\'{3}(?:[^']|'(?!\'\'))*+(?:\'{3})?'''
+    r"""|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?|#[^\n]*+""",
+    re.DOTALL,
+)
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{LONGEST_KEY}}}")
 
 _TOP = (
     "name", "title", "objective", "row", "spacing", "thickness", "stock", "growth", "physics",
@@ -47,6 +68,16 @@ _THICKNESS = ("min", "max", "fixed", "step", "values", "of")
 _SPACING = (*_THICKNESS, "largest_change")
 _STOCK = ("thickness", "count")
 _GROWTH = ("min", "max")
+# what may be as small as it likes: nothing is divided by it
+_TINY = (
+    "friction",
+    "deviation",
+    "quantile",
+    "stall_margin",
+    "flush_loss",
+    "largest_change",
+    "step",
+)
 _PHYSICS = ("friction", "gravity", "push")
 _LIMITS = ("stall_margin", "flush_loss")
 _TEMPO = ("from", "to", "times", "tolerance")
@@ -64,19 +95,17 @@ def read_scene(name: str | Path) -> Scene:
     if str(name) not in known and (path.suffix == ".toml" or path.is_file()):
         if not path.is_file():
             raise ValueError(f"{path}: there is no such scene file")
-        if path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: a scene file has at most {LARGEST_FILE} bytes")
         try:
-            text = path.read_text(encoding="utf-8-sig")
+            text = read_bytes(path, SCENE_BYTES).decode("utf-8-sig")
         except UnicodeDecodeError:
             raise ValueError(f"{path}: not UTF-8 text; save the file as UTF-8") from None
         return parse_scene(text, path.stem, str(path))
     if str(name) not in known:
-        near = difflib.get_close_matches(str(name), known, n=1)
+        near = difflib.get_close_matches(str(name)[:LONGEST_TITLE], known, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(
-            f"there is no scene '{name}': {hint}scenes that ship: {', '.join(known)}; "
-            "or give the path of a .toml file"
+            f"there is no scene '{one_line(str(name), 100)}': {hint}scenes that ship: "
+            f"{', '.join(known)}; or give the path of a .toml file"
         )
     text = (resources.files("domino_env") / "scenes" / f"{name}.toml").read_text("utf-8")
     return parse_scene(text, str(name), f"{name}.toml")
@@ -87,20 +116,39 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
 
     name: what the scene is called unless the text says it; file: what errors call the text.
     """
+    with told_of(file):
+        return _scene_of(_document(text), name, file)
+
+
+def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
+    """A scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
+    with told_of(file):
+        return _scene_of(document, name, file)
+
+
+def _document(text: str) -> dict[str, Any]:
+    if _LONG_KEY.search(_TEXTS.sub(lambda m: "" if m[0][0] == "#" else "x", text)):
+        raise ValueError(f"a key of {LONGEST_KEY + 1} words or more: no table is as deep as that")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("not TOML: nested too deep") from None
+    except ValueError as error:
+        raise ValueError(f"not TOML: {error}") from None
+
+
+def _scene_of(document: dict[str, Any], name: str, file: str) -> Scene:
     from domino_env.scene import Scene
 
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{file}: not TOML: {error}") from None
     _known(document, _TOP, file, "")
     row = _table(document, "row", _ROW, file)
     forces = _table(document, "physics", _PHYSICS, file)
     objective = document.get("objective", OBJECTIVES[0])
     if objective not in OBJECTIVES:
-        raise ValueError(f"{file}: objective = {objective!r}: choose {', '.join(OBJECTIVES)}")
-    name, title = _line(document, "name", file, name), _line(document, "title", file, name)
-    count = _whole(row, "row", "count", file, None, 2, LARGEST_COUNT)
+        raise ValueError(f"{file}: objective = {shown(objective)}: choose {', '.join(OBJECTIVES)}")
+    name = _name(document, file, name)
+    title = _line(document, "title", file, name)
+    count = _whole(row, "row", "count", file, None, 2, SCENE_DOMINOES.most)
     height = _positive(row, "row", "height", file, HEIGHT)
     defaults = Physics()
     values = [_finite(forces, "physics", key, file, getattr(defaults, key)) for key in _PHYSICS]
@@ -223,10 +271,11 @@ def _quoted(text: str) -> str:
 def _known(table: dict[str, Any], allowed: tuple[str, ...], file: str, where: str) -> None:
     for key in table:
         if key not in allowed:
-            near = difflib.get_close_matches(key, allowed, n=1)
+            near = difflib.get_close_matches(key[:LONGEST_TITLE], allowed, n=1)
             hint = f"did you mean '{near[0]}'? " if near else ""
             raise ValueError(
-                f"{file}: unknown key '{where}{key}': {hint}allowed: {', '.join(allowed)}"
+                f"{file}: unknown key '{where}{one_line(key, 60)}': {hint}allowed: "
+                f"{', '.join(allowed)}"
             )
 
 
@@ -241,11 +290,24 @@ def _table(
     return table
 
 
+def _name(document: dict[str, Any], file: str, default: str) -> str:
+    """What a scene is called, and its run's folder after it."""
+    name = _line(document, "name", file, default)
+    wrong = plain_name(name)
+    if wrong is not None:
+        raise ValueError(
+            f"{file}: name = {shown(name)}: {wrong}; a folder may be called after the scene"
+        )
+    return name
+
+
 def _line(document: dict[str, Any], key: str, file: str, default: str) -> str:
     value = document.get(key, default)
-    if not isinstance(value, str) or not value.strip():
-        raise ValueError(f"{file}: {key} = {value!r}: give a line of text")
-    return value
+    good = isinstance(value, str) and value.strip() and len(value) <= LONGEST_TITLE
+    if not (good and value.isprintable()):
+        what = f"give a line of text, 1 to {LONGEST_TITLE} characters that can be printed"
+        raise ValueError(f"{file}: {key} = {shown(value)}: {what}")
+    return str(value)
 
 
 def _finite(table: dict[str, Any], where: str, key: str, file: str, default: float | None) -> float:
@@ -254,8 +316,12 @@ def _finite(table: dict[str, Any], where: str, key: str, file: str, default: flo
         raise ValueError(f"{file}: {where}.{key} is missing: give a number, SI units")
     # compared, not converted: TOML's whole numbers may be larger than any float
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (number and -sys.float_info.max <= value <= sys.float_info.max):
-        raise ValueError(f"{file}: {where}.{key} = {value!r}: give a finite number, SI units")
+    least = 0.0 if value == 0 or key in _TINY else SMALLEST
+    if not (number and least <= abs(value) <= LARGEST):
+        raise ValueError(
+            f"{file}: {where}.{key} = {shown(value)}: give a finite number, SI units, 0 or of a "
+            f"size from {SMALLEST:g} to {LARGEST:g}"
+        )
     return float(value)
 
 
@@ -280,7 +346,7 @@ def _whole(
 ) -> int:
     value = table.get(key, default)
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        what = f"{where}.{key} is missing" if value is None else f"{where}.{key} = {value!r}"
+        what = f"{where}.{key} is missing" if value is None else f"{where}.{key} = {shown(value)}"
         raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}")
     return value
 
@@ -288,7 +354,7 @@ def _whole(
 def _numbers(table: dict[str, Any], where: str, key: str, file: str) -> tuple[float, ...]:
     values = table.get(key)
     if not isinstance(values, list) or not values:
-        what = "is missing" if values is None else f"= {values!r}"
+        what = "is missing" if values is None else f"= {shown(values)}"
         raise ValueError(f"{file}: {where}.{key} {what}: give a list of numbers, [0.005, 0.0075]")
     entries = {f"{key}[{i}]": value for i, value in enumerate(values)}
     return tuple(_positive(entries, where, entry, file, None) for entry in entries)
@@ -336,7 +402,9 @@ def _in_heights(document: dict[str, Any], file: str) -> bool:
     for name in ("spacing", "thickness"):
         of = document.get(name, {}).get("of")
         if of not in (None, "height"):
-            raise ValueError(f"{file}: {name}.of = {of!r}: write 'height', or leave it out for [m]")
+            raise ValueError(
+                f"{file}: {name}.of = {shown(of)}: write 'height', or leave it out for [m]"
+            )
         asked[name] = of is not None
     if asked["spacing"] != asked["thickness"]:
         here, there = ("spacing", "thickness") if asked["spacing"] else ("thickness", "spacing")
@@ -355,9 +423,11 @@ def _stock(document: dict[str, Any], file: str) -> Stock | None:
     kinds = _numbers(table, "stock", "thickness", file)
     counts = table.get("count")
     if not isinstance(counts, list):
-        raise ValueError(f"{file}: stock.count = {counts!r}: give a list of whole numbers")
+        raise ValueError(f"{file}: stock.count = {shown(counts)}: give a list of whole numbers")
+    SCENE_KINDS.require(max(len(kinds), len(counts)), "stock has")
     entries = {f"count[{i}]": value for i, value in enumerate(counts)}
-    whole = [_whole(entries, "stock", e, file, None, 0, LARGEST_COUNT) for e in entries]
+    whole = [_whole(entries, "stock", e, file, None, 0, SCENE_DOMINOES.most) for e in entries]
+    SCENE_DOMINOES.require(sum(whole), "stock.count adds up to")
     try:
         return Stock(kinds, tuple(whole))
     except ValueError as error:
@@ -430,7 +500,7 @@ def _placement(document: dict[str, Any], file: str) -> Placement | None:
         return Placement(
             _finite(table, "robust", "deviation", file, None),
             _finite(table, "robust", "quantile", file, 0.05),
-            _whole(table, "robust", "draws", file, 256, 1, 100_000),
+            _whole(table, "robust", "draws", file, 256, 1, LARGEST_DRAWS),
             _whole(table, "robust", "seed", file, 0, 0, 2**63 - 1),
         )
     except ValueError as error:
@@ -441,6 +511,17 @@ def _placement(document: dict[str, Any], file: str) -> Placement | None:
 
 def _consistent(scene: Scene, document: dict[str, Any], file: str) -> None:
     """What the parts of a scene owe each other."""
+    if scene.placement is not None:
+        DRAWN_DOMINOES.require(scene.count * scene.placement.draws, "row.count × robust.draws are")
+    listed = len(scene.spacing_values or "1") * len(scene.thickness_values or "1")
+    SCENE_VALUES.require(listed, "spacing and thickness have")
+    if scene.growth is not None:
+        tallest = math.log(scene.height) + (scene.count - 1) * math.log(scene.growth[1])
+        if tallest > math.log(TALLEST):
+            raise ValueError(
+                f"{file}: growth.max = {scene.growth[1]}: {scene.count} dominoes could grow to "
+                f"10^{tallest / math.log(10.0):.0f} m; let them grow less, or ask for fewer"
+            )
     for objective, table in _NEEDS.items():
         if (scene.objective == objective) != (table in document):
             what = "is missing" if scene.objective == objective else "stands there"

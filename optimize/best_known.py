@@ -16,11 +16,15 @@ import numpy as np
 from domino_env import __version__
 from domino_env.files import write_text
 from domino_env.layout import Layout
+from domino_env.layout_files import layout_of_document
+from domino_env.limits import LARGEST, RUN_BYTES
+from domino_env.reading import read_json, shown, told_of
 from domino_env.scene import Scene
 from optimize.result import SearchResult
 
 PATH = Path(__file__).with_name("best_known.json")
 CLOSEST = 1e-12  # relative error at which a record is simulated
+MOST_VALUES = 1_000_000  # in the file
 NOTICED = 1e-9  # relative gain that makes a new record
 
 
@@ -45,8 +49,11 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     path = path or PATH
     if not path.exists():
         return {}
-    document = json.loads(path.read_text("utf-8"))
-    return {name: _read(record) for name, record in document.items()}
+    document = read_json(path, RUN_BYTES, MOST_VALUES)
+    with told_of(path):
+        if not isinstance(document, dict):
+            raise ValueError("expected an object with a record under each scene's name")
+        return {name: _read(name, record) for name, record in document.items()}
 
 
 def update(results: list[SearchResult], path: Path | None = None) -> list[str]:
@@ -80,16 +87,22 @@ def closest_score(scene: Scene, layout: Layout) -> float:
     return float(scene.score_wave(scene.simulate(layout, rtol=CLOSEST)))
 
 
-def _read(record: dict[str, Any]) -> BestKnown:
-    layout = Layout(
-        spacing=record["spacing"],
-        thickness=record["thickness"],
-        height=record["height"],
-        width=record["width"],
-        density=record["density"],
-    )
-    found = {key: record[key] for key in ("score", "method", "seed", "seconds", "version")}
-    return BestKnown(layout, **found)
+_FOUND: dict[str, type | tuple[type, ...]] = {
+    "score": (int, float), "method": str, "seed": int, "seconds": (int, float), "version": str,
+}  # fmt: skip
+
+
+def _read(name: str, record: Any) -> BestKnown:
+    if not isinstance(record, dict):
+        raise ValueError(f"{shown(name)} is {shown(record)}: expected an object")
+    for key, kind in _FOUND.items():
+        value = record.get(key)
+        good = isinstance(value, kind) and not isinstance(value, bool)
+        if not (good and (isinstance(value, str) or -LARGEST <= value <= LARGEST)):  # type: ignore[operator]
+            what = "a line of text" if kind is str else "a finite number"
+            raise ValueError(f"{shown(name)}: {key} = {shown(value)}: expected {what}")
+    layout = layout_of_document({key: record[key] for key in record if key not in _FOUND})
+    return BestKnown(layout, **{key: record[key] for key in _FOUND})
 
 
 def _written(record: BestKnown) -> dict[str, Any]:

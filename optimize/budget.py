@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 
 import numpy as np
 
+from optimize.bulk import scores_elsewhere, tasks_of
 from optimize.problem import Floats, Problem
 
 PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
+MOST_ROWS = 256  # between two looks, so that enough of the good ones become finalists
+BULK = 2_000_000  # dominoes that fill an engine, some 3 s of one core
 GRADIENT_COST = 4  # waves that a gradient takes as long as
 KEPT = 8  # best designs kept for a closer look at the end
 
@@ -40,6 +44,7 @@ class Budget:
     slopes: the steepest slope left at each of them, see `slope_left`; None where it is not known.
     finalists: the last improvements, (score, design) each, the best last.
     watch: called with the budget after every batch.
+    executor: what scores batches of several pieces, see `optimize.bulk`; None: this process.
     """
 
     def __init__(
@@ -48,6 +53,7 @@ class Budget:
         evaluations: int | None = None,
         seconds: float | None = None,
         watch: Callable[[Budget], None] | None = None,
+        executor: Executor | None = None,
     ) -> None:
         self.problem = problem
         self.evaluations = evaluations
@@ -56,13 +62,23 @@ class Budget:
         self.slopes: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self._watch = watch
-        self._piece = max(8, PIECE // (problem.scene.count * problem.scene.waves_a_score))
+        self._executor = executor
+        self._dominoes = problem.scene.count * problem.scene.waves_a_score  # of a row
+        self._piece = min(max(8, PIECE // self._dominoes), MOST_ROWS)
         self._began = time.perf_counter()
 
     @property
     def elapsed(self) -> float:
         """Seconds since the search began."""
         return time.perf_counter() - self._began
+
+    @property
+    def bulk(self) -> int:
+        """How many designs fill an engine: so many may be asked for at once where any number may.
+
+        A multiple of what is scored between two looks at the clock.
+        """
+        return max(1, BULK // (self._dominoes * self._piece)) * self._piece
 
     @property
     def part(self) -> float:
@@ -97,14 +113,31 @@ class Budget:
         while at < len(designs):
             if self.finalists and self.part >= 1.0:  # even a budget of no time gets a first look
                 raise BudgetSpent
-            piece = min(self._piece, len(designs) - at)
+            most = self._piece if self._executor is None else self.bulk
+            size = min(most, len(designs) - at)
             if self.evaluations is not None:
-                piece = min(piece, self.evaluations - self.problem.evaluations)
-            part = designs[at : at + piece]
-            scores[at : at + piece] = self.problem.scores(part, rtol)
-            self._note(part, scores[at : at + piece])
-            at += piece
+                size = min(size, self.evaluations - self.problem.evaluations)
+            # the same pieces with and without an executor: what is noted must not depend on it
+            pieces = [
+                designs[i : min(i + self._piece, at + size)]
+                for i in range(at, at + size, self._piece)
+            ]
+            for piece, part in zip(pieces, self._found(pieces, rtol), strict=True):
+                scores[at : at + len(piece)] = part
+                self._note(piece, part)
+                at += len(piece)
         return scores
+
+    def _found(self, pieces: list[Floats], rtol: float | None) -> Iterator[Floats]:
+        """The scores of one piece after the other."""
+        tasks = [] if self._executor is None else tasks_of(pieces, self._dominoes)
+        if self._executor is None or len(tasks) < 2:
+            for piece in pieces:
+                yield self.problem.scores(piece, rtol)
+        else:
+            for part in scores_elsewhere(self._executor, self.problem, tasks, rtol):
+                self.problem.count(part)
+                yield part
 
     def score(self, design: Floats) -> float:
         """The score of one design (n,)."""

@@ -10,6 +10,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from optimize.engine_options import add_engine_options, asked_engine
+
 if TYPE_CHECKING:
     from domino_env.scene import Scene
     from optimize.result import SearchResult
@@ -32,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
     parser.add_argument("--out", metavar="FOLDER", help="the run's folder (runs/SCENE)")
+    add_engine_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -49,14 +52,16 @@ def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}")
     print(f"best uniform row: {_uniform(scene)}", flush=True)
-    result = search(
-        scene,
-        arguments.method,
-        arguments.evaluations,
-        arguments.seed,
-        seconds=seconds,
-        folder=folder,
-    )
+    with asked_engine(arguments) as executor:
+        result = search(
+            scene,
+            arguments.method,
+            arguments.evaluations,
+            arguments.seed,
+            seconds=seconds,
+            folder=folder,
+            executor=executor,
+        )
     print(f"best row found:   {_found(result)}")
     print(f"written to {folder}: {', '.join(FILES)}")
     return 0

@@ -1,8 +1,9 @@
-"""Methods against the best uniform pitch and against each other, over seeds, with equal clocks."""
+"""Methods against the best uniform pitch and against each other, over seeds, with equal budgets."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from domino_env.scene import Scene, load_scene
 from optimize.best_known import best_known
 from optimize.result import SearchResult
-from optimize.searching import search
+from optimize.task import Task, TaskResult, scene_of, search_result
+from optimize.task_lines import TaskLines
+from optimize.task_runner import Failure, Keeper, run_tasks
 
 Floats = NDArray[np.float64]
 
@@ -23,13 +26,29 @@ SMALLEST_GAP = 1e-7  # below it the search's own tolerance decides
 class Comparison:
     """Every result of every method on every scene.
 
-    results: all runs.  seconds: that each was given.
+    results: all runs.  seconds, evaluations: that each was given; one of the two is None.
     best: by scene, the best score known, these results among them.
+    failures: runs that have no result.  interrupted: whether it was ended by hand.
+    Times are seconds, or evaluations where these were given: then they can be repeated.
     """
 
     results: tuple[SearchResult, ...]
-    seconds: float
+    seconds: float | None
     best: dict[str, float]
+    evaluations: int | None = None
+    failures: tuple[Failure, ...] = ()
+    interrupted: bool = False
+
+    @property
+    def unit(self) -> str:
+        """What times are counted in: "s", or "rows"."""
+        return "s" if self.evaluations is None else "rows"
+
+    def steps(self, result: SearchResult) -> tuple[Floats, Floats]:
+        """Times and best scores of a run, at every improvement and at the end."""
+        clock = 2 if self.evaluations is None else 0
+        trace = np.array(result.trace, dtype=np.float64)
+        return trace[:, clock], trace[:, 3]
 
     @property
     def scenes(self) -> list[str]:
@@ -47,18 +66,18 @@ class Comparison:
 
     def gaps(self, result: SearchResult, times: Floats) -> Floats:
         """(T,) relative gap of a run to the best known at each time; inf before its first row."""
-        found = np.array([t for _, _, t, _ in result.trace])
-        scores = np.array([s for _, _, _, s in result.trace])
+        found, scores = self.steps(result)
         best = self.best[result.scene.name]
         gap = np.maximum((best - scores) / abs(best), SMALLEST_GAP)
         at = np.searchsorted(found, times, side="right") - 1
         return np.where(at >= 0, gap[np.maximum(at, 0)], np.inf)
 
     def time_to(self, result: SearchResult, gap: float) -> float:
-        """When a run came within a relative gap of the best known [s]; inf where it never did."""
+        """When a run came within a relative gap of the best known; inf where it never did."""
         best = self.best[result.scene.name]
         near = best - gap * abs(best)
-        return next((t for _, _, t, score in result.trace if score >= near), np.inf)
+        steps = zip(*self.steps(result), strict=True)
+        return next((float(t) for t, score in steps if score >= near), np.inf)
 
     def reached(self, method: str, times: Floats, scene: str | None = None) -> Floats:
         """(T,) part of all targets of all runs of a method that are reached by each time."""
@@ -69,7 +88,10 @@ class Comparison:
 
     def times(self) -> Floats:
         """Times evenly spread over the logarithm of the clock."""
-        first = min(r.trace[0][2] for r in self.results)
+        first = min(float(self.steps(r)[0][0]) for r in self.results)
+        if self.evaluations is not None:
+            return np.geomspace(max(first, 1.0), max(self.evaluations, first + 1.0), 200)
+        assert self.seconds is not None
         return np.geomspace(max(first, 1e-4), self.seconds, 200)
 
 
@@ -77,15 +99,63 @@ def compare(
     scenes: Sequence[Scene | str],
     methods: Sequence[str],
     seeds: Iterable[int],
-    seconds: float,
+    seconds: float | None = None,
     told: Callable[[SearchResult], None] | None = None,
+    *,
+    evaluations: int | None = None,
+    executor: Executor | None = None,
+    study: Keeper | None = None,
+    progress: bool | None = False,
 ) -> Comparison:
-    """Run every method on every scene with every seed, each `seconds` long.
+    """Run every method on every scene with every seed, each with the same budget.
 
-    told: called with every result as it comes.  Ctrl-C ends the comparison with the runs that are
-    complete; before the first of them it is raised.
-    Raises ValueError for what is given twice or not at all, and whatever `search` raises.
+    seconds, evaluations: the budget of each run, one of the two; evaluations make the comparison
+        repeatable to the bit.  Equal seconds are equal chances only where every run has a core for
+        itself: an executor must have no more workers than its machines have cores.
+    told: called with every result as it comes.
+    executor: who runs them, each run a task; None: this process, one after the other.
+    study: keeps the runs as they come; those that it has are not run again.
+    progress: whether to show lines with how far they are; None: on a terminal.
+
+    Ctrl-C ends the comparison with the runs that are complete; before the first of them it is
+    raised.  Raises ValueError for what is given twice or not at all, and where no run has a result;
+    a run that fails beside others that do not is one of the `failures`.
     """
+    tasks = comparison_tasks(scenes, methods, seeds, seconds, evaluations)
+    found: dict[str, SearchResult] = {}
+
+    def keep(task: Task, kept: TaskResult) -> None:
+        result = search_result(scene_of(task.scene), kept)
+        found[task.key] = result
+        if told is not None:
+            told(result)
+
+    failures: list[Failure] = []
+    interrupted = False
+    lines = TaskLines(len(tasks), "compare", shown=progress)
+    try:
+        failures = run_tasks(tasks, executor, study, keep, lines)
+    except KeyboardInterrupt:
+        if not found:
+            raise
+        interrupted = True
+    if not found:
+        raise ValueError(f"no run has a result: {failures[0].task.name}: {failures[0].reason}")
+    results = [found[task.key] for task in tasks if task.key in found]
+    best = _best_scores(results)
+    return Comparison(tuple(results), seconds, best, evaluations, tuple(failures), interrupted)
+
+
+def comparison_tasks(
+    scenes: Sequence[Scene | str],
+    methods: Sequence[str],
+    seeds: Iterable[int],
+    seconds: float | None,
+    evaluations: int | None,
+) -> list[Task]:
+    """The runs of a comparison, in order; see `compare`."""
+    if (seconds is None) == (evaluations is None):
+        raise ValueError("give each run seconds or evaluations, one of the two")
     seeds = list(seeds)
     for name, values in (("scenes", scenes), ("methods", methods), ("seeds", seeds)):
         if not values:
@@ -93,22 +163,13 @@ def compare(
         if len(set(values)) < len(values):
             raise ValueError(f"{name} = {', '.join(map(str, values))}: give each once")
     loaded = [scene if isinstance(scene, Scene) else load_scene(scene) for scene in scenes]
-    results: list[SearchResult] = []
     # seeds outermost: what else the machine does then falls on all methods alike
-    order = [(scene, seed, method) for scene in loaded for seed in seeds for method in methods]
-    for scene, seed, method in order:
-        try:
-            result = search(scene, method, seed=seed, seconds=seconds, progress=False)
-        except KeyboardInterrupt:
-            break
-        if result.interrupted:
-            break
-        results.append(result)
-        if told is not None:
-            told(result)
-    if not results:
-        raise KeyboardInterrupt
-    return Comparison(tuple(results), seconds, _best_scores(results))
+    return [
+        Task.of(scene, method, seed, evaluations, seconds)
+        for scene in loaded
+        for seed in seeds
+        for method in methods
+    ]
 
 
 def _best_scores(results: list[SearchResult]) -> dict[str, float]:

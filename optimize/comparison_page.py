@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -15,8 +16,8 @@ from optimize.result import SearchResult
 
 FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png", "targets.png")
 RUN_NAMES = (
-    "scene", "method", "seed", "score", "gain", "gap", "seconds_to_1_percent",
-    "seconds_to_0.1_percent", "evaluations", "seconds",
+    "scene", "method", "seed", "score", "gain", "gap", "{}_to_1_percent", "{}_to_0.1_percent",
+    "evaluations", "seconds",
 )  # fmt: skip
 TRACE_NAMES = ("scene", "method", "seed", "evaluations", "falls", "seconds", "score")
 
@@ -28,7 +29,9 @@ def write(comparison: Comparison, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "comparison.md", page(comparison))
     runs = ([_cell(value) for value in row(comparison, r)] for r in comparison.results)
-    write_text(folder / "runs.csv", _csv(RUN_NAMES, runs))
+    clock = "seconds" if comparison.evaluations is None else "evaluations"
+    names = [name.format(clock) for name in RUN_NAMES]
+    write_text(folder / "runs.csv", _csv(names, runs))
     write_text(folder / "traces.csv", _csv(TRACE_NAMES, _steps(comparison)))
     draw_gaps(comparison, folder / "gaps.png")
     draw_targets(comparison, folder / "targets.png")
@@ -54,15 +57,21 @@ def row(comparison: Comparison, result: SearchResult) -> tuple[object, ...]:
 def page(comparison: Comparison) -> str:
     """The page: a table for each scene, best method first, and the pictures."""
     seeds = len({r.seed for r in comparison.results})
+    budget = f"{comparison.evaluations} rows"
+    if comparison.evaluations is None:
+        budget = f"{comparison.seconds:g} s"
     lines = [
         "# Methods compared",
         "",
-        f"{comparison.seconds:g} s for each run, {seeds} seeds. Medians over the seeds, with the "
+        f"{budget} for each run, {seeds} seeds. Medians over the seeds, with the "
         "worst seed beside the score. *Gain* is over the best uniform pitch, *gap* to the best "
         "score known; times are those at which a run came within 1 % and 0.1 % of it.",
     ]
     for scene in comparison.scenes:
         lines += ["", f"## {scene}", "", _about(comparison, scene), "", *table(comparison, scene)]
+    if comparison.failures:
+        lines += ["", "## Runs without a result", ""]
+        lines += [f"- {one.task.name}: {one.reason}" for one in comparison.failures]
     lines += [
         "",
         "## Gap against run time",
@@ -100,8 +109,8 @@ def table(comparison: Comparison, scene: str) -> list[str]:
             f"{min(scores):.5f}",
             f"{_median(gains):+.2%}" if gains else "–",
             f"{(best - _median(scores)) / abs(best):.3%}",
-            _seconds(_median([comparison.time_to(r, 1e-2) for r in found])),
-            _seconds(_median([comparison.time_to(r, 1e-3) for r in found])),
+            _time(_median([comparison.time_to(r, 1e-2) for r in found]), comparison.unit),
+            _time(_median([comparison.time_to(r, 1e-3) for r in found]), comparison.unit),
             f"{_median([r.evaluations for r in found]):.0f}",
         )
         lines.append(f"| {' | '.join(cells)} |")
@@ -111,10 +120,9 @@ def table(comparison: Comparison, scene: str) -> list[str]:
 def _about(comparison: Comparison, scene: str) -> str:
     result = next(r for r in comparison.results if r.scene.name == scene)
     mark = result.uniform.score
-    return (
-        f"{result.scene.title}. Best uniform pitch {mark:.5f}, best known "
-        f"{comparison.best[scene]:.5f}."
-    )
+    # a stranger's title is text, not Markdown
+    title = re.sub(r"([\\`*_\[\]<>!|&])", r"\\\1", result.scene.title)
+    return f"{title}. Best uniform pitch {mark:.5f}, best known {comparison.best[scene]:.5f}."
 
 
 def _median(values: list[float]) -> float:
@@ -122,8 +130,10 @@ def _median(values: list[float]) -> float:
     return float(np.sort(values)[(len(values) - 1) // 2])
 
 
-def _seconds(value: float) -> str:
-    return f"{value:.2g} s" if np.isfinite(value) else "–"
+def _time(value: float, unit: str) -> str:
+    if not np.isfinite(value):
+        return "–"
+    return f"{value:.2g} s" if unit == "s" else f"{value:.0f}"
 
 
 def _cell(value: object) -> object:

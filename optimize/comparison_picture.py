@@ -22,7 +22,7 @@ DASHES = ("-", "--", "-.", ":")
 
 def draw_gaps(comparison: Comparison, path: Path) -> None:
     """The gap to the best known against run time, a panel a scene; median and range over seeds."""
-    figure, panels = _panels(comparison.scenes)
+    figure, panels = _panels(comparison.scenes, comparison.unit)
     times = comparison.times()
     for scene, axes in panels.items():
         for method in comparison.methods:
@@ -47,7 +47,8 @@ def draw_gaps(comparison: Comparison, path: Path) -> None:
 def draw_targets(comparison: Comparison, path: Path) -> None:
     """The part of the targets reached against run time, a panel a scene and one for all."""
     names = comparison.scenes
-    figure, panels = _panels([*names, "all scenes"] if len(names) > 1 else names)
+    panelled = [*names, "all scenes"] if len(names) > 1 else names
+    figure, panels = _panels(panelled, comparison.unit)
     times = comparison.times()
     for scene, axes in panels.items():
         for method in comparison.methods:
@@ -61,7 +62,7 @@ def draw_targets(comparison: Comparison, path: Path) -> None:
     _save(figure, panels, path)
 
 
-def _panels(names: list[str]) -> tuple[Figure, dict[str, Axes]]:
+def _panels(names: list[str], unit: str) -> tuple[Figure, dict[str, Axes]]:
     columns = min(len(names), 3)
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(1.9 + 3.6 * columns, 0.5 + 2.9 * rows), facecolor="white")
@@ -75,7 +76,7 @@ def _panels(names: list[str]) -> tuple[Figure, dict[str, Axes]]:
         axes.set_title(name, loc="left", color=INK, size=11, weight="bold")
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-        axes.set_xlabel("seconds", color=SOFT)
+        axes.set_xlabel("seconds" if unit == "s" else "rows simulated", color=SOFT)
         axes.grid(color=FAINT, linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)

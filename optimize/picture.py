@@ -168,8 +168,9 @@ def _headline(result: SearchResult) -> str:
 
 def _subtitle(result: SearchResult) -> str:
     physics = result.scene.physics
+    title = result.scene.title.replace("$", r"\$")  # two of them would begin a formula
     return (
-        f"{result.scene.title} · {result.scene.count} dominoes, friction {physics.friction:g}, "
+        f"{title} · {result.scene.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
     )
 

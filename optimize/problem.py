@@ -131,9 +131,13 @@ class Problem:
         spacing, thickness, height = self._parts(designs)
         more = {} if height is None else {"height": height}
         scores = self.scene.score_batch(spacing, thickness, rtol or self.rtol, **more)
-        self.evaluations += len(designs)
-        self.falls += self.scene.falls(scores)
+        self.count(scores)
         return scores
+
+    def count(self, scores: Floats) -> None:
+        """Note what it took to find these scores (B,)."""
+        self.evaluations += len(scores)
+        self.falls += self.scene.falls(scores)
 
     def score(self, design: Floats) -> float:
         """The score of one design (n,)."""
@@ -169,8 +173,7 @@ class Problem:
         spacing, thickness, height = self._split(values)
         more = {} if height is None else {"height": height}
         found, *slopes = self.scene.score_batch_gradient(spacing, thickness, GRADIENT_RTOL, **more)
-        self.evaluations += len(designs)
-        self.falls += self.scene.falls(found)
+        self.count(found)
         by_value = self._by_value(values, *slopes)
         by_value = self._allowed.tangent(by_value, self._wanted(designs), values, at_will)
         gradients = by_value * (self.high - self.low)
@@ -193,8 +196,7 @@ class Problem:
         layout = self.layout(designs[0])
         wave = simulate(layout, self.scene.physics, rtol=STEP_RTOL, gradient=True)
         score = self.scene.score_wave(wave)
-        self.evaluations += 1
-        self.falls += self.scene.falls(np.array([score]))
+        self.count(np.array([score]))
         if wave.outcome != Outcome.PROPAGATED:
             return score, np.empty(0), np.empty((0, self.dimension))
         pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]

@@ -19,7 +19,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from domino_env.files import write_text
+from domino_env.files import require_room, write_text
 from domino_env.layout import Layout
 from domino_env.scene import Scene
 from optimize.budget import Budget, Step
@@ -51,11 +51,7 @@ class RunFolder:
             raise ValueError(f"{path} is a file: name a folder for the run")
         if path.is_dir():
             _require_a_run(path)
-        try:
-            write_text(path / ".writable", "")
-            (path / ".writable").unlink()
-        except OSError as error:
-            raise ValueError(f"{path} cannot be written: {error.strerror}") from None
+        require_room(path)
 
     def save(self, budget: Budget) -> None:
         """Keep the best so far, if there is a new one and the last saving is some seconds old.

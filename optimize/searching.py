@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ def search(
     progress: bool | None = None,
     folder: str | Path | None = None,
     watch: Watch | None = None,
+    executor: Executor | None = None,
 ) -> SearchResult:
     """Search a layout of a scene that beats the best uniform pitch.
 
@@ -43,6 +45,8 @@ def search(
     progress: whether to show a line with the best so far; None: on a terminal.
     folder: where to write the run, see `optimize.runs`; None: nowhere.
     watch: called with the Budget after every batch.
+    executor: what scores batches of thousands of rows, see `optimize.engines`; smaller ones are not
+        worth sending.  None: threads of this process.  The result is the same to the bit.
 
     Ctrl-C ends the search with the best so far.  Raises ValueError for an unknown method or scene,
     a budget that is not positive, a folder that holds something else, or a scene that leaves
@@ -77,7 +81,7 @@ def search(
             if watch is not None:
                 watch(meter)
 
-        meter = Budget(problem, budget, seconds, look)
+        meter = Budget(problem, budget, seconds, look, executor)
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):

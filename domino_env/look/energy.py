@@ -17,6 +17,7 @@ INSTANT = 1e-7  # [s] on either side of an instant, to tell before a hit from af
 POINTS = 12  # in every fall
 SMEAR = 1.0 / 32.0  # of a fall: how far apart the motion is known; a jump is blurred over it
 HALVINGS = 45
+LARGEST_PIECE = 1_000_000  # leans at once, some 100 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +87,18 @@ def _at(motion: Motion, wave: Wave, times: Floats) -> tuple[Floats, Floats]:
     mass = layout.density * layout.height * layout.thickness * layout.width
     inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
     lever = 0.5 * wave.physics.gravity * mass
-    leans = motion.angles(times)
-    rates = (motion.angles(times + INSTANT) - motion.angles(times - INSTANT)) / (2.0 * INSTANT)
-    high = layout.height * np.cos(leans) + layout.thickness * np.sin(leans)
-    released = ((layout.height - high) * lever).sum(axis=1)
-    return released, 0.5 * (inertia * rates**2).sum(axis=1)
+    released, kinetic = np.empty(len(times)), np.empty(len(times))
+    piece = max(1, LARGEST_PIECE // layout.count)
+    for first in range(0, len(times), piece):
+        part = slice(first, first + piece)
+        leans, later, sooner = (
+            motion.angles(times[part] + shift) for shift in (0.0, INSTANT, -INSTANT)
+        )
+        high = layout.height * np.cos(leans) + layout.thickness * np.sin(leans)
+        released[part] = ((layout.height - high) * lever).sum(axis=1)
+        rates = (later - sooner) / (2.0 * INSTANT)
+        kinetic[part] = 0.5 * (inertia * rates**2).sum(axis=1)
+    return released, kinetic
 
 
 def _flush_instants(motion: Motion, wave: Wave) -> Floats:

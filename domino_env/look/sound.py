@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import wave as wav
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.files import write_bytes
+from domino_env.limits import SOUND_BYTES, SOUND_SAMPLES
+from domino_env.reading import read_bytes, told_of
 from domino_env.wave import Wave
 
 Floats = NDArray[np.float64]
 
 RATE = 44100  # samples a second
+SLOWEST_RATE, FASTEST_RATE = 1000, 1_000_000  # samples a second that are listened to
 REST = 0.1  # [s] of silence before and after
 PITCH_OF_CLICK, DECAY = 3200.0, 0.0012  # [Hz], [s]
 HOP = 0.0005  # [s] a loudness
@@ -26,9 +30,13 @@ ENOUGH = 8  # hits a part at least
 
 
 def clicks(wave: Wave, rate: int = RATE) -> Floats:
-    """Samples in -1 … 1: a short click at every hit, louder the faster the tip."""
+    """Samples in -1 … 1: a short click at every hit, louder the faster the tip.
+
+    ValueError for a wave that takes longer than `domino_env.limits` lets a sound last.
+    """
     times = wave.arrival_times[1 : wave.hit]
     end = float(times[-1]) if len(times) else 0.0
+    SOUND_SAMPLES.require(int((end + 2.0 * REST) * rate) + 1, f"a wave of {end:.4g} s sounds for")
     sound = np.zeros(int((end + 2.0 * REST) * rate) + 1)
     length = int(8.0 * DECAY * rate)
     loud = np.abs(wave.impact_velocity[: len(times)])
@@ -58,23 +66,41 @@ def write_wav(samples: Floats, path: Path, rate: int = RATE) -> None:
 
 
 def read_wav(path: Path) -> tuple[Floats, int]:
-    """Samples in -1 … 1, channels averaged, and samples a second.  ValueError for other files."""
-    try:
-        with wav.open(str(path), "rb") as file:
-            size, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
-            data = file.readframes(file.getnframes())
-    except (wav.Error, EOFError) as error:
-        raise ValueError(f"{path}: not a plain WAV file ({error}); convert it to PCM WAV") from None
+    """Samples in -1 … 1, channels averaged, and samples a second.
+
+    ValueError for other files, and for what `domino_env.limits` forbids.
+    """
+    with told_of(path):
+        data = read_bytes(path, SOUND_BYTES)
+        try:
+            with wav.open(io.BytesIO(data), "rb") as file:
+                size, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
+                data = file.readframes(file.getnframes())
+        except (wav.Error, EOFError) as error:
+            why = f"not a plain WAV file ({str(error) or 'it ends early'})"
+            raise ValueError(f"{why}; convert it to PCM WAV") from None
+        if size not in (1, 2, 3, 4):
+            raise ValueError(f"samples of {8 * size} bits: convert it to PCM WAV of 8 to 32 bits")
+        if not SLOWEST_RATE <= rate <= FASTEST_RATE:
+            raise ValueError(
+                f"{rate} samples a second: a recording has {SLOWEST_RATE} to {FASTEST_RATE}"
+            )
+        # the header may promise more than there is, and the last frame may be torn
+        frames = len(data) // (size * channels)
+        SOUND_SAMPLES.require(frames * channels, "it holds")
+        return _samples(data[: frames * size * channels], size).reshape(-1, channels).mean(1), rate
+
+
+def _samples(data: bytes, size: int) -> Floats:
+    """Of so many bytes each, in -1 … 1."""
     if size == 1:
-        samples = np.frombuffer(data, np.uint8).astype(np.float64) / 128.0 - 1.0
-    elif size == 3:
+        return np.frombuffer(data, np.uint8).astype(np.float64) / 128.0 - 1.0
+    if size == 3:
         raw = np.frombuffer(data, np.uint8).reshape(-1, 3).astype(np.int32)
         joined = raw[:, 0] | raw[:, 1] << 8 | raw[:, 2] << 16
-        samples = (joined - (joined >> 23 << 24)) / 2.0**23
-    else:
-        kind = {2: "<i2", 4: "<i4"}[size]
-        samples = np.frombuffer(data, kind).astype(np.float64) / 2.0 ** (8 * size - 1)
-    return samples.reshape(-1, channels).mean(axis=1), rate
+        return np.asarray((joined - (joined >> 23 << 24)) / 2.0**23)
+    kind = {2: "<i2", 4: "<i4"}[size]
+    return np.asarray(np.frombuffer(data, kind).astype(np.float64) / 2.0 ** (8 * size - 1))
 
 
 @dataclass(frozen=True)
@@ -101,6 +127,8 @@ def listen(samples: Floats, rate: int) -> Heard:
     if not len(samples) or not np.isfinite(samples).all() or float(np.abs(samples).max()) == 0.0:
         raise ValueError("the recording is silent: nothing to listen to")
     loud = _onsets(samples, rate)
+    if not loud.any():
+        raise ValueError("nothing begins or ends in the recording: nothing to listen to")
     busy = np.flatnonzero(loud > QUIET * float(np.quantile(loud[loud > 0.0], 0.95)))
     first, last = int(busy[0]), int(busy[-1]) + 1
     steady = loud[first + int(RUN_UP * (last - first)) : last]

@@ -15,6 +15,7 @@ from matplotlib.patches import Rectangle
 
 from domino_env.files import write_bytes
 from domino_env.layout import Layout
+from domino_env.limits import SHEETS
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # lying on the long side [m]
 MARGIN = 0.014  # [m] printers leave the rim white
@@ -41,7 +42,10 @@ class Sheet:
 
 
 def sheets(layout: Layout, paper: str = "a4") -> list[Sheet]:
-    """How a row is cut into sheets.  ValueError for an unknown paper or too wide a domino."""
+    """How a row is cut into sheets.
+
+    ValueError for an unknown paper, too wide a domino, or more sheets than `domino_env.limits` has.
+    """
     if paper not in PAPERS:
         raise ValueError(f"paper '{paper}': known are {', '.join(PAPERS)}")
     wide, high = PAPERS[paper]
@@ -51,6 +55,7 @@ def sheets(layout: Layout, paper: str = "a4") -> list[Sheet]:
     rear, front = layout.positions - layout.thickness, layout.positions
     begin = float(rear[0]) - LEAD
     total = int(np.ceil((float(front[-1]) + LEAD - begin) / stretch - 1e-9))
+    SHEETS.require(total, f"a row of {layout.length:.6g} m takes")
     found = []
     for k in range(total):
         low, high_end = begin + k * stretch, begin + (k + 1) * stretch
@@ -123,7 +128,8 @@ def _draw(axes: Axes, layout: Layout, sheet: Sheet, high: float, title: str) -> 
         bar[1] + 3.0, 20.0, f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the page",
         va="center", fontsize=7,
     )  # fmt: skip
-    head = f"{title}   sheet {sheet.number} of {sheet.total}"
+    head = title.replace("$", r"\$")  # two of them would begin a formula
+    head += f"   sheet {sheet.number} of {sheet.total}"
     head += f"   {layout.count} dominoes, {layout.length * MM:.1f} mm first pivot to last"
     axes.text(left, high - 16.0, head.strip(), va="center", fontsize=9)
 

@@ -39,6 +39,7 @@ def write_picture(checked: Verification, path: Path, title: str) -> None:
     axes.plot(numbers, share(checked.free_limit), color=FREE, linestyle="--", label="free")
     axes.set_xlabel("domino")
     axes.set_ylabel("arrival: engine over model [%]")
+    title = title.replace("$", r"\$")  # two of them would begin a formula
     axes.set_title(f"{title}: {checked.verdict.split('.', 1)[0].split(':')[0].lower()}", loc="left")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, ncols=2, fontsize=8)

@@ -6,10 +6,8 @@ import numpy as np
 
 from optimize.budget import Budget
 
-BATCH = 256
-
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """Draw and score until the budget is spent."""
     while True:
-        budget.scores(rng.random((BATCH, budget.problem.dimension)))
+        budget.scores(rng.random((budget.bulk, budget.problem.dimension)))

@@ -234,9 +234,9 @@ def test_a_bad_table_is_refused_with_file_line_and_column(tmp_path: Path, text, 
     ('{"spacing": [0.01], "thickness": 0.0075, "unit": "mm"}', "unit = 'mm'"),
     ('{"spacing": [-0.01], "thickness": 0.0075}', "spacing[0] = -0.01 m: dominoes 0 and 1 overlap"),
     ('{"spacing": [0.01], "thickness": [0.0075, NaN]}', "thickness[1] = nan m"),
-    ('{"spacing": ["wide"], "thickness": 0.0075}', "could not convert string"),
+    ('{"spacing": ["wide"], "thickness": 0.0075}', "spacing[0] = 'wide': give a number"),
     ('{"spacing": {"a": 1}, "thickness": 0.0075}', "row.json: "),
-    ('{"spacing": [0.01], "thickness": 0.0075, "width": null}', "width = None m"),
+    ('{"spacing": [0.01], "thickness": 0.0075, "width": null}', "width = None: give a number"),
 ])  # fmt: skip
 def test_bad_json_is_refused_with_file_and_key(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "row.json"

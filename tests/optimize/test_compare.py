@@ -90,7 +90,7 @@ def test_ctrl_c_keeps_what_is_complete(scenes, monkeypatch) -> None:
             raise KeyboardInterrupt
         return search(*words, **more)
 
-    monkeypatch.setattr("optimize.comparison.search", stopped_after_two)
+    monkeypatch.setattr("optimize.task.search", stopped_after_two)
     found = compare([scenes["spacing"]], ["random", "uniform"], range(5), 0.02, seen.append)
     assert list(found.results) == seen
     assert len(seen) == 2

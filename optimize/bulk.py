@@ -1,0 +1,64 @@
+"""Scores of very many designs, found by an executor."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from functools import lru_cache
+
+from optimize.engines import EngineLost
+from optimize.problem import Floats, Problem
+
+# Dominoes in a task: some 0.1 s of one core; sending takes some 1 ms to a pool, 10 ms with Dask.
+TASK = 60_000
+
+
+def tasks_of(pieces: Sequence[Floats], dominoes: int) -> list[list[Floats]]:
+    """Pieces of designs grouped into tasks that are worth sending; so many dominoes a design."""
+    groups: list[list[Floats]] = []
+    full = True
+    for piece in pieces:
+        if full:
+            groups.append([])
+        groups[-1].append(piece)
+        full = sum(map(len, groups[-1])) * dominoes >= TASK
+    if not full and len(groups) > 1:  # the last one is too small to be sent
+        last = groups.pop()
+        groups[-1] += last
+    return groups
+
+
+def scores_elsewhere(
+    executor: Executor, problem: Problem, tasks: Sequence[Sequence[Floats]], rtol: float | None
+) -> Iterator[Floats]:
+    """The scores of each piece of designs of all tasks, in order; `problem` counts none of them.
+
+    Every piece is scored as a whole, as `problem` itself would do it, so that no bit depends on who
+    does it.  EngineLost where the executor is gone.
+    """
+    blank = copy.copy(problem)
+    blank.evaluations = blank.falls = 0  # equal problems are equal bytes
+    words = pickle.dumps(blank)
+    futures = [executor.submit(score_pieces, words, task, rtol) for task in tasks]
+    try:
+        for future in futures:
+            yield from future.result()
+    except (BrokenExecutor, CancelledError) as error:
+        raise EngineLost(f"the engine ended before its tasks: {error!r}") from None
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def score_pieces(words: bytes, pieces: Sequence[Floats], rtol: float | None) -> list[Floats]:
+    """The task: scores of pieces of designs of a pickled problem."""
+    problem = _problem(words)
+    return [problem.scores(piece, rtol) for piece in pieces]
+
+
+@lru_cache(8)
+def _problem(words: bytes) -> Problem:
+    problem: Problem = pickle.loads(words)
+    return problem

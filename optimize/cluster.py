@@ -1,0 +1,187 @@
+"""A Dask cluster as an executor: one of this machine, or one that runs at an address."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, InvalidStateError
+from contextlib import ExitStack, suppress
+from functools import partial
+from importlib.util import find_spec
+from types import TracebackType
+from typing import Any
+
+from optimize.engines import SURROUNDINGS, EngineLost, WorkerLost
+from optimize.reports import TOPIC, Hear
+
+LOOPBACK = "127.0.0.1"
+ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")
+ANSWER = 5.0  # [s] for a scheduler to answer
+FIRST_WORKER = 30.0  # [s] for the first worker to come
+DECISIVE = ("domino-chains", "numpy", "scipy", "numba", "cma")  # versions that must be the same
+
+
+class Cluster(Executor):
+    """Dask workers behind their scheduler; a task whose worker dies is run again by another.
+
+    address: of a scheduler, or "local" to start one here with `workers` workers (None: one a
+        core), all bound to the loopback address, without a dashboard.
+    hear: called with what running tasks `say`; may be set at any time.
+
+    ImportError without the extra.  EngineLost where no scheduler answers or no worker comes, and as
+    the exception of every unfinished task once the scheduler is gone.  ValueError for workers whose
+    versions differ from ours, for their results may.
+    """
+
+    def __init__(self, address: str, workers: int | None = None) -> None:
+        _require_extra()
+        self.hear: Hear | None = None
+        self._stack = ExitStack()
+        try:
+            self._open(address, workers)
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def _open(self, address: str, workers: int | None) -> None:
+        from distributed import Client, LocalCluster
+
+        # what goes wrong reaches the caller as an exception, in a sentence
+        for name in ("distributed", "distributed.client", "distributed.scheduler"):
+            self._stack.callback(_quieten(logging.getLogger(name)))
+        if address == "local":
+            local = LocalCluster(
+                n_workers=workers or os.cpu_count() or 1,
+                threads_per_worker=1,
+                processes=True,
+                host=LOOPBACK,
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+                env=SURROUNDINGS,
+            )
+            self._stack.callback(partial(local.close, timeout=ANSWER))
+            address = local.scheduler_address
+        elif workers is not None:
+            raise ValueError(
+                "--workers and the --dask address of a scheduler: its workers are its own; "
+                "give one or the other"
+            )
+        elif not ADDRESS.fullmatch(address):
+            raise ValueError(
+                f"--dask {address}: give the address of a scheduler, such as "
+                "tcp://127.0.0.1:8786, or local"
+            )
+        self.address = address
+        try:
+            self._client = Client(address, timeout=ANSWER, set_as_default=False, name="domino")
+        except OSError as error:
+            raise EngineLost(f"no Dask scheduler answers at {address}: {error}") from None
+        self._stack.callback(self._close_client)
+        try:
+            self._client.wait_for_workers(1, timeout=FIRST_WORKER)
+        except OSError:
+            raise EngineLost(
+                f"the Dask scheduler at {address} has no workers: start one with "
+                f"`dask worker {address} --nthreads 1`"
+            ) from None
+        self._require_same_versions()
+        self._client.subscribe_topic(TOPIC, self._heard)
+        self._inner = self._client.get_executor(pure=False)
+
+    @property
+    def workers(self) -> int:
+        """How many tasks run at a time."""
+        return max(1, int(sum(self._client.nthreads().values())))
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """See `concurrent.futures.Executor`."""
+        outer: Future[Any] = Future()
+        if self._client.status != "running":
+            raise self._lost()
+        inner = self._inner.submit(fn, *args, **kwargs)
+        outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
+        inner.add_done_callback(partial(self._pass_on, outer))
+        return outer
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Close; a cluster that was started here ends with its workers."""
+        with suppress(Exception):  # of a scheduler that is gone, nothing is left to be closed
+            if self._client.status == "running":
+                self._inner.shutdown(wait=wait and not cancel_futures)
+        self._stack.close()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.shutdown(cancel_futures=kind is not None)
+
+    def _pass_on(self, outer: Future[Any], inner: Future[Any]) -> None:
+        from distributed import KilledWorker
+
+        with suppress(InvalidStateError):  # it was cancelled meanwhile
+            if inner.cancelled():
+                outer.set_exception(self._lost())
+                return
+            error = inner.exception()
+            if error is None:
+                outer.set_result(inner.result())
+            elif isinstance(error, KilledWorker):
+                outer.set_exception(
+                    WorkerLost(f"its worker died {error.allowed_failures + 1} times")
+                )
+            else:
+                outer.set_exception(error)
+
+    def _lost(self) -> EngineLost:
+        return EngineLost(f"the Dask scheduler at {self.address} is gone, or ended our work")
+
+    def _heard(self, event: Any) -> None:
+        if self.hear is not None:
+            self.hear(event[1])
+
+    def _close_client(self) -> None:
+        with suppress(Exception):
+            self._client.close(timeout=ANSWER)
+
+    def _require_same_versions(self) -> None:
+        from optimize.runs import versions
+
+        ours = versions()
+        try:
+            theirs = self._client.run(versions, on_error="return")
+        except Exception as error:
+            raise EngineLost(f"the Dask workers at {self.address} do not answer: {error}") from None
+        for worker, found in theirs.items():
+            if isinstance(found, ModuleNotFoundError):
+                raise ValueError(
+                    f"the Dask worker {worker} cannot import {found.name}: install domino-chains "
+                    "there, and where the scheduler runs"
+                )
+            if isinstance(found, BaseException):
+                raise EngineLost(f"the Dask worker {worker} does not answer: {found}")
+            for name in DECISIVE:
+                if found.get(name) != ours.get(name):
+                    raise ValueError(
+                        f"the Dask worker {worker} has {name} {found.get(name)}, and here it is "
+                        f"{ours.get(name)}: results may differ; install the same versions"
+                    )
+
+
+def _quieten(logger: logging.Logger) -> Callable[[], None]:
+    """Silence a logger; returns what undoes it."""
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    return lambda: logger.setLevel(before)
+
+
+def _require_extra() -> None:
+    if find_spec("distributed") is None:
+        raise ImportError(
+            'a Dask cluster needs dask and distributed: pip install "domino-chains[dist]" '
+            "(in this folder: pip install -c constraints.txt -e .[dist])"
+        )

@@ -1,0 +1,58 @@
+"""Engines: who does the work of many tasks, a `concurrent.futures.Executor` each.
+
+None           this process, one task after the other, rows of a batch shared among its threads
+WorkerPool     processes of this machine, one task each at a time
+Cluster        Dask workers, of this machine or many
+
+Results are the same to the bit whatever the engine: a task carries all that decides them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+
+# A worker has one task at a time and its core for itself; threads beneath would only fight.
+SURROUNDINGS = {
+    "NUMBA_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+}
+MOST_WORKERS = 1024  # on one machine
+
+
+class EngineLost(ConnectionError):  # noqa: N818  its name says it
+    """The engine itself is gone (a scheduler, not a worker): what it had not finished is lost."""
+
+
+class WorkerLost(RuntimeError):  # noqa: N818
+    """A task whose worker died every time it was tried."""
+
+
+@contextmanager
+def engine(workers: int | None = None, dask: str | None = None) -> Iterator[Executor | None]:
+    """An executor for as long as the context lasts; None where neither is given.
+
+    workers: processes of this machine; with dask="local", so many Dask workers.
+    dask: the address of a scheduler, such as "tcp://127.0.0.1:8786", or "local" for a cluster of
+        this machine, bound to the loopback address.
+    A context that ends by an exception ends its workers at once; otherwise they finish first.
+    ValueError for a number that makes no sense, ImportError where the extra is missing, EngineLost
+    where nobody answers at the address.
+    """
+    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+        raise ValueError(f"--workers {workers}: give 1 to {MOST_WORKERS}")
+    if dask is not None:
+        from optimize.cluster import Cluster
+
+        with Cluster(dask, workers) as cluster:
+            yield cluster
+    elif workers is not None:
+        from optimize.worker_pool import WorkerPool
+
+        with WorkerPool(workers) as pool:
+            yield pool
+    else:
+        yield None

@@ -1,0 +1,28 @@
+"""What a running task says of itself to whoever waits for it, from process to process."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+
+TOPIC = "domino"  # of events in a Dask cluster
+
+Hear = Callable[[object], None]
+_ears: list[Hear] = []  # of this process
+
+
+def listen(hear: Hear) -> None:
+    """From now on, pass what the tasks of this process say to `hear`."""
+    _ears[:] = [hear]
+
+
+def say(news: object) -> None:
+    """Say something small and plain; where nobody listens, nothing happens."""
+    if _ears:
+        _ears[0](news)
+    elif "distributed" in sys.modules:
+        from distributed import get_worker
+
+        with suppress(ValueError):  # not a worker
+            get_worker().log_event(TOPIC, news)

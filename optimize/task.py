@@ -1,0 +1,189 @@
+"""Task: one whole search as plain data, which any process can run, and what is kept of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.scene import Scene
+from domino_env.scene_files import parse_scene
+from optimize.budget import Budget, Step
+from optimize.result import SearchResult
+from optimize.runs import versions
+from optimize.searching import search
+
+Floats = NDArray[np.float64]
+Label = float | int | str
+
+SCENES_KEPT = 32  # in each process, with their uniform marks: several tasks share a scene
+
+
+@dataclass(frozen=True)
+class Task:
+    """One search, as plain data.
+
+    scene: the scene as TOML text.
+    method, seed: as of `optimize.search`; all randomness of the task comes from its own seed, so
+        that it does not matter who runs it, and when.
+    evaluations, seconds: its budget; a budget of seconds cannot be repeated to the bit.
+    labels: what the task is called among others, such as (("physics.friction", 0.1),).
+    """
+
+    scene: str
+    method: str
+    seed: int
+    evaluations: int | None = None
+    seconds: float | None = None
+    labels: tuple[tuple[str, Label], ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        method: str,
+        seed: int,
+        evaluations: int | None = None,
+        seconds: float | None = None,
+        labels: tuple[tuple[str, Label], ...] = (),
+    ) -> Task:
+        """The task of searching a scene.
+
+        ValueError for a scene that is not the same when it is written to a file and read back.
+        """
+        text = scene.to_toml()
+        back = parse_scene(text, scene.name, scene.name)
+        if any(getattr(back, f.name) != getattr(scene, f.name) for f in fields(scene)):
+            raise ValueError(
+                f"scene '{scene.name}' says what no scene file can say: it cannot be sent elsewhere"
+            )
+        return cls(text, method, seed, evaluations, seconds, labels)
+
+    @property
+    def key(self) -> str:
+        """A digest of all that decides the result; labels do not."""
+        decisive = [self.scene, self.method, self.seed, self.evaluations, self.seconds]
+        return hashlib.sha256(json.dumps(decisive).encode()).hexdigest()[:32]
+
+    @property
+    def name(self) -> str:
+        """What to call it in a line: its labels, method and seed."""
+        told = [f"{key} = {value}" for key, value in self.labels]
+        return ", ".join([*(told or [scene_of(self.scene).name]), self.method, f"seed {self.seed}"])
+
+
+@dataclass(frozen=True, eq=False)
+class TaskResult:
+    """What is kept of a search: plain numbers and arrays.
+
+    key, method, seed, labels: of the task.  scene_name: of its scene.
+    score, uniform_score: of the best row found, and of the best uniform row.
+    gain: score / uniform_score - 1; None where one of the two waves dies.
+    outcome: name of the `Outcome` of the best row's wave; mean_speed [m/s], 0 where it dies.
+    spacing (N-1,), thickness (N,), height (N,): the best row [m].
+    evaluations, falls, seconds: spent.
+    trace: (evaluations, simulated falls, seconds, best score) at every improvement, and at the end.
+    versions: of everything the result may depend on.
+    scene: of the task, so that what is kept can be simulated again.
+
+    Repeatable to the bit under a budget of evaluations, but for `seconds`, those in `trace`, and
+    `versions`.
+    """
+
+    key: str
+    scene_name: str
+    method: str
+    seed: int
+    score: float
+    uniform_score: float
+    gain: float | None
+    outcome: str
+    mean_speed: float
+    spacing: Floats
+    thickness: Floats
+    height: Floats
+    evaluations: int
+    falls: int
+    seconds: float
+    trace: list[Step]
+    labels: tuple[tuple[str, Label], ...] = ()
+    versions: dict[str, str] = field(default_factory=dict)
+    scene: str = ""
+
+
+def run_task(
+    task: Task, watch: Callable[[Budget], None] | None = None, *, progress: bool | None = False
+) -> TaskResult:
+    """Search, and keep what a study needs; the uniform mark is found here too.
+
+    watch, progress: as of `optimize.search`.
+    Raises what `search` raises, and KeyboardInterrupt for a search that was ended by hand: half a
+    search is no result of its task.
+    """
+    result = search(
+        scene_of(task.scene),
+        task.method,
+        task.evaluations,
+        task.seed,
+        seconds=task.seconds,
+        progress=progress,
+        watch=watch,
+    )
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return TaskResult(
+        key=task.key,
+        scene_name=result.scene.name,
+        method=task.method,
+        seed=task.seed,
+        score=float(result.score),
+        uniform_score=float(result.uniform.score),
+        gain=None if result.gain is None else float(result.gain),
+        outcome=result.wave.outcome.name,
+        mean_speed=float(result.wave.mean_speed),
+        spacing=result.layout.spacing,
+        thickness=result.layout.thickness,
+        height=result.layout.height,
+        evaluations=int(result.evaluations),
+        falls=int(result.falls),
+        seconds=float(result.seconds),
+        trace=[(int(n), int(f), float(t), float(s)) for n, f, t, s in result.trace],
+        labels=task.labels,
+        versions=versions(),
+        scene=task.scene,
+    )
+
+
+def search_result(scene: Scene, kept: TaskResult) -> SearchResult:
+    """The full result again, from what was kept of it; its wave is simulated anew."""
+    layout = scene.layout(
+        kept.spacing,
+        kept.thickness[1:],
+        None if scene.growth is None else kept.height[1:],
+    )
+    return SearchResult(
+        scene=scene,
+        method=kept.method,
+        seed=kept.seed,
+        layout=layout,
+        wave=scene.simulate(layout),
+        score=kept.score,
+        uniform=scene.uniform(),
+        trace=tuple(kept.trace),
+        slopes=(None,) * len(kept.trace),
+        evaluations=kept.evaluations,
+        falls=kept.falls,
+        seconds=kept.seconds,
+        interrupted=False,
+    )
+
+
+@lru_cache(SCENES_KEPT)
+def scene_of(text: str) -> Scene:
+    """The scene of a TOML text."""
+    return parse_scene(text, "scene", "scene")
