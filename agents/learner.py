@@ -53,7 +53,7 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     if algorithm == "ars":
         policy_options = {}
         kind = "LinearPolicy"
-        spread = options["delta_std"]
+        spread = options.get("delta_std", 0.05)
         options["delta_std"] = lambda left: spread * rate(left) / plan.rate
     else:
         kind = "MlpPolicy"
