@@ -108,9 +108,14 @@ class Cluster(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """See `concurrent.futures.Executor`."""
         outer: Future[Any] = Future()
-        if self._client.status != "running":
+        if self._client.status != "running":  # what is submitted now would never be sent
             raise self._lost()
-        inner = self._inner.submit(fn, *args, **kwargs)
+        try:
+            inner = self._inner.submit(fn, *args, **kwargs)
+        except Exception:
+            if self._client.status == "running":
+                raise
+            raise self._lost() from None
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
         inner.add_done_callback(partial(self._pass_on, outer))
         return outer
