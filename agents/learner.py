@@ -40,7 +40,8 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     options = dict(plan.options)
 
     def rate(left: float) -> float:
-        return plan.rate * (plan.last_rate + (1.0 - plan.last_rate) * left)
+        # the last rollout may go beyond the plan: a rate below the last would turn negative there
+        return plan.rate * (plan.last_rate + (1.0 - plan.last_rate) * max(left, 0.0))
 
     net = [plan.width] * plan.depth
     policy_options: dict[str, Any] = {"net_arch": net}
