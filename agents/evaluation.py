@@ -63,7 +63,7 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
     over, told = False, dict[str, Any]()
     while not over:
         seen, _, over, _, told = env.step(policy(seen))
-    layout = _completed(told["layout"], scene)
+    layout = completed(told["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     return Built(scene, layout, wave, scene.score_wave(wave), uniform, seconds)
@@ -148,7 +148,8 @@ def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
         from agents.network import read_network
 
         path = folder / "policy.npz"
-        return read_network(path, inputs, outputs, plan.width, plan.depth), inputs
+        shape = inputs, outputs, plan.width, plan.depth
+        return read_network(path, *shape, reach=plan.reach), inputs
     from agents.extra import require_extra
 
     require_extra()
@@ -183,7 +184,7 @@ def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:
     raise ValueError(f"{path} is no archive of {', '.join(CLASSES)}")
 
 
-def _completed(layout: Layout, scene: Scene) -> Layout:
+def completed(layout: Layout, scene: Scene) -> Layout:
     """A row of all dominoes: what was not placed is as the last that was."""
     missing = scene.count - layout.count
     if missing == 0:

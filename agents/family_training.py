@@ -251,7 +251,7 @@ def _gains(designer: Designer, scene: Scene) -> tuple[float, float]:
     plans = np.arange(plans_of(scene.count), dtype=np.float64)
     scores = scene.score_batch(designer.gaps(scene, plans), None)
     mark = scene.uniform().score
-    return float(scores.max() / mark - 1.0), float(scores[designer.preferred(scene)] / mark - 1.0)
+    return float(scores.max() / mark - 1.0), float(scores[designer.ranked(scene)[0]] / mark - 1.0)
 
 
 def _pairs(examples: Examples) -> list[tuple[Floats, Floats]]:

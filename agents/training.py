@@ -203,9 +203,9 @@ class _Training:
 
     def tune(self) -> None:
         """What changes along the way: deviation and reference speed."""
-        from agents.learner import set_deviation
+        from agents.learner import NOISY, set_deviation
 
-        if self.algorithm == "ppo":
+        if self.algorithm in NOISY:
             set_deviation(self.model, self.deviation())
         if self.plan.follow and self.scene.objective == "mean_speed":
             found = max(self.best, self.sampled)

@@ -94,6 +94,13 @@ class Budget:
         return min(max(parts), 1.0)
 
     @property
+    def left(self) -> float:
+        """Evaluations that may still be spent; inf where only the clock ends the search."""
+        if self.evaluations is None:
+            return np.inf
+        return float(self.evaluations - self.problem.evaluations)
+
+    @property
     def best_score(self) -> float:
         """The best score so far; -inf before the first."""
         return self.finalists[-1][0] if self.finalists else -np.inf
@@ -192,6 +199,26 @@ class Budget:
         found = self.problem.lateness(design)
         self._note(np.asarray(design)[None], np.array([found[0]]))
         return found
+
+    def note(self, scores: Floats, design: Callable[[int], Floats]) -> None:
+        """Count rows that were simulated elsewhere, as closely as the problem's, and remember them.
+
+        scores: (B,) what the scene gives for them.
+        design: gives the design of row i, asked for only where it is the best so far.
+        ValueError where there are more than the budget has left: whoever simulates has to ask.
+        """
+        if len(scores) > self.left:
+            raise ValueError(f"{len(scores)} rows are noted, where {self.left:g} are left to spend")
+        self.problem.count(scores)
+        i = int(np.argmax(scores))
+        if scores[i] > self.best_score:
+            self._note(np.asarray(design(i))[None], scores[i : i + 1])
+        elif self._watch is not None:
+            self._watch(self)
+
+    def already_spent(self, seconds: float) -> None:
+        """Count time that went into what the search builds on, before it began [s]."""
+        self._began -= seconds
 
     def _note(self, designs: Floats, scores: Floats, gradients: Floats | None = None) -> None:
         i = int(np.argmax(scores))
