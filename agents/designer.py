@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from agents.arrays import read_arrays
 from agents.family import FEATURES, SceneFamily, numbers, require_kind
@@ -24,11 +25,14 @@ from domino_env.scene import Scene, load_scene
 from domino_env.wave import Wave
 
 Floats = NDArray[np.float64]
+Single = NDArray[np.float32]
+Layers = tuple[tuple[Single, Single], ...]
 
 PLANS = 13  # 0 … 12 tight gaps
 SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)  # [dominoes] over which the ends of a row make themselves felt
 SHOWN = len(FEATURES) + 5 + 2 * len(SCALES)  # numbers shown to the policy at a domino
-SHIPPED = Path(__file__).parent / "policies" / "family.npz"
+SHIPPED = Path(__file__).parent / "policies" / "family" / "policy.npz"
+LARGEST = 1e3  # weight that is believed: with larger ones sums might overflow
 _FAMILY = SceneFamily()
 
 
@@ -40,8 +44,8 @@ class Designer:
     plan: from the scene to a preference for each plan.
     """
 
-    row: tuple[tuple[Floats, Floats], ...]
-    plan: tuple[tuple[Floats, Floats], ...]
+    row: Layers
+    plan: Layers
 
     def gaps(self, scene: Scene, plans: Floats) -> Floats:
         """The rows (K, N-1) [m] that K plans lead to."""
@@ -52,10 +56,10 @@ class Designer:
         gaps = np.where(tight, scene.spacing[0], scene.height * np.exp(np.minimum(wanted, 1.0)))
         return np.clip(gaps, *scene.spacing)
 
-    def preferred(self, scene: Scene) -> int:
-        """The plan that it thinks best."""
+    def ranked(self, scene: Scene) -> NDArray[np.intp]:
+        """The plans for a scene, the one that it thinks best first."""
         values = _through(self.plan, scene_shown(numbers(scene))[None])[0]
-        return int(np.argmax(values[: plans_of(scene.count)]))
+        return np.argsort(-values[: plans_of(scene.count)], kind="stable")
 
 
 def plans_of(count: int) -> int:
@@ -97,11 +101,18 @@ def shown(features: Floats, plans: Floats) -> Floats:
     return parts.reshape(-1, SHOWN)
 
 
-def _through(layers: tuple[tuple[Floats, Floats], ...], values: Floats) -> Floats:
-    for weight, bias in layers[:-1]:
-        values = np.tanh(values @ weight.T + bias)
-    weight, bias = layers[-1]
-    return np.asarray(values @ weight.T + bias)
+def _through(layers: Layers, values: Floats) -> Floats:
+    single = values.astype(np.float32)
+    with _controller().limit(limits=1, user_api="blas"):  # so small products only wait for threads
+        for weight, bias in layers[:-1]:
+            single = np.tanh(single @ weight.T + bias)
+        weight, bias = layers[-1]
+        return (single @ weight.T + bias).astype(np.float64)
+
+
+@lru_cache(maxsize=1)
+def _controller() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 # designing ----------------------------------------------------------------------------------------
@@ -130,8 +141,8 @@ def design(
 ) -> Design:
     """Design a row for a scene, without search: the policy lays a row for each of a few plans.
 
-    tries: plans that are laid and simulated, those nearest to the preferred one; the best is kept.
-        1 for the policy's own plan, untried.
+    tries: plans that are laid and simulated, those that it prefers; the best is kept.  1 for the
+        preferred one, untried.
     designer: the policy; None for the one that ships.
 
     ValueError for a scene that asks for something else than fast rows of equal dominoes.
@@ -140,11 +151,9 @@ def design(
         raise ValueError(f"tries = {tries}: give 1 or more")
     judged = scene if isinstance(scene, Scene) else load_scene(scene)
     require_kind(judged)
-    policy = designer or shipped()
+    policy = designer or shipped_designer()
     began = time.perf_counter()
-    there = np.arange(plans_of(judged.count))
-    near = np.argsort(np.abs(there - policy.preferred(judged)), kind="stable")[:tries]
-    plans = np.sort(near).astype(np.float64)
+    plans = policy.ranked(judged)[:tries].astype(np.float64)
     gaps = policy.gaps(judged, plans)
     best = 0 if len(plans) == 1 else int(np.argmax(judged.score_batch(gaps, None)))
     layout = judged.layout(gaps[best])
@@ -157,7 +166,7 @@ def design(
 
 def acting(
     scene: Scene, plan: int | None = None, designer: Designer | None = None
-) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
+) -> Callable[[Single], Single]:
     """The policy as one that acts in `DominoChain` of this scene, domino by domino.
 
     It goes by how many dominoes are placed, wherever the row began; what has been laid before is
@@ -166,8 +175,8 @@ def acting(
     from domino_env.rows import progress_features
 
     require_kind(scene)
-    policy = designer or shipped()
-    chosen = policy.preferred(scene) if plan is None else plan
+    policy = designer or shipped_designer()
+    chosen = int(policy.ranked(scene)[0]) if plan is None else plan
     if not 0 <= chosen < plans_of(scene.count):
         raise ValueError(f"plan = {chosen}: choose 0 to {plans_of(scene.count) - 1} tight gaps")
     gaps = policy.gaps(scene, np.array([float(chosen)]))[0]
@@ -175,7 +184,7 @@ def acting(
     actions = (2.0 * (gaps - low) / (high - low) - 1.0).astype(np.float32)[:, None]
     part = progress_features(2).shape[1]  # the first of the last entries: the part of the row
 
-    def act(seen: NDArray[np.float32]) -> NDArray[np.float32]:
+    def act(seen: Single) -> Single:
         return np.asarray(actions[round(float(seen[-part]) * (scene.count - 1))])
 
     return act
@@ -185,7 +194,7 @@ def acting(
 
 
 @lru_cache(maxsize=1)
-def shipped() -> Designer:
+def shipped_designer() -> Designer:
     """The policy that comes with the package."""
     return load_designer(SHIPPED)
 
@@ -197,7 +206,7 @@ def load_designer(path: Path) -> Designer:
     """
     try:
         read = read_arrays(path)
-        arrays = {name: np.asarray(array, dtype=np.float64) for name, array in read.items()}
+        arrays = {name: np.asarray(array, dtype=np.float32) for name, array in read.items()}
         row, plan = (_layers(arrays, name) for name in ("row", "plan"))
         if 2 * (len(row) + len(plan)) != len(arrays):
             raise ValueError("arrays of other names")
@@ -208,31 +217,29 @@ def load_designer(path: Path) -> Designer:
     return Designer(row, plan)
 
 
-def arrays_of(designer: Designer) -> dict[str, NDArray[np.float32]]:
+def arrays_of(designer: Designer) -> dict[str, Single]:
     """The weights by name, for a file."""
     return {
-        f"{part}_{i}_{name}": array.astype(np.float32)
+        f"{part}_{i}_{name}": array
         for part, layers in (("row", designer.row), ("plan", designer.plan))
         for i, layer in enumerate(layers)
         for name, array in zip(("weight", "bias"), layer, strict=True)
     }
 
 
-def _layers(arrays: dict[str, Floats], part: str) -> tuple[tuple[Floats, Floats], ...]:
+def _layers(arrays: dict[str, Single], part: str) -> Layers:
     number = sum(name.startswith(f"{part}_") for name in arrays) // 2
     names = [(f"{part}_{i}_weight", f"{part}_{i}_bias") for i in range(number)]
     return tuple((arrays[weight], arrays[bias]) for weight, bias in names)
 
 
-def _require_chain(
-    part: str, layers: tuple[tuple[Floats, Floats], ...], first: int, last: int
-) -> None:
+def _require_chain(part: str, layers: Layers, first: int, last: int) -> None:
     size = first
     for i, (weight, bias) in enumerate(layers):
         if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
             raise ValueError(f"layer {i} of '{part}' has shapes {weight.shape} and {bias.shape}")
-        if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
-            raise ValueError(f"layer {i} of '{part}' holds values that are not finite")
+        if not all(np.all(np.abs(array) <= LARGEST) for array in (weight, bias)):
+            raise ValueError(f"layer {i} of '{part}' holds values beyond ±{LARGEST:g}")
         size = weight.shape[0]
     if not layers or size != last:
         raise ValueError(f"'{part}' ends in {size} numbers, not {last}")

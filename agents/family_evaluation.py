@@ -6,6 +6,7 @@ import csv
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,12 @@ from agents.family import FEATURES, SceneFamily, numbers
 from agents.family_examples import Examples
 from agents.teaching import EXAMPLES_SEED
 from domino_env.files import write_text
+from domino_env.limits import RUN_BYTES
+from domino_env.reading import read_json
+from domino_env.scene import Scene, load_scene
+
+if TYPE_CHECKING:
+    from agents.evaluation import Built
 
 Floats = NDArray[np.float64]
 
@@ -62,9 +69,13 @@ class Judged:
         )  # fmt: skip
         share = "" if self.searched is None else f"{self.share(scores):.1%}"
         return (
-            f"| {name} | {np.mean(gain > ROUNDING):.1%} of {len(gain)} | {np.median(gain):+.2%} "
+            f"| {name} | {self.beaten(scores):.1%} of {len(gain)} | {np.median(gain):+.2%} "
             f"| {np.quantile(gain, 0.1):+.2%} | {worst} | {share} | {times[0]} | {times[1]} |"
         )
+
+    def beaten(self, scores: Floats) -> float:
+        """The part of the scenes in which the best uniform row is beaten."""
+        return float(np.mean(scores > self.uniform * (1.0 + ROUNDING)))
 
     def share(self, scores: Floats) -> float:
         """Median part of what search gains over the uniform row, where it gains anything."""
@@ -138,15 +149,34 @@ def judge(
     )
 
 
-def designer_of(name: str) -> Designer | None:
+def teaches_a_family(folder: Path) -> bool:
+    """Whether a folder holds what `agents.family_training.teach` writes."""
+    try:
+        document = read_json(folder / "config.json", RUN_BYTES, 10_000)
+    except (ValueError, OSError):
+        return False
+    return isinstance(document, dict) and document.get("algorithm") == "family"
+
+
+def designer_of(name: str | Path) -> Designer | None:
     """The designer that "family" or the folder of its teaching stands for; None for other agents.
 
     ValueError where such a folder holds no weights.
     """
     folder = Path(name)
-    if name == "family" and not folder.is_dir():
-        return load_designer(SHIPPED)
-    config = folder / "config.json"
-    if config.is_file() and '"algorithm": "family"' in config.read_text("utf-8"):
-        return load_designer(folder / "policy.npz")
-    return None
+    if str(name) == "family" and not folder.exists():
+        folder = SHIPPED.parent
+    return load_designer(folder / "policy.npz") if teaches_a_family(folder) else None
+
+
+def built_for(folder: Path, scene: str | Scene | None) -> Built:
+    """What the designer of a folder designs for a scene, beside the best uniform row."""
+    from agents.evaluation import Built
+
+    if scene is None:
+        raise ValueError(f"{folder} was taught many scenes: name one to design for")
+    judged = scene if isinstance(scene, Scene) else load_scene(scene)
+    designer = load_designer(folder / "policy.npz")
+    design(judged, designer=designer)  # compiles and loads what is not there yet
+    made = design(judged, designer=designer)
+    return Built(judged, made.layout, made.wave, made.score, judged.uniform(), made.seconds)

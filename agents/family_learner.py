@@ -16,13 +16,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents.designer import PLANS, SHOWN, Designer, plans_of, scene_shown, shown
+from agents.designer import PLANS, SHOWN, Designer, Layers, plans_of, scene_shown, shown
 from agents.family import FEATURES, numbers, uniform_speed
 from agents.teaching import Teaching
 from domino_env.scene import Scene
 
 Floats = NDArray[np.float64]
 
+NOISE = 0.03  # deviation of the logarithm of each gap, where the slope is sampled
 MARKED = 12  # uniform rows that the unit of a scene's score is taken from
 RTOL = 1e-5  # of rows that are scored while learning
 SHARP = 10.0  # preference for a plan that scores one per cent of uniform's speed more
@@ -97,24 +98,24 @@ class Learner:
         designer = self.designer()
         seen, slopes, places, merits = [], [], [], []
         for scene in scenes:
-            features, mark = numbers(scene), max(uniform_speed(scene, MARKED), 1e-3)
+            features = numbers(scene)
             plans = np.arange(plans_of(scene.count), dtype=np.float64)
             gaps = designer.gaps(scene, plans)
             scores = scene.score_batch(gaps, None, rtol=RTOL)
+            # the unit of its scores; where none of the few uniform rows runs, by its own best
+            unit = max(uniform_speed(scene, MARKED), 0.8 * float(scores.max()), 1e-3) / 100.0
             order = np.argsort(-scores, kind="stable")
             few = order[: self.teaching.climbing - 1]
             rest = order[self.teaching.climbing - 1 :]
             if len(rest):
                 few = np.append(few, rng.choice(rest))
-            slope = scene.score_batch_gradient(gaps[few], None, RTOL)[1]
-            # per cent of uniform's speed by the logarithm of the gap
-            slope = slope * gaps[few] * (100.0 / mark / len(few))
+            slope = self._slope(scene, gaps[few], rng) / (unit * len(few))
             tight = np.arange(scene.count - 1) >= scene.count - 1 - plans[few, None]
             slopes.append(np.where(tight, 0.0, slope).ravel())
             seen.append(shown(features, plans[few]))
             places.append(scene_shown(features))
             merits.append(np.full(PLANS, -np.inf))
-            merits[-1][: len(plans)] = SHARP * 100.0 * scores / mark
+            merits[-1][: len(plans)] = SHARP * scores / unit
         got = self.row(_tensor(np.concatenate(seen)))[:, 0]
         pull = _tensor(np.concatenate(slopes))
         # a gap that is cut off at a bound moves only when it is pulled back inside
@@ -130,6 +131,20 @@ class Learner:
         goal = torch.softmax(_tensor(np.array(merits)), dim=1)
         loss = loss + torch.nn.functional.cross_entropy(self.plan(_tensor(np.array(places))), goal)
         self._step(self.climbing, loss, done)
+
+    def _slope(self, scene: Scene, gaps: Floats, rng: np.random.Generator) -> Floats:
+        """How the scores of rows rise with the logarithms of their gaps, (K, N-1) both."""
+        sampled = self.teaching.sampled
+        if not sampled:
+            exact: Floats = scene.score_batch_gradient(gaps, None, RTOL)[1]
+            return exact * gaps
+        slopes = np.empty_like(gaps)
+        for slope, row in zip(slopes, gaps, strict=True):
+            noise = rng.standard_normal((sampled // 2, len(row)))
+            noise = NOISE * np.concatenate([noise, -noise])
+            scores = scene.score_batch(np.clip(row * np.exp(noise), *scene.spacing), None, RTOL)
+            slope[:] = (scores - scores.mean()) @ noise / (len(noise) * NOISE**2)
+        return slopes
 
     def _step(self, optimizer: torch.optim.Adam, loss: torch.Tensor, done: float) -> None:
         plan = self.teaching
@@ -159,10 +174,9 @@ def _network(
     return torch.nn.Sequential(*layers[:-1])
 
 
-def _plain(network: torch.nn.Sequential) -> tuple[tuple[Floats, Floats], ...]:
+def _plain(network: torch.nn.Sequential) -> Layers:
     linear = [layer for layer in network if isinstance(layer, torch.nn.Linear)]
     return tuple(
-        (np.asarray(layer.weight.detach().numpy(), dtype=np.float64),
-         np.asarray(layer.bias.detach().numpy(), dtype=np.float64))
+        (layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy())
         for layer in linear
     )  # fmt: skip

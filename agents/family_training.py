@@ -20,8 +20,11 @@ from agents.designer import Designer, arrays_of, load_designer, plans_of
 from agents.extra import require_extra
 from agents.family import SceneFamily
 from agents.family_examples import Examples, make_examples
+from agents.run_files import DEEPEST, WIDEST, require_number
 from agents.teaching import EXAMPLES_SEED, Teaching
 from domino_env.files import write_bytes, write_text
+from domino_env.limits import RUN_BYTES
+from domino_env.reading import read_json
 from domino_env.scene import Scene
 
 if TYPE_CHECKING:
@@ -33,6 +36,7 @@ CHECKED = 64  # scenes that the learning curve is taken on
 LOOKS = 40  # points of the curve, and checkpoints
 COLUMNS = ("step", "seconds", "gain", "beaten", "gain_untried", "beaten_untried")
 FILES = ("config.json", "checkpoint.pt", "policy.npz")
+_FOREIGN = (KeyError, TypeError, AttributeError)
 ORDER, BATCH, CHECK = 1, 2, 3  # what random numbers are for, beside the seed
 
 
@@ -108,7 +112,8 @@ class _Teaching:
         self.total = self.passes + teaching.batches
         self.done = 0
         self.curve: list[tuple[float, ...]] = []
-        self.spent, self.began = 0.0, time.perf_counter()
+        self.spent = self.worked = 0.0  # seconds of earlier sessions: on the clock, of processors
+        self.began, self.began_work = time.perf_counter(), time.process_time()
         rng = np.random.default_rng([seed, CHECK])
         self.checked = [family.draw(rng) for _ in range(CHECKED)]
 
@@ -128,7 +133,12 @@ class _Teaching:
         taught = Taught(
             self.home, designer, self.done, self.seconds, tuple(self.curve), interrupted
         )
-        document = {"finished": not interrupted, "steps": self.done, "seconds": self.seconds}
+        document = {
+            "finished": not interrupted,
+            "steps": self.done,
+            "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
+        }
         document |= dict(zip(COLUMNS[2:], self.curve[-1][2:], strict=True))
         write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
         return taught
@@ -136,6 +146,10 @@ class _Teaching:
     @property
     def seconds(self) -> float:
         return self.spent + time.perf_counter() - self.began
+
+    @property
+    def processor_seconds(self) -> float:
+        return self.worked + time.process_time() - self.began_work
 
     def _learn(self) -> None:
         from tqdm import tqdm
@@ -202,6 +216,7 @@ class _Teaching:
             "done": self.done,
             "curve": [list(row) for row in self.curve],
             "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
         }
         write_bytes(self.home / "checkpoint.pt", lambda file: torch.save(state, file))
         lines = [",".join(COLUMNS)]
@@ -222,11 +237,12 @@ class _Teaching:
         write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
 
     def _restore(self) -> None:
-        import torch
+        from agents.checkpoint import read_teaching
 
-        state = torch.load(self.home / "checkpoint.pt", weights_only=True)
+        state = read_teaching(self.learner, self.home / "checkpoint.pt", len(COLUMNS))
         self.learner.restore(state["learner"])
-        self.done, self.spent = int(state["done"]), float(state["seconds"])
+        self.done = state["done"]
+        self.spent, self.worked = state["seconds"], state["processor_seconds"]
         self.curve = [tuple(row) for row in state["curve"]]
 
 
@@ -235,7 +251,7 @@ def _gains(designer: Designer, scene: Scene) -> tuple[float, float]:
     plans = np.arange(plans_of(scene.count), dtype=np.float64)
     scores = scene.score_batch(designer.gaps(scene, plans), None)
     mark = scene.uniform().score
-    return float(scores.max() / mark - 1.0), float(scores[designer.preferred(scene)] / mark - 1.0)
+    return float(scores.max() / mark - 1.0), float(scores[designer.ranked(scene)[0]] / mark - 1.0)
 
 
 def _pairs(examples: Examples) -> list[tuple[Floats, Floats]]:
@@ -248,12 +264,18 @@ def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
     """What a teaching in this folder was begun with."""
     if not all((home / name).exists() for name in FILES):
         raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
+    config = read_json(home / "config.json", RUN_BYTES, 10_000)
     try:
-        config = json.loads((home / "config.json").read_text("utf-8"))
         ranges: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in config["family"].items()
         }
-        return int(config["seed"]), Teaching(**config["teaching"]), SceneFamily(**ranges)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ValueError(f"{home} holds no teaching of a family: {error!r}") from None
+        teaching = Teaching(**config["teaching"])
+        for name, value in [*asdict(teaching).items(), ("seed", config["seed"])]:
+            require_number(name, value)
+        if not (1 <= teaching.width <= WIDEST and 0 <= teaching.depth <= DEEPEST):
+            raise ValueError(f"{teaching.depth} layers of {teaching.width}")
+        return int(config["seed"]), teaching, SceneFamily(**ranges)
+    except (*_FOREIGN, ValueError) as error:
+        said = str(error) if isinstance(error, ValueError) else type(error).__name__
+        raise ValueError(f"{home} holds no teaching of a family: {said}") from None

@@ -14,12 +14,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.arrays import read_weights
 from agents.candidates import SideBySideARS
 from agents.checkpoint import read_checkpoint
 from agents.network import network_of
 from agents.presets import Preset
-from agents.run_files import read_weights
 from domino_env.files import write_bytes
+from domino_env.reading import told_of
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "ppo": PPO,
@@ -61,8 +62,17 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
         verbose=0, **options,
     )  # fmt: skip
     if algorithm == "ppo":
-        model.policy.log_std.requires_grad_(False)
+        policy: Any = model.policy
+        policy.log_std.requires_grad_(False)
+        policy.reach = plan.reach
+        if plan.reach > 0.0:
+            policy.action_net.register_forward_hook(_bounded(plan.reach))
     return model
+
+
+def _bounded(reach: float) -> Callable[[Any, Any, torch.Tensor], torch.Tensor]:
+    """What lets the means of actions come near ±reach and not beyond."""
+    return lambda module, given, means: reach * torch.tanh(means / reach)
 
 
 def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
@@ -78,7 +88,8 @@ def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
 def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
     """What the policy does without noise."""
     if algorithm == "ppo":
-        return network_of(weights(model.policy))
+        policy: Any = model.policy
+        return network_of(weights(policy), policy.reach)
     return lambda seen: model.predict(seen, deterministic=True)[0]
 
 
@@ -132,11 +143,15 @@ def load_state(model: Any, path: Path) -> dict[str, Any]:
     ValueError, before anything is changed, for what is no checkpoint of such a learner.
     """
     state = read_checkpoint(model, path)
-    model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+    with told_of(path):
+        try:
+            model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+            torch.set_rng_state(state["torch"])
+        except (KeyError, TypeError, RuntimeError, AttributeError) as error:
+            raise ValueError(f"it does not fit this learner: {error}") from None
     model.num_timesteps = state["steps"]
     model._n_updates = state["updates"]
     model._episode_num = state["episodes"]
-    torch.set_rng_state(state["torch"])
     keys = state["numpy"].numpy().astype(np.uint32)
     np.random.set_state(("MT19937", keys, state["place"], 0, 0.0))  # noqa: NPY002
     if "entropy" in state:

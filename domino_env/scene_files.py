@@ -135,6 +135,8 @@ def _document(text: str) -> dict[str, Any]:
         raise ValueError("not TOML: nested too deep") from None
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"not TOML: {error}") from None
+    except ValueError:
+        raise ValueError("not TOML: a whole number has thousands of digits") from None
 
 
 def _scene_of(document: dict[str, Any], name: str, file: str) -> Scene:

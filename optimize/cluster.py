@@ -15,6 +15,7 @@ from typing import Any
 
 from optimize.engines import STRIKES, SURROUNDINGS, EngineLost, WorkerLost
 from optimize.reports import TOPIC, Hear
+from optimize.worker_pool import without_ctrl_c
 
 LOOPBACK = "127.0.0.1"
 ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")
@@ -58,13 +59,14 @@ class Cluster(Executor):
         for name in ("distributed", "distributed.client", "distributed.scheduler"):
             self._stack.callback(_quieten(logging.getLogger(name)))
         if address == "local":
-            with dask.config.set(EXACT):
+            with dask.config.set(EXACT), without_ctrl_c():
                 local = LocalCluster(
                     n_workers=workers or os.cpu_count() or 1,
                     threads_per_worker=1,
                     processes=True,
                     host=LOOPBACK,
-                    dashboard_address=None,
+                    dashboard_address=f"{LOOPBACK}:0",  # any port: the usual one may be taken
+                    scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
                     env=SURROUNDINGS,
                 )

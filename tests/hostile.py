@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 CORPUS = Path(__file__).parent / "data" / "hostile"
 
 TRICKS = [
-    b"\0", b"\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\n", b'"', b"'", b'"""', b",", b";", b"\t",
-    b"=cmd|' /C calc'!A0", b"1e400", b"-1", b"nan", b"1e-320", b"9" * 5000, b"0x" + b"f" * 5000,
-    b"[" * 2000, b"{" * 2000, b"\x1b[2J", b"../../x", b"</script>", b"{{race}}", b"a." * 50,
-    "\u202e".encode(), b"true", b"1_0", b"#", b"\\u0000", b"PK\x01\x02", b"\xff\xff\xff\xff",
+    b"\0", b"\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\n", b'"', b"'", b'"""', b",", b";",
+    b"\t", b"=cmd|' /C calc'!A0", b"1e400", b"-1", b"nan", b"1e-320", b"9" * 5000, b"true",
+    b"0x" + b"f" * 5000, b"[" * 2000, b"{" * 2000, b"\x1b[2J", b"../../x", b"</script>", b"#",
+    b"{{race}}", b"a." * 50, "\u202e".encode(), b"1_0", b"\\u0000", b"PK\x01\x02",
+    b"\xff\xff\xff\xff",
 ]  # fmt: skip
 NUMBERS: Any = st.one_of(
     st.floats(),
@@ -65,8 +66,10 @@ def entered(door: Callable[[Path], Any], path: Path, *, named: bool = True) -> A
         try:
             return door(path)
         except (ValueError, OSError) as error:
-            assert complaint(str(error), path if named else None) is None, str(error)
-            return None
+            said = str(error)
+    wrong = complaint(said, path if named else None)
+    assert wrong is None, f"{wrong}: {said!r}"
+    return None
 
 
 def complaint(said: str, path: Path | None) -> str | None:

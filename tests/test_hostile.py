@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import tomllib
+import zipfile
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -25,7 +26,7 @@ from domino_env import limits
 from domino_env.command import main
 from domino_env.layout import Layout
 from domino_env.look.race_data import Racer
-from domino_env.look.report import read_racers, write_report
+from domino_env.look.report import Race, read_race, write_report
 from domino_env.look.sound import Heard, clicks, listen, read_wav
 from domino_env.look.template import sheets
 from domino_env.reading import one_line, plain_name, read_bytes
@@ -133,15 +134,16 @@ EXPECTED: dict[str, str | None] = {
     "sounds/slow_rate.wav": "1 samples a second",
     "sounds/torn_frame.wav": "nothing begins or ends in the recording",
     "runs/trace_latin_1.csv": None,
-    "runs/trace_not_finite.csv": "line 2, best_score: 'nan' is no finite number",
-    "runs/trace_of_words.csv": "line 2, best_score: '<script>' is no finite number",
-    "runs/trace_short_row.csv": "line 2, best_score: None is no finite number",
-    "runs/trace_without_scores.csv": "line 2, best_score: None is no finite number",
+    "runs/trace_not_finite.csv": "line 2, best_score: 'nan' is no number",
+    "runs/trace_of_words.csv": "line 2, best_score: '<script>' is no number",
+    "runs/trace_short_row.csv": None,
+    "runs/trace_without_scores.csv": None,
     "runs/verification_deep.json": "nested too deep",
     "runs/verification_infinite.json": "verdict = inf: expected a line of text",
     "runs/verification_list.json": "expected an object",
     "runs/verification_number.json": "engine = 1: expected a line of text",
     "runs/verification_script.json": None,
+    "runs/verification_times.json": "model: [['<script>']] is no finite number",
 }
 
 
@@ -153,11 +155,11 @@ def report_of(path: Path) -> Any:
     beside = run / (path.name.split("_")[0] + path.suffix)
     beside.write_bytes(path.read_bytes())
     try:
-        racers, title = read_racers([run])
+        race = read_race([run])
     except ValueError as error:
         raise ValueError(str(error).replace(str(beside), str(path))) from None
-    write_report(racers, title, run / "report.html")
-    return racers[0]
+    write_report(race, run / "report.html")
+    return race.racers[0]
 
 
 DOORS: dict[str, Callable[[Path], Any]] = {
@@ -241,7 +243,9 @@ def layout_that_topples(path: Path) -> Layout:
 
 
 _TABLE = b"number,spacing,thickness,height,density\n0,0.018,0.0075,0.048,1040\n1,,0.0075,0.05,900\n"
-_DOCUMENT = b'{"unit": "SI: m, kg/m3", "spacing": [0.018], "thickness": [0.0075, 0.007], "width": 0.02}'
+_DOCUMENT = (
+    b'{"unit": "SI: m, kg/m3", "spacing": [0.018], "thickness": [0.0075, 0.007], "width": 0.02}'
+)
 
 
 @FUZZ
@@ -292,7 +296,10 @@ def scenes(draw: Any) -> bytes:
     lines = [f"{k} = {toml(v)}" for k, v in document.items() if not isinstance(v, dict)]
     for name, table in document.items():
         if isinstance(table, dict):
-            lines += [f"[{json.dumps(name)}]", *(f"{json.dumps(k)} = {toml(v)}" for k, v in table.items())]  # noqa: E501
+            lines += [
+                f"[{json.dumps(name)}]",
+                *(f"{json.dumps(k)} = {toml(v)}" for k, v in table.items()),
+            ]
     return "\n".join(lines).encode("utf-8", "replace")
 
 
@@ -314,11 +321,7 @@ def scene_that_is_kept(path: Path) -> de.Scene:
 
 
 @FUZZ
-@given(
-    data=st.one_of(
-        scenes(), st.sampled_from([t.encode() for _, t in SHIPPED]).flatmap(mutated)
-    )
-)
+@given(data=st.one_of(scenes(), st.sampled_from([t.encode() for _, t in SHIPPED]).flatmap(mutated)))
 def test_any_scene_is_read_or_refused(folder: Path, data: bytes) -> None:
     path = folder / "any.toml"
     path.write_bytes(data)
@@ -362,7 +365,9 @@ def test_any_sound_is_heard_or_refused(folder: Path, data: bytes) -> None:
     assert found is None or all_finite(dataclasses.astuple(found))
 
 
-_TRACE = b"evaluations,simulated_falls,seconds,best_score,slope_left\n1,4,0.1,0.5,\n7,9,0.2,0.8,1e-3\n"
+_TRACE = (
+    b"evaluations,simulated_falls,seconds,best_score,slope_left\n1,4,0.1,0.5,\n7,9,0.2,0.8,1e-3\n"
+)
 _CHECK = b'{"engine": "pymunk", "verdict": "AGREES", "model": [0.0, null, 0.1]}'
 
 
@@ -472,7 +477,7 @@ def test_long_rows_are_not_drawn_domino_by_domino(tmp_path: Path, monkeypatch: A
     row = Layout([0.02] * 9, 0.0075)
     row.to_csv(tmp_path / "row.csv")
     with pytest.raises(ValueError, match=r"row\.csv: it has 10 dominoes a row"):
-        read_racers([tmp_path / "row.csv"])
+        read_race([tmp_path / "row.csv"])
     runner = Runner("row", de.simulate(row, de.Physics()))
     with pytest.raises(ValueError, match="row: it has 10 dominoes a row"):
         next(frames([runner]))
@@ -486,7 +491,7 @@ import sys
 from pathlib import Path
 import numpy as np
 import domino_env as de
-from agents.run_files import read_config, read_weights
+from agents.arrays import read_weights
 from domino_env.look.sound import read_wav
 from domino_env.scene_files import parse_scene
 
@@ -525,7 +530,7 @@ def test_the_worst_files_take_little_memory(tmp_path: Path) -> None:
         "objects.json": b'{"spacing": [' + b"{}," * (size // 3),
         "brackets.json": b"[" * size,
         "one_text.json": b'{"spacing": "' + "😀".encode() * (size // 4) + b'"}',
-        "keys.toml": b"".join(b"[a%d.b.c.d]\n" % i for i in range(70_000)),
+        "keys.toml": b"".join(b"[a%d.b.c.d]\n" % i for i in range(60_000)),
         "long_keys.toml": b"a." * 400_000 + b"a = 1\n",
         "array.toml": b"x = [" + b"[],1.0," * 130_000 + b"]",
         "promises.wav": wav(b"\0\0" * 1000, 44100, 1, 16, 2**32 - 1),
@@ -533,17 +538,18 @@ def test_the_worst_files_take_little_memory(tmp_path: Path) -> None:
     }
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
-    import zipfile
-
-    with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
-        with archive.open("w.npy", "w") as member:
-            np.lib.format.write_array_header_1_0(member, zeros)
-            for _ in range(200):
-                member.write(bytes(1_000_000))
+    with (
+        zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("w.npy", "w") as member,
+    ):
+        np.lib.format.write_array_header_1_0(member, zeros)
+        for _ in range(200):
+            member.write(bytes(1_000_000))
     assert (tmp_path / "bomb.npz").stat().st_size < 10**6
+    surroundings = {"NUMBA_NUM_THREADS": "1", "DOMINO_LAYOUT_DOMINOES": "100000"}
     told = subprocess.run(
         [sys.executable, "-W", "error", "-c", _WORST, str(tmp_path)],
-        capture_output=True, text=True, check=False, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
+        capture_output=True, text=True, check=False, env=os.environ | surroundings,
     )  # fmt: skip
     assert told.returncode == 0, told.stdout + told.stderr
     took = dict(line.split() for line in told.stdout.splitlines())
@@ -581,13 +587,14 @@ def test_names_on_a_page_are_only_names(tmp_path: Path) -> None:
     evil = "</script><!--<script>{{race}}{{title}}<img src=x onerror=alert(1)>"
     wave = de.simulate(Layout([0.018], 0.0075), de.Physics())
     check = {"engine": evil, "verdict": evil}
-    write_report([Racer(evil, wave, None, check)], evil, tmp_path / "page.html")
+    racer = Racer(evil, wave, verification=check)
+    write_report(Race((racer,), evil), tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text("utf-8")
     data = page.split('id="data">')[1].split("</script>")[0]
     assert json.loads(data)["rows"][0]["name"] == evil
     assert "<" not in data
     assert "<img" not in page
-    write_report([Racer("x", wave)], "x", tmp_path / "plain.html")
+    write_report(Race((Racer("x", wave),), "x"), tmp_path / "plain.html")
     plain = (tmp_path / "plain.html").read_text("utf-8")
     for sign in ("<script", "</script", "<!--"):
         assert page.count(sign) == plain.count(sign)
@@ -629,13 +636,12 @@ def test_a_run_writes_through_no_link(tmp_path: Path) -> None:
         (run / name).symlink_to(outside / name)
     (run / ".writable").symlink_to(outside / "new")
     search("sprint", "uniform", 10, folder=run, progress=False)
-    read, title = read_racers([run])
-    write_report(read, title, run / "report.html")
+    write_report(read_race([run]), run / "report.html")
     assert sorted(p.name for p in outside.iterdir()) == sorted(
         ["scene.toml", "layout.csv", "summary.json", "trace.csv", "report.html"]
     )
     assert {p.read_text() for p in outside.iterdir()} == {"precious"}
-    assert not any(p.is_symlink() for p in run.iterdir())
+    assert not (run / "layout.csv").is_symlink()
 
 
 def test_reading_what_shrinks_or_grows_is_bounded(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import subprocess
 import sys
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,9 +23,9 @@ from agents.designer import (
     design,
     load_designer,
     plans_of,
-    shipped,
+    shipped_designer,
 )
-from agents.evaluation import build
+from agents.evaluation import build, evaluate
 from agents.family import SceneFamily, numbers, scene_of
 from agents.family_evaluation import designer_of, judge
 from agents.family_examples import load_examples, make_examples
@@ -121,12 +122,12 @@ def test_a_design_scales_with_the_dominoes(sprint) -> None:
     )
     small, big = design(sprint), design(large)
     assert big.plan == small.plan
-    assert big.layout.spacing == pytest.approx(k * small.layout.spacing, rel=1e-12)
-    assert big.score == pytest.approx(np.sqrt(k) * small.score, rel=1e-8)
+    assert big.layout.spacing == pytest.approx(k * small.layout.spacing, rel=1e-5)
+    assert big.score == pytest.approx(np.sqrt(k) * small.score, rel=1e-5)
     strong = replace(
         sprint, physics=de.Physics(0.25, 4.0 * 9.81, 2.0 * sprint.physics.push)
     )  # time runs twice as fast
-    assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-12)
+    assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-5)
 
 
 def test_a_design_does_not_ask_for_the_best_uniform_row(sprint, monkeypatch) -> None:
@@ -149,6 +150,15 @@ def test_it_builds_the_same_row_domino_by_domino_in_the_environment(sprint) -> N
     assert alone.score == pytest.approx(design(sprint, tries=1).score, rel=1e-5)
     with pytest.raises(ValueError, match="choose 0 to 12"):
         acting(sprint, 13)
+
+
+def test_evaluate_knows_it_by_name(sprint) -> None:
+    built = evaluate("family", sprint)
+    assert built.score == design(sprint).score
+    assert built.gain is not None
+    assert built.gain > 0.0
+    with pytest.raises(ValueError, match="name one to design for"):
+        evaluate("family")
 
 
 def test_trying_plans_never_loses(sprint) -> None:
@@ -180,13 +190,13 @@ def test_it_works_without_torch(tmp_path: Path) -> None:
 
 def test_what_ships_is_small_and_says_how_it_was_made() -> None:
     assert SHIPPED.stat().st_size < 1_000_000
-    told = SHIPPED.with_suffix(".json").read_text("utf-8")
+    told = SHIPPED.with_name("figures.json").read_text("utf-8")
     assert '"command": "domino train family' in told
 
 
 def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "policy.npz"
-    good = arrays_of(shipped())
+    good = arrays_of(shipped_designer())
     np.savez(path, **good)
     again = arrays_of(load_designer(path))
     assert all(np.array_equal(again[name], good[name]) for name in good)
@@ -195,6 +205,7 @@ def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> 
         "a missing array": {k: v for k, v in good.items() if k != "plan_0_bias"},
         "a shape": {**good, "row_1_weight": good["row_1_weight"][:-1]},
         "not finite": {**good, "row_0_bias": good["row_0_bias"] * np.nan},
+        "too large": {**good, "row_0_bias": good["row_0_bias"] + 1e30},
         "words": {**good, "row_0_bias": np.array(["a", "b"])},
         "nothing": {},
         "far too much": {**good, "extra": np.zeros(34_000_000)},
@@ -209,6 +220,12 @@ def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> 
     whole = SHIPPED.read_bytes()
     torn = bytearray(whole)
     torn[len(whole) // 2 : len(whole) // 2 + 40] = bytes(40)
+    with zipfile.ZipFile(path, "w") as archive:  # a header that asks for a terabyte
+        header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 38,)}
+        with archive.open("row_0_bias.npy", "w") as entry:
+            np.lib.format.write_array_header_1_0(entry, header)
+    with pytest.raises(ValueError, match="bytes, not"):
+        load_designer(path)
     for content in (b"", b"not an archive", whole[:2000], whole[2000:], bytes(torn)):
         path.write_bytes(content)
         with pytest.raises(ValueError, match="does not hold the weights"):
@@ -293,6 +310,17 @@ def test_the_same_seed_gives_the_same_weights_and_so_does_going_on(
         family_training.teach(tmp_path / "d", 1, LITTLE, TINY)
     with pytest.raises(ValueError, match="nothing to go on from"):
         family_training.teach(tmp_path / "none", resume=True)
+    kept = (tmp_path / "d" / "checkpoint.pt").read_bytes()
+    for content in (b"", kept[:3000], (tmp_path / "d" / "policy.npz").read_bytes()):
+        (tmp_path / "d" / "checkpoint.pt").write_bytes(content)
+        with pytest.raises(ValueError, match=r"checkpoint.pt"):
+            family_training.teach(tmp_path / "d", resume=True)
+    config = (tmp_path / "d" / "config.json").read_text("utf-8")
+    for old, new in (('"width": 8', '"width": "8"'), ("0.02", "-0.02"), ('"seed"', '"sead"')):
+        assert old in config
+        (tmp_path / "d" / "config.json").write_text(config.replace(old, new), "utf-8")
+        with pytest.raises(ValueError, match="holds no teaching of a family"):
+            family_training.teach(tmp_path / "d", resume=True)
 
 
 def test_the_exact_slope_teaches_from_scratch(tmp_path: Path, monkeypatch) -> None:
