@@ -19,7 +19,7 @@ class SideBySideARS(ARS):
         if async_eval is not None:
             raise ValueError("candidates are tried side by side here: leave async_eval out")
         callback.on_rollout_start()
-        self.ep_info_buffer = []
+        assert self.env is not None
         rows = self.env.num_envs
         parts = torch.split(candidate_weights, rows)
         returns = torch.cat([self._tried(part, callback) for part in parts])
@@ -28,20 +28,22 @@ class SideBySideARS(ARS):
 
     def _tried(self, weights: torch.Tensor, callback: Any) -> torch.Tensor:
         """(P,) returns of at most as many candidates as there are rows; the last stands in."""
-        rows, many = self.env.num_envs, len(weights)
+        env: Any = self.env
+        rows, many = env.num_envs, len(weights)
         filled = torch.cat([weights, weights[-1:].expand(rows - many, -1)])
-        net, at, named = self.policy.action_net, 0, {}
+        net: Any = self.policy.action_net
+        at, named = 0, {}
         for name, value in net.named_parameters():
             size = value.numel()
             named[name] = filled[:, at : at + size].reshape(rows, *value.shape)
             at += size
         act = vmap(lambda own, seen: functional_call(net, own, (seen,)))
-        seen = torch.from_numpy(self.env.reset())
+        seen = torch.from_numpy(env.reset())
         running = torch.ones(rows, dtype=torch.bool)
         returns = torch.zeros(rows)
         while running[:many].any():
             actions = act(named, seen).clamp(-1.0, 1.0)
-            state, paid, ended, infos = self.env.step(actions.numpy())
+            state, paid, ended, infos = env.step(actions.numpy())
             returns += torch.from_numpy(paid) * running
             running &= ~torch.from_numpy(ended)
             self.num_timesteps += rows

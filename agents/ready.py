@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from domino_env.limits import RUN_BYTES
 from domino_env.reading import read_json
@@ -50,7 +50,8 @@ def _training_seconds(run: Path) -> float:
     for name in ("summary.json", "policy.json"):
         if (run / name).exists():
             told = read_json(run / name, RUN_BYTES, 10_000)
-            seconds = told.get("seconds") if isinstance(told, dict) else None
-            good = type(seconds) in (int, float) and 0.0 < seconds < LONGEST
-            return float(seconds) if good else 0.0
+            seconds: Any = told.get("seconds") if isinstance(told, dict) else None
+            if type(seconds) in (int, float) and 0.0 < seconds < LONGEST:
+                return float(seconds)
+            return 0.0
     return 0.0
