@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
 import torch
@@ -12,6 +13,10 @@ from torch.func import functional_call, vmap
 class SideBySideARS(ARS):
     """ARS of sb3-contrib, which would try one candidate after the other, in all rows alike."""
 
+    @property
+    def _rows(self) -> Any:
+        return self.env
+
     def evaluate_candidates(
         self, candidate_weights: torch.Tensor, callback: Any, async_eval: Any
     ) -> torch.Tensor:
@@ -19,8 +24,8 @@ class SideBySideARS(ARS):
         if async_eval is not None:
             raise ValueError("candidates are tried side by side here: leave async_eval out")
         callback.on_rollout_start()
-        assert self.env is not None
-        rows = self.env.num_envs
+        self.ep_info_buffer = deque()
+        rows = self._rows.num_envs
         parts = torch.split(candidate_weights, rows)
         returns = torch.cat([self._tried(part, callback) for part in parts])
         callback.on_rollout_end()
@@ -28,22 +33,21 @@ class SideBySideARS(ARS):
 
     def _tried(self, weights: torch.Tensor, callback: Any) -> torch.Tensor:
         """(P,) returns of at most as many candidates as there are rows; the last stands in."""
-        env: Any = self.env
-        rows, many = env.num_envs, len(weights)
+        rows, many = self._rows.num_envs, len(weights)
         filled = torch.cat([weights, weights[-1:].expand(rows - many, -1)])
-        net: Any = self.policy.action_net
-        at, named = 0, {}
+        policy: Any = self.policy
+        net, at, named = policy.action_net, 0, {}
         for name, value in net.named_parameters():
             size = value.numel()
             named[name] = filled[:, at : at + size].reshape(rows, *value.shape)
             at += size
         act = vmap(lambda own, seen: functional_call(net, own, (seen,)))
-        seen = torch.from_numpy(env.reset())
+        seen = torch.from_numpy(self._rows.reset())
         running = torch.ones(rows, dtype=torch.bool)
         returns = torch.zeros(rows)
         while running[:many].any():
             actions = act(named, seen).clamp(-1.0, 1.0)
-            state, paid, ended, infos = env.step(actions.numpy())
+            state, paid, ended, infos = self._rows.step(actions.numpy())
             returns += torch.from_numpy(paid) * running
             running &= ~torch.from_numpy(ended)
             self.num_timesteps += rows
