@@ -6,10 +6,12 @@ does.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from domino_env.limits import RUN_BYTES
+from domino_env.reading import read_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from optimize.budget import Budget
 
     Method = Callable[[Budget, np.random.Generator], None]
+
+LONGEST = 1e9  # [s] that a training can have taken
 
 
 def agent(run: str) -> Method:
@@ -45,6 +49,9 @@ def _training_seconds(run: Path) -> float:
     """What the training took [s]; 0 where nobody wrote it down."""
     for name in ("summary.json", "policy.json"):
         if (run / name).exists():
-            told = json.loads((run / name).read_text("utf-8")).get("seconds", 0.0)
-            return float(told) if isinstance(told, int | float) and told > 0.0 else 0.0
+            told = read_json(run / name, RUN_BYTES, 10_000)
+            seconds: Any = told.get("seconds") if isinstance(told, dict) else None
+            if type(seconds) in (int, float) and 0.0 < seconds < LONGEST:
+                return float(seconds)
+            return 0.0
     return 0.0

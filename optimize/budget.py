@@ -44,6 +44,7 @@ class Budget:
     slopes: the steepest slope left at each of them, see `slope_left`; None where it is not known.
     finalists: the last improvements, (score, design) each, the best last.
     watch: called with the budget after every batch.
+    clock: what tells the seconds; processor time where the machine has other things to do.
     executor: what scores batches of several pieces, see `optimize.bulk`; None: this process.
     """
 
@@ -54,6 +55,7 @@ class Budget:
         seconds: float | None = None,
         watch: Callable[[Budget], None] | None = None,
         executor: Executor | None = None,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.problem = problem
         self.evaluations = evaluations
@@ -65,7 +67,8 @@ class Budget:
         self._executor = executor
         self._dominoes = problem.scene.count * problem.scene.waves_a_score  # of a row
         self._piece = min(max(8, PIECE // self._dominoes), MOST_ROWS)
-        self._began = time.perf_counter()
+        self._clock = clock
+        self._began = clock()
         if problem.journal is not None:
             problem.journal.start()
 
@@ -73,7 +76,7 @@ class Budget:
     def elapsed(self) -> float:
         """Seconds since the search began, those before it was stopped and resumed among them."""
         journal = self.problem.journal
-        return time.perf_counter() - self._began if journal is None else journal.seconds
+        return self._clock() - self._began if journal is None else journal.seconds
 
     @property
     def bulk(self) -> int:
