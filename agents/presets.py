@@ -22,6 +22,8 @@ class Preset:
     rate: of learning at the start; it falls to `last_rate` of that.
     first_deviation, middle_deviation, last_deviation: of the actions, at the start, after
         `middle` of the steps, and at the end; geometric between (PPO).
+    reach: the largest mean of an action, which lies within -1 to 1 (PPO); 0 for no such bound.  A
+        mean far outside has all its samples at the same end, and learns nothing from them any more.
     follow: whether the reference speed follows the best row found.
     options: what the algorithm itself is given.
     """
@@ -36,6 +38,7 @@ class Preset:
     middle_deviation: float = 0.03
     last_deviation: float = 0.01
     middle: float = 0.6
+    reach: float = 0.0
     follow: bool = True
     options: dict[str, Any] = field(default_factory=dict)
 
@@ -101,9 +104,10 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
         return Preset(rows=16, steps=60_000, rate=1e-3, options=options)
     if algorithm == "ars":
         return Preset(
-            rows=32,
+            rows=64,
             steps=4_000_000,
-            rate=0.03,
-            options={"n_delta": 16, "n_top": 8, "delta_std": 0.03, "zero_policy": True},
+            rate=0.2,
+            last_rate=0.02,
+            options={"n_delta": 32, "n_top": 20, "delta_std": 0.05, "zero_policy": True},
         )
     raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")

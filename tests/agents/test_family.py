@@ -224,7 +224,7 @@ def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> 
         header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 38,)}
         with archive.open("row_0_bias.npy", "w") as entry:
             np.lib.format.write_array_header_1_0(entry, header)
-    with pytest.raises(ValueError, match="the size that it says"):
+    with pytest.raises(ValueError, match="bytes, not"):
         load_designer(path)
     for content in (b"", b"not an archive", whole[:2000], whole[2000:], bytes(torn)):
         path.write_bytes(content)
