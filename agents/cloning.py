@@ -173,14 +173,14 @@ def _fit(network: torch.nn.Module, seen: Floats, wanted: Floats, loss: Any) -> N
     """All of the data at once, by quasi-Newton steps in double precision: the network is small."""
     network.double()
     inputs, targets = torch.from_numpy(seen), torch.from_numpy(wanted)
-    optimizer = torch.optim.LBFGS(
+    optimizer: Any = torch.optim.LBFGS(
         network.parameters(), max_iter=STEPS, history_size=30, line_search_fn="strong_wolfe",
         tolerance_grad=1e-9, tolerance_change=1e-12,
     )  # fmt: skip
 
-    def closure() -> torch.Tensor:
+    def closure() -> Any:
         optimizer.zero_grad()
-        off: torch.Tensor = loss(network(inputs), targets)
+        off: Any = loss(network(inputs), targets)
         off.backward()
         return off
 

@@ -56,10 +56,10 @@ class Designer:
         gaps = np.where(tight, scene.spacing[0], scene.height * np.exp(np.minimum(wanted, 1.0)))
         return np.clip(gaps, *scene.spacing)
 
-    def preferred(self, scene: Scene) -> int:
-        """The plan that it thinks best."""
+    def ranked(self, scene: Scene) -> NDArray[np.intp]:
+        """The plans for a scene, the one that it thinks best first."""
         values = _through(self.plan, scene_shown(numbers(scene))[None])[0]
-        return int(np.argmax(values[: plans_of(scene.count)]))
+        return np.argsort(-values[: plans_of(scene.count)], kind="stable")
 
 
 def plans_of(count: int) -> int:
@@ -141,8 +141,8 @@ def design(
 ) -> Design:
     """Design a row for a scene, without search: the policy lays a row for each of a few plans.
 
-    tries: plans that are laid and simulated, those nearest to the preferred one; the best is kept.
-        1 for the policy's own plan, untried.
+    tries: plans that are laid and simulated, those that it prefers; the best is kept.  1 for the
+        preferred one, untried.
     designer: the policy; None for the one that ships.
 
     ValueError for a scene that asks for something else than fast rows of equal dominoes.
@@ -153,9 +153,7 @@ def design(
     require_kind(judged)
     policy = designer or shipped_designer()
     began = time.perf_counter()
-    there = np.arange(plans_of(judged.count))
-    near = np.argsort(np.abs(there - policy.preferred(judged)), kind="stable")[:tries]
-    plans = np.sort(near).astype(np.float64)
+    plans = policy.ranked(judged)[:tries].astype(np.float64)
     gaps = policy.gaps(judged, plans)
     best = 0 if len(plans) == 1 else int(np.argmax(judged.score_batch(gaps, None)))
     layout = judged.layout(gaps[best])
@@ -178,7 +176,7 @@ def acting(
 
     require_kind(scene)
     policy = designer or shipped_designer()
-    chosen = policy.preferred(scene) if plan is None else plan
+    chosen = int(policy.ranked(scene)[0]) if plan is None else plan
     if not 0 <= chosen < plans_of(scene.count):
         raise ValueError(f"plan = {chosen}: choose 0 to {plans_of(scene.count) - 1} tight gaps")
     gaps = policy.gaps(scene, np.array([float(chosen)]))[0]

@@ -63,7 +63,7 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
     over, told = False, dict[str, Any]()
     while not over:
         seen, _, over, _, told = env.step(policy(seen))
-    layout = _completed(told["layout"], scene)
+    layout = completed(told["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     return Built(scene, layout, wave, scene.score_wave(wave), uniform, seconds)
@@ -113,7 +113,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
             "choose a scene with the same things left free"
         )
 
-    def careful(seen: Seen) -> NDArray[Any]:
+    def certain(seen: Seen) -> NDArray[Any]:
+        # the largest weights that are finite overflow in a network
         with np.errstate(all="ignore"), told_of(path):
             try:
                 action = policy(seen)
@@ -123,7 +124,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
                 raise ValueError("its policy does not know what to do: its weights are too large")
             return action
 
-    return build(careful, judged, speed)
+    return build(certain, judged, speed)
 
 
 def shipped() -> list[str]:
@@ -182,7 +183,7 @@ def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:
     raise ValueError(f"{path} is no archive of {', '.join(CLASSES)}")
 
 
-def _completed(layout: Layout, scene: Scene) -> Layout:
+def completed(layout: Layout, scene: Scene) -> Layout:
     """A row of all dominoes: what was not placed is as the last that was."""
     missing = scene.count - layout.count
     if missing == 0:

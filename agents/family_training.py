@@ -7,9 +7,7 @@ checkpoint.pt all that going on needs (no pickled code)           summary.json
 
 from __future__ import annotations
 
-import io
 import json
-import pickle
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -22,11 +20,11 @@ from agents.designer import Designer, arrays_of, load_designer, plans_of
 from agents.extra import require_extra
 from agents.family import SceneFamily
 from agents.family_examples import Examples, make_examples
-from agents.run_files import require_whole_archive
+from agents.run_files import DEEPEST, WIDEST, require_number
 from agents.teaching import EXAMPLES_SEED, Teaching
 from domino_env.files import write_bytes, write_text
-from domino_env.limits import CHECKPOINT_BYTES, RUN_BYTES
-from domino_env.reading import read_bytes, read_json, told_of
+from domino_env.limits import RUN_BYTES
+from domino_env.reading import read_json
 from domino_env.scene import Scene
 
 if TYPE_CHECKING:
@@ -38,7 +36,7 @@ CHECKED = 64  # scenes that the learning curve is taken on
 LOOKS = 40  # points of the curve, and checkpoints
 COLUMNS = ("step", "seconds", "gain", "beaten", "gain_untried", "beaten_untried")
 FILES = ("config.json", "checkpoint.pt", "policy.npz")
-_FOREIGN = (KeyError, TypeError, AttributeError, IndexError, RuntimeError, EOFError)
+_FOREIGN = (KeyError, TypeError, AttributeError)
 ORDER, BATCH, CHECK = 1, 2, 3  # what random numbers are for, beside the seed
 
 
@@ -239,21 +237,13 @@ class _Teaching:
         write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
 
     def _restore(self) -> None:
-        import torch
+        from agents.checkpoint import read_teaching
 
-        path = self.home / "checkpoint.pt"
-        data = read_bytes(path, CHECKPOINT_BYTES)
-        with told_of(path):
-            require_whole_archive(data)
-            try:
-                state = torch.load(io.BytesIO(data), weights_only=True)
-                self.learner.restore(state["learner"])
-                self.done = int(state["done"])
-                self.spent, self.worked = float(state["seconds"]), float(state["processor_seconds"])
-                self.curve = [tuple(map(float, row)) for row in state["curve"]]
-            except (*_FOREIGN, pickle.UnpicklingError) as error:
-                kind = type(error).__name__
-                raise ValueError(f"it is no checkpoint of such a teaching ({kind})") from None
+        state = read_teaching(self.learner, self.home / "checkpoint.pt", len(COLUMNS))
+        self.learner.restore(state["learner"])
+        self.done = state["done"]
+        self.spent, self.worked = state["seconds"], state["processor_seconds"]
+        self.curve = [tuple(row) for row in state["curve"]]
 
 
 def _gains(designer: Designer, scene: Scene) -> tuple[float, float]:
@@ -261,7 +251,7 @@ def _gains(designer: Designer, scene: Scene) -> tuple[float, float]:
     plans = np.arange(plans_of(scene.count), dtype=np.float64)
     scores = scene.score_batch(designer.gaps(scene, plans), None)
     mark = scene.uniform().score
-    return float(scores.max() / mark - 1.0), float(scores[designer.preferred(scene)] / mark - 1.0)
+    return float(scores.max() / mark - 1.0), float(scores[designer.ranked(scene)[0]] / mark - 1.0)
 
 
 def _pairs(examples: Examples) -> list[tuple[Floats, Floats]]:
@@ -280,7 +270,12 @@ def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
             name: tuple(value) if isinstance(value, list) else value
             for name, value in config["family"].items()
         }
-        return int(config["seed"]), Teaching(**config["teaching"]), SceneFamily(**ranges)
+        teaching = Teaching(**config["teaching"])
+        for name, value in [*asdict(teaching).items(), ("seed", config["seed"])]:
+            require_number(name, value)
+        if not (1 <= teaching.width <= WIDEST and 0 <= teaching.depth <= DEEPEST):
+            raise ValueError(f"{teaching.depth} layers of {teaching.width}")
+        return int(config["seed"]), teaching, SceneFamily(**ranges)
     except (*_FOREIGN, ValueError) as error:
         said = str(error) if isinstance(error, ValueError) else type(error).__name__
         raise ValueError(f"{home} holds no teaching of a family: {said}") from None

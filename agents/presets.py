@@ -101,9 +101,10 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
         return Preset(rows=16, steps=60_000, rate=1e-3, options=options)
     if algorithm == "ars":
         return Preset(
-            rows=32,
+            rows=64,
             steps=4_000_000,
-            rate=0.03,
-            options={"n_delta": 16, "n_top": 8, "delta_std": 0.03, "zero_policy": True},
+            rate=0.2,
+            last_rate=0.02,
+            options={"n_delta": 32, "n_top": 20, "delta_std": 0.05, "zero_policy": True},
         )
     raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")

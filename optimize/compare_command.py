@@ -9,6 +9,9 @@ Every run goes into the study store as it comes; --resume goes on with a compari
 stopped.  Runs are independent: --workers or --dask spread them.  With --evaluations the results
 can be repeated to the bit; equal --seconds are equal chances only where there are no more workers
 than cores and nothing else to do.
+
+Learners (ppo, sac, td3, tqc, ars) and trained agents (agent:RUN, whose clock began with its
+training) run where they are named in --methods.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from domino_env import limits
 from domino_env.command import main
 from domino_env.layout import Layout
 from domino_env.look.race_data import Racer
-from domino_env.look.report import read_racers, write_report
+from domino_env.look.report import Race, read_race, write_report
 from domino_env.look.sound import Heard, clicks, listen, read_wav
 from domino_env.look.template import sheets
 from domino_env.reading import one_line, plain_name, read_bytes
@@ -118,6 +118,7 @@ EXPECTED: dict[str, str | None] = {
     "scenes/script.toml": "leave out '<'",
     "scenes/table_for_a_name.toml": "name = {'a': {'b': {...}}}: give a line of text",
     "scenes/tempo_of_nothing.toml": "tempo.from = 1e-320: give a finite number",
+    "scenes/thickness_number.toml": "the table [thickness] is no table",
     "scenes/utf_16.toml": "not UTF-8 text",
     "sounds/click.wav": "of toppling to hear",
     "sounds/compressed.wav": "unknown format: 85",
@@ -134,15 +135,16 @@ EXPECTED: dict[str, str | None] = {
     "sounds/slow_rate.wav": "1 samples a second",
     "sounds/torn_frame.wav": "nothing begins or ends in the recording",
     "runs/trace_latin_1.csv": None,
-    "runs/trace_not_finite.csv": "line 2, best_score: 'nan' is no finite number",
-    "runs/trace_of_words.csv": "line 2, best_score: '<script>' is no finite number",
-    "runs/trace_short_row.csv": "line 2, best_score: None is no finite number",
-    "runs/trace_without_scores.csv": "line 2, best_score: None is no finite number",
+    "runs/trace_not_finite.csv": "line 2, best_score: 'nan' is no number",
+    "runs/trace_of_words.csv": "line 2, best_score: '<script>' is no number",
+    "runs/trace_short_row.csv": None,
+    "runs/trace_without_scores.csv": None,
     "runs/verification_deep.json": "nested too deep",
     "runs/verification_infinite.json": "verdict = inf: expected a line of text",
     "runs/verification_list.json": "expected an object",
     "runs/verification_number.json": "engine = 1: expected a line of text",
     "runs/verification_script.json": None,
+    "runs/verification_times.json": "model: [['<script>']] is no finite number",
 }
 
 
@@ -154,11 +156,11 @@ def report_of(path: Path) -> Any:
     beside = run / (path.name.split("_")[0] + path.suffix)
     beside.write_bytes(path.read_bytes())
     try:
-        racers, title = read_racers([run])
+        race = read_race([run])
     except ValueError as error:
         raise ValueError(str(error).replace(str(beside), str(path))) from None
-    write_report(racers, title, run / "report.html")
-    return racers[0]
+    write_report(race, run / "report.html")
+    return race.racers[0]
 
 
 DOORS: dict[str, Callable[[Path], Any]] = {
@@ -476,7 +478,7 @@ def test_long_rows_are_not_drawn_domino_by_domino(tmp_path: Path, monkeypatch: A
     row = Layout([0.02] * 9, 0.0075)
     row.to_csv(tmp_path / "row.csv")
     with pytest.raises(ValueError, match=r"row\.csv: it has 10 dominoes a row"):
-        read_racers([tmp_path / "row.csv"])
+        read_race([tmp_path / "row.csv"])
     runner = Runner("row", de.simulate(row, de.Physics()))
     with pytest.raises(ValueError, match="row: it has 10 dominoes a row"):
         next(frames([runner]))
@@ -490,7 +492,7 @@ import sys
 from pathlib import Path
 import numpy as np
 import domino_env as de
-from agents.run_files import read_config, read_weights
+from agents.arrays import read_weights
 from domino_env.look.sound import read_wav
 from domino_env.scene_files import parse_scene
 
@@ -586,13 +588,14 @@ def test_names_on_a_page_are_only_names(tmp_path: Path) -> None:
     evil = "</script><!--<script>{{race}}{{title}}<img src=x onerror=alert(1)>"
     wave = de.simulate(Layout([0.018], 0.0075), de.Physics())
     check = {"engine": evil, "verdict": evil}
-    write_report([Racer(evil, wave, None, check)], evil, tmp_path / "page.html")
+    racer = Racer(evil, wave, verification=check)
+    write_report(Race((racer,), evil), tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text("utf-8")
     data = page.split('id="data">')[1].split("</script>")[0]
     assert json.loads(data)["rows"][0]["name"] == evil
     assert "<" not in data
     assert "<img" not in page
-    write_report([Racer("x", wave)], "x", tmp_path / "plain.html")
+    write_report(Race((Racer("x", wave),), "x"), tmp_path / "plain.html")
     plain = (tmp_path / "plain.html").read_text("utf-8")
     for sign in ("<script", "</script", "<!--"):
         assert page.count(sign) == plain.count(sign)
@@ -634,13 +637,12 @@ def test_a_run_writes_through_no_link(tmp_path: Path) -> None:
         (run / name).symlink_to(outside / name)
     (run / ".writable").symlink_to(outside / "new")
     search("sprint", "uniform", 10, folder=run, progress=False)
-    read, title = read_racers([run])
-    write_report(read, title, run / "report.html")
+    write_report(read_race([run]), run / "report.html")
     assert sorted(p.name for p in outside.iterdir()) == sorted(
         ["scene.toml", "layout.csv", "summary.json", "trace.csv", "report.html"]
     )
     assert {p.read_text() for p in outside.iterdir()} == {"precious"}
-    assert not any(p.is_symlink() for p in run.iterdir())
+    assert not (run / "layout.csv").is_symlink()
 
 
 def test_reading_what_shrinks_or_grows_is_bounded(tmp_path: Path) -> None:

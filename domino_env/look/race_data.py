@@ -16,6 +16,7 @@ from domino_env.wave import Wave
 Floats = NDArray[np.float64]
 
 SPEEDS = ("mean_speed", "time", "robust")  # objectives whose score is a speed [m/s]
+DRAW = 1e-6  # relative; who is ahead by less has not won
 LOOKS = 32  # at the leader in every fall; straight lines between them are within 1e-4 rad
 
 
@@ -28,7 +29,7 @@ class Racer:
     learning: (dominoes placed, score of the policy) of the training of the agent that built it.
     verification: what `verification.json` says of it, if it was checked.
     score, worth: what the scene gives it, as a number and in words; None where there is no scene,
-        or the row breaks its rules.
+        or the row breaks its rules.  objective: what counts in the scene.
     """
 
     name: str
@@ -38,73 +39,80 @@ class Racer:
     verification: dict[str, Any] | None = None
     score: float | None = None
     worth: str | None = None
+    objective: str = "mean_speed"
 
 
-def race_data(racers: Sequence[Racer], objective: str = "mean_speed") -> dict[str, Any]:
+def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
     """All rows of a race.  ValueError where there is none, or a row of fewer than two dominoes."""
     if not racers:
         raise ValueError("nothing to race: give at least one layout")
     for one in racers:
         if one.wave.layout.count < 2:
             raise ValueError(f"{one.name}: one domino does not race; give at least two")
-    first = max(range(len(racers)), key=lambda k: _merit(racers[k]))
+    merits = _merits(racers)
+    first = max(range(len(racers)), key=lambda k: merits[k])
     return {
-        "headline": headline(racers, objective),
-        "winner": first if len(racers) > 1 and _merit(racers[first]) > 0.0 else None,
+        "headline": headline(racers),
+        "winner": first if len(racers) > 1 and merits[first] > 0.0 else None,
         "rows": [_row(one) for one in racers],
     }
 
 
-def headline(racers: Sequence[Racer], objective: str = "mean_speed") -> dict[str, str]:
+def headline(racers: Sequence[Racer]) -> dict[str, str]:
     """Who won and why, in a few sentences.
 
-    objective: what counts; the scene's score decides where every row has one, else the mean speed.
+    The scene's score decides where every row has one, else the mean speed.
     """
-    by_speed = objective in SPEEDS or any(one.score is None for one in racers)
-    ranked = sorted(racers, key=lambda one: -_merit(one))
+    merits = _merits(racers)
+    by_speed = all(one.score is None or one.objective in SPEEDS for one in racers)
+    by_speed |= any(one.score is None for one in racers)
+    # the first of equals first
+    order = sorted(range(len(racers)), key=lambda k: -merits[k])
+    ranked, worth = [racers[k] for k in order], [merits[k] for k in order]
     first = ranked[0]
-    if _merit(first) <= 0.0:
+    if worth[0] <= 0.0:
         if first.wave.mean_speed > 0.0:
             return {"who": "No row keeps the limits of the scene", "why": _shape(first.wave)}
         far = max(racers, key=lambda one: one.wave.reach)
         return {"who": "No row topples to its end", "why": f"{far.name}: {far.wave.explanation}"}
     called = first.name[0].upper() + first.name[1:]
     if len(ranked) == 1:
-        told = f"{first.wave.mean_speed:.4f} m/s" if by_speed else first.worth
+        told = f"{worth[0]:.4f} m/s" if by_speed else first.worth
         return {"who": f"{called}: {told}", "why": _shape(first.wave)}
     second = ranked[1]
-    if second.wave.mean_speed <= 0.0:
-        return {
-            "who": f"{called} wins",
-            "why": f"{second.name} does not topple to its end: {second.wave.explanation}",
-        }
-    if _merit(second) <= 0.0:
-        return {"who": f"{called} wins", "why": f"{second.name}: {second.worth}."}
+    if worth[1] <= 0.0:
+        why = f"{second.name} does not topple to its end: {second.wave.explanation}"
+        if second.wave.mean_speed > 0.0:
+            why = f"{second.name}: {second.worth}."
+        return {"who": f"{called} wins", "why": why}
+    if worth[0] / worth[1] - 1.0 < DRAW:
+        return {"who": f"{called} and {second.name} draw", "why": _shape(first.wave)}
     if not by_speed:
-        return {
-            "who": f"{called} wins" if _merit(first) > _merit(second) else "The rows draw",
-            "why": f"{first.name}: {first.worth}; {second.name}: {second.worth}. "
-            + _shape(first.wave),
-        }
-    others = [one for one in ranked[2:] if _merit(one) > 0.0]
-    further = "".join(f", {_lead(first, one)} faster than {one.name}" for one in others)
+        told = "; ".join(f"{one.name}: {one.worth}" for one in ranked)
+        return {"who": f"{called} wins", "why": f"{told}. {_shape(first.wave)}"}
+    leads = ", ".join(
+        f"{_lead(worth[0] / worth[k] - 1.0)} faster than {ranked[k].name}"
+        for k in range(1, len(ranked))
+        if worth[k] > 0.0
+    )
     return {
-        "who": f"{called} wins: {_lead(first, second)} faster than {second.name}{further}",
+        "who": f"{called} wins: {leads}",
         "why": (
             "Each row gets the same push, and what counts is how fast the wave of falling dominoes "
-            f"runs to the last: {_merit(first):.4f} m/s against {_merit(second):.4f} m/s. "
+            f"runs to the last: {worth[0]:.4f} m/s against {worth[1]:.4f} m/s. "
             f"{_parts(first.wave, second.wave)} {_shape(first.wave)}"
         ),
     }
 
 
-def _lead(first: Racer, other: Racer) -> str:
-    lead = _merit(first) / _merit(other) - 1.0
-    return f"{lead:.1%}" if lead >= 0.01 else f"{lead:.2%}"
+def _merits(racers: Sequence[Racer]) -> list[float]:
+    """By what rows are ranked: their scores where all have one, else their speeds [m/s]."""
+    scores = [one.score for one in racers if one.score is not None]
+    return scores if len(scores) == len(racers) else [one.wave.mean_speed for one in racers]
 
 
-def _merit(one: Racer) -> float:
-    return one.wave.mean_speed if one.score is None else one.score
+def _lead(part: float) -> str:
+    return f"{part:.1%}" if part >= 0.01 else f"{part:.2%}"
 
 
 def _row(one: Racer) -> dict[str, Any]:

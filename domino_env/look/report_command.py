@@ -25,15 +25,15 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.look.race_data import headline
-    from domino_env.look.report import read_race, write_report
+    from domino_env.look.report import read_racers, write_report
 
     scene, asked = asked_physics(arguments)
     physics = asked if given_physics(arguments) else None
     paths = [Path(name) for name in arguments.paths]
-    race = read_race(paths, scene, physics)
+    racers, title = read_racers(paths, scene, physics)
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
-    size = write_report(race, target)
-    said = headline(race.racers, race.objective)
+    size = write_report(racers, title, target)
+    said = headline(racers)
     print(f"{said['who']}: {said['why']}\n{target}: {size / 1e3:.0f} kB")
     return 0

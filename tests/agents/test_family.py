@@ -224,7 +224,7 @@ def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> 
         header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 38,)}
         with archive.open("row_0_bias.npy", "w") as entry:
             np.lib.format.write_array_header_1_0(entry, header)
-    with pytest.raises(ValueError, match="the size that it says"):
+    with pytest.raises(ValueError, match="bytes, not"):
         load_designer(path)
     for content in (b"", b"not an archive", whole[:2000], whole[2000:], bytes(torn)):
         path.write_bytes(content)
@@ -246,6 +246,8 @@ def test_the_command_judges_it_on_many_scenes(tmp_path: Path, capsys) -> None:
         rows = list(csv.DictReader(lines))
     assert len(rows) == 3
     assert all(float(row["tried"]) > 0.0 < float(row["uniform"]) for row in rows)
+    assert main(["train", "family", "--algorithm", "sac"]) != 0
+    assert "in its own way" in capsys.readouterr().err
     assert main(["evaluate", "greedy", "--scenes", "3"]) != 0
     assert "greedy is none" in capsys.readouterr().err
 

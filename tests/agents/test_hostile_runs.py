@@ -23,10 +23,11 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 import domino_env as de
+from agents.arrays import read_weights
 from agents.evaluation import evaluate
 from agents.learner import learner, load_state, save_state
 from agents.presets import preset
-from agents.run_files import read_config, read_weights
+from agents.run_files import read_config
 from agents.sb3_vec_env import DominoVecEnv
 from agents.training import _as_begun, train
 
@@ -53,14 +54,14 @@ EXPECTED = {
     "weights/flipped.npz": "Bad CRC",
     "weights/good.npz": None,
     "weights/locked.npz": "encrypted",
-    "weights/long.npz": "w has 25 bytes, not 24",
+    "weights/long.npz": "'w' has 2000024 bytes, not 24",
     "weights/not_finite.npz": "no finite number",
-    "weights/objects.npz": "w is object of shape (2, 3), not float32",
-    "weights/other_kind.npz": "w is >f4",
+    "weights/objects.npz": "'w' is object of shape (2, 3), not float32",
+    "weights/other_kind.npz": "'w' is >f4",
     "weights/other_shape.npz": "shape (3, 2), not float32 of (2, 3)",
     "weights/path.npz": "../../w.npy",
     "weights/promises.npz": "shape (5000000000, 5)",
-    "weights/short.npz": "w has 23 bytes, not 24",
+    "weights/short.npz": "'w' has 23 bytes, not 24",
     "weights/strange_head.npz": "shape (-2, -3)",
     "weights/unknown_packing.npz": "not supported",
     "settings/code.json": "unknown key 'policy_kwargs'",

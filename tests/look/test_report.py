@@ -13,7 +13,7 @@ import pytest
 import domino_env as de
 from domino_env.look.energy import energies
 from domino_env.look.race_data import Racer, headline, race_data
-from domino_env.look.report import Race, read_race, write_report
+from domino_env.look.report import read_racers, write_report
 from domino_env.motion import Motion
 
 PHYSICS = de.Physics(push=8.0)
@@ -70,19 +70,19 @@ def test_headline_names_the_faster_row_in_any_order() -> None:
 def test_headline_follows_the_score_where_speed_is_not_what_counts() -> None:
     fast, slow = sorted(ROWS, key=lambda one: -one.wave.mean_speed)
     judged = [
-        dataclasses.replace(fast, score=0.2, worth="RMS error 4 ms"),
-        dataclasses.replace(slow, score=0.5, worth="RMS error 1 ms"),
+        dataclasses.replace(fast, score=0.2, worth="RMS error 4 ms", objective="tempo"),
+        dataclasses.replace(slow, score=0.5, worth="RMS error 1 ms", objective="tempo"),
     ]
-    assert headline(judged, "tempo")["who"] == f"{slow.name.capitalize()} wins"
-    assert race_data(judged, "tempo")["winner"] == 1
+    assert headline(judged)["who"] == f"{slow.name.capitalize()} wins"
+    assert race_data(judged)["winner"] == 1
     broken = dataclasses.replace(slow, score=-0.1, worth="breaks a limit of the scene")
-    assert "breaks a limit" in headline([judged[0], broken], "tempo")["why"]
+    assert "breaks a limit" in headline([judged[0], broken])["why"]
 
 
 def test_page_of_a_hundred_dominoes_is_small(tmp_path: Path) -> None:
     layout = de.Layout(np.random.default_rng(0).uniform(0.01, 0.02, 99), 0.0075)
     rows = tuple(Racer(str(k), de.simulate(layout, PHYSICS)) for k in range(3))
-    assert write_report(Race(rows, "</script><b>&"), tmp_path / "page.html") < 2_000_000
+    assert write_report(rows, "</script><b>&", tmp_path / "page.html") < 2_000_000
     text = (tmp_path / "page.html").read_text("utf-8")
     assert "<title>&lt;/script&gt;" in text
     assert "src=" not in text.replace("{{", "")
@@ -90,7 +90,7 @@ def test_page_of_a_hundred_dominoes_is_small(tmp_path: Path) -> None:
 
 def test_row_that_dies_and_names_that_break_scripts(tmp_path: Path) -> None:
     dead = Racer("</script>", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
-    write_report(Race((dead,), "t"), tmp_path / "page.html")
+    write_report([dead], "t", tmp_path / "page.html")
     text = (tmp_path / "page.html").read_text("utf-8")
     inside = text.split('id="data">')[1].split("</script>")[0]
     assert json.loads(inside)["rows"][0]["arrivals"][-1] is None
@@ -104,19 +104,19 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
     scene.uniform().layout.to_csv(run / "layout.csv")
     (run / "trace.csv").write_text("evaluations,best_score\n1,0.5\n7,0.8\n")
     (run / "verification.json").write_text('{"engine": "pymunk", "verdict": "AGREES"}')
-    race = read_race([run])
-    assert race.title == scene.title
-    assert [one.name for one in race.racers] == ["one", "best equal gaps"]
-    first, mark = race.racers
+    racers, title = read_racers([run])
+    assert title == scene.title
+    assert [one.name for one in racers] == ["one", "best equal gaps"]
+    first, mark = racers
     assert first.score == pytest.approx(mark.score) == pytest.approx(scene.uniform().score)
     assert first.trace == ([1.0, 7.0], [0.5, 0.8])
     assert first.verification is not None
     # under another physics the scene's verdict means nothing
-    assert read_race([run], physics=de.Physics(push=9.0)).racers[0].score is None
+    assert read_racers([run], physics=de.Physics(push=9.0))[0][0].score is None
     with pytest.raises(ValueError, match=r"no layout\.csv"):
-        read_race([tmp_path])
+        read_racers([tmp_path])
     with pytest.raises(ValueError, match="race one scene"):
-        read_race([run], de.load_scene("ideal"))
+        read_racers([run], de.load_scene("ideal"))
     with pytest.raises(ValueError, match="nothing to race"):
         race_data([])
 
@@ -133,12 +133,12 @@ def test_rows_are_called_after_what_made_them_and_bring_their_curves(tmp_path: P
         (tmp_path / name).mkdir()
         row.to_csv(tmp_path / name / "layout.csv")
         (tmp_path / name / "summary.json").write_text(f"{{{made}}}")
-    (tmp_path / "b" / "progress.csv").write_text("steps,score\n0,-inf\n10,0.5\n20,\n30,0.8\n")
-    race = read_race([tmp_path / name for name in "abc"], de.load_scene("sprint"))
+    (tmp_path / "b" / "progress.csv").write_text("steps,score\n10,0.5\n30,0.8\n")
+    racers, _ = read_racers([tmp_path / name for name in "abc"], de.load_scene("sprint"))
     names = ["optimised row (a)", "PPO agent's row", "optimised row (c)", "best equal gaps"]
-    assert [one.name for one in race.racers] == names
-    assert race.racers[1].learning == ([10.0, 30.0], [0.5, 0.8])
-    assert "AGREES" in race.racers[0].verification["verdict"]  # as is kept of rows that ship
+    assert [one.name for one in racers] == names
+    assert racers[1].learning == ([10.0, 30.0], [0.5, 0.8])
+    assert "AGREES" in racers[0].verification["verdict"]  # as is kept of rows that ship
 
 
 BROWSED = (
@@ -160,7 +160,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     window = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
     page = tmp_path_factory.mktemp("report") / "page.html"
-    write_report(Race(BROWSED, "test"), page)
+    write_report(BROWSED, "test", page)
     window.get(page.as_uri())
     yield window
     window.quit()

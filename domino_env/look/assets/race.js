@@ -281,7 +281,7 @@
     const share = (v) => (v == null ? "never" : (v > 0 ? "+" : "") + (100 * v).toFixed(3) + " %");
     checked.forEach((r) => {
       const v = r.verification, line = document.createElement("li");
-      const hinged = v.difference === undefined ? v.hinged : v.difference, free = v.free_difference === undefined ? v.free : v.free_difference;
+      const hinged = v.hinged_last === undefined ? v.hinged : v.hinged_last, free = v.free_last === undefined ? v.free : v.free_last;
       line.textContent = `${r.name}: ${v.verdict} Last hit, engine against ours: hinged ${share(hinged)}, standing free on a rough floor ${share(free)}.`;
       $("verify").append(line);
     });

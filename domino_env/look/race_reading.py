@@ -1,0 +1,159 @@
+"""Race reading: rows from layout files and folders of runs, with what the folders tell of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from domino_env.layout import Layout
+from domino_env.limits import RUN_BYTES, SHOWN_DOMINOES
+from domino_env.look.race_data import Racer
+from domino_env.look.verified import known_verification
+from domino_env.physics import Physics
+from domino_env.reading import decoded, one_line, read_bytes, read_json, shown, told_of
+from domino_env.scene import Scene, load_scene
+from domino_env.wave import simulate
+
+MARK = "best equal gaps"
+TIMES = ("model", "hinged", "free")  # of a verification
+
+
+def read_racers(
+    paths: Sequence[Path], scene: Scene | None = None, physics: Physics | None = None
+) -> tuple[list[Racer], str]:
+    """The rows to race and a title, from layout files and folders of runs.
+
+    A run, of a search or of a training, brings its scene, its curve and, if `domino verify --json`
+    wrote one there, its verification.json; rows that ship bring the verification that is kept of
+    them.  Where there is a scene its best uniform row races too, last.
+    Raises ValueError for a folder without a layout.csv, and for runs of different scenes.
+    """
+    found: list[tuple[str, Layout, Path | None]] = []
+    for path in paths:
+        if not path.is_dir():
+            found.append((one_line(path.stem, 100), _shown_layout(path), None))
+            continue
+        if not (path / "layout.csv").exists():
+            raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
+        if (path / "scene.toml").exists():
+            own = load_scene(path / "scene.toml")
+            if scene is not None and scene.to_toml() != own.to_toml():
+                raise ValueError(f"{path}: its scene differs from '{scene.name}'; race one scene")
+            scene = own
+        found.append((one_line(_called(path), 100), _shown_layout(path / "layout.csv"), path))
+    names = [name for name, _, _ in found]
+    judged = scene is not None and physics is None  # another physics is another problem
+    physics = physics or (scene.physics if scene else Physics())
+    objective = scene.objective if scene and judged else "mean_speed"
+    racers = []
+    for (name, layout, folder), path in zip(found, paths, strict=True):
+        wave = simulate(layout, physics)
+        # two runs of one kind are told apart by their folders
+        label = name if names.count(name) == 1 else f"{name} ({one_line(path.resolve().name, 100)})"
+        score = worth = None
+        if judged and scene and not scene.violations(layout):
+            score = scene.score_wave(wave)
+            worth = scene.in_words(score, wave)
+        racers.append(
+            Racer(
+                label,
+                wave,
+                _curve(folder, "trace.csv", "evaluations", "best_score"),
+                _curve(folder, "progress.csv", "steps", "score"),
+                _verification(folder, layout, physics),
+                score,
+                worth,
+                objective,
+            )
+        )
+    if scene and judged:
+        mark = scene.uniform()
+        worth = scene.in_words(mark.score, mark.wave)
+        racers.append(Racer(MARK, mark.wave, score=mark.score, worth=worth, objective=objective))
+    elif scene:
+        racers.append(Racer(MARK, simulate(scene.uniform().layout, physics)))
+    return racers, scene.title if scene else "race"
+
+
+def _shown_layout(path: Path) -> Layout:
+    layout = Layout.read(path)
+    with told_of(path):
+        SHOWN_DOMINOES.require(layout.count, "it has")
+    return layout
+
+
+def _called(folder: Path) -> str:
+    """What a run's row is called: by what made it, if the folder says so."""
+    path = folder / "summary.json"
+    told = read_json(path, RUN_BYTES, 10_000) if path.exists() else None
+    if isinstance(told, dict):
+        if isinstance(told.get("algorithm"), str):
+            return f"{one_line(told['algorithm'], 20).upper()} agent's row"
+        if "method" in told:
+            return "optimised row"
+    return folder.resolve().name
+
+
+def _curve(
+    folder: Path | None, name: str, across: str, up: str
+) -> tuple[list[float], list[float]] | None:
+    """Two columns of a CSV file in a run's folder; None where there is no such file."""
+    if folder is None or not (folder / name).exists():
+        return None
+    path = folder / name
+    with told_of(path):
+        text = decoded(read_bytes(path, RUN_BYTES))
+        found: tuple[list[float], list[float]] = [], []
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        try:
+            for line in reader:
+                for key, values in zip((across, up), found, strict=True):
+                    values.append(_number(line.get(key), f"line {reader.line_num}, {key}"))
+        except csv.Error as error:
+            raise ValueError(f"line {reader.line_num}: not a table: {error}") from None
+    return found
+
+
+def _number(told: object, where: str) -> float:
+    try:
+        value = float(told) if isinstance(told, str) else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{where}: {shown(told)} is no finite number")
+    return value
+
+
+def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
+    """What is told of a check of this row: of the folder's file, else what is kept of rows that
+    ship.  No more of the file is passed on than the page shows."""
+    path = folder / "verification.json" if folder else None
+    if path is None or not path.exists():
+        known = known_verification(layout, physics)
+        return None if known is None else asdict(known)
+    document = read_json(path, RUN_BYTES, 10 * SHOWN_DOMINOES.most + 100)
+    with told_of(path):
+        if not isinstance(document, dict):
+            raise ValueError("expected an object with the keys engine and verdict")
+        for key in ("engine", "verdict"):
+            if not isinstance(document.get(key), str):
+                raise ValueError(f"{key} = {shown(document.get(key))}: expected a line of text")
+        told: dict[str, Any] = {key: one_line(document[key], 1000) for key in ("engine", "verdict")}
+        for key, other in (("hinged", "difference"), ("free", "free_difference")):
+            value = document.get(other)
+            told[f"{key}_last"] = value if _is_number(value) else None
+        for key in TIMES:
+            times = document.get(key)
+            if not isinstance(times, list) or len(times) != layout.count:
+                return told  # of an older version, or of another row: the verdict alone
+            told[key] = [x if _is_number(x) else None for x in times]
+    return told
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
