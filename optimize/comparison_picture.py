@@ -25,6 +25,8 @@ def draw_gaps(comparison: Comparison, path: Path) -> None:
     figure, panels = _panels(comparison.scenes, comparison.unit)
     times = comparison.times()
     for scene, axes in panels.items():
+        axes.set_yscale("log")  # before what is drawn: where all gaps are one, none is guessed
+        axes.set_ylim(1e-4, 30.0)
         for method in comparison.methods:
             runs = comparison.of(scene, method)
             if not runs:
@@ -37,8 +39,6 @@ def draw_gaps(comparison: Comparison, path: Path) -> None:
             axes.fill_between(
                 times, 100.0 * low, 100.0 * high, color=style["color"], alpha=0.10, linewidth=0
             )
-        axes.set_yscale("log")
-        axes.set_ylim(1e-4, 30.0)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
     next(iter(panels.values())).set_ylabel("gap to the best known", color=SOFT)
     _save(figure, panels, path)

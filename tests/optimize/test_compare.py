@@ -170,3 +170,36 @@ def test_what_breaks_a_rule_is_no_record(scenes, tmp_path: Path) -> None:
     found = search(scenes["spacing"], "auto", budget=100)
     tighter = replace(found.scene, spacing=(0.03, 0.031))
     assert best_known.update([replace(found, scene=tighter)], tmp_path / "best.json") == []
+
+
+def test_a_comparison_that_was_stopped_goes_on(scenes, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(scenes["spacing"].to_toml())
+    parser = argparse.ArgumentParser()
+    compare_command.add_arguments(parser)
+    words = ["mine.toml", "--methods", "random,uniform", "--seeds", "2", "--evaluations", "20"]
+    calls = []
+
+    def stopped_at_the_third(*asked, **more):
+        calls.append(asked)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return search(*asked, **more)
+
+    monkeypatch.setattr("optimize.task.search", stopped_at_the_third)
+    with pytest.raises(KeyboardInterrupt, match=r"2 runs are complete; .*--resume goes on"):
+        compare_command.run(parser.parse_args(words))
+    with (tmp_path / "runs/comparison/runs.csv").open(newline="") as file:
+        first = list(csv.DictReader(file))
+    assert len(first) == 2
+    assert "evaluations_to_1_percent" in first[0]
+    assert compare_command.run(parser.parse_args([*words, "--resume"])) == 0
+    assert len(calls) == 5  # the third once more, and the fourth
+    with (tmp_path / "runs/comparison/runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(r["method"], r["seed"]) for r in rows] == [
+        ("random", "0"), ("uniform", "0"), ("random", "1"), ("uniform", "1")
+    ]  # fmt: skip
+    assert [(r["score"], r["seconds"]) for r in rows[:2]] == [
+        (r["score"], r["seconds"]) for r in first
+    ]
