@@ -180,7 +180,8 @@ class _Training:
             except KeyboardInterrupt:
                 interrupted = True
         # a last policy that is put back is looked at once more
-        if (not interrupted or not self.curve) and not self.look():
+        looked = bool(self.curve) and self.curve[-1][0] == self.model.num_timesteps  # had finished
+        if (not self.curve or not (interrupted or looked)) and not self.look():
             self.look()
         if interrupted:
             self.write_curve()  # half an update is nothing to go on from: the last checkpoint stays

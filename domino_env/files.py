@@ -35,7 +35,7 @@ def require_room(folder: Path) -> None:
     """
     probe = folder / f".writable-{os.getpid()}-{secrets.token_hex(4)}"
     try:
-        write_text(probe, "")
+        write_text(probe, " " * 4096)  # a full disk may have room for nothing
         probe.unlink()
     except OSError as error:
         raise ValueError(f"{folder} cannot be written: {error.strerror}") from None

@@ -49,7 +49,7 @@ class Nursery:
     def run(self, words: Sequence[object], log: Path) -> float:
         """Let a child finish; the seconds that it took."""
         began = time.perf_counter()
-        code = self.wait(self.start(words, log), 120.0)
+        code = self.wait(self.start(words, log), 600.0)
         assert code == 0, log.read_text()
         return time.perf_counter() - began
 
