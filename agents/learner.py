@@ -63,17 +63,8 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
         verbose=0, **options,
     )  # fmt: skip
     if algorithm == "ppo":
-        policy: Any = model.policy
-        policy.log_std.requires_grad_(False)
-        policy.reach = plan.reach
-        if plan.reach > 0.0:
-            policy.action_net.register_forward_hook(_bounded(plan.reach))
+        model.policy.log_std.requires_grad_(False)
     return model
-
-
-def _bounded(reach: float) -> Callable[[Any, Any, torch.Tensor], torch.Tensor]:
-    """What lets the means of actions come near ±reach and not beyond."""
-    return lambda module, given, means: reach * torch.tanh(means / reach)
 
 
 def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
@@ -89,8 +80,7 @@ def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
 def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
     """What the policy does without noise."""
     if algorithm == "ppo":
-        policy: Any = model.policy
-        return network_of(weights(policy), policy.reach)
+        return network_of(weights(model.policy))
     return lambda seen: model.predict(seen, deterministic=True)[0]
 
 
