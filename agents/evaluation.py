@@ -148,8 +148,7 @@ def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
         from agents.network import read_network
 
         path = folder / "policy.npz"
-        shape = inputs, outputs, plan.width, plan.depth
-        return read_network(path, *shape, reach=plan.reach), inputs
+        return read_network(path, inputs, outputs, plan.width, plan.depth), inputs
     from agents.extra import require_extra
 
     require_extra()

@@ -25,7 +25,6 @@ from domino_env.files import write_text
 
 WAYS = {
     "imitation": replace(Teaching(), batches=0),
-    "sampled slope": replace(Teaching(), examples=0, batches=400, sampled=8),
     "exact slope": replace(Teaching(), examples=0, batches=800),
     "imitation, then exact slope": Teaching(),
 }

@@ -23,7 +23,6 @@ from domino_env.scene import Scene
 
 Floats = NDArray[np.float64]
 
-NOISE = 0.03  # deviation of the logarithm of each gap, where the slope is sampled
 MARKED = 12  # uniform rows that the unit of a scene's score is taken from
 RTOL = 1e-5  # of rows that are scored while learning
 SHARP = 10.0  # preference for a plan that scores one per cent of uniform's speed more
@@ -109,7 +108,9 @@ class Learner:
             rest = order[self.teaching.climbing - 1 :]
             if len(rest):
                 few = np.append(few, rng.choice(rest))
-            slope = self._slope(scene, gaps[few], rng) / (unit * len(few))
+            # by the logarithm of the gap
+            slope = scene.score_batch_gradient(gaps[few], None, RTOL)[1] * gaps[few]
+            slope /= unit * len(few)
             tight = np.arange(scene.count - 1) >= scene.count - 1 - plans[few, None]
             slopes.append(np.where(tight, 0.0, slope).ravel())
             seen.append(shown(features, plans[few]))
@@ -131,20 +132,6 @@ class Learner:
         goal = torch.softmax(_tensor(np.array(merits)), dim=1)
         loss = loss + torch.nn.functional.cross_entropy(self.plan(_tensor(np.array(places))), goal)
         self._step(self.climbing, loss, done)
-
-    def _slope(self, scene: Scene, gaps: Floats, rng: np.random.Generator) -> Floats:
-        """How the scores of rows rise with the logarithms of their gaps, (K, N-1) both."""
-        sampled = self.teaching.sampled
-        if not sampled:
-            exact: Floats = scene.score_batch_gradient(gaps, None, RTOL)[1]
-            return exact * gaps
-        slopes = np.empty_like(gaps)
-        for slope, row in zip(slopes, gaps, strict=True):
-            noise = rng.standard_normal((sampled // 2, len(row)))
-            noise = NOISE * np.concatenate([noise, -noise])
-            scores = scene.score_batch(np.clip(row * np.exp(noise), *scene.spacing), None, RTOL)
-            slope[:] = (scores - scores.mean()) @ noise / (len(noise) * NOISE**2)
-        return slopes
 
     def _step(self, optimizer: torch.optim.Adam, loss: torch.Tensor, done: float) -> None:
         plan = self.teaching

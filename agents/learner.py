@@ -40,7 +40,8 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     options = dict(plan.options)
 
     def rate(left: float) -> float:
-        return plan.rate * (plan.last_rate + (1.0 - plan.last_rate) * left)
+        # the last rollout may go beyond the plan: a rate below the last would turn negative there
+        return plan.rate * (plan.last_rate + (1.0 - plan.last_rate) * max(left, 0.0))
 
     net = [plan.width] * plan.depth
     policy_options: dict[str, Any] = {"net_arch": net}
@@ -53,7 +54,7 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     if algorithm == "ars":
         policy_options = {}
         kind = "LinearPolicy"
-        spread = options["delta_std"]
+        spread = options.get("delta_std", 0.05)
         options["delta_std"] = lambda left: spread * rate(left) / plan.rate
     else:
         kind = "MlpPolicy"
@@ -62,17 +63,8 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
         verbose=0, **options,
     )  # fmt: skip
     if algorithm == "ppo":
-        policy: Any = model.policy
-        policy.log_std.requires_grad_(False)
-        policy.reach = plan.reach
-        if plan.reach > 0.0:
-            policy.action_net.register_forward_hook(_bounded(plan.reach))
+        model.policy.log_std.requires_grad_(False)
     return model
-
-
-def _bounded(reach: float) -> Callable[[Any, Any, torch.Tensor], torch.Tensor]:
-    """What lets the means of actions come near ±reach and not beyond."""
-    return lambda module, given, means: reach * torch.tanh(means / reach)
 
 
 def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
@@ -88,8 +80,7 @@ def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
 def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
     """What the policy does without noise."""
     if algorithm == "ppo":
-        policy: Any = model.policy
-        return network_of(weights(policy), policy.reach)
+        return network_of(weights(model.policy))
     return lambda seen: model.predict(seen, deterministic=True)[0]
 
 

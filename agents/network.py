@@ -21,13 +21,9 @@ _HIDDEN = re.compile(r"mlp_extractor\.policy_net\.[0-9]+\.weight")
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Layers of tanh with a linear one on top: a weight (outputs, inputs) and a bias (outputs,).
-
-    reach: bound of what comes out, see `Preset.reach`; 0 for none.
-    """
+    """Layers of tanh with a linear one on top: a weight (outputs, inputs) and a bias (outputs,)."""
 
     layers: tuple[tuple[Single, Single], ...]
-    reach: float = 0.0
 
     def __call__(self, seen: Single) -> Single:
         """(M,) the action for what is seen (inputs,), each entry from -1 to 1."""
@@ -35,33 +31,26 @@ class Network:
         for weight, bias in self.layers[:-1]:
             values = np.tanh(weight @ values + bias)
         weight, bias = self.layers[-1]
-        means = weight @ values + bias
-        if self.reach > 0.0:
-            means = self.reach * np.tanh(means / self.reach)
-        return np.asarray(np.clip(means, -1.0, 1.0), dtype=np.float32)
+        return np.asarray(np.clip(weight @ values + bias, -1.0, 1.0), dtype=np.float32)
 
 
-def network_of(arrays: Mapping[str, Single], reach: float = 0.0) -> Network:
+def network_of(arrays: Mapping[str, Single]) -> Network:
     """The network in the arrays of a policy."""
     stems = sorted(
         (name.removesuffix("weight") for name in arrays if _HIDDEN.fullmatch(name)),
         key=lambda stem: int(stem.split(".")[2]),
     )
-    stems.append(LAST)
-    return Network(tuple((arrays[s + "weight"], arrays[s + "bias"]) for s in stems), reach)
+    return Network(tuple((arrays[s + "weight"], arrays[s + "bias"]) for s in [*stems, LAST]))
 
 
-def read_network(
-    path: Path, inputs: int, outputs: int, width: int, depth: int, reach: float = 0.0
-) -> Network:
+def read_network(path: Path, inputs: int, outputs: int, width: int, depth: int) -> Network:
     """The network in a policy's file; nothing in it is run.
 
     ValueError where it holds another policy than one of `depth` layers of `width`.
     """
     kinds = arrays_of(inputs, outputs, width, depth)
     single = np.dtype(np.float32)
-    arrays = read_weights(path, {name: (kind, single) for name, kind in kinds.items()})
-    return network_of(arrays, reach)
+    return network_of(read_weights(path, {name: (kind, single) for name, kind in kinds.items()}))
 
 
 def arrays_of(inputs: int, outputs: int, width: int, depth: int) -> dict[str, tuple[int, ...]]:

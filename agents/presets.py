@@ -22,8 +22,6 @@ class Preset:
     rate: of learning at the start; it falls to `last_rate` of that.
     first_deviation, middle_deviation, last_deviation: of the actions, at the start, after
         `middle` of the steps, and at the end; geometric between (PPO).
-    reach: the largest mean of an action, which lies within -1 to 1 (PPO); 0 for no such bound.  A
-        mean far outside has all its samples at the same end, and learns nothing from them any more.
     follow: whether the reference speed follows the best row found.
     options: what the algorithm itself is given.
     """
@@ -38,7 +36,6 @@ class Preset:
     middle_deviation: float = 0.03
     last_deviation: float = 0.01
     middle: float = 0.6
-    reach: float = 0.0
     follow: bool = True
     options: dict[str, Any] = field(default_factory=dict)
 

@@ -8,7 +8,7 @@ EXAMPLES_SEED = 100  # that the scenes of the examples are drawn with, whatever 
 LIMITS = (
     ("width", 1, 1024), ("depth", 0, 8), ("examples", 0, 10**6), ("evaluations", 1, 10**9),
     ("passes", 0, 10**6), ("together", 1, 10**4), ("batches", 0, 10**8), ("scenes", 1, 10**4),
-    ("climbing", 2, 13), ("sampled", 0, 10**4),
+    ("climbing", 2, 13),
 )  # fmt: skip
 """Whole numbers, with the least and the most that is accepted."""
 
@@ -23,8 +23,6 @@ class Teaching:
     passes: over the examples, in batches of `together`.
     batches, scenes: of fresh scenes on the exact slope, and scenes in each; 0 for imitation alone.
     climbing: plans of a scene that climb: all but one the best, one by chance.
-    sampled: noisy rows that the slope of a row's score is estimated from, as reinforcement learning
-        does that knows no simulator; 0 for the exact slope.
     rate, last_rate: of Adam, falling along half a cosine in each of the two stages.
     """
 
@@ -37,7 +35,6 @@ class Teaching:
     batches: int = 1500
     scenes: int = 32
     climbing: int = 3
-    sampled: int = 0
     rate: float = 3e-3
     last_rate: float = 3e-5
 
@@ -50,5 +47,3 @@ class Teaching:
             value = getattr(self, name)
             if not (isinstance(value, int | float) and 0.0 < value <= 1.0):
                 raise ValueError(f"{name} = {value!r}: give a number above 0, at most 1")
-        if self.sampled % 2:
-            raise ValueError(f"sampled = {self.sampled}: give an even number, rows come in pairs")

@@ -1,6 +1,7 @@
 """Train an agent that builds rows for a scene, and write down what it learned.
 
-SCENE `family` teaches one policy over random scenes, whose batches are its steps.
+SCENE `family` teaches one policy over random scenes, in a way of its own, whose batches are its
+steps.
 
 Needs the extra "rl".  Ctrl-C ends the training with the best policy so far; --resume goes on.
 """
@@ -62,6 +63,8 @@ def _teach(arguments: argparse.Namespace) -> int:
     from agents.family_training import teach
     from agents.teaching import Teaching
 
+    if arguments.algorithm != "ppo" or arguments.warm_start is not None:
+        raise ValueError("family is taught in its own way: leave out --algorithm and --warm-start")
     plan = Teaching()
     if arguments.steps is not None:
         if arguments.steps < 0:

@@ -89,7 +89,8 @@ def train(
         `agents.cloning.row_to_clone`: a layout or its file, the folder of a run, "auto",
         "best-known".  Whatever it tries, it does not end below its clone.
 
-    Ctrl-C ends it with the best policy so far; a kill loses what came after the last checkpoint.
+    Ctrl-C ends it with the best policy so far.  A run that was stopped goes on from its last
+    checkpoint, and comes to what it would have come to undisturbed.
     ImportError where the extra "rl" is missing; ValueError for an unknown algorithm or scene, for a
     folder that holds another run, and for nothing to go on from.
     """
@@ -157,7 +158,7 @@ class _Training:
     def run(self, resume: bool, warm_start: str | Path | Layout | None = None) -> Run:
         from agents.learner import load_state
 
-        if resume:
+        if resume and (self.home / "checkpoint.pt").exists():
             self._restore(load_state(self.model, self.home / "checkpoint.pt"))
         else:
             cloned = None
@@ -181,7 +182,10 @@ class _Training:
         # a last policy that is put back is looked at once more
         if (not interrupted or not self.curve) and not self.look():
             self.look()
-        self.keep()
+        if interrupted:
+            self.write_curve()  # half an update is nothing to go on from: the last checkpoint stays
+        else:
+            self.keep()
         return self._finish(interrupted)
 
     @property
@@ -267,6 +271,10 @@ class _Training:
             "clone_score": self.clone_score,
         }
         save_state(self.model, more, self.home / "checkpoint.pt")
+        self.write_curve()
+
+    def write_curve(self) -> None:
+        """Write the learning curve."""
         lines = [",".join(COLUMNS)]
         lines += [",".join(f"{x:.10g}" for x in row) for row in self.curve]
         write_text(self.home / "progress.csv", "\n".join(lines) + "\n")
@@ -383,7 +391,7 @@ def _rival(scene: Scene, seconds: float) -> SearchResult | None:
 
 def _as_begun(home: Path) -> tuple[Scene, str, int, Preset, int]:
     """What a run in this folder was begun with."""
-    if not (home / "checkpoint.pt").exists():
+    if not (home / "config.json").exists():
         raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
     begun = read_config(home)
     if begun.algorithm == "ars":

@@ -403,7 +403,8 @@ def _range(
 def _in_heights(document: dict[str, Any], file: str) -> bool:
     asked = {}
     for name in ("spacing", "thickness"):
-        of = document.get(name, {}).get("of")
+        table = document.get(name)
+        of = table.get("of") if isinstance(table, dict) else None
         if of not in (None, "height"):
             raise ValueError(
                 f"{file}: {name}.of = {shown(of)}: write 'height', or leave it out for [m]"

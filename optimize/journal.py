@@ -184,6 +184,8 @@ class Journal:
     # what is there already ----------------------------------------------------------------------
 
     def _open(self) -> None:
+        if not self.path.is_file():  # a pipe would be waited for without end
+            raise ValueError(f"{self.path} is no plain file: begin anew, without --resume")
         try:
             self._file = self.path.open("r+b", buffering=0)
             _hold(self._file, self.path)

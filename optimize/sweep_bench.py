@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 from domino_env.scene import load_scene
 from optimize.cluster import Cluster
 from optimize.store import open_store
-from optimize.sweep import run_sweep, sweep_tasks
+from optimize.sweeping import run_sweep, sweep_tasks
 
 if TYPE_CHECKING:
     from optimize.task import Task, TaskResult

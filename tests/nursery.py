@@ -58,7 +58,8 @@ class Nursery:
         assert self._server.stdin is not None
         assert self._server.stdout is not None
         self._server.stdin.close()
-        self._server.wait(10)
+        self._server.kill()  # it has nothing left to do, and may sit in a wait
+        self._server.wait(60)
         self._server.stdout.close()
 
     def _asked(self, what: dict[str, Any]) -> Any:

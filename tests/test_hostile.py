@@ -118,6 +118,7 @@ EXPECTED: dict[str, str | None] = {
     "scenes/script.toml": "leave out '<'",
     "scenes/table_for_a_name.toml": "name = {'a': {'b': {...}}}: give a line of text",
     "scenes/tempo_of_nothing.toml": "tempo.from = 1e-320: give a finite number",
+    "scenes/thickness_number.toml": "the table [thickness] is no table",
     "scenes/utf_16.toml": "not UTF-8 text",
     "sounds/click.wav": "of toppling to hear",
     "sounds/compressed.wav": "unknown format: 85",

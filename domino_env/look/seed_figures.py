@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from domino_env.files import write_bytes
 from domino_env.layout import HEIGHT, Layout
 from domino_env.look.energy import energies
-from domino_env.look.seed_tables import GRAVITY, THICKNESS
+from domino_env.look.seed_tables import FRICTION, GRAVITY, THICKNESS
 from domino_env.motion import lean_behind
 from domino_env.physics import Physics
 from domino_env.steady import existence_limit, steady_wave, terminal_speed_estimate
@@ -126,7 +126,11 @@ def formula_against_simulation(path: Path) -> None:
 
 
 def friction(path: Path) -> None:
-    """Steady speed by friction between dominoes, beside the factor (1+μ)^-0.4."""
+    """Steady speed by friction between dominoes, beside the law of Cantor and Wojtacki (2022).
+
+    Their factor (1+μ)^-0.4 does not describe
+    this model; the legend says what exponent would, at the friction of the seed.
+    """
     figure, axes = _sheet("What friction costs")
     mu = np.linspace(0.0, 0.6, 31)
     for colour, pitch in zip(COLOURS, (0.016, 0.024, 0.032), strict=False):
@@ -134,8 +138,12 @@ def friction(path: Path) -> None:
             steady_wave(pitch, THICKNESS, physics=Physics(float(m), GRAVITY)).speed for m in mu
         ]
         known = np.where(np.array(speed) > 0.0, speed, np.nan)
-        axes.plot(mu, known / known[0], color=colour, label=f"pitch {pitch * 1e3:.0f} mm")
-    axes.plot(mu, (1.0 + mu) ** -0.4, color=PALE, linestyle="--", label="(1+μ)^−0.4")
+        part = steady_wave(pitch, THICKNESS, physics=Physics(FRICTION, GRAVITY)).speed / known[0]
+        power = np.log(part) / np.log(1.0 + FRICTION)
+        name = f"pitch {pitch * 1e3:.0f} mm, at μ = {FRICTION:g} as (1+μ)^{power:.2f}"
+        axes.plot(mu, known / known[0], color=colour, label=name)
+    name = "Cantor & Wojtacki: (1+μ)^−0.4, not this model"
+    axes.plot(mu, (1.0 + mu) ** -0.4, color=PALE, linestyle="--", label=name)
     axes.set(xlabel="friction μ", ylabel="speed over that without friction", ylim=(0.0, 1.02))
     _keep(figure, axes, path)
 

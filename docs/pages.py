@@ -1,0 +1,218 @@
+"""Pages that are made when the site is built: scenes and methods, from the data and docstrings.
+
+MkDocs calls `on_config`, `on_files` and `on_page_markdown` (mkdocs.yml, hooks).
+"""
+
+from __future__ import annotations
+
+import inspect
+from functools import cache
+from importlib import import_module
+from importlib.resources import files as package_files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import domino_env as de
+from domino_env.look.verified import known_verification, markdown, read_verified
+from domino_env.motion import Motion, outlines
+from optimize.best_known import BestKnown, best_known
+from optimize.methods import METHODS, PEERS
+
+if TYPE_CHECKING:
+    from mkdocs.structure.files import Files
+
+WIDE, ROOM = 940.0, 10.0  # [px]
+ENDS = 36  # dominoes at either end that are drawn of a long row
+BREAK = 2.0  # [heights] between the two ends
+FALLEN = 0.6  # of the wave's time: the instant that is drawn
+
+
+def on_config(config: Any) -> Any:
+    """A line of the menu for every scene."""
+    for section in config.nav:
+        if "Scenes" in section:
+            section["Scenes"] = ["scenes/index.md"] + [
+                {name: f"scenes/{name}.md"} for name in de.scene_names()
+            ]
+    return config
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """The pages that no file holds."""
+    from mkdocs.structure.files import File
+
+    records = best_known()
+    for name in de.scene_names():
+        page = scene_page(name, records.get(name))
+        files.append(File.generated(config, f"scenes/{name}.md", content=page))
+    files.append(File.generated(config, "scenes/index.md", content=scenes_page(records)))
+    files.append(File.generated(config, "methods.md", content=methods_page()))
+    return files
+
+
+def on_page_markdown(text: str, page: Any, config: Any, files: Files) -> str:
+    """What stands in a page for the table of verifications."""
+    mark = "<!-- verified -->"
+    return text.replace(mark, "\n".join(markdown(read_verified()))) if mark in text else text
+
+
+@cache
+def shipped(name: str) -> de.Scene:
+    """A scene; its best uniform row is found once."""
+    return de.load_scene(name)
+
+
+def scenes_page(records: dict[str, BestKnown]) -> str:
+    """All scenes in a table."""
+    lines = [
+        "# Scenes",
+        "",
+        "A scene is a design problem in one TOML file: what stands, what may be chosen, what",
+        "counts. These ship, and are there to be copied.",
+        "",
+        "| scene | what | best uniform row | best row known |",
+        "| --- | --- | --- | --- |",
+    ]
+    for name in de.scene_names():
+        scene, record = shipped(name), records.get(name)
+        mark = scene.uniform()
+        best = scene.in_words(record.score, scene.simulate(record.layout)) if record else "none"
+        uniform = scene.in_words(mark.score, mark.wave)
+        lines.append(f"| [`{name}`]({name}.md) | {scene.title} | {uniform} | {best} |")
+    return "\n".join(lines) + "\n"
+
+
+def scene_page(name: str, record: BestKnown | None) -> str:
+    """One scene: what it asks, the best uniform row, the best row known, drawn."""
+    scene = shipped(name)
+    mark = scene.uniform()
+    text = [
+        f"# {name}", "", scene.title + ".", "",
+        f"Best uniform row: {scene.in_words(mark.score, mark.wave)}, "
+        f"gaps {1e3 * mark.layout.spacing[0]:.2f} mm, "
+        f"thickness {1e3 * mark.layout.thickness[-1]:.2f} mm.", "",
+        drawing(mark.layout, scene), "",
+    ]  # fmt: skip
+    if record is not None:
+        wave = scene.simulate(record.layout)
+        lead = record.score / mark.score - 1.0 if mark.score > 0.0 else None
+        gain = "" if lead is None or not scene.unit else f", {lead:+.2%}"
+        text += [
+            f"Best row known: **{scene.in_words(record.score, wave)}**{gain}; found by "
+            f"`{record.method}` (seed {record.seed}) in {record.seconds:g} s.", "",
+            drawing(record.layout, scene), "",
+            schedule("gap in front of each domino [mm]", 1e3 * record.layout.spacing), "",
+        ]  # fmt: skip
+        if scene.free_thickness or scene.stock:
+            text += [schedule("thickness [mm]", 1e3 * record.layout.thickness), ""]
+        if scene.free_height:
+            text += [schedule("height [m]", record.layout.height), ""]
+        text += checked(name, record, scene)
+    source = (package_files("domino_env.scenes") / f"{name}.toml").read_text("utf-8")
+    return "\n".join(
+        [
+            *text,
+            "## Try it",
+            "",
+            "```",
+            f"domino optimize {name} --seconds 10        # search one yourself",
+            f"domino best-known {name} --layout best.csv # the row above",
+            f"domino report best.csv --scene {name}      # and see it race",
+            "```",
+            "",
+            "## The file",
+            "",
+            "```toml",
+            source.rstrip(),
+            "```",
+            "",
+        ]
+    )
+
+
+def checked(name: str, record: BestKnown, scene: Any) -> list[str]:
+    """What another engine says of the row."""
+    one = known_verification(record.layout, scene.physics)
+    if one is None:
+        return []
+    free = "" if one.free is None else f" Standing free on a rough floor: {one.free:+.2%}."
+    return [f"In an independent rigid-body engine ({one.engine}): {one.verdict}{free}", ""]
+
+
+def methods_page() -> str:
+    """Every method's idea, as its module tells it."""
+    lines = ["# Search methods", ""]
+    lines += ["`domino optimize SCENE --method NAME`, or `search(scene, method=NAME)`.", ""]
+    for name, module in METHODS.items():
+        told = inspect.getdoc(import_module(f"optimize.methods.{module}")) or ""
+        lines += [f"## `{name}`", "", told, ""]
+    lines += ["## Peers", "", "Methods of other projects, where these are installed:", ""]
+    lines += [f"- `{name}` needs {needed}" for name, (_, needed) in PEERS.items()]
+    return "\n".join(lines) + "\n"
+
+
+def drawing(layout: de.Layout, scene: Any) -> str:
+    """A row as it topples, to scale: an SVG picture in a block of its own."""
+    motion = Motion(layout, scene.physics)
+    cut = layout.count > 2.5 * ENDS
+    instant = FALLEN * motion.end
+    if cut:  # the front is among those that are drawn
+        instant = float(scene.simulate(layout).arrival_times[ENDS // 2])
+    leader = int(motion.leader([instant])[0][0])
+    corners = outlines(layout, motion.angles([instant])[0])
+    shown = list(range(layout.count))
+    if cut:
+        shown = [*range(ENDS), *range(layout.count - ENDS, layout.count)]
+        between = layout.positions[layout.count - ENDS] - layout.positions[ENDS - 1]
+        corners[layout.count - ENDS :, :, 0] -= between - BREAK * layout.height[0]
+    tall = float(layout.height.max())
+    left = float(corners[shown, :, 0].min())
+    scale = (WIDE - 2.0 * ROOM) / (float(corners[shown, :, 0].max()) - left)
+    high = tall * scale + 2.0 * ROOM
+    shapes = []
+    for i in shown:
+        points = " ".join(
+            f"{ROOM + (x - left) * scale:.1f},{high - ROOM - z * scale:.1f}" for x, z in corners[i]
+        )
+        kind = "#d55e00" if i == leader else "#0072b2" if i < leader else "#8d99a6"
+        shapes.append(f'<polygon points="{points}" fill="{kind}"/>')
+    if cut:
+        middle = float(corners[layout.count - ENDS, :, 0].min()) - 0.5 * BREAK * tall
+        x = ROOM + (middle - left) * scale
+        words = f"… {layout.count - 2 * ENDS} more …"
+        shapes.append(
+            f'<text x="{x:.0f}" y="{high / 2:.0f}" text-anchor="middle" font-size="11" '
+            f'fill="currentColor">{words}</text>'
+        )
+    ground = high - ROOM
+    floor = f'<line x1="0" x2="{WIDE:.0f}" y1="{ground:.1f}" y2="{ground:.1f}" stroke="#8d99a6"/>'
+    words = f"{layout.count} dominoes to scale, {layout.length:.3f} m, {instant:.2f} s after a push"
+    return _svg(high, floor + "".join(shapes), words)
+
+
+def schedule(name: str, values: np.ndarray) -> str:
+    """Numbers along the row as bars: an SVG picture with a scale."""
+    high, left = 120.0, 44.0
+    top = float(values.max())
+    scale, step = (high - 26.0) / top, (WIDE - left - ROOM) / len(values)
+    bars = "".join(
+        f'<rect x="{left + k * step:.2f}" y="{high - 6.0 - v * scale:.1f}" '
+        f'width="{max(0.8 * step, 0.5):.2f}" height="{v * scale:.1f}" fill="#0072b2"/>'
+        for k, v in enumerate(values)
+    )
+    marks = "".join(
+        f'<text x="{left - 6:.0f}" y="{high - 2.0 - v * scale:.0f}" text-anchor="end" '
+        f'font-size="11" fill="currentColor">{v:.3g}</text>'
+        for v in (top, 0.0)
+    )
+    title = f'<text x="{left:.0f}" y="12" font-size="12" fill="currentColor">{name}</text>'
+    words = f"{name}: first {values[0]:.3g}, least {values.min():.3g}, last {values[-1]:.3g}"
+    return _svg(high, title + marks + bars, words)
+
+
+def _svg(high: float, inside: str, words: str) -> str:
+    return (
+        f'<div><svg viewBox="0 0 {WIDE:.0f} {high:.0f}" width="100%" role="img" '
+        f'aria-label="{words}"><title>{words}</title>{inside}</svg></div>'
+    )
