@@ -89,6 +89,8 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
             },
         )
     if algorithm in ("sac", "td3", "tqc"):
+        # not searched for yet; on `sprint` (uniform 0.8030) the best row that was built in 25 s of
+        # processor time, seed 0, scored 0.8045 with SAC and 0.8019 with TQC
         options: dict[str, Any] = {
             "batch_size": 256,
             "buffer_size": 200_000,
@@ -98,8 +100,15 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
             "gradient_steps": 8,
             "tau": 0.005,
         }
-        return Preset(rows=16, steps=60_000, rate=1e-3, options=options)
+        plan = Preset(rows=16, steps=60_000, rate=1e-3, options=options)
+        if algorithm == "td3":  # with deviations from 1.0 it had learned nothing after 25 s
+            plan = replace(
+                plan, first_deviation=0.3, middle_deviation=0.1, last_deviation=0.03, middle=0.5
+            )
+        return plan
     if algorithm == "ars":
+        # the best of three trials of agents.tuning on `sprint`, rounded; the other two came within
+        # 0.00004.  Best row built in 8 s of processor time, seeds 0, 1, 2: 0.8204, 0.8204, 0.8201
         return Preset(
             rows=64,
             steps=4_000_000,
