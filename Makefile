@@ -22,8 +22,9 @@ help:
 run: $(VENV)/.core
 	$(BIN)/domino optimize $(SCENE) $(OPTIMIZE_FLAGS) --out $(OUT)
 
+# Files as wholes: what a file sets up once, a cluster say, is set up once.
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 bench: $(VENV)/.core
 	$(BIN)/python -m domino_env.bench
@@ -52,7 +53,7 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.core
-	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify]'
+	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify,dist]'
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core

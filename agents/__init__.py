@@ -3,6 +3,7 @@
     from agents import train, evaluate
     run = train("sprint", algorithm="ppo", steps=2_000_000, seed=0, folder="runs/ppo")
     evaluate(run.folder).score
+    design(scene).layout  # of a new scene, in milliseconds, by a policy that ships
 
 They build with the environment DominoChain-v0 and are judged by the scene's score, as every search
 is.  Importing this loads no torch; learning needs the extra: pip install "domino-chains[rl]".
@@ -14,12 +15,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from agents.designer import Design, design
     from agents.evaluation import Built, evaluate
     from agents.training import Run, train
 
-_HOMES = {"train": "training", "Run": "training", "evaluate": "evaluation", "Built": "evaluation"}
+_HOMES = {
+    "train": "training",
+    "Run": "training",
+    "evaluate": "evaluation",
+    "Built": "evaluation",
+    "design": "designer",
+    "Design": "designer",
+}
 
-__all__ = ["Built", "Run", "evaluate", "train"]
+__all__ = ["Built", "Design", "Run", "design", "evaluate", "train"]
 
 
 def __getattr__(name: str) -> object:

@@ -10,11 +10,14 @@ from typing import Any
 
 import torch
 
-from agents.run_files import require_whole_archive
+from agents.arrays import require_whole_archive
+from agents.run_files import require_curve, require_number
 from domino_env.limits import CHECKPOINT_BYTES
 from domino_env.reading import read_bytes, shown, told_of
 
 WORDS = 624  # of the state of NumPy's old generator
+TAUGHT = ("learner", "done", "curve", "seconds", "processor_seconds")
+MOMENTS = ("step", "exp_avg", "exp_avg_sq")  # of Adam, which all learners use
 BUFFER = ("observations", "next_observations", "actions", "rewards", "dones")
 
 
@@ -24,16 +27,44 @@ def read_checkpoint(model: Any, path: Path) -> dict[str, Any]:
     ValueError, naming the file, for what is damaged, too large, or another learner's.
     """
     with told_of(path):
-        data = read_bytes(path, CHECKPOINT_BYTES)
-        require_whole_archive(data)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                state = torch.load(io.BytesIO(data), weights_only=True, map_location="cpu")
-        except Exception as error:  # the unpickler raises whatever the bytes lead it to
-            raise ValueError(f"not a checkpoint: {error}") from None
+        state = _plain(path)
         _fits(state, model)
         return dict(state)
+
+
+def read_teaching(learner: Any, path: Path, columns: int) -> dict[str, Any]:
+    """The same of a designer that is taught a family of scenes.
+
+    columns: of its learning curve.
+    """
+    with told_of(path):
+        state, held = _plain(path), learner.state()
+        _same_keys("checkpoint", state, dict.fromkeys(TAUGHT))
+        _same_keys("learner", state["learner"], held)
+        for name, values in held.items():
+            found, owner = state["learner"][name], getattr(learner, name)
+            if isinstance(owner, torch.optim.Optimizer):
+                _optimiser(name, found, values, owner)
+            else:
+                _same_tensors(name, found, values)
+        if type(state["done"]) is not int or not 0 <= state["done"] < 2**60:
+            raise ValueError(f"done = {shown(state['done'])}: not a count")
+        require_curve(state["curve"], columns)
+        for name in ("seconds", "processor_seconds"):
+            require_number(name, state[name])
+        return dict(state)
+
+
+def _plain(path: Path) -> Any:
+    """What a file of torch's holds, if that is numbers alone."""
+    data = read_bytes(path, CHECKPOINT_BYTES)
+    require_whole_archive(data)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return torch.load(io.BytesIO(data), weights_only=True, map_location="cpu")
+    except Exception as error:  # the unpickler raises whatever the bytes lead it to
+        raise ValueError(f"not a checkpoint: {error}") from None
 
 
 def _fits(state: Any, model: Any) -> None:
@@ -116,19 +147,22 @@ def _optimiser(where: str, found: Any, held: Any, owner: torch.optim.Optimizer) 
         raise ValueError(f"{where}.param_groups: not those of such a learner")
     for group, like in zip(groups, held["param_groups"], strict=True):
         _same_keys(f"{where}.param_groups", group, like)
-        if group["params"] != like["params"]:
+        _numbers(f"{where}.param_groups", group, 2)
+        # the rate changes along the way
+        if any(group[name] != value for name, value in like.items() if name != "lr"):
             raise ValueError(f"{where}.param_groups: not those of such a learner")
-        _numbers(f"{where}.param_groups", group, 3)
+        if not isinstance(group["lr"], float) or not 0.0 <= group["lr"] <= 1e3:
+            raise ValueError(f"{where}.param_groups.lr = {shown(group['lr'])}: no rate of learning")
     states = found["state"]
     if not isinstance(states, dict):
         raise ValueError(f"{where}.state: not that of such a learner")
     for key, state in states.items():
         if type(key) is not int or not 0 <= key < len(parameters) or not isinstance(state, dict):
             raise ValueError(f"{where}.state: not that of such a learner")
+        _same_keys(f"{where}.state.{key}", state, dict.fromkeys(MOMENTS))
         for name, value in state.items():
-            single = isinstance(value, torch.Tensor) and value.dim() == 0
-            like = torch.zeros((), dtype=value.dtype) if single else parameters[key]
-            _tensor(f"{where}.state.{key}.{shown(name)}", value, like)
+            like = torch.zeros(()) if name == "step" else parameters[key]
+            _tensor(f"{where}.state.{key}.{name}", value, like)
 
 
 def _numbers(where: str, value: Any, depth: int) -> None:

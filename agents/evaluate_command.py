@@ -1,8 +1,9 @@
 """What an agent builds, beside the best uniform row and the best row known.
 
-RUN is the folder of a training, the name of a policy that ships (sprint), or a scripted builder:
-uniform, greedy, ramp.  A .zip archive of
-stable-baselines3 runs code when it is loaded and asks for --trust.
+RUN is the folder of a training, the name of a policy that ships (sprint, family), or a scripted
+builder: uniform, greedy, ramp.  A .zip archive of stable-baselines3 runs code when it is loaded and
+asks for --trust.  `family` designs a row for a new --scene in milliseconds; with --scenes it is
+judged on many that it has never seen.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from agents.designer import Designer
     from agents.evaluation import Built
 
 SUMMARY = "what a trained agent, or a scripted builder, builds"
@@ -21,11 +23,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "agent",
         metavar="RUN",
-        help="a training's folder; sprint, which ships; uniform, greedy or ramp",
+        help="a training's folder; sprint or family, which ship; uniform, greedy or ramp",
     )
     parser.add_argument("--scene", help="another scene than it was trained on")
     parser.add_argument("--trust", action="store_true", help="load an archive that may run code")
     parser.add_argument("--layout", metavar="FILE", help="write the row, .csv or .json")
+    many = parser.add_argument_group("a policy taught over a family of scenes")
+    many.add_argument("--scenes", type=int, metavar="N", help="judge it on N random scenes")
+    many.add_argument("--seed", type=int, default=1, help="that these are drawn with (1)")
+    many.add_argument("--search", type=int, metavar="E", help="search each too, E evaluations")
+    many.add_argument("--csv", metavar="FILE", help="write a line for each scene")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -34,9 +41,19 @@ def run(arguments: argparse.Namespace) -> int:
 
     from agents.builders import BUILDERS
     from agents.evaluation import evaluate
+    from agents.family_evaluation import designer_of
     from domino_env.scene import load_scene
 
-    if arguments.agent in BUILDERS:
+    designer = None if arguments.agent in BUILDERS else designer_of(arguments.agent)
+    if designer is not None and arguments.scenes is not None:
+        return _judge(designer, arguments)
+    if arguments.scenes is not None:
+        raise ValueError(
+            f"--scenes judges a policy taught over a family: {arguments.agent} is none"
+        )
+    if designer is not None:
+        built = _designed(designer, arguments.scene)
+    elif arguments.agent in BUILDERS:
         built = BUILDERS[arguments.agent](load_scene(arguments.scene or "sprint"))
     else:
         built = evaluate(arguments.agent, arguments.scene, trust=arguments.trust)
@@ -48,6 +65,41 @@ def run(arguments: argparse.Namespace) -> int:
         (built.layout.to_csv if path.suffix == ".csv" else built.layout.to_json)(path)
         print(f"row written to {path}")
     return 0
+
+
+def _judge(designer: Designer, arguments: argparse.Namespace) -> int:
+    """Its rows in many random scenes, as a table."""
+    import sys
+    from pathlib import Path
+
+    from agents.family_evaluation import judge
+
+    judged = judge(
+        arguments.scenes,
+        arguments.seed,
+        designer,
+        evaluations=arguments.search,
+        progress=sys.stderr.isatty(),
+    )
+    print(judged.table())
+    if arguments.csv:
+        judged.save(Path(arguments.csv))
+        print(f"scenes written to {arguments.csv}")
+    return 0
+
+
+def _designed(designer: Designer, name: str | None) -> Built:
+    """Its row for one scene."""
+    from agents.designer import design
+    from agents.evaluation import Built
+    from domino_env.scene import load_scene
+
+    scene = load_scene(name or "sprint")
+    design(scene, designer=designer)  # compiles what is not compiled yet
+    found = design(scene, designer=designer)
+    for sentence in found.outside:
+        print(f"beyond what was taught: {sentence}")
+    return Built(scene, found.layout, found.wave, found.score, scene.uniform(), found.seconds)
 
 
 def sentence(built: Built) -> str:

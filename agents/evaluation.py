@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
 POLICIES = Path(__file__).parent / "policies"
+FAMILY = "family"  # the one that was taught many scenes
 
 Seen = NDArray[np.float32]
 Policy = Callable[[Seen], NDArray[Any]]
@@ -62,7 +63,7 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
     over, told = False, dict[str, Any]()
     while not over:
         seen, _, over, _, told = env.step(policy(seen))
-    layout = _completed(told["layout"], scene)
+    layout = completed(told["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     return Built(scene, layout, wave, scene.score_wave(wave), uniform, seconds)
@@ -73,10 +74,13 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
 
     run: the folder that `train` wrote; the name of a policy that ships (`shipped`); or, with
         trust=True, an archive of stable-baselines3 (.zip), whose loading runs code that it holds.
-    scene: another one than it was trained on; its observations must have the same entries.
+    scene: another one than it was trained on; its observations must have the same entries;
+        "family", which was taught many, asks for one.
     A policy of PPO needs NumPy alone, the others the extra "rl".
     ValueError where the scene shows something else, and for what is no run.
     """
+    from agents.family_evaluation import built_for, teaches_a_family
+
     path = Path(run)
     if path.suffix == ".zip":
         if scene is None:
@@ -89,8 +93,10 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     else:
         from agents.run_files import read_reference
 
-        if not path.exists() and str(run) in shipped():
+        if not path.exists() and str(run) in (*shipped(), FAMILY):
             path = POLICIES / str(run)
+        if teaches_a_family(path):
+            return built_for(path, scene)
         home = load_scene(path / "scene.toml") if (path / "scene.toml").exists() else None
         if home is None or not (path / "policy.npz").exists():
             raise ValueError(
@@ -106,12 +112,24 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
             f"scene '{judged.name}' shows {shape} numbers, this policy was trained on ({size},): "
             "choose a scene with the same things left free"
         )
-    return build(policy, judged, speed)
+
+    def certain(seen: Seen) -> NDArray[Any]:
+        # the largest weights that are finite overflow in a network
+        with np.errstate(all="ignore"), told_of(path):
+            try:
+                action = policy(seen)
+            except (ValueError, RuntimeError):
+                action = np.full(1, np.nan)
+            if not np.isfinite(action).all():
+                raise ValueError("its policy does not know what to do: its weights are too large")
+            return action
+
+    return build(certain, judged, speed)
 
 
 def shipped() -> list[str]:
-    """Names of the policies that come with the package."""
-    return sorted(folder.name for folder in POLICIES.iterdir() if folder.is_dir())
+    """Names of the policies for one scene that come with the package."""
+    return sorted(folder.parent.name for folder in POLICIES.glob("*/scene.toml"))
 
 
 def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
@@ -158,12 +176,14 @@ def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:
     for kind in CLASSES.values():
         try:
             return kind.load(path, device="cpu")
-        except (KeyError, ValueError, AttributeError, RuntimeError, TypeError):
+        except OSError:
+            raise
+        except Exception:  # of the code that it holds, and of what it is not
             continue
     raise ValueError(f"{path} is no archive of {', '.join(CLASSES)}")
 
 
-def _completed(layout: Layout, scene: Scene) -> Layout:
+def completed(layout: Layout, scene: Scene) -> Layout:
     """A row of all dominoes: what was not placed is as the last that was."""
     missing = scene.count - layout.count
     if missing == 0:

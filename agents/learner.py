@@ -8,25 +8,30 @@ from typing import Any
 
 import numpy as np
 import torch
-from sb3_contrib import ARS, TQC
+from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.arrays import read_weights
+from agents.candidates import SideBySideARS
 from agents.checkpoint import read_checkpoint
 from agents.network import network_of
 from agents.presets import Preset
-from agents.run_files import read_weights
 from domino_env.files import write_bytes
+from domino_env.reading import told_of
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "ppo": PPO,
     "sac": SAC,
     "td3": TD3,
     "tqc": TQC,
-    "ars": ARS,
+    "ars": SideBySideARS,
 }
+
+
+NOISY = ("ppo", "td3")  # whose actions get the deviation that a preset says
 
 
 def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorithm:
@@ -35,23 +40,26 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     options = dict(plan.options)
 
     def rate(left: float) -> float:
-        return plan.rate * (plan.last_rate + (1.0 - plan.last_rate) * left)
+        # the last rollout may go beyond the plan: a rate below the last would turn negative there
+        return plan.rate * (plan.last_rate + (1.0 - plan.last_rate) * max(left, 0.0))
 
     net = [plan.width] * plan.depth
     policy_options: dict[str, Any] = {"net_arch": net}
     if algorithm == "ppo":
         policy_options |= {"activation_fn": torch.nn.Tanh, "log_std_init": 0.0}
     if algorithm == "td3":
-        size = env.action_space.sample().size
-        options["action_noise"] = NormalActionNoise(np.zeros(size), 0.15 * np.ones(size))
+        assert env.action_space.shape is not None
+        size, first = env.action_space.shape[0], plan.first_deviation
+        options["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, first))
     if algorithm == "ars":
         policy_options = {}
         kind = "LinearPolicy"
-        step: Any = plan.rate
+        spread = options.get("delta_std", 0.05)
+        options["delta_std"] = lambda left: spread * rate(left) / plan.rate
     else:
-        kind, step = "MlpPolicy", rate
+        kind = "MlpPolicy"
     model = CLASSES[algorithm](
-        kind, env, learning_rate=step, policy_kwargs=policy_options, seed=seed, device="cpu",
+        kind, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed, device="cpu",
         verbose=0, **options,
     )  # fmt: skip
     if algorithm == "ppo":
@@ -60,9 +68,13 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
 
 
 def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
-    """Of PPO's actions."""
+    """Of the actions of PPO and TD3, which do not learn it."""
     policy: Any = model.policy
-    policy.log_std.data.fill_(float(np.log(deviation)))
+    if hasattr(policy, "log_std"):
+        policy.log_std.data.fill_(float(np.log(deviation)))
+    noise: Any = getattr(model, "action_noise", None)
+    for one in getattr(noise, "noises", ()):
+        one._sigma = np.full_like(one._sigma, deviation)
 
 
 def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
@@ -122,11 +134,15 @@ def load_state(model: Any, path: Path) -> dict[str, Any]:
     ValueError, before anything is changed, for what is no checkpoint of such a learner.
     """
     state = read_checkpoint(model, path)
-    model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+    with told_of(path):
+        try:
+            model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+            torch.set_rng_state(state["torch"])
+        except (KeyError, TypeError, RuntimeError, AttributeError) as error:
+            raise ValueError(f"it does not fit this learner: {error}") from None
     model.num_timesteps = state["steps"]
     model._n_updates = state["updates"]
     model._episode_num = state["episodes"]
-    torch.set_rng_state(state["torch"])
     keys = state["numpy"].numpy().astype(np.uint32)
     np.random.set_state(("MT19937", keys, state["place"], 0, 0.0))  # noqa: NPY002
     if "entropy" in state:

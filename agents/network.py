@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.run_files import read_weights
+from agents.arrays import read_weights
 
 Single = NDArray[np.float32]
 

@@ -36,6 +36,10 @@ def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
         found = f"CMA-ES in {rival.seconds:.0f} s {rival.score:.4f}"
         curve.axhline(rival.score, color="#009E73", ls="-.", label=found)
         marks.append(rival.score)
+    if run.clone_score is not None:
+        told = f"the clone it began with {run.clone_score:.4f}"
+        curve.axhline(run.clone_score, color="#CC79A7", ls="-.", label=told)
+        marks.append(run.clone_score)
     known = best_known().get(run.built.scene.name)
     if known is not None:
         marks.append(known.score)

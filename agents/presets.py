@@ -7,7 +7,7 @@ rewards and the ratio that is scored agree in the end (Dinkelbach's iteration).
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 ALGORITHMS = ("ppo", "sac", "td3", "tqc", "ars")
@@ -53,8 +53,24 @@ class Preset:
         return asdict(self)
 
 
-def preset(algorithm: str, episode: int) -> Preset:
-    """That of an algorithm for episodes of so many steps.  ValueError for an unknown one."""
+def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
+    """That of an algorithm for episodes of so many steps.  ValueError for an unknown one.
+
+    warm: PPO's for going on from a clone: small deviations and steps, and whole returns.  With an
+        advantage that is estimated over a few steps (λ = 0.95) what the critic does not know yet
+        outweighs the little there is to gain.
+    """
+    if algorithm == "ppo" and warm:
+        plan = preset(algorithm, episode)
+        return replace(
+            plan,
+            steps=3_000_000,
+            rate=3e-4,
+            first_deviation=0.03,
+            middle_deviation=0.015,
+            last_deviation=0.005,
+            options=plan.options | {"gae_lambda": 1.0, "target_kl": 0.02},
+        )
     if algorithm == "ppo":
         length = 2 * episode if episode <= 120 else episode
         return Preset(
@@ -85,9 +101,10 @@ def preset(algorithm: str, episode: int) -> Preset:
         return Preset(rows=16, steps=60_000, rate=1e-3, options=options)
     if algorithm == "ars":
         return Preset(
-            rows=32,
+            rows=64,
             steps=4_000_000,
-            rate=0.03,
-            options={"n_delta": 16, "n_top": 8, "delta_std": 0.03, "zero_policy": True},
+            rate=0.2,
+            last_rate=0.02,
+            options={"n_delta": 32, "n_top": 20, "delta_std": 0.05, "zero_policy": True},
         )
     raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")

@@ -6,24 +6,16 @@ refused with a sentence.
 
 from __future__ import annotations
 
-import io
 import math
 import re
-import struct
-import warnings
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
-
-import numpy as np
-from numpy.typing import NDArray
 
 from agents.presets import ALGORITHMS, Preset
-from domino_env.limits import CHECKPOINT_BYTES, LEARNER_NUMBERS, POLICY_BYTES, RUN_BYTES, Limit
-from domino_env.reading import one_line, read_bytes, read_json, shown, told_of
+from domino_env.limits import LEARNER_NUMBERS, RUN_BYTES
+from domino_env.reading import read_json, shown, told_of
 
 SEEN = 32  # numbers of an observation, about
 WIDEST, DEEPEST = 4096, 16  # of a network
@@ -97,89 +89,21 @@ def require_progress(more: Mapping[str, Any], columns: int) -> None:
     columns: of its learning curve.
     """
     for name in ("best", "sampled", "seconds", "processor_seconds", "reference"):
-        _number(name, more.get(name), scores=name in ("best", "sampled"))
+        require_number(name, more.get(name), scores=name in ("best", "sampled"))
     for name in ("next_look", "next_keep"):
         _whole(more.get(name), name, 0, 2**60)
-    curve = more.get("curve")
+    if more.get("clone_score") is not None:
+        require_number("clone_score", more["clone_score"], scores=True)
+    require_curve(more.get("curve"), columns)
+
+
+def require_curve(curve: object, columns: int) -> None:
+    """ValueError for what is no list of rows of so many numbers."""
     for row in curve if isinstance(curve, list) else [curve]:
         if not isinstance(row, list) or len(row) != columns:
             raise ValueError(f"curve holds {shown(row)}: expected {columns} numbers")
         for value in row:
-            _number("curve", value, scores=True)
-
-
-def read_weights(
-    path: Path, wanted: Mapping[str, tuple[tuple[int, ...], np.dtype[Any]]]
-) -> dict[str, NDArray[Any]]:
-    """Arrays of these names, shapes and kinds from an .npz file, all finite.
-
-    ValueError for any other file.  What the file says of sizes is compared, never allocated.
-    """
-    with told_of(path):
-        data = read_bytes(path, POLICY_BYTES)
-        with _archive(data, POLICY_BYTES) as archive:
-            found = sorted(member.filename for member in archive.infolist())
-            if found != sorted(f"{name}.npy" for name in wanted):
-                raise ValueError(f"it does not hold the weights of such a policy: {_unlike(found)}")
-            try:
-                return {name: _array(archive, name, *kind) for name, kind in wanted.items()}
-            except _TORN as error:
-                raise ValueError(f"damaged: {error}") from None
-
-
-def require_whole_archive(data: bytes) -> None:
-    """ValueError where a checkpoint's bytes are no archive, torn, or would unpack to too much."""
-    with _archive(data, CHECKPOINT_BYTES) as archive:
-        try:
-            torn = archive.testzip()
-        except _TORN as error:
-            raise ValueError(f"damaged: {error}") from None
-        if torn is not None:
-            raise ValueError(f"damaged: {shown(torn)}")
-
-
-_TORN = (
-    BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, KeyError, OSError, TypeError,
-    SyntaxError, IndexError, AttributeError,
-)  # fmt: skip
-
-
-def _archive(data: bytes, limit: Limit) -> ZipFile:
-    try:
-        archive = ZipFile(io.BytesIO(data))
-    except (*_TORN, ValueError) as error:
-        raise ValueError(f"it does not hold the weights of such a learner: {error}") from None
-    limit.require(sum(member.file_size for member in archive.infolist()), "unpacked, it has")
-    return archive
-
-
-def _unlike(found: list[str]) -> str:
-    return f"it has {len(found)} arrays, {one_line(', '.join(found[:3]), 100)} …"
-
-
-def _array(
-    archive: ZipFile, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]
-) -> NDArray[Any]:
-    with archive.open(f"{name}.npy") as member, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about headers of old programs
-        version = np.lib.format.read_magic(member)
-        read = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }.get(version)
-        if read is None:
-            raise ValueError(f"{shown(name)}: format {version}, where (1, 0) is known")
-        told, by_columns, kind = read(member, max_header_size=2000)
-        if told != shape or kind != dtype:
-            raise ValueError(f"{name} is {kind} of shape {shown(told)}, not {dtype} of {shape}")
-        size = math.prod(shape) * dtype.itemsize
-        data = member.read(size + 1)
-    if len(data) != size:
-        raise ValueError(f"damaged: {name} has {len(data)} bytes, not {size}")
-    values = np.frombuffer(data, dtype).reshape(shape, order="F" if by_columns else "C")
-    if not np.isfinite(values).all():
-        raise ValueError(f"{name} holds what is no finite number")
-    return values.copy()
+            require_number("curve", value, scores=True)
 
 
 def _object(value: object, where: str) -> dict[str, Any]:
@@ -220,7 +144,7 @@ def _setting(where: str, value: object, whole: bool, yes_or_no: bool) -> None:
     elif whole:
         _whole(value, where, 0, 10**15)
     else:
-        _number(where, value)
+        require_number(where, value)
 
 
 def _option(where: str, value: object) -> None:
@@ -228,11 +152,11 @@ def _option(where: str, value: object) -> None:
         return
     if isinstance(value, str) and _WORDS.fullmatch(value):
         return
-    _number(where, value)
+    require_number(where, value)
 
 
-def _number(where: str, value: object, *, scores: bool = False) -> None:
-    """scores: those of rows that were never built are -inf."""
+def require_number(where: str, value: object, *, scores: bool = False) -> None:
+    """ValueError for what is no finite number; scores of rows that were never built are -inf."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if number and (-1e15 <= value <= 1e15 or (scores and value == -math.inf)):  # type: ignore[operator]
         return

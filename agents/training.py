@@ -31,8 +31,11 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.callbacks import BaseCallback
 
+    from agents.cloning import Cloned
+    from domino_env.layout import Layout
     from optimize.result import SearchResult
 
+SLACK = 1e-4  # of score that a policy may lose against its clone before it is put back
 LOOKS = 200  # evaluations of the policy in a run
 KEEPS = 40  # checkpoints of a run
 COLUMNS = (
@@ -49,6 +52,7 @@ class Run:
 
     folder: where all of it lies.  built: the row of the best policy.  steps, seconds: spent.
     curve: a tuple of `COLUMNS` for each evaluation.  interrupted: whether it was ended by hand.
+    clone_score: of the clone that it began with; None for none.
     """
 
     folder: Path
@@ -58,6 +62,7 @@ class Run:
     seconds: float
     curve: tuple[tuple[float, ...], ...]
     interrupted: bool
+    clone_score: float | None = None
 
 
 def train(
@@ -70,6 +75,7 @@ def train(
     resume: bool = False,
     progress: bool = False,
     plan: Preset | None = None,
+    warm_start: str | Path | Layout | None = None,
 ) -> Run:
     """Train an agent to build rows for a scene.
 
@@ -79,8 +85,12 @@ def train(
     folder: where the run is kept (runs/SCENE-ALGORITHM).
     resume: go on from the checkpoint in the folder, with its scene, seed and steps.
     plan: another preset.
+    warm_start: a row that PPO learns to build before it goes on by itself, see
+        `agents.cloning.row_to_clone`: a layout or its file, the folder of a run, "auto",
+        "best-known".  Whatever it tries, it does not end below its clone.
 
-    Ctrl-C ends it with the best policy so far; a kill loses what came after the last checkpoint.
+    Ctrl-C ends it with the best policy so far.  A run that was stopped goes on from its last
+    checkpoint, and comes to what it would have come to undisturbed.
     ImportError where the extra "rl" is missing; ValueError for an unknown algorithm or scene, for a
     folder that holds another run, and for nothing to go on from.
     """
@@ -95,12 +105,15 @@ def train(
         judged, algorithm, seed, plan, steps = _as_begun(home)
     elif (home / "config.json").exists() or (home.is_dir() and any(home.iterdir())):
         raise ValueError(f"{home} is not empty: name another folder, or go on with --resume")
-    plan = plan or preset(algorithm, judged.count - 1)
+    if warm_start is not None and algorithm != "ppo":
+        raise ValueError(f"a warm start is PPO's, not {algorithm}'s: leave one of the two out")
+    plan = plan or preset(algorithm, judged.count - 1, warm=warm_start is not None)
     require_memory(plan)
     total = steps or plan.steps
     state = np.random.get_state()  # noqa: NPY002 - the learner draws from the global stream
     try:
-        return _Training(judged, algorithm, plan, total, seed, home, progress).run(resume)
+        training = _Training(judged, algorithm, plan, total, seed, home, progress)
+        return training.run(resume, warm_start)
     finally:
         np.random.set_state(state)  # noqa: NPY002
 
@@ -129,6 +142,7 @@ class _Training:
             warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
             self.model: BaseAlgorithm = learner(algorithm, plan, self.env, seed)
         self.seed = seed
+        self.clone_score: float | None = None
         self.best = -np.inf
         self.sampled = -np.inf
         self.curve: list[tuple[float, ...]] = []
@@ -141,13 +155,20 @@ class _Training:
 
             self.bar = tqdm(total=total, unit=" dominoes", unit_scale=True)
 
-    def run(self, resume: bool) -> Run:
+    def run(self, resume: bool, warm_start: str | Path | Layout | None = None) -> Run:
         from agents.learner import load_state
 
-        if resume:
+        if resume and (self.home / "checkpoint.pt").exists():
             self._restore(load_state(self.model, self.home / "checkpoint.pt"))
         else:
-            self._begin()
+            cloned = None
+            if warm_start is not None:
+                from agents.cloning import clone
+
+                first = self.plan.first_deviation
+                cloned = clone(self.model, self.env, warm_start, first, self.seed)
+                self.clone_score = cloned.score
+            self._begin(cloned)
         self._log()
         interrupted = False
         left = self.total - self.model.num_timesteps
@@ -158,9 +179,13 @@ class _Training:
                     self.model.learn(left, callback=self._watch(), reset_num_timesteps=False)
             except KeyboardInterrupt:
                 interrupted = True
-        if not interrupted or not self.curve:
+        # a last policy that is put back is looked at once more
+        if (not interrupted or not self.curve) and not self.look():
             self.look()
-        self.keep()
+        if interrupted:
+            self.write_curve()  # half an update is nothing to go on from: the last checkpoint stays
+        else:
+            self.keep()
         return self._finish(interrupted)
 
     @property
@@ -182,17 +207,20 @@ class _Training:
 
     def tune(self) -> None:
         """What changes along the way: deviation and reference speed."""
-        from agents.learner import set_deviation
+        from agents.learner import NOISY, set_deviation
 
-        if self.algorithm == "ppo":
+        if self.algorithm in NOISY:
             set_deviation(self.model, self.deviation())
         if self.plan.follow and self.scene.objective == "mean_speed":
             found = max(self.best, self.sampled)
             self.env.rows.reference_speed = float(max(found, self.uniform_speed))
 
-    def look(self) -> None:
-        """Let the policy build a row without noise; keep the policy if it is the best so far."""
-        from agents.learner import builder, save_weights
+    def look(self) -> bool:
+        """Let the policy build a row without noise; keep the policy if it is the best so far.
+
+        False where it lost against the clone that it was, and the best is put in its place.
+        """
+        from agents.learner import builder, load_weights, save_weights
 
         speed = float(self.env.rows.reference_speed)
         built = build(builder(self.model, self.algorithm), self.scene, speed)
@@ -211,6 +239,9 @@ class _Training:
             write_text(self.home / "policy.json", json.dumps(document, indent=1) + "\n")
             built.layout.to_csv(self.home / "layout.csv")
             built.layout.to_json(self.home / "layout.json")
+        lost = self.clone_score is not None and built.score < self.clone_score - SLACK
+        if lost:
+            load_weights(self.model.policy, self.home / "policy.npz")  # what was tried is undone
         self.curve.append(
             (
                 float(self.model.num_timesteps), self.seconds, built.score, self.best,
@@ -222,6 +253,7 @@ class _Training:
         if self.bar is not None:
             mark = self.scene.uniform().score
             self.bar.set_postfix_str(f"best {self.best:.4f}, uniform {mark:.4f}")
+        return not lost
 
     def keep(self) -> None:
         """Write the checkpoint and the learning curve."""
@@ -236,8 +268,13 @@ class _Training:
             "reference": float(self.env.rows.reference_speed),
             "next_look": self.next_look,
             "next_keep": self.next_keep,
+            "clone_score": self.clone_score,
         }
         save_state(self.model, more, self.home / "checkpoint.pt")
+        self.write_curve()
+
+    def write_curve(self) -> None:
+        """Write the learning curve."""
         lines = [",".join(COLUMNS)]
         lines += [",".join(f"{x:.10g}" for x in row) for row in self.curve]
         write_text(self.home / "progress.csv", "\n".join(lines) + "\n")
@@ -284,7 +321,7 @@ class _Training:
         else:
             self.model.set_logger(configure(str(self.home / "tensorboard"), ["tensorboard"]))
 
-    def _begin(self) -> None:
+    def _begin(self, cloned: Cloned | None) -> None:
         self.home.mkdir(parents=True, exist_ok=True)
         from optimize.runs import versions
 
@@ -293,6 +330,7 @@ class _Training:
             "seed": self.seed,
             "steps": self.total,
             "preset": self.plan.to_dict(),
+            "warm_start": None if cloned is None else cloned.to_dict(),
             "versions": versions(),
         }
         write_text(self.home / "scene.toml", self.scene.to_toml())
@@ -306,6 +344,7 @@ class _Training:
         self.spent, self.worked = more["seconds"], more["processor_seconds"]
         self.env.rows.reference_speed = more["reference"]
         self.next_look, self.next_keep = more["next_look"], more["next_keep"]
+        self.clone_score = more.get("clone_score")
 
     def _finish(self, interrupted: bool) -> Run:
         from agents.evaluation import evaluate
@@ -316,7 +355,7 @@ class _Training:
         built = evaluate(self.home)
         run = Run(
             self.home, self.algorithm, built, self.model.num_timesteps, self.seconds,
-            tuple(self.curve), interrupted,
+            tuple(self.curve), interrupted, self.clone_score,
         )  # fmt: skip
         document = {
             "finished": not interrupted,
@@ -326,6 +365,8 @@ class _Training:
             "score": built.score,
             "uniform_score": built.uniform.score,
             "gain": built.gain,
+            "clone_score": self.clone_score,
+            "last_score": self.curve[-1][2],
             "steps": run.steps,
             "seconds": run.seconds,
             "processor_seconds": self.processor_seconds,
@@ -350,7 +391,7 @@ def _rival(scene: Scene, seconds: float) -> SearchResult | None:
 
 def _as_begun(home: Path) -> tuple[Scene, str, int, Preset, int]:
     """What a run in this folder was begun with."""
-    if not (home / "checkpoint.pt").exists():
+    if not (home / "config.json").exists():
         raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
     begun = read_config(home)
     if begun.algorithm == "ars":

@@ -43,14 +43,14 @@ def main(words: Sequence[str] | None = None) -> int:
     Ctrl-C ends with 130, SIGTERM with 143.
     """
     arguments = parser().parse_args(words)
-    notice = threading.Timer(NOTICE_AFTER, _say_that_it_compiles)
+    notice = threading.Timer(NOTICE_AFTER, _say_that_it_compiles, [arguments])
     notice.daemon = True
     notice.start()
     termination = _Termination()
     try:
         code = int(arguments.run(arguments))
         sys.stdout.flush()
-        return code
+        return 143 if termination.came else code
     except BrokenPipeError:
         # whoever read the output has enough; what is left in the buffer has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -84,11 +84,11 @@ class _Termination:
             signal.signal(signal.SIGTERM, self._before)
 
 
-def _say_that_it_compiles() -> None:
+def _say_that_it_compiles(arguments: argparse.Namespace) -> None:
     """Explain a long silence: the kernel is compiled at its first use after an install."""
     kernel = sys.modules.get("domino_env.kernel")
     rows = getattr(kernel, "solve_rows", None)  # loading may not be over
-    elsewhere = {"optimize.worker_pool", "optimize.cluster"} & sys.modules.keys()  # workers do
+    elsewhere = getattr(arguments, "workers", None) or getattr(arguments, "dask", None)
     if rows is not None and not rows.signatures and not elsewhere:
         print("compiling the simulator, once, for about half a minute ...", file=sys.stderr)
 

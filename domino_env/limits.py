@@ -76,6 +76,9 @@ DRAWN_DOMINOES = Limit(
 RUN_BYTES = Limit(
     "DOMINO_RUN_BYTES", 16 * 2**20, "bytes", "settings, traces and checks of a run take kilobytes"
 )
+JOURNAL_BYTES = Limit(
+    "DOMINO_JOURNAL_BYTES", 2**30, "bytes", "some ten minutes of gradients on two cores"
+)
 SHOWN_DOMINOES = Limit(
     "DOMINO_SHOWN_DOMINOES", 5_000, "dominoes a row", "pictures need time by the square of a row"
 )
@@ -84,13 +87,14 @@ FRAMES = Limit(
 )
 SHEETS = Limit("DOMINO_SHEETS", 1_000, "sheets of paper", "of a row 270 m long")
 SOUND_SAMPLES = Limit(
-    "DOMINO_SOUND_SAMPLES", 30_000_000, "samples", "eleven minutes at 44.1 kHz; 2 GB to listen to"
+    "DOMINO_SOUND_SAMPLES", 30_000_000, "samples", "eleven minutes at 44.1 kHz; 1 GB to listen to"
 )
-SOUND_BYTES = Limit(
-    "DOMINO_SOUND_BYTES", 256 * 2**20, "bytes", "the samples above in four channels of 16 bits"
-)
+SOUND_BYTES = Limit("DOMINO_SOUND_BYTES", 128 * 2**20, "bytes", "as many samples of 32 bits")
 POLICY_BYTES = Limit(
     "DOMINO_POLICY_BYTES", 64 * 2**20, "bytes of weights", "two layers of 2 000; ours have 64"
+)
+ARRAYS_BYTES = Limit(
+    "DOMINO_ARRAYS_BYTES", 256 * 2**20, "bytes of arrays", "a million examples of a family"
 )
 LEARNER_NUMBERS = Limit(
     "DOMINO_LEARNER_NUMBERS", 200_000_000, "numbers in a learner", "0.8 GB of observations"
@@ -101,6 +105,6 @@ CHECKPOINT_BYTES = Limit(
 
 ALL = (
     LAYOUT_BYTES, LAYOUT_DOMINOES, SCENE_BYTES, SCENE_DOMINOES, SCENE_KINDS, SCENE_VALUES,
-    DRAWN_DOMINOES, RUN_BYTES, SHOWN_DOMINOES, FRAMES, SHEETS, SOUND_SAMPLES, SOUND_BYTES,
-    POLICY_BYTES, LEARNER_NUMBERS, CHECKPOINT_BYTES,
+    DRAWN_DOMINOES, RUN_BYTES, JOURNAL_BYTES, SHOWN_DOMINOES, FRAMES, SHEETS, SOUND_SAMPLES,
+    SOUND_BYTES, POLICY_BYTES, ARRAYS_BYTES, LEARNER_NUMBERS, CHECKPOINT_BYTES,
 )  # fmt: skip

@@ -61,6 +61,8 @@ def parsed(data: bytes, values: int) -> Any:
         raise ValueError("not JSON: nested too deep") from None
     except json.JSONDecodeError as error:
         raise ValueError(f"not JSON: {error}") from None
+    except ValueError as error:
+        raise ValueError(_shorter(error)) from None
 
 
 def decoded(data: bytes) -> str:
@@ -83,6 +85,12 @@ def encoding_of(data: bytes) -> str:
     return "utf-8-sig"
 
 
+def _shorter(error: ValueError) -> str:
+    """Python's advice on long numbers is not for whoever reads a file."""
+    long = str(error).startswith("Exceeds the limit")
+    return "a whole number has thousands of digits" if long else str(error)
+
+
 @contextmanager
 def told_of(path: Path | str) -> Iterator[None]:
     """Whatever is wrong inside becomes a ValueError of one line that begins with the path."""
@@ -95,7 +103,8 @@ def told_of(path: Path | str) -> Iterator[None]:
 def refuse(path: Path | str, error: BaseException | str) -> NoReturn:
     """Raise that ValueError."""
     name = one_line(str(path), LONGEST_PATH, keep_end=True)
-    said = str(error).removeprefix(f"{path}: ").removeprefix(f"{name}: ")
+    said = _shorter(error) if isinstance(error, ValueError) else str(error)
+    said = said.removeprefix(f"{path}: ").removeprefix(f"{name}: ")
     if isinstance(error, MemoryError):
         said = "too large for this computer's memory"
     if said.startswith((f"{path}, ", f"{name}, ")):  # line and column follow

@@ -273,6 +273,38 @@ class Rows:
         )
         return seen, rewards, ended
 
+    def actions_towards(self, layout: Layout) -> Floats:
+        """Actions (B, choices) that place the next domino of every row as it stands in a layout.
+
+        Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
+        """
+        actions = np.zeros((self.number, self.choices))
+        for b in np.flatnonzero(self.books[:, kernel.B_PHASE] == kernel.RUNS):
+            actions[b] = self._action_towards(int(b), layout)
+        return actions
+
+    def _action_towards(self, b: int, layout: Layout) -> list[float]:
+        scene, rules = self.scene, self._rules
+        n, way = int(self.books[b, kernel.B_PLACED]), self.books[b, kernel.B_WAY]
+        left, tall = scene.count - 1 - n, layout.height
+        gap, thick = layout.spacing[n], layout.thickness[n + 1]
+        if scene.in_heights:
+            gap, thick = gap / min(tall[n], tall[n + 1]), thick / tall[n + 1]
+        action = []
+        bounds = kernel.thickness_bounds(rules, left, way)
+        placed = float(np.clip(thick, *bounds))
+        if scene.free_spacing:
+            low, high = kernel.gap_bounds(rules, left, way, placed)
+            if rules[kernel.G_CHANGE] > 0.0 and n > 0:
+                before, change = self._spacing[b, n - 1], rules[kernel.G_CHANGE]
+                low, high = max(low, before - change), min(high, before + change)
+            action.append(_action_for(gap, low, high))
+        if scene.free_thickness:
+            action.append(_action_for(thick, *bounds))
+        if scene.growth is not None and scene.free_height:
+            action.append(_action_for(tall[n + 1] / tall[n], *scene.growth))
+        return action
+
     def lay(self, actions: Floats) -> Layout:
         """The whole row that actions (N-1, choices) stand for, none of it simulated."""
         scene, left = self.scene, self._box.copy()
@@ -359,6 +391,13 @@ class Rows:
         low, high = kernel.thickness_bounds(rules, pairs, way)
         gaps = kernel.gap_bounds(rules, pairs, way, 0.5 * (low + high))
         return {"spacing": (float(gaps[0]), float(gaps[1])), "thickness": (float(low), float(high))}
+
+
+def _action_for(value: float, low: float, high: float) -> float:
+    """The action in [-1, 1] that stands for a value; where nothing can be chosen, 0."""
+    if not low < high:
+        return 0.0
+    return float(np.clip(2.0 * (value - low) / (high - low) - 1.0, -1.0, 1.0))
 
 
 def progress_features(count: int) -> Seen:

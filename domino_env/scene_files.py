@@ -40,7 +40,7 @@ from domino_env.limits import (
 from domino_env.objective import OBJECTIVES, Limits
 from domino_env.physics import Physics
 from domino_env.placement import LARGEST_DRAWS, Placement
-from domino_env.reading import one_line, plain_name, read_bytes, shown, told_of
+from domino_env.reading import one_line, plain_name, read_bytes, refuse, shown, told_of
 from domino_env.stock import Stock
 from domino_env.tempo import TOLERANCE, Tempo
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from domino_env.scene import Bounds, Scene
 
 LONGEST_TITLE = 300  # [characters]
-LONGEST_KEY = 8  # [words with dots between]; reading takes memory by its square
+LONGEST_KEY = 4  # [words with dots between]; reading takes memory by its square
 
 # texts, remarks, and keys of too many words, as TOML takes them apart from left to right; what is
 # not closed is read to the end, so that no sign is looked at twice
@@ -94,11 +94,11 @@ def read_scene(name: str | Path) -> Scene:
     known = scene_names()
     if str(name) not in known and (path.suffix == ".toml" or path.is_file()):
         if not path.is_file():
-            raise ValueError(f"{path}: there is no such scene file")
+            refuse(path, "there is no such scene file")
         try:
             text = read_bytes(path, SCENE_BYTES).decode("utf-8-sig")
         except UnicodeDecodeError:
-            raise ValueError(f"{path}: not UTF-8 text; save the file as UTF-8") from None
+            refuse(path, "not UTF-8 text; save the file as UTF-8")
         return parse_scene(text, path.stem, str(path))
     if str(name) not in known:
         near = difflib.get_close_matches(str(name)[:LONGEST_TITLE], known, n=1)
@@ -133,8 +133,10 @@ def _document(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("not TOML: nested too deep") from None
-    except ValueError as error:
+    except tomllib.TOMLDecodeError as error:
         raise ValueError(f"not TOML: {error}") from None
+    except ValueError:
+        raise ValueError("not TOML: a whole number has thousands of digits") from None
 
 
 def _scene_of(document: dict[str, Any], name: str, file: str) -> Scene:
@@ -347,7 +349,8 @@ def _whole(
     value = table.get(key, default)
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
         what = f"{where}.{key} is missing" if value is None else f"{where}.{key} = {shown(value)}"
-        raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}")
+        more = f"; for more set {SCENE_DOMINOES.variable}" if high == SCENE_DOMINOES.most else ""
+        raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}{more}")
     return value
 
 
@@ -400,7 +403,8 @@ def _range(
 def _in_heights(document: dict[str, Any], file: str) -> bool:
     asked = {}
     for name in ("spacing", "thickness"):
-        of = document.get(name, {}).get("of")
+        table = document.get(name)
+        of = table.get("of") if isinstance(table, dict) else None
         if of not in (None, "height"):
             raise ValueError(
                 f"{file}: {name}.of = {shown(of)}: write 'height', or leave it out for [m]"

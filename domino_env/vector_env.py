@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.layout import Layout
 from domino_env.row_env import (
     RENDER_FPS,
     RTOL,
@@ -209,6 +210,13 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
     def bounds_ahead(self, row: int) -> dict[str, tuple[float, float]]:
         """What the next action of a row ranges over; see `DominoChain.bounds_ahead`."""
         return self._rows.bounds_ahead(row)
+
+    def actions_towards(self, layout: Layout) -> Floats:
+        """Actions (B, A) that place the next domino of every row as it stands in a layout.
+
+        Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
+        """
+        return self._rows.actions_towards(layout)
 
     def render(self) -> tuple[Any, ...] | None:
         """A frame of every row at its latest hit."""

@@ -15,14 +15,16 @@ if TYPE_CHECKING:
     from optimize.problem import Problem
     from optimize.result import SearchResult
     from optimize.searching import search
+    from optimize.sweeping import sweep
 
-__all__ = ["METHODS", "Problem", "SearchResult", "search"]
+__all__ = ["METHODS", "Problem", "SearchResult", "search", "sweep"]
 
 _HOMES = {
     "METHODS": "methods",
     "Problem": "problem",
     "SearchResult": "result",
     "search": "searching",  # a module called search would hide the function
+    "sweep": "sweeping",
 }
 
 

@@ -44,6 +44,7 @@ class Budget:
     slopes: the steepest slope left at each of them, see `slope_left`; None where it is not known.
     finalists: the last improvements, (score, design) each, the best last.
     watch: called with the budget after every batch.
+    clock: what tells the seconds; processor time where the machine has other things to do.
     executor: what scores batches of several pieces, see `optimize.bulk`; None: this process.
     """
 
@@ -54,6 +55,7 @@ class Budget:
         seconds: float | None = None,
         watch: Callable[[Budget], None] | None = None,
         executor: Executor | None = None,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.problem = problem
         self.evaluations = evaluations
@@ -65,12 +67,16 @@ class Budget:
         self._executor = executor
         self._dominoes = problem.scene.count * problem.scene.waves_a_score  # of a row
         self._piece = min(max(8, PIECE // self._dominoes), MOST_ROWS)
-        self._began = time.perf_counter()
+        self._clock = clock
+        self._began = clock()
+        if problem.journal is not None:
+            problem.journal.start()
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the search began."""
-        return time.perf_counter() - self._began
+        """Seconds since the search began, those before it was stopped and resumed among them."""
+        journal = self.problem.journal
+        return self._clock() - self._began if journal is None else journal.seconds
 
     @property
     def bulk(self) -> int:
@@ -89,6 +95,13 @@ class Budget:
         if self.seconds is not None:
             parts.append(self.elapsed / self.seconds)
         return min(max(parts), 1.0)
+
+    @property
+    def left(self) -> float:
+        """Evaluations that may still be spent; inf where only the clock ends the search."""
+        if self.evaluations is None:
+            return np.inf
+        return float(self.evaluations - self.problem.evaluations)
 
     @property
     def best_score(self) -> float:
@@ -130,13 +143,17 @@ class Budget:
 
     def _found(self, pieces: list[Floats], rtol: float | None) -> Iterator[Floats]:
         """The scores of one piece after the other."""
+        journal, pieces = self.problem.journal, list(pieces)
+        while pieces and journal is not None and journal.replaying:
+            yield self.problem.scores(pieces.pop(0), rtol)
         tasks = [] if self._executor is None else tasks_of(pieces, self._dominoes)
         if self._executor is None or len(tasks) < 2:
             for piece in pieces:
                 yield self.problem.scores(piece, rtol)
         else:
-            for part in scores_elsewhere(self._executor, self.problem, tasks, rtol):
-                self.problem.count(part)
+            parts = scores_elsewhere(self._executor, self.problem, tasks, rtol)
+            for piece, part in zip(pieces, parts, strict=True):
+                self.problem.remember_scores(piece, rtol, part)
                 yield part
 
     def score(self, design: Floats) -> float:
@@ -185,6 +202,26 @@ class Budget:
         found = self.problem.lateness(design)
         self._note(np.asarray(design)[None], np.array([found[0]]))
         return found
+
+    def note(self, scores: Floats, design: Callable[[int], Floats]) -> None:
+        """Count rows that were simulated elsewhere, as closely as the problem's, and remember them.
+
+        scores: (B,) what the scene gives for them.
+        design: gives the design of row i, asked for only where it is the best so far.
+        ValueError where there are more than the budget has left: whoever simulates has to ask.
+        """
+        if len(scores) > self.left:
+            raise ValueError(f"{len(scores)} rows are noted, where {self.left:g} are left to spend")
+        self.problem.count(scores)
+        i = int(np.argmax(scores))
+        if scores[i] > self.best_score:
+            self._note(np.asarray(design(i))[None], scores[i : i + 1])
+        elif self._watch is not None:
+            self._watch(self)
+
+    def already_spent(self, seconds: float) -> None:
+        """Count time that went into what the search builds on, before it began [s]."""
+        self._began -= seconds
 
     def _note(self, designs: Floats, scores: Floats, gradients: Floats | None = None) -> None:
         i = int(np.argmax(scores))

@@ -39,6 +39,7 @@ def scores_elsewhere(
     does it.  EngineLost where the executor is gone.
     """
     blank = copy.copy(problem)
+    blank.journal = None
     blank.evaluations = blank.falls = 0  # equal problems are equal bytes
     words = pickle.dumps(blank)
     futures = [executor.submit(score_pieces, words, task, rtol) for task in tasks]

@@ -13,13 +13,20 @@ from importlib.util import find_spec
 from types import TracebackType
 from typing import Any
 
-from optimize.engines import SURROUNDINGS, EngineLost, WorkerLost
+from optimize.engines import STRIKES, SURROUNDINGS, EngineLost, WorkerLost
 from optimize.reports import TOPIC, Hear
+from optimize.worker_pool import without_ctrl_c
 
 LOOPBACK = "127.0.0.1"
 ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")
-ANSWER = 5.0  # [s] for a scheduler to answer
-FIRST_WORKER = 30.0  # [s] for the first worker to come
+ANSWER = 10.0  # [s] for a scheduler to answer
+FIRST_WORKER = 60.0  # [s] for the first worker to come
+CLOSING = 30.0  # [s] for a cluster of ours to end; what has not by then ends with this process
+# A worker that dies is blamed on every task it holds: it must hold none but the one it runs.
+EXACT = {
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.allowed-failures": STRIKES - 1,
+}
 DECISIVE = ("domino-chains", "numpy", "scipy", "numba", "cma")  # versions that must be the same
 
 
@@ -46,22 +53,25 @@ class Cluster(Executor):
             raise
 
     def _open(self, address: str, workers: int | None) -> None:
+        import dask
         from distributed import Client, LocalCluster
 
         # what goes wrong reaches the caller as an exception, in a sentence
         for name in ("distributed", "distributed.client", "distributed.scheduler"):
             self._stack.callback(_quieten(logging.getLogger(name)))
         if address == "local":
-            local = LocalCluster(
-                n_workers=workers or os.cpu_count() or 1,
-                threads_per_worker=1,
-                processes=True,
-                host=LOOPBACK,
-                dashboard_address=None,
-                silence_logs=logging.CRITICAL,
-                env=SURROUNDINGS,
-            )
-            self._stack.callback(partial(local.close, timeout=ANSWER))
+            with dask.config.set(EXACT), without_ctrl_c():
+                local = LocalCluster(
+                    n_workers=workers or os.cpu_count() or 1,
+                    threads_per_worker=1,
+                    processes=True,
+                    host=LOOPBACK,
+                    dashboard_address=f"{LOOPBACK}:0",  # any port: the usual one may be taken
+                    scheduler_kwargs={"dashboard": False},
+                    silence_logs=logging.CRITICAL,
+                    env=SURROUNDINGS,
+                )
+            self._stack.callback(_at_rest, partial(local.close, timeout=CLOSING))
             address = local.scheduler_address
         elif workers is not None:
             raise ValueError(
@@ -78,7 +88,7 @@ class Cluster(Executor):
             self._client = Client(address, timeout=ANSWER, set_as_default=False, name="domino")
         except OSError as error:
             raise EngineLost(f"no Dask scheduler answers at {address}: {error}") from None
-        self._stack.callback(self._close_client)
+        self._stack.callback(_at_rest, partial(self._client.close, timeout=ANSWER))
         try:
             self._client.wait_for_workers(1, timeout=FIRST_WORKER)
         except OSError:
@@ -98,9 +108,14 @@ class Cluster(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """See `concurrent.futures.Executor`."""
         outer: Future[Any] = Future()
-        if self._client.status != "running":
+        if self._client.status != "running":  # what is submitted now would never be sent
             raise self._lost()
-        inner = self._inner.submit(fn, *args, **kwargs)
+        try:
+            inner = self._inner.submit(fn, *args, **kwargs)
+        except Exception:
+            if self._client.status == "running":
+                raise
+            raise self._lost() from None
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
         inner.add_done_callback(partial(self._pass_on, outer))
         return outer
@@ -144,10 +159,6 @@ class Cluster(Executor):
         if self.hear is not None:
             self.hear(event[1])
 
-    def _close_client(self) -> None:
-        with suppress(Exception):
-            self._client.close(timeout=ANSWER)
-
     def _require_same_versions(self) -> None:
         from optimize.runs import versions
 
@@ -170,6 +181,12 @@ class Cluster(Executor):
                         f"the Dask worker {worker} has {name} {found.get(name)}, and here it is "
                         f"{ours.get(name)}: results may differ; install the same versions"
                     )
+
+
+def _at_rest(close: Callable[[], object]) -> None:
+    """Close what may be gone already, or too slow: nothing that anyone waits for is in it."""
+    with suppress(Exception):
+        close()
 
 
 def _quieten(logger: logging.Logger) -> Callable[[], None]:

@@ -2,7 +2,9 @@
 
 SCENE is the name of a scene that ships (sprint, course, …) or the path of a TOML file.  The folder
 of the run holds the scene, the best row (CSV and JSON), the trace of the search, a summary and a
-picture; an earlier run there is replaced.  Ctrl-C ends the search and writes the best so far.
+picture; an earlier run there is replaced.  Ctrl-C ends the search and writes the best so far;
+--resume goes on from there, after a kill too, or further with a larger budget, and comes to what an
+undisturbed search would have.
 """
 
 from __future__ import annotations
@@ -34,6 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
     parser.add_argument("--out", metavar="FOLDER", help="the run's folder (runs/SCENE)")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the search in the folder; its seconds so far count",
+    )
     add_engine_options(parser)
 
 
@@ -61,6 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
             seconds=seconds,
             folder=folder,
             executor=executor,
+            resume=arguments.resume,
         )
     print(f"best row found:   {_found(result)}")
     print(f"written to {folder}: {', '.join(FILES)}")

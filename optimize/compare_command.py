@@ -5,21 +5,29 @@ SCENE is the name of a scene that ships, a .toml file, or `all`.  The folder get
 runs and their traces as CSV, and two pictures: the gap against run time, and the part of a ladder
 of targets that was reached.  Ctrl-C ends it with the runs that are complete.
 
-Runs are independent: --workers or --dask spread them.  With --evaluations the results can be
-repeated to the bit; equal --seconds are equal chances only where there are no more workers than
-cores and nothing else to do.
+Every run goes into the study store as it comes; --resume goes on with a comparison that was
+stopped.  Runs are independent: --workers or --dask spread them.  With --evaluations the results
+can be repeated to the bit; equal --seconds are equal chances only where there are no more workers
+than cores and nothing else to do.
+
+Learners (ppo, sac, td3, tqc, ars) and trained agents (agent:RUN, whose clock began with its
+training) run where they are named in --methods.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optimize.engine_options import add_engine_options, asked_engine
+from optimize.study_options import add_study_options, asked_study
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from optimize.result import SearchResult
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
@@ -39,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--evaluations", type=int, help="rows that each run may simulate")
     parser.add_argument("--out", metavar="FOLDER", default="runs/comparison", help="%(default)s")
     add_engine_options(parser)
+    add_study_options(parser)
     parser.add_argument(
         "--update-best",
         action="store_true",
@@ -48,9 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
+    from domino_env.files import require_room
     from domino_env.scene import load_scene, scene_names
     from optimize import best_known, methods
-    from optimize.comparison import compare
+    from optimize.comparison import compare, comparison_tasks
     from optimize.comparison_page import FILES, table, write
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
@@ -66,19 +76,30 @@ def run(arguments: argparse.Namespace) -> int:
     seconds, evaluations = arguments.seconds, arguments.evaluations
     if seconds is None and evaluations is None:
         seconds = DEFAULT_SECONDS
-    seeds, total = range(arguments.seeds), len(scenes) * len(chosen) * arguments.seeds
-    with asked_engine(arguments) as executor:
-        at_a_time = getattr(executor, "workers", 1)
-        if seconds is not None:
-            turns = -(-total // at_a_time)
-            print(f"{total} runs of {seconds:g} s: {turns * seconds / 60.0:.1f} min", flush=True)
-        else:
-            print(f"{total} runs of {evaluations} rows", flush=True)
-        comparison = compare(
-            scenes, chosen, seeds, seconds, _tell, evaluations=evaluations, executor=executor,
-            progress=None,
-        )  # fmt: skip
+    seeds = range(arguments.seeds)
+    tasks = comparison_tasks(scenes, chosen, seeds, seconds, evaluations)
+    names = [scene.name for scene in scenes]
+    settings = {
+        "scenes": names, "methods": chosen, "seeds": arguments.seeds, "seconds": seconds,
+        "evaluations": evaluations,
+    }  # fmt: skip
+    default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
+    study = asked_study(arguments, "comparison", default, tasks, settings)
     folder = Path(arguments.out)
+    require_room(folder)
+    left = len(tasks) - len(study.done())
+    go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
+    try:
+        with asked_engine(arguments) as executor:
+            print(_announced(left, seconds, evaluations, executor), flush=True)
+            comparison = compare(
+                scenes, chosen, seeds, seconds, _tell, evaluations=evaluations, executor=executor,
+                study=study, progress=None,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("interrupted before any run was complete") from None
+    except OSError as error:
+        raise OSError(f"{error}; {go_on}") from None
     write(comparison, folder)
     for name in comparison.scenes:
         print(f"\n{name}\n" + "\n".join(table(comparison, name)))
@@ -91,8 +112,22 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
     if comparison.interrupted:
         done = len(comparison.results)
-        raise KeyboardInterrupt(f"interrupted: the folder holds the {done} runs that are complete")
+        raise KeyboardInterrupt(f"interrupted: {done} runs are complete; {go_on}")
     return 1 if comparison.failures else 0
+
+
+def _announced(
+    runs: int, seconds: float | None, evaluations: int | None, executor: Executor | None
+) -> str:
+    """What is about to be run, and how long it takes where that is known."""
+    if seconds is None:
+        return f"{runs} runs of {evaluations} rows"
+    workers = getattr(executor, "workers", 1)
+    said = f"{runs} runs of {seconds:g} s: {-(-runs // workers) * seconds / 60.0:.1f} min"
+    cores = os.cpu_count() or 1
+    if workers > cores:
+        said += f"\n{workers} workers on {cores} cores: equal seconds are no equal chances so"
+    return said
 
 
 def _tell(result: SearchResult) -> None:

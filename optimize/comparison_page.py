@@ -67,6 +67,12 @@ def page(comparison: Comparison) -> str:
         "worst seed beside the score. *Gain* is over the best uniform pitch, *gap* to the best "
         "score known; times are those at which a run came within 1 % and 0.1 % of it.",
     ]
+    if any(method.startswith("agent:") for method in comparison.methods):
+        lines += [
+            "",
+            "The clock of `agent:RUN` began with its training, which may have taken longer than "
+            "the others were given: its row stands where that ends.",
+        ]
     for scene in comparison.scenes:
         lines += ["", f"## {scene}", "", _about(comparison, scene), "", *table(comparison, scene)]
     if comparison.failures:

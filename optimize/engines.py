@@ -20,6 +20,7 @@ SURROUNDINGS = {
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
 }
+STRIKES = 3  # deaths of workers after which the task that they ran is given up
 MOST_WORKERS = 1024  # on one machine
 
 

@@ -12,6 +12,7 @@ from domino_env.scene import Scene
 from domino_env.wave import Outcome, simulate
 from optimize.allowed import Allowed
 from optimize.feasible import require_feasible
+from optimize.journal import Journal
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class Problem:
     discrete: whether some values come from a list or the stock, so that scores have steps.
     evaluations, falls: layouts and single falls simulated so far; an evaluation of a "robust" scene
         topples hundreds of rows.
+    journal: remembers what was found, and answers from what is remembered; None for neither.
     relaxed: leaves lists and stock out, but for their bounds: a search may begin so, and end with
         `Problem(scene).project`.
 
@@ -64,6 +66,7 @@ class Problem:
         self.discrete = self._allowed.discrete
         self.evaluations = 0
         self.falls = 0
+        self.journal: Journal | None = None
 
     @property
     def equality(self) -> tuple[Floats, float] | None:
@@ -127,12 +130,22 @@ class Problem:
 
         rtol: how closely to simulate, the problem's own where None.
         """
-        designs = self._checked(designs)
-        spacing, thickness, height = self._parts(designs)
-        more = {} if height is None else {"height": height}
-        scores = self.scene.score_batch(spacing, thickness, rtol or self.rtol, **more)
+        designs, rtol = self._checked(designs), rtol or self.rtol
+
+        def simulated() -> tuple[Floats, ...]:
+            spacing, thickness, height = self._parts(designs)
+            more = {} if height is None else {"height": height}
+            return (self.scene.score_batch(spacing, thickness, rtol, **more),)
+
+        (scores,) = self._found((rtol, designs), simulated)
         self.count(scores)
         return scores
+
+    def remember_scores(self, designs: Floats, rtol: float | None, scores: Floats) -> None:
+        """Count scores (B,) of designs (B, n) that were found elsewhere, as `scores` would."""
+        if self.journal is not None:
+            self.journal.keep((rtol or self.rtol, self._checked(designs)), (scores,))
+        self.count(scores)
 
     def count(self, scores: Floats) -> None:
         """Note what it took to find these scores (B,)."""
@@ -169,14 +182,20 @@ class Problem:
         scores: takes designs and a tolerance, `self.scores` where None (a meter may stand between).
         """
         designs = np.clip(self._checked(designs), 0.0, 1.0)
-        values = self.values(designs)
-        spacing, thickness, height = self._split(values)
-        more = {} if height is None else {"height": height}
-        found, *slopes = self.scene.score_batch_gradient(spacing, thickness, GRADIENT_RTOL, **more)
+
+        def simulated() -> tuple[Floats, ...]:
+            values = self.values(designs)
+            spacing, thickness, height = self._split(values)
+            more = {} if height is None else {"height": height}
+            found, *slopes = self.scene.score_batch_gradient(
+                spacing, thickness, GRADIENT_RTOL, **more
+            )
+            by_value = self._by_value(values, *slopes)
+            by_value = self._allowed.tangent(by_value, self._wanted(designs), values, at_will)
+            return found, by_value * (self.high - self.low)
+
+        found, gradients = self._found((f"gradient {at_will}", designs), simulated)
         self.count(found)
-        by_value = self._by_value(values, *slopes)
-        by_value = self._allowed.tangent(by_value, self._wanted(designs), values, at_will)
-        gradients = by_value * (self.high - self.low)
         for b in np.flatnonzero(self._without_slope(found)):
             gradients[b] = self._differences(designs[b], scores) * ~self._allowed.stepped
         return found, gradients
@@ -192,24 +211,34 @@ class Problem:
         if tempo is None:
             raise ValueError(f"scene '{self.scene.name}' has no schedule: there is no lateness")
         designs = np.clip(self._checked(np.asarray(design)[None]), 0.0, 1.0)
-        values = self.values(designs)
-        layout = self.layout(designs[0])
-        wave = simulate(layout, self.scene.physics, rtol=STEP_RTOL, gradient=True)
-        score = self.scene.score_wave(wave)
-        self.count(np.array([score]))
-        if wave.outcome != Outcome.PROPAGATED:
-            return score, np.empty(0), np.empty((0, self.dimension))
-        pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
-        slopes = self._by_value(
-            np.repeat(values, pairs, axis=0),
-            np.array([one.spacing for one in pulled]),
-            np.array([one.thickness[1:] for one in pulled]),
-            np.array([one.height[1:] for one in pulled]),
-        )
-        wanted = np.repeat(self._wanted(designs), pairs, axis=0)
-        slopes = self._allowed.tangent(slopes, wanted, np.repeat(values, pairs, axis=0))
-        late = wave.arrival_times[1:] - tempo.schedule(self.scene.count)
-        return score, late, slopes * (self.high - self.low)
+
+        def simulated() -> tuple[Floats, ...]:
+            values = self.values(designs)
+            layout, physics = self.layout(designs[0]), self.scene.physics
+            wave = simulate(layout, physics, rtol=STEP_RTOL, gradient=True)
+            score = np.array([self.scene.score_wave(wave)])
+            if wave.outcome != Outcome.PROPAGATED:
+                return score, np.empty(0), np.empty((0, self.dimension))
+            pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
+            slopes = self._by_value(
+                np.repeat(values, pairs, axis=0),
+                np.array([one.spacing for one in pulled]),
+                np.array([one.thickness[1:] for one in pulled]),
+                np.array([one.height[1:] for one in pulled]),
+            )
+            wanted = np.repeat(self._wanted(designs), pairs, axis=0)
+            slopes = self._allowed.tangent(slopes, wanted, np.repeat(values, pairs, axis=0))
+            late = wave.arrival_times[1:] - tempo.schedule(self.scene.count)
+            return score, late, slopes * (self.high - self.low)
+
+        score, late, slopes = self._found(("lateness", designs), simulated)
+        self.count(score)
+        return float(score[0]), late, slopes
+
+    def _found(
+        self, question: tuple[object, Floats], simulated: Callable[[], tuple[Floats, ...]]
+    ) -> tuple[Floats, ...]:
+        return simulated() if self.journal is None else self.journal.answer(question, simulated)
 
     def _without_slope(self, found: Floats) -> NDArray[np.bool_]:
         """Whose scores have no exact gradient."""

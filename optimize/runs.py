@@ -6,15 +6,19 @@ trace.csv      evaluations, simulated falls, seconds, best score and steepest sl
                method asks for gradients) at every improvement
 summary.json   what came out, SI units
 result.png     the picture
+journal.bin    what the search was told, so that it can go on; see `optimize.journal`
 """
 
 from __future__ import annotations
 
 import json
+import os
 import platform
+import secrets
+import shutil
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -23,11 +27,15 @@ from domino_env.files import require_room, write_text
 from domino_env.layout import Layout
 from domino_env.scene import Scene
 from optimize.budget import Budget, Step
+from optimize.journal import Journal
 from optimize.result import SearchResult
 
 PAUSE = 2.0  # [s] between two savings of the best so far
 SUMMARY = "summary.json"
 FILES = ("scene.toml", "layout.csv", "layout.json", "trace.csv", SUMMARY, "result.png")
+JOURNAL = "journal.bin"
+JOURNAL_KEPT = 128 * 2**20  # [bytes]; a larger one goes when its search has finished
+STAGE = ".new-"  # how the folder begins in which files wait for each other
 # what other commands make of a run, and would be stale beside the next one
 DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav")
 
@@ -36,22 +44,31 @@ class RunFolder:
     """The folder of one run.
 
     A new or empty folder, or that of an earlier run, whose files are replaced once this one has
-    something to keep.  Raises ValueError for a folder that holds anything else or that cannot be
-    written, before any time is spent.
+    something to keep, all at once: a full disk leaves the earlier ones as they are.
+    resume: go on with the run that is there, if there is one.
+    journal: of the search.
+
+    Raises ValueError, before any time is spent, for a folder that holds anything else or that
+    cannot be written, and for the journal of another search.
     """
 
-    def __init__(self, path: Path, scene: Scene, method: str, seed: int) -> None:
+    def __init__(
+        self, path: Path, scene: Scene, method: str, seed: int, *, resume: bool = False
+    ) -> None:
         self.path = path
         self.scene = scene
         self.method = method
         self.seed = seed
         self._saved = float("-inf")
         self._score = float("-inf")
+        self._begun = False
         if path.exists() and not path.is_dir():
             raise ValueError(f"{path} is a file: name a folder for the run")
         if path.is_dir():
             _require_a_run(path)
         require_room(path)
+        where = path / JOURNAL
+        self.journal = Journal(where, scene, method, seed, versions(), resume=resume)
 
     def save(self, budget: Budget) -> None:
         """Keep the best so far, if there is a new one and the last saving is some seconds old.
@@ -60,14 +77,14 @@ class RunFolder:
         """
         if budget.best_score == self._score or time.monotonic() - self._saved < PAUSE:
             return
-        first = self._score == float("-inf")
+        if self.journal.replaying:  # what is here is better
+            return
         self._saved, self._score = time.monotonic(), budget.best_score
         # a full disk now may have room at the end, and must not cost the search
-        with suppress(OSError):
-            if first:
-                self._begin()
-            self._keep(budget.problem.layout(budget.best), budget.trace, budget.slopes)
+        with suppress(OSError), self._together() as stage:
+            self._keep(stage, budget.problem.layout(budget.best), budget.trace, budget.slopes)
             self._summarise(
+                stage,
                 {
                     "finished": False,
                     "scene": self.scene.name,
@@ -78,43 +95,75 @@ class RunFolder:
                     "simulated_falls": budget.problem.falls,
                     "seconds": budget.elapsed,
                     "versions": versions(),
-                }
+                },
             )
 
     def finish(self, result: SearchResult) -> None:
-        """Write the result, its picture and its summary."""
+        """Write the result, its picture and its summary.
+
+        ValueError where that cannot be; what was there before is intact then.
+        """
         from optimize.picture import draw
 
-        if self._score == float("-inf"):
-            self._begin()
-        self._keep(result.layout, result.trace, result.slopes)
-        draw(result, self.path / "result.png")
-        self._summarise({"finished": True} | summary(result))
+        self.journal.close()
+        try:
+            with self._together() as stage:
+                self._keep(stage, result.layout, result.trace, result.slopes)
+                draw(result, stage / "result.png")
+                self._summarise(stage, {"finished": True} | summary(result))
+        except OSError as error:
+            raise ValueError(
+                f"{self.path}: the result cannot be written: {error.strerror or error}; what was "
+                "there is intact: make room, and go on with --resume"
+            ) from None
+        if not result.interrupted:
+            self.journal.remove_if_larger(JOURNAL_KEPT)
 
-    def _begin(self) -> None:
-        """Take away what an earlier run left, so that no file of it passes for one of this."""
-        for name in (*FILES, *DERIVED):
-            (self.path / name).unlink(missing_ok=True)
-        write_text(self.path / "scene.toml", self.scene.to_toml())
+    @contextmanager
+    def _together(self) -> Iterator[Path]:
+        """A folder to write into, all of whose files then replace those of the run.
 
-    def _keep(self, layout: Layout, trace: Sequence[Step], slopes: Sequence[float | None]) -> None:
-        layout.to_csv(self.path / "layout.csv")
-        layout.to_json(self.path / "layout.json")
+        The first time, all of an earlier run go: none of it passes for a file of this one.
+        """
+        stage = self.path / f"{STAGE}{os.getpid()}-{secrets.token_hex(4)}"
+        try:
+            stage.mkdir(parents=True)
+            yield stage
+            if not self._begun:
+                write_text(stage / "scene.toml", self.scene.to_toml())
+                for name in (*FILES, *DERIVED):
+                    (self.path / name).unlink(missing_ok=True)
+                for left in self.path.glob(f"{STAGE}*"):  # by a run that was killed
+                    if left != stage:
+                        shutil.rmtree(left, ignore_errors=True)
+                self._begun = True
+            for name in FILES:
+                if (stage / name).exists():
+                    (stage / name).replace(self.path / name)
+        finally:
+            shutil.rmtree(stage, ignore_errors=True)
+
+    def _keep(
+        self, stage: Path, layout: Layout, trace: Sequence[Step], slopes: Sequence[float | None]
+    ) -> None:
+        layout.to_csv(stage / "layout.csv")
+        layout.to_json(stage / "layout.json")
         lines = ["evaluations,simulated_falls,seconds,best_score,slope_left"]
         for (n, falls, t, score), slope in zip(trace, slopes, strict=True):
             lines.append(f"{n},{falls},{t:.6f},{score!r},{'' if slope is None else f'{slope:.3e}'}")
-        write_text(self.path / "trace.csv", "\n".join(lines) + "\n")
+        write_text(stage / "trace.csv", "\n".join(lines) + "\n")
 
-    def _summarise(self, document: dict[str, Any]) -> None:
+    def _summarise(self, stage: Path, document: dict[str, Any]) -> None:
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
-        write_text(self.path / SUMMARY, text + "\n")
+        write_text(stage / SUMMARY, text + "\n")
 
 
 def _require_a_run(path: Path) -> None:
     """Refuse a folder whose files are not all those of an earlier run."""
     names = sorted(f.name for f in path.iterdir() if not f.name.startswith("."))
-    others = [name for name in names if name not in FILES + DERIVED]
-    if names and (others or SUMMARY not in names):
+    others = [name for name in names if name not in (*FILES, *DERIVED, JOURNAL)]
+    # one that was killed at its very beginning has nothing but a journal
+    if names and (others or not {SUMMARY, JOURNAL} & set(names)):
         raise ValueError(
             f"{path} holds {(others or names)[0]} and is no run's folder: name another one"
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ def search(
     folder: str | Path | None = None,
     watch: Watch | None = None,
     executor: Executor | None = None,
+    resume: bool = False,
 ) -> SearchResult:
     """Search a layout of a scene that beats the best uniform pitch.
 
@@ -48,9 +50,13 @@ def search(
     executor: what scores batches of thousands of rows, see `optimize.engines`; smaller ones are not
         worth sending.  None: threads of this process.  The result is the same to the bit.
 
+    resume: go on with the search in the folder, from where its journal ends (from the start where
+        there is none), or further with a larger budget.  The result is the same to the bit as that
+        of a search that was never stopped; seconds that it took before are counted.
+
     Ctrl-C ends the search with the best so far.  Raises ValueError for an unknown method or scene,
-    a budget that is not positive, a folder that holds something else, or a scene that leaves
-    nothing free.
+    a budget that is not positive, a folder that holds something else or, with resume, another
+    search, a result that cannot be written, or a scene that leaves nothing free.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
@@ -63,8 +69,13 @@ def search(
         raise ValueError(f"seconds = {seconds}: give a time of more than 0 s")
     if seed < 0:
         raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
+    if resume and folder is None:
+        raise ValueError("resume: name the folder of the search to go on with")
     problem = Problem(scene)
-    files = None if folder is None else RunFolder(Path(folder), scene, method, seed)
+    files = None
+    if folder is not None:
+        files = RunFolder(Path(folder), scene, method, seed, resume=resume)
+        problem.journal = files.journal
     uniform = scene.uniform()
     warmed = Problem(scene)
     warm = Budget(warmed)
@@ -72,7 +83,8 @@ def search(
     warm.scores(mark)  # compiles what is not compiled yet, and so do gradients
     warm.scores_and_gradients(mark, of_dying=False)
     interrupted = False
-    with progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit) as show:
+    line = progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
+    with line as show, nullcontext() if files is None else closing(files.journal):
 
         def look(meter: Budget) -> None:
             show(meter)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from domino_env.files import write_text
-from optimize.sweep import Sweep
+from optimize.sweeping import Sweep
 from optimize.task import TaskResult
 
 FILES = ("sweep.md", "sweep.csv", "sweep.png")

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from domino_env.files import write_bytes
-from optimize.sweep import Sweep
+from optimize.sweeping import Sweep
 from optimize.task import TaskResult
 
 INK, SOFT, FAINT = "#1d2126", "#5c636d", "#dfe2e6"

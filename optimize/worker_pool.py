@@ -12,18 +12,17 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import connection, get_context, parent_process
 from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any
 
-from optimize.engines import SURROUNDINGS, EngineLost, WorkerLost
+from optimize.engines import STRIKES, SURROUNDINGS, EngineLost, WorkerLost
 from optimize.reports import Hear, listen
 
-STRIKES = 3  # deaths of workers after which their task is given up
 PATIENCE = 10.0  # [s] for an idle worker to end by itself
 
 _READY, _DONE, _FAILED, _NEWS = range(4)
@@ -44,16 +43,13 @@ class WorkerPool(Executor):
         self._open = True
         self._killed = False
         self._processes: set[_Worker] = set()
-        if sys.platform != "win32":
-            from multiprocessing import resource_tracker
-
-            resource_tracker.ensure_running()  # its start would let signals through below
         self._threads = [
             threading.Thread(target=self._serve, name=f"worker-{i}", daemon=True)
             for i in range(workers)
         ]
-        for thread in self._threads:
-            thread.start()
+        with without_ctrl_c():
+            for thread in self._threads:
+                thread.start()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """See `concurrent.futures.Executor`; function and arguments are pickled at once."""
@@ -111,8 +107,6 @@ class WorkerPool(Executor):
 
     def _serve(self) -> None:
         """One worker's thread: hand it a task, wait for the answer, replace it when it dies."""
-        if sys.platform != "win32":  # inherited by the worker: Ctrl-C is ours to deal with
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         worker: _Worker | None = None
         while (job := self._jobs.get()) is not None:
             if job.future.set_running_or_notify_cancel():
@@ -166,6 +160,25 @@ class WorkerPool(Executor):
         with self._gate:
             self._processes.discard(worker)
         return worker.end()
+
+
+@contextmanager
+def without_ctrl_c() -> Iterator[None]:
+    """Threads begun inside, and processes that they begin, never get Ctrl-C.
+
+    A terminal sends it to all of them; it is the first process that decides what it means.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its own start would let signals through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Job:

@@ -114,7 +114,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
     sources = {
         str(path.relative_to(ROOT))
         for package in PACKAGES
-        for pattern in ("*.py", "*.toml", "py.typed", "best_known.json", "assets/*")
+        for pattern in ("*.py", "*.toml", "py.typed", "best_known.json", "assets/*", "policies/*/*")
         for path in (ROOT / package).rglob(pattern)
     } | {"domino_env/look/verified.json"}
     assert {"domino_env/scenes/sprint.toml", "domino_env/py.typed"} <= sources
@@ -178,7 +178,8 @@ def test_make_does_nothing_twice(tmp_path: Path) -> None:
     assert "[dev," in output_of(*plan, "test")
     assert "setuptools" not in output_of(*plan, "test")  # what `run` installed stays
     (venv / ".dev").touch()
-    assert output_of(*plan, "test").split() == [f"{venv}/bin/python", "-m", "pytest"]
+    words = output_of(*plan, "test").split()
+    assert words[:3] == [f"{venv}/bin/python", "-m", "pytest"]
 
 
 def test_make_says_that_it_needs_a_newer_python(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def read_wav(path: Path) -> tuple[Floats, int]:
             with wav.open(io.BytesIO(data), "rb") as file:
                 size, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
                 data = file.readframes(file.getnframes())
-        except (wav.Error, EOFError) as error:
+        except (wav.Error, EOFError, RuntimeError) as error:  # the last for parts that overlap
             why = f"not a plain WAV file ({str(error) or 'it ends early'})"
             raise ValueError(f"{why}; convert it to PCM WAV") from None
         if size not in (1, 2, 3, 4):

@@ -9,10 +9,13 @@ remember.
 from __future__ import annotations
 
 import difflib
+import tomllib
 from collections.abc import Callable
 from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,6 +45,14 @@ METHODS = {
 """Name of each method, and the module here that holds it."""
 
 
+GROUP = "domino.methods"
+"""Entry points of other packages: a method's name, and the function `run(budget, rng)` for it.
+
+The function for a name such as `agent` makes a method of what follows a colon, as in `agent:RUN`.
+"""
+
+OF_SOMETHING = ("agent",)  # names that a colon and more belong to
+
 PEERS = {"ngopt": ("ngopt", "nevergrad"), "tpe": ("parzen", "optuna")}
 """Methods of other projects to compare with: the module here, and what must be installed for it."""
 
@@ -51,8 +62,33 @@ def installed_peers() -> list[str]:
     return [name for name, (_, needed) in PEERS.items() if find_spec(needed) is not None]
 
 
+def of_others() -> dict[str, EntryPoint]:
+    """Methods that other packages bring, learned ones among them, by name."""
+    named = {entry.name: entry for entry in entry_points(group=GROUP)}
+    return _of_this_tree() | named
+
+
+def _of_this_tree() -> dict[str, EntryPoint]:
+    """Those that the project file beside the packages names: a tree need not be installed."""
+    file = Path(__file__).parents[2] / "pyproject.toml"
+    if not file.exists():
+        return {}
+    project = tomllib.loads(file.read_text("utf-8")).get("project", {})
+    table = project.get("entry-points", {}).get(GROUP, {})
+    return {name: EntryPoint(name, value, GROUP) for name, value in table.items()}
+
+
 def load(name: str) -> Method:
-    """The method of that name.  ValueError with a suggestion where there is none."""
+    """The method of that name.
+
+    ValueError with a suggestion where there is none; ImportError, with what to install, where what
+    it needs is missing.
+    """
+    word, colon, what = name.partition(":")
+    others = {} if name in METHODS else of_others()
+    if word in others and bool(colon) == (word in OF_SOMETHING):
+        found = others[word].load()
+        return cast("Method", found(what) if colon else found)
     if name in PEERS:
         module, needed = PEERS[name]
         if find_spec(needed) is None:
@@ -61,6 +97,7 @@ def load(name: str) -> Method:
         module = METHODS[name]
     else:
         known = [*METHODS, *installed_peers()]
+        known += [other + ":RUN" * (other in OF_SOMETHING) for other in others]
         near = difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(known)}")

@@ -9,7 +9,7 @@ import pytest
 
 import domino_env as de
 from domino_env.command import main
-from optimize.runs import FILES
+from optimize.runs import FILES, JOURNAL
 
 
 @pytest.fixture(autouse=True)
@@ -61,7 +61,8 @@ def test_a_run_goes_to_runs_and_the_name_of_the_scene(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     said(capsys, "optimize", "mine.toml", "--evaluations", 20)
-    assert sorted(f.name for f in (tmp_path / "runs" / "both").iterdir()) == sorted(FILES)
+    names = sorted(f.name for f in (tmp_path / "runs" / "both").iterdir())
+    assert names == sorted((*FILES, JOURNAL))
 
 
 def test_without_a_budget_there_is_a_time(capsys, monkeypatch, scene_file: Path, tmp_path) -> None:

@@ -112,6 +112,7 @@ def test_what_cannot_be_compared_is_told(scene_list, methods, seeds, message: st
 def test_the_command(scenes, tmp_path: Path, capsys, monkeypatch) -> None:
     (tmp_path / "mine.toml").write_text(replace(scenes["spacing"]).to_toml())
     monkeypatch.setattr(best_known, "PATH", tmp_path / "best.json")
+    monkeypatch.chdir(tmp_path)
     parser = argparse.ArgumentParser()
     compare_command.add_arguments(parser)
     words = [str(tmp_path / "mine.toml"), "--methods", "auto, uniform", "--seeds", "1"]

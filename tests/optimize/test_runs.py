@@ -18,7 +18,7 @@ import domino_env as de
 from optimize import search
 from optimize.budget import Budget, slope_left
 from optimize.problem import Problem
-from optimize.runs import DERIVED, FILES, RunFolder
+from optimize.runs import DERIVED, FILES, JOURNAL, RunFolder
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -49,7 +49,7 @@ def test_the_trace_shows_how_flat_it_has_become(scenes, tmp_path: Path) -> None:
 def test_a_folder_holds_all_of_a_run(scenes, tmp_path: Path) -> None:
     result = search(scenes["both"], "cma", budget=200, seed=4, folder=tmp_path / "new" / "run")
     folder = tmp_path / "new" / "run"
-    assert sorted(files(folder)) == sorted(FILES)
+    assert sorted(files(folder)) == sorted((*FILES, JOURNAL))
     assert de.load_scene(folder / "scene.toml").to_toml() == scenes["both"].to_toml()
     for layout in (de.Layout.read(folder / "layout.csv"), de.Layout.read(folder / "layout.json")):
         assert np.array_equal(layout.spacing, result.layout.spacing)
@@ -190,7 +190,7 @@ def test_a_disk_that_is_full_for_a_while_does_not_end_a_search(
     again = search(scenes["both"], "random", budget=600, seed=2, folder=tmp_path)
     assert failures
     assert again.score == result.score
-    assert sorted(files(tmp_path)) == sorted(FILES)
+    assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL))
 
 
 def started(folder: Path, *words: str) -> subprocess.Popen[str]:
@@ -227,7 +227,7 @@ def test_ctrl_c_writes_the_best_so_far(tmp_path: Path) -> None:
     assert process.returncode == 0, err
     assert "Traceback" not in err
     assert "interrupted after" in out
-    assert sorted(files(folder)) == sorted(FILES)
+    assert sorted(files(folder)) == sorted((*FILES, JOURNAL))
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["finished"]
     assert summary["interrupted"]
@@ -240,4 +240,4 @@ def test_what_was_made_of_an_earlier_run_goes_with_it(scenes, tmp_path: Path) ->
     for name in DERIVED:
         (tmp_path / name).write_text("of the earlier run")
     search(scenes["spacing"], "random", budget=20, seed=1, folder=tmp_path)
-    assert sorted(files(tmp_path)) == sorted(FILES)
+    assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL))

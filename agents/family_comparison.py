@@ -1,0 +1,92 @@
+"""What teaches a designer best: imitation, the slope of its own rows, or both.
+
+    python -m agents.family_comparison --out runs/family-comparison
+
+teaches all of them (half an hour on one core), goes on where it was stopped, judges each on the
+same scenes that none has seen, and writes comparison.md.  Figures: docs/family.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from agents.designer import load_designer
+from agents.family import SceneFamily
+from agents.family_evaluation import Judged, judge
+from agents.family_examples import make_examples
+from agents.family_training import teach
+from agents.teaching import Teaching
+from domino_env.files import write_text
+
+WAYS = {
+    "imitation": replace(Teaching(), batches=0),
+    "exact slope": replace(Teaching(), examples=0, batches=800),
+    "imitation, then exact slope": Teaching(),
+}
+SEARCHED = 2500  # evaluations of the search that each scene is compared with
+
+
+def compare(
+    home: Path, number: int = 200, scenes_seed: int = 1, seed: int = 0, *, progress: bool = False
+) -> str:
+    """Teach every way that is not taught yet, and judge them: a table in Markdown.
+
+    number, scenes_seed: of the scenes that they are judged on.  seed: of the teachings.
+    """
+    family, examples = SceneFamily(), home / "examples.npz"
+    for name, plan in WAYS.items():
+        folder = home / name.replace(", ", "-").replace(" ", "-")
+        if not _finished(folder):
+            teach(
+                folder, seed, plan, family,
+                examples=examples, resume=(folder / "checkpoint.pt").exists(), progress=progress,
+            )  # fmt: skip
+    unseen = make_examples(family, number, scenes_seed, SEARCHED, home / "unseen.npz", progress)
+    lines = [
+        "| taught by | beats the best uniform row | median gain | median part of the search's "
+        "gain "
+        "| the same with the plan untried: beats | part | dies |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for name in WAYS:
+        folder = home / name.replace(", ", "-").replace(" ", "-")
+        designer = load_designer(folder / "policy.npz")
+        lines.append(_line(name, judge(number, scenes_seed, designer, examples=unseen)))
+    return "\n".join(lines) + "\n"
+
+
+def _line(name: str, judged: Judged) -> str:
+    gain = float(np.median(judged.tried / judged.uniform)) - 1.0
+    return (
+        f"| {name} | {judged.beaten(judged.tried):.1%} | {gain:+.2%} "
+        f"| {judged.share(judged.tried):.1%} | {judged.beaten(judged.untried):.1%} "
+        f"| {judged.share(judged.untried):.1%} "
+        f"| {int((judged.untried <= 0.0).sum())} of {len(judged.tried)} |"
+    )
+
+
+def _finished(folder: Path) -> bool:
+    summary = folder / "summary.json"
+    return summary.exists() and bool(json.loads(summary.read_text("utf-8"))["finished"])
+
+
+def main() -> None:
+    """The script."""
+    import sys
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("runs/family-comparison"))
+    parser.add_argument("--scenes", type=int, default=200)
+    arguments = parser.parse_args()
+    table = compare(arguments.out, arguments.scenes, progress=sys.stderr.isatty())
+    write_text(arguments.out / "comparison.md", table)
+    print(table)
+
+
+if __name__ == "__main__":
+    main()

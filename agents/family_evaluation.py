@@ -1,0 +1,182 @@
+"""What a designer is worth in scenes it has never seen, beside uniform and searched rows."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.designer import PLANS, SHIPPED, Designer, design, load_designer
+from agents.family import FEATURES, SceneFamily, numbers
+from agents.family_examples import Examples
+from agents.teaching import EXAMPLES_SEED
+from domino_env.files import write_text
+from domino_env.limits import RUN_BYTES
+from domino_env.reading import read_json
+from domino_env.scene import Scene, load_scene
+
+if TYPE_CHECKING:
+    from agents.evaluation import Built
+
+Floats = NDArray[np.float64]
+
+ROUNDING = 1e-9  # relative; a row that is equal to the uniform one does not beat it
+NOTHING = 1e-4  # a search that gains less has found nothing to gain
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What came of designs in S scenes.
+
+    scenes: (S, 6) their features.  uniform: (S,) score of the best uniform row.
+    tried, untried: (S,) score of the design, with its plans simulated and without.
+    seconds, seconds_untried: (S,) each design took.
+    searched: (S,) score of what search found; None where it was not asked.
+    """
+
+    scenes: Floats
+    uniform: Floats
+    tried: Floats
+    untried: Floats
+    seconds: Floats
+    seconds_untried: Floats
+    searched: Floats | None = None
+
+    def table(self) -> str:
+        """A table in Markdown, a line for each way to design."""
+        lines = [
+            "| row | beats the best uniform one | gain: median | tenth percentile | worst "
+            "| part of the search's gain: median | time: median | longest |",
+            "| --- | --- | --- | --- | --- | --- | --- | --- |",
+            self._line("best of the plans", self.tried, self.seconds),
+            self._line("plan untried", self.untried, self.seconds_untried),
+        ]
+        if self.searched is not None:
+            lines.append(self._line("search", self.searched, None))
+        return "\n".join(lines)
+
+    def _line(self, name: str, scores: Floats, seconds: Floats | None) -> str:
+        gain = scores / self.uniform - 1.0
+        died = int(np.sum(scores <= 0.0))
+        worst = f"{died} died" if died else f"{gain.min():+.2%}"
+        times = ("", "") if seconds is None else (
+            f"{1e3 * np.median(seconds):.1f} ms", f"{1e3 * seconds.max():.1f} ms"
+        )  # fmt: skip
+        share = "" if self.searched is None else f"{self.share(scores):.1%}"
+        return (
+            f"| {name} | {self.beaten(scores):.1%} of {len(gain)} | {np.median(gain):+.2%} "
+            f"| {np.quantile(gain, 0.1):+.2%} | {worst} | {share} | {times[0]} | {times[1]} |"
+        )
+
+    def beaten(self, scores: Floats) -> float:
+        """The part of the scenes in which the best uniform row is beaten."""
+        return float(np.mean(scores > self.uniform * (1.0 + ROUNDING)))
+
+    def share(self, scores: Floats) -> float:
+        """Median part of what search gains over the uniform row, where it gains anything."""
+        assert self.searched is not None
+        found = self.searched / self.uniform - 1.0
+        some = found > NOTHING
+        return float(np.median((scores / self.uniform - 1.0)[some] / found[some]))
+
+    def save(self, path: Path) -> None:
+        """Write a line for each scene, CSV."""
+        columns = [
+            *self.scenes.T, self.uniform, self.tried, self.untried, self.seconds,
+            self.seconds_untried,
+        ]  # fmt: skip
+        names = [name.replace(" ", "_") for name in FEATURES]
+        names += ["uniform", "tried", "untried", "seconds", "seconds_untried"]
+        if self.searched is not None:
+            columns, names = [*columns, self.searched], [*names, "searched"]
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([f"{x:.10g}" for x in row] for row in np.array(columns).T)
+        write_text(path, text.getvalue())
+
+
+def judge(
+    number: int = 200,
+    seed: int = 1,
+    designer: Designer | None = None,
+    *,
+    family: SceneFamily | None = None,
+    evaluations: int | None = None,
+    examples: Examples | None = None,
+    progress: bool = False,
+) -> Judged:
+    """Design rows for `number` scenes drawn with a seed, and compare.
+
+    designer: None for the one that ships.  evaluations: budget of a search in each scene, to
+        compare with; None for no search.  examples: of these very scenes, instead of searching.
+    """
+    from tqdm import tqdm
+
+    from optimize import search
+
+    if number < 1 or seed < 0:
+        raise ValueError(f"{number} scenes, seed {seed}: give 1 or more, and 0 or more")
+    if seed == EXAMPLES_SEED:
+        raise ValueError(f"seed {seed} drew the examples that were taught: choose another")
+    rng = np.random.default_rng(seed)
+    chosen = family or SceneFamily()
+    scenes = [chosen.draw(rng) for _ in range(number)]
+    features = np.array([numbers(scene) for scene in scenes])
+    if examples is not None and not np.array_equal(examples.scenes, features):
+        raise ValueError("the examples are of other scenes")
+    design(scenes[0], designer=designer)  # compiles and loads what is not there yet
+    found = np.full((6, number), np.nan)  # in the order of `Judged`, search last
+    for i, scene in enumerate(tqdm(scenes, disable=not progress, unit=" scenes")):
+        best, plain = (design(scene, tries=n, designer=designer) for n in (PLANS, 1))
+        found[1:5, i] = best.score, plain.score, best.seconds, plain.seconds
+        if examples is not None:
+            found[[0, 5], i] = examples.uniform[i], examples.score[i]
+        elif evaluations is not None:
+            result = search(scene, budget=evaluations, seed=seed, progress=False)
+            found[[0, 5], i] = result.uniform.score, result.score
+        else:
+            found[0, i] = scene.uniform().score
+    compared = evaluations is not None or examples is not None
+    uniform, tried, untried, seconds, seconds_untried, searched = found
+    return Judged(
+        features, uniform, tried, untried, seconds, seconds_untried, searched if compared else None
+    )
+
+
+def teaches_a_family(folder: Path) -> bool:
+    """Whether a folder holds what `agents.family_training.teach` writes."""
+    try:
+        document = read_json(folder / "config.json", RUN_BYTES, 10_000)
+    except (ValueError, OSError):
+        return False
+    return isinstance(document, dict) and document.get("algorithm") == "family"
+
+
+def designer_of(name: str | Path) -> Designer | None:
+    """The designer that "family" or the folder of its teaching stands for; None for other agents.
+
+    ValueError where such a folder holds no weights.
+    """
+    folder = Path(name)
+    if str(name) == "family" and not folder.exists():
+        folder = SHIPPED.parent
+    return load_designer(folder / "policy.npz") if teaches_a_family(folder) else None
+
+
+def built_for(folder: Path, scene: str | Scene | None) -> Built:
+    """What the designer of a folder designs for a scene, beside the best uniform row."""
+    from agents.evaluation import Built
+
+    if scene is None:
+        raise ValueError(f"{folder} was taught many scenes: name one to design for")
+    judged = scene if isinstance(scene, Scene) else load_scene(scene)
+    designer = load_designer(folder / "policy.npz")
+    design(judged, designer=designer)  # compiles and loads what is not there yet
+    made = design(judged, designer=designer)
+    return Built(judged, made.layout, made.wave, made.score, judged.uniform(), made.seconds)

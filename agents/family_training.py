@@ -1,0 +1,281 @@
+"""Teach a designer for a family of scenes, in a folder from which it can go on.
+
+config.json   family, teaching, seed, versions     progress.csv   the learning curve
+examples.npz  rows that search found               policy.npz     weights, plain arrays
+checkpoint.pt all that going on needs (no pickled code)           summary.json
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.designer import Designer, arrays_of, load_designer, plans_of
+from agents.extra import require_extra
+from agents.family import SceneFamily
+from agents.family_examples import Examples, make_examples
+from agents.run_files import DEEPEST, WIDEST, require_number
+from agents.teaching import EXAMPLES_SEED, Teaching
+from domino_env.files import write_bytes, write_text
+from domino_env.limits import RUN_BYTES
+from domino_env.reading import read_json
+from domino_env.scene import Scene
+
+if TYPE_CHECKING:
+    from agents.family_learner import Learner
+
+Floats = NDArray[np.float64]
+
+CHECKED = 64  # scenes that the learning curve is taken on
+LOOKS = 40  # points of the curve, and checkpoints
+COLUMNS = ("step", "seconds", "gain", "beaten", "gain_untried", "beaten_untried")
+FILES = ("config.json", "checkpoint.pt", "policy.npz")
+_FOREIGN = (KeyError, TypeError, AttributeError)
+ORDER, BATCH, CHECK = 1, 2, 3  # what random numbers are for, beside the seed
+
+
+@dataclass(frozen=True, eq=False)
+class Taught:
+    """What a teaching came to.
+
+    folder: where all of it lies.  designer: the policy.  steps: passes and batches done.
+    curve: a tuple of `COLUMNS` for each look.  interrupted: whether it was ended by hand.
+    """
+
+    folder: Path
+    designer: Designer
+    steps: int
+    seconds: float
+    curve: tuple[tuple[float, ...], ...]
+    interrupted: bool
+
+
+def teach(
+    folder: str | Path = "runs/family",
+    seed: int = 0,
+    teaching: Teaching | None = None,
+    family: SceneFamily | None = None,
+    *,
+    examples: str | Path | None = None,
+    resume: bool = False,
+    progress: bool = False,
+) -> Taught:
+    """Teach a designer over random scenes of a family.
+
+    seed: the same seed on the same machine gives the same weights.
+    teaching: how; the defaults made the policy that ships.
+    examples: a file of examples, which do not depend on the seed: made before for the same family
+        and number, or to be made; None for one in the folder.
+    resume: go on from the checkpoint in the folder, with its seed, teaching and family.
+
+    Ctrl-C ends it with what was learned so far; a kill loses what came after the last checkpoint.
+    ImportError where the extra "rl" is missing; ValueError for a folder that holds another run, and
+    for nothing to go on from.
+    """
+    if seed < 0:
+        raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
+    require_extra()
+    home = Path(folder)
+    if resume:
+        seed, teaching, family = _as_begun(home)
+    elif (home / "config.json").exists() or (home.is_dir() and any(home.iterdir())):
+        raise ValueError(f"{home} is not empty: name another folder, or go on with --resume")
+    kept = Path(examples) if examples is not None else home / "examples.npz"
+    run = _Teaching(home, seed, teaching or Teaching(), family or SceneFamily(), kept, progress)
+    return run.run(resume)
+
+
+class _Teaching:
+    """One teaching while it runs."""
+
+    def __init__(
+        self,
+        home: Path,
+        seed: int,
+        teaching: Teaching,
+        family: SceneFamily,
+        examples: Path,
+        progress: bool,
+    ) -> None:
+        from agents.family_learner import Learner
+
+        self.home, self.seed, self.teaching, self.family = home, seed, teaching, family
+        self.examples, self.progress = examples, progress
+        self.learner: Learner = Learner(teaching, seed)
+        self.passes = teaching.passes if teaching.examples else 0
+        self.total = self.passes + teaching.batches
+        self.done = 0
+        self.curve: list[tuple[float, ...]] = []
+        self.spent = self.worked = 0.0  # seconds of earlier sessions: on the clock, of processors
+        self.began, self.began_work = time.perf_counter(), time.process_time()
+        rng = np.random.default_rng([seed, CHECK])
+        self.checked = [family.draw(rng) for _ in range(CHECKED)]
+
+    def run(self, resume: bool) -> Taught:
+        if resume:
+            self._restore()
+        else:
+            self._begin()
+        interrupted = False
+        try:
+            self._learn()
+        except KeyboardInterrupt:
+            interrupted = True
+        self._look()
+        self._keep()
+        designer = load_designer(self.home / "policy.npz")  # rounded as it is kept
+        taught = Taught(
+            self.home, designer, self.done, self.seconds, tuple(self.curve), interrupted
+        )
+        document = {
+            "finished": not interrupted,
+            "steps": self.done,
+            "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
+        }
+        document |= dict(zip(COLUMNS[2:], self.curve[-1][2:], strict=True))
+        write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
+        return taught
+
+    @property
+    def seconds(self) -> float:
+        return self.spent + time.perf_counter() - self.began
+
+    @property
+    def processor_seconds(self) -> float:
+        return self.worked + time.process_time() - self.began_work
+
+    def _learn(self) -> None:
+        from tqdm import tqdm
+
+        pairs: list[tuple[Floats, Floats]] = []
+        if self.done < self.passes:
+            plan = self.teaching
+            found = make_examples(
+                self.family, plan.examples, EXAMPLES_SEED, plan.evaluations, self.examples,
+                self.progress,
+            )  # fmt: skip
+            pairs = _pairs(found)
+        next_look = self.done + max(self.total // LOOKS, 1)
+        with tqdm(total=self.total, initial=self.done, disable=not self.progress) as bar:
+            while self.done < self.total:
+                if self.done < self.passes:
+                    self._imitate(pairs)
+                else:
+                    self._climb(self.done - self.passes)
+                self.done += 1
+                bar.update()
+                if self.done >= next_look and self.done < self.total:
+                    self._look()
+                    self._keep()
+                    bar.set_postfix_str(f"gain {self.curve[-1][2]:.2%}")
+                    next_look = self.done + max(self.total // LOOKS, 1)
+
+    def _imitate(self, pairs: list[tuple[Floats, Floats]]) -> None:
+        """One pass over the examples."""
+        size = self.teaching.together
+        order = np.random.default_rng([self.seed, ORDER, self.done]).permutation(len(pairs))
+        for i in range(0, len(order), size):
+            part = (self.done + i / len(order)) / self.passes
+            self.learner.imitate([pairs[j] for j in order[i : i + size]], part)
+
+    def _climb(self, batch: int) -> None:
+        """One batch of fresh scenes."""
+        rng = np.random.default_rng([self.seed, BATCH, batch])
+        scenes = [self.family.draw(rng) for _ in range(self.teaching.scenes)]
+        self.learner.climb(scenes, rng, batch / self.teaching.batches)
+
+    def _look(self) -> None:
+        """What the policy gains in scenes of its own, with its plans tried and untried."""
+        gains = np.array([_gains(self.learner.designer(), scene) for scene in self.checked])
+        tried, untried = gains.T
+        self.curve.append(
+            (
+                float(self.done), self.seconds, float(np.mean(tried)), float(np.mean(tried > 0.0)),
+                float(np.mean(untried)), float(np.mean(untried > 0.0)),
+            )
+        )  # fmt: skip
+
+    def _keep(self) -> None:
+        """Write checkpoint, weights and learning curve."""
+        import torch
+
+        arrays: dict[str, Any] = dict(arrays_of(self.learner.designer()))
+        write_bytes(
+            self.home / "policy.npz",
+            lambda file: np.savez_compressed(file, allow_pickle=False, **arrays),
+        )
+        state = {
+            "learner": self.learner.state(),
+            "done": self.done,
+            "curve": [list(row) for row in self.curve],
+            "seconds": self.seconds,
+            "processor_seconds": self.processor_seconds,
+        }
+        write_bytes(self.home / "checkpoint.pt", lambda file: torch.save(state, file))
+        lines = [",".join(COLUMNS)]
+        lines += [",".join(f"{x:.10g}" for x in row) for row in self.curve]
+        write_text(self.home / "progress.csv", "\n".join(lines) + "\n")
+
+    def _begin(self) -> None:
+        from optimize.runs import versions
+
+        self.home.mkdir(parents=True, exist_ok=True)
+        document = {
+            "algorithm": "family",
+            "seed": self.seed,
+            "teaching": asdict(self.teaching),
+            "family": asdict(self.family),
+            "versions": versions(),
+        }
+        write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
+
+    def _restore(self) -> None:
+        from agents.checkpoint import read_teaching
+
+        state = read_teaching(self.learner, self.home / "checkpoint.pt", len(COLUMNS))
+        self.learner.restore(state["learner"])
+        self.done = state["done"]
+        self.spent, self.worked = state["seconds"], state["processor_seconds"]
+        self.curve = [tuple(row) for row in state["curve"]]
+
+
+def _gains(designer: Designer, scene: Scene) -> tuple[float, float]:
+    """Over the best uniform row: of the best plan, and of the one that is preferred."""
+    plans = np.arange(plans_of(scene.count), dtype=np.float64)
+    scores = scene.score_batch(designer.gaps(scene, plans), None)
+    mark = scene.uniform().score
+    return float(scores.max() / mark - 1.0), float(scores[designer.ranked(scene)[0]] / mark - 1.0)
+
+
+def _pairs(examples: Examples) -> list[tuple[Floats, Floats]]:
+    """Features and gaps over h, of the rows that beat the uniform one or equal it."""
+    good = np.flatnonzero(examples.score > 0.0)
+    return [(examples.scenes[i], examples.gaps[i, : int(examples.scenes[i, 2]) - 1]) for i in good]
+
+
+def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
+    """What a teaching in this folder was begun with."""
+    if not all((home / name).exists() for name in FILES):
+        raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
+    config = read_json(home / "config.json", RUN_BYTES, 10_000)
+    try:
+        ranges: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in config["family"].items()
+        }
+        teaching = Teaching(**config["teaching"])
+        for name, value in [*asdict(teaching).items(), ("seed", config["seed"])]:
+            require_number(name, value)
+        if not (1 <= teaching.width <= WIDEST and 0 <= teaching.depth <= DEEPEST):
+            raise ValueError(f"{teaching.depth} layers of {teaching.width}")
+        return int(config["seed"]), teaching, SceneFamily(**ranges)
+    except (*_FOREIGN, ValueError) as error:
+        said = str(error) if isinstance(error, ValueError) else type(error).__name__
+        raise ValueError(f"{home} holds no teaching of a family: {said}") from None

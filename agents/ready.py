@@ -1,0 +1,57 @@
+"""Ready: a trained agent as one of `optimize`'s methods; it builds its row at once.
+
+Named `agent` in the entry-point group `domino.methods`: `agent:RUN` takes what `agents.evaluate`
+does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from domino_env.limits import RUN_BYTES
+from domino_env.reading import read_json
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from optimize.budget import Budget
+
+    Method = Callable[[Budget, np.random.Generator], None]
+
+LONGEST = 1e9  # [s] that a training can have taken
+
+
+def agent(run: str) -> Method:
+    """The method that builds the row of a trained agent; its training counts as time spent.
+
+    run: what `agents.evaluate` takes.  ValueError for what is no agent.
+    """
+    from agents.evaluation import POLICIES, evaluate, shipped
+
+    if run not in shipped() and not (Path(run) / "policy.npz").exists():
+        raise ValueError(
+            f"method 'agent:{run}': {run or 'nothing'} holds no policy; name the folder of a "
+            f"finished training, or one that ships: {', '.join(shipped())}"
+        )
+
+    def method(budget: Budget, rng: np.random.Generator) -> None:
+        folder = Path(run) if Path(run).exists() else POLICIES / run
+        budget.already_spent(_training_seconds(folder))
+        row = evaluate(run, budget.problem.scene).layout
+        budget.score(budget.problem.design(row))
+
+    return method
+
+
+def _training_seconds(run: Path) -> float:
+    """What the training took [s]; 0 where nobody wrote it down."""
+    for name in ("summary.json", "policy.json"):
+        if (run / name).exists():
+            told = read_json(run / name, RUN_BYTES, 10_000)
+            seconds: Any = told.get("seconds") if isinstance(told, dict) else None
+            if type(seconds) in (int, float) and 0.0 < seconds < LONGEST:
+                return float(seconds)
+            return 0.0
+    return 0.0

@@ -1,0 +1,314 @@
+"""A training's folder from a stranger: settings, weights and checkpoints, each refused or used."""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+import os
+import shutil
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hostile import CORPUS, DEEP, NUMBERS, entered, mutated
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("stable_baselines3")
+
+import torch
+
+import domino_env as de
+from agents.arrays import read_weights
+from agents.evaluation import evaluate
+from agents.learner import learner, load_state, save_state
+from agents.presets import preset
+from agents.run_files import read_config
+from agents.sb3_vec_env import DominoVecEnv
+from agents.training import _as_begun, train
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
+FUZZ = settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "60")), derandomize=True)
+if "FUZZ_EXAMPLES" in os.environ:
+    FUZZ = settings(FUZZ, derandomize=False)
+FEW = settings(FUZZ, max_examples=FUZZ.max_examples // 2)
+WANTED = {"w": ((2, 3), np.dtype("float32"))}
+
+
+def weights(path: Path) -> dict[str, Any]:
+    found = read_weights(path, WANTED)
+    assert found["w"].shape == (2, 3)
+    assert np.isfinite(found["w"]).all()
+    return found
+
+
+EXPECTED = {
+    "weights/array.npz": "not a zip file",
+    "weights/bomb.npz": "it has 2 arrays",
+    "weights/deep_head.npz": "damaged",
+    "weights/empty.npz": "not a zip file",
+    "weights/flipped.npz": "Bad CRC",
+    "weights/good.npz": None,
+    "weights/locked.npz": "encrypted",
+    "weights/long.npz": "'w' has 2000024 bytes, not 24",
+    "weights/not_finite.npz": "no finite number",
+    "weights/objects.npz": "'w' is object of shape (2, 3), not float32",
+    "weights/other_kind.npz": "'w' is >f4",
+    "weights/other_shape.npz": "shape (3, 2), not float32 of (2, 3)",
+    "weights/path.npz": "../../w.npy",
+    "weights/promises.npz": "shape (5000000000, 5)",
+    "weights/short.npz": "'w' has 23 bytes, not 24",
+    "weights/strange_head.npz": "shape (-2, -3)",
+    "weights/unknown_packing.npz": "not supported",
+    "settings/code.json": "unknown key 'policy_kwargs'",
+    "settings/deep.json": "at most 16 layers of 4096",
+    "settings/digits.json": "a whole number has thousands of digits",
+    "settings/good.json": None,
+    "settings/list.json": "expected an object",
+    "settings/long_rollout.json": "numbers in a learner",
+    "settings/many_rows.json": "numbers in a learner",
+    "settings/nan_rate.json": "preset.rate = nan",
+    "settings/no_preset.json": "preset is None",
+    "settings/true_rows.json": "preset.rows = True",
+    "settings/unknown_algorithm.json": "choose ppo",
+    "settings/wide.json": "at most 16 layers of 4096",
+    "settings/writes_elsewhere.json": "unknown key 'tensorboard_log'",
+}
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_the_corpus_is_refused_or_read(name: str, tmp_path: Path) -> None:
+    words = EXPECTED[name]
+    settings_ = name.startswith("settings")
+    path = tmp_path / ("config.json" if settings_ else "policy.npz")
+    path.write_bytes((CORPUS / name).read_bytes())
+
+    def door(path: Path) -> Any:
+        return read_config(path.parent) if settings_ else weights(path)
+
+    assert (entered(door, path) is None) == (words is not None)
+    if words is not None:
+        with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
+            door(path)
+        assert words in str(refused.value)
+
+
+def test_every_file_of_the_corpus_is_expected() -> None:
+    files = [p for kind in ("weights", "settings") for p in (CORPUS / kind).iterdir()]
+    assert {f"{p.parent.name}/{p.name}" for p in files} == set(EXPECTED)
+
+
+@FUZZ
+@given(data=mutated((CORPUS / "weights" / "good.npz").read_bytes()))
+def test_any_weights_are_read_or_refused(tmp_path_factory, data: bytes) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.npz"
+    path.write_bytes(data)
+    entered(weights, path)
+
+
+# a whole folder ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def small() -> de.Scene:
+    return replace(de.load_scene("sprint"), name="small", count=4)
+
+
+@pytest.fixture(scope="module")
+def run(small: de.Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A training of a moment."""
+    tiny = preset("ppo", 3)
+    options = {**tiny.options, "n_steps": 6, "batch_size": 12, "n_epochs": 1}
+    plan = replace(tiny, rows=2, steps=24, width=4, depth=1, options=options)
+    folder = tmp_path_factory.mktemp("run") / "run"
+    train(small, "ppo", folder=folder, plan=plan)
+    return folder
+
+
+def used(path: Path) -> Any:
+    """What the agent in the folder of this file builds."""
+    built = evaluate(path.parent)
+    assert np.isfinite(built.score)
+    assert built.scene.violations(built.layout) == []
+    return built
+
+
+def in_place_of(run: Path, name: str, data: bytes) -> Path:
+    """A copy of the folder with another file of this name."""
+    copied = run.with_name("copy")
+    shutil.rmtree(copied, ignore_errors=True)
+    shutil.copytree(run, copied)
+    (copied / name).write_bytes(data)
+    return copied / name
+
+
+def test_the_folder_as_it_is_works(run: Path) -> None:
+    assert used(run / "policy.npz").score > 0.0
+
+
+@FEW
+@given(name=st.sampled_from(["policy.npz", "config.json", "policy.json"]), data=st.data())
+def test_any_damaged_file_is_used_or_refused(run: Path, name: str, data: Any) -> None:
+    damaged = data.draw(mutated((run / name).read_bytes()))
+    path = in_place_of(run, name, damaged)
+    entered(lambda folder: used(folder / name), path.parent)
+
+
+@FUZZ
+@given(data=st.data())
+def test_any_settings_are_used_or_refused(run: Path, data: Any) -> None:
+    document = json.loads((run / "config.json").read_text())
+    plan = document["preset"]
+    for _ in range(data.draw(st.integers(1, 3))):
+        table = data.draw(st.sampled_from([document, plan, plan["options"]]))
+        keys = [*(k for k in table if k not in ("preset", "options")), "gamma", "verbose", "env"]
+        table[data.draw(st.sampled_from(keys))] = data.draw(
+            st.one_of(st.sampled_from([0, 1, 2, 3, 0.5, 10**9]), NUMBERS, DEEP)
+        )
+    path = in_place_of(run, "config.json", json.dumps(document).encode())
+    entered(lambda folder: used(folder / "config.json"), path.parent)
+
+
+@FEW
+@given(value=st.one_of(NUMBERS, DEEP))
+def test_any_reference_is_used_or_refused(run: Path, value: Any) -> None:
+    text = json.dumps({"reference_over_uniform": value}).encode()
+    entered(used, in_place_of(run, "policy.json", text))
+
+
+def test_a_network_of_enormous_weights_builds_a_row_or_is_refused(run: Path) -> None:
+    with np.load(run / "policy.npz") as held:
+        arrays = {name: np.full_like(held[name], 3e38) for name in held.files}
+    for name in arrays:
+        if "log_std" not in name:
+            arrays[name].flat[::2] *= -1.0
+    out = io.BytesIO()
+    np.savez(out, **arrays)
+    entered(used, in_place_of(run, "policy.npz", out.getvalue()), named=False)
+
+
+# checkpoints ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=["ppo", "sac"])
+def begun(request: Any, small: de.Scene, run: Path, tmp_path_factory: Any) -> tuple[Any, Path]:
+    """A learner and its checkpoint."""
+    if request.param == "ppo":
+        scene, algorithm, seed, plan, _ = _as_begun(run)
+        return learner(algorithm, plan, DominoVecEnv(scene, plan.rows), seed), run / "checkpoint.pt"
+    tiny = preset("sac", 3)
+    options = {**tiny.options, "learning_starts": 8, "buffer_size": 40, "gradient_steps": 1}
+    plan = replace(tiny, rows=2, steps=24, width=4, depth=1, options=options)
+    model = learner("sac", plan, DominoVecEnv(small, 2), 0)
+    model.learn(24)
+    path = tmp_path_factory.mktemp("sac") / "checkpoint.pt"
+    save_state(model, {"best": 0.5}, path)
+    return model, path
+
+
+def test_a_checkpoint_as_it_is_works(begun: Any) -> None:
+    assert "best" in load_state(*begun)
+
+
+def _places(value: Any) -> list[tuple[Any, Any]]:
+    """Every place in nested dicts and lists."""
+    if isinstance(value, dict):
+        return [p for k, v in value.items() for p in [(value, k), *_places(v)]]
+    if isinstance(value, list):
+        return [p for k, v in enumerate(value) for p in [(value, k), *_places(v)]]
+    return []
+
+
+@FUZZ
+@given(data=st.data())
+def test_any_state_is_taken_up_or_refused(begun: Any, tmp_path_factory: Any, data: Any) -> None:
+    model, path = begun
+    state = copy.deepcopy(torch.load(path, weights_only=True))
+    places = _places(state)
+    table, key = places[data.draw(st.integers(0, len(places) - 1))]
+    odd = [
+        None, -1, 2**70, float("nan"), "x", [], {}, [[1.0]], torch.zeros(3),
+        torch.tensor(float("nan")), torch.zeros(1).expand(10**9),
+        torch.zeros(4, 4, dtype=torch.int64), True,
+    ]  # fmt: skip
+    kind = data.draw(st.sampled_from(["odd", "away", "more", "nan", "stretched"]))
+    held = table[key]
+    if kind == "odd":
+        table[key] = odd[data.draw(st.integers(0, len(odd) - 1))]
+    elif kind == "away":
+        del table[key]
+    elif kind == "more" and isinstance(table, dict):
+        table["more of it"] = odd[data.draw(st.integers(0, len(odd) - 1))]
+    elif isinstance(held, torch.Tensor) and held.is_floating_point():
+        nan = torch.full((1,) * max(held.dim(), 1), float("nan"))
+        table[key] = torch.full_like(held, float("nan")) if kind == "nan" else nan.expand(10, 10)
+    new = tmp_path_factory.getbasetemp() / "checkpoint.pt"
+    torch.save(state, new)
+    entered(lambda p: load_state(model, p), new)
+    for value in model.policy.state_dict().values():
+        assert torch.isfinite(value).all()
+
+
+@FEW
+@given(data=st.data())
+def test_any_damaged_checkpoint_is_taken_up_or_refused(
+    begun: Any, tmp_path_factory: Any, data: Any
+) -> None:
+    model, path = begun
+    new = tmp_path_factory.getbasetemp() / "damaged.pt"
+    new.write_bytes(data.draw(mutated(path.read_bytes())))
+    entered(lambda p: load_state(model, p), new)
+
+
+class _Code:
+    """Says when a pickle runs it."""
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (Path("ran"),)
+
+
+@pytest.mark.parametrize("new_kind", [True, False])
+def test_code_in_a_checkpoint_is_not_run(
+    begun: Any, tmp_path: Path, monkeypatch: Any, new_kind: bool
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "checkpoint.pt"
+    torch.save({"parameters": _Code()}, path, _use_new_zipfile_serialization=new_kind)
+    assert entered(lambda p: load_state(begun[0], p), path) is None
+    assert [p.name for p in tmp_path.iterdir()] == ["checkpoint.pt"]
+
+
+def test_a_checkpoint_that_unpacks_to_more_than_its_limit(
+    begun: Any, tmp_path: Path, monkeypatch: Any
+) -> None:
+    path = tmp_path / "checkpoint.pt"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("archive/data/0", bytes(3_000_000))
+    monkeypatch.setenv("DOMINO_CHECKPOINT_BYTES", "1000000")
+    with pytest.raises(ValueError, match="unpacked, it has 3,000,000 bytes, where at most"):
+        load_state(begun[0], path)
+
+
+def test_a_resumed_run_of_a_stranger_is_refused_with_a_sentence(run: Path) -> None:
+    state = torch.load(run / "checkpoint.pt", weights_only=True)
+    state["more"]["curve"] = [[1.0]]
+    out = io.BytesIO()
+    torch.save(state, out)
+    path = in_place_of(run, "checkpoint.pt", out.getvalue())
+    with pytest.raises(ValueError, match=r"checkpoint\.pt: curve holds \[1.0\]: expected"):
+        train("sprint", folder=path.parent, resume=True)
+
+
+def test_an_archive_that_no_one_vouches_for_is_not_opened(tmp_path: Path) -> None:
+    path = tmp_path / "agent.zip"
+    path.write_bytes(b"PK")
+    with pytest.raises(ValueError, match="runs code that it holds: say --trust"):
+        evaluate(path, "sprint")
+    for data in (b"", b"PK", b"PK\x05\x06" + bytes(18)):
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match="is no archive of"):
+            evaluate(path, "sprint", trust=True)

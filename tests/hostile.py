@@ -1,0 +1,97 @@
+"""Hostile files: what every test of a door shares."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from hypothesis import strategies as st
+
+CORPUS = Path(__file__).parent / "data" / "hostile"
+
+TRICKS = [
+    b"\0", b"\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\n", b'"', b"'", b'"""', b",", b";",
+    b"\t", b"=cmd|' /C calc'!A0", b"1e400", b"-1", b"nan", b"1e-320", b"9" * 5000, b"true",
+    b"0x" + b"f" * 5000, b"[" * 2000, b"{" * 2000, b"\x1b[2J", b"../../x", b"</script>", b"#",
+    b"{{race}}", b"a." * 50, "\u202e".encode(), b"1_0", b"\\u0000", b"PK\x01\x02",
+    b"\xff\xff\xff\xff",
+]  # fmt: skip
+NUMBERS: Any = st.one_of(
+    st.floats(),
+    st.floats(1e-9, 1e9),
+    st.integers(),
+    st.sampled_from([10**400, -(10**400), 2**63, 2**64, 0, -1, 1e308, 1e-308, 5e-324]),
+)
+ODD: Any = st.one_of(NUMBERS, st.booleans(), st.none(), st.text(max_size=20))
+DEEP: Any = st.recursive(
+    ODD,
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=8), inner, max_size=3)
+    ),
+    max_leaves=12,
+)
+
+
+@st.composite
+def mutated(draw: Any, data: bytes) -> bytes:
+    """Valid bytes with some damage."""
+    for _ in range(draw(st.integers(1, 5))):
+        at = draw(st.integers(0, len(data)))
+        to = min(len(data), at + draw(st.integers(0, 30)))
+        kind = draw(st.sampled_from(["bytes", "trick", "cut", "again", "end"]))
+        if kind == "bytes":
+            data = data[:at] + draw(st.binary(max_size=4)) + data[to:]
+        elif kind == "trick":
+            data = data[:at] + draw(st.sampled_from(TRICKS)) + data[at:]
+        elif kind == "cut":
+            data = data[:at] + data[to:]
+        elif kind == "again":
+            data = data[:to] + data[at:]
+        else:
+            data = data[:at]
+    return data
+
+
+def entered(door: Callable[[Path], Any], path: Path, *, named: bool = True) -> Any:
+    """What a door makes of a file; None where it refuses it as it should.
+
+    Anything but a ValueError or an OSError, a warning, and a message that nobody should print
+    fail the test that asks.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return door(path)
+        except (ValueError, OSError) as error:
+            said = str(error)
+    wrong = complaint(said, path if named else None)
+    assert wrong is None, f"{wrong}: {said!r}"
+    return None
+
+
+def complaint(said: str, path: Path | None) -> str | None:
+    """What is wrong with a message."""
+    if not said.isprintable():
+        return "it cannot be printed in a line"
+    if len(said) >= 500 + (len(str(path)) if path else 0):
+        return "it is too long"
+    if path is not None and str(path) not in said:
+        return "it does not name the file"
+    return None
+
+
+def numbers_in(value: Any) -> list[float]:
+    """All floats of a nested value."""
+    if isinstance(value, dict):
+        return [x for one in value.values() for x in numbers_in(one)]
+    if isinstance(value, list | tuple):
+        return [x for one in value for x in numbers_in(one)]
+    return [value] if isinstance(value, float) else []
+
+
+def all_finite(value: Any) -> bool:
+    """Whether none of them is infinite or nan."""
+    return all(math.isfinite(x) for x in numbers_in(value))

@@ -1,0 +1,653 @@
+"""Files from strangers: each works or is refused in one sentence, within memory and time."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import struct
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hostile import CORPUS, DEEP, NUMBERS, ODD, all_finite, entered, mutated
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import domino_env as de
+from domino_env import limits
+from domino_env.command import main
+from domino_env.layout import Layout
+from domino_env.look.race_data import Racer
+from domino_env.look.report import Race, read_race, write_report
+from domino_env.look.sound import Heard, clicks, listen, read_wav
+from domino_env.look.template import sheets
+from domino_env.reading import one_line, plain_name, read_bytes
+from domino_env.scene_files import parse_scene
+from optimize.best_known import best_known
+from optimize.comparison_page import _about
+
+FUZZ = settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "60")), derandomize=True)
+if "FUZZ_EXAMPLES" in os.environ:
+    FUZZ = settings(FUZZ, derandomize=False)
+SHIPPED = [
+    (f.name, f.read_text("utf-8"))
+    for f in sorted((resources.files("domino_env") / "scenes").iterdir(), key=lambda f: f.name)
+    if f.name.endswith(".toml")
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("hostile")
+
+
+def heard(path: Path) -> Heard:
+    samples, rate = read_wav(path)
+    try:
+        return listen(samples, rate)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+# the corpus -------------------------------------------------------------------------------------
+
+# the words of the refusal, or None where the file is good
+EXPECTED: dict[str, str | None] = {
+    "layouts/column_of_escapes.csv": r"spacing\u202e",
+    "layouts/deep.json": "nested too deep",
+    "layouts/denormal.csv": "1e-320 must be more than 0",
+    "layouts/digits.json": "a whole number has thousands of digits",
+    "layouts/empty.csv": "the file is empty",
+    "layouts/enormous.csv": "1e300 must be more than 0 and finite, 1e-09 to 1e+09",
+    "layouts/escape.csv": r"'\x1b]0;owned\x07\x1b[2J' is not a number",
+    "layouts/formula.csv": "line 2, column 'spacing_mm': '=2+3' is not a number",
+    "layouts/formula_beside.csv": None,
+    "layouts/half_spacing.csv": "the file is empty",
+    "layouts/latin_1.csv": None,
+    "layouts/missing.csv": "no column for the thickness",
+    "layouts/mixed_ends.csv": None,
+    "layouts/nan.json": "spacing[0] = nan m: must be more than 0",
+    "layouts/negative.csv": "-18 must be more than 0",
+    "layouts/nested.json": "spacing[0] = [0.01]: give a number",
+    "layouts/nul.csv": r"'18\x00' is not a number",
+    "layouts/number.json": "expected an object",
+    "layouts/open_quote.csv": "is not a number",
+    "layouts/overflow.csv": "1e400 must be more than 0",
+    "layouts/overflow.json": "must be more than 0 and finite",
+    "layouts/steps.json": "would strike",
+    "layouts/surrogate.json": r"unknown key '\ud800\x1b[2J'",
+    "layouts/true.json": "spacing[0] = True: give a number, without quotes",
+    "layouts/twice.csv": "two columns give the spacing",
+    "layouts/twice.json": "the key 'spacing' stands there twice",
+    "layouts/utf_16_torn.csv": "starts like UTF-16 text but is not",
+    "layouts/wide.json": "must be more than 0 and finite",
+    "layouts/words.json": "spacing[0] = '0.01': give a number, without quotes",
+    "scenes/absolute.toml": "name = '/etc/x': leave out '/'",
+    "scenes/date.toml": "give a finite number",
+    "scenes/deep_value.toml": "title = [[[...]]]: give a line of text",
+    "scenes/deeper_value.toml": "nested too deep",
+    "scenes/denormal.toml": "physics.gravity = 1e-320: give a finite number",
+    "scenes/device.toml": "name = 'con.txt': systems keep this name for themselves",
+    "scenes/escapes.toml": r"title = '\x1b]0;owned\x07': give a line of text",
+    "scenes/formula.toml": "name = '=1+1': begin with a letter or a digit",
+    "scenes/formulas_in_the_title.toml": None,
+    "scenes/hexadecimal.toml": "physics.push = a int too large to show",
+    "scenes/hidden.toml": "name = '.ssh': begin with a letter or a digit",
+    "scenes/huge_count.toml": "from 2 to 100000; for more set DOMINO_SCENE_DOMINOES",
+    "scenes/huge_draws.toml": "9,000,000,000 dominoes in all draws",
+    "scenes/huge_growth.toml": "8 dominoes could grow to 10^62 m",
+    "scenes/huge_lists.toml": "156,032,001 pairs of listed gaps and thicknesses",
+    "scenes/huge_stock.toml": "stock.count adds up to 200,000 dominoes",
+    "scenes/infinite.toml": "physics.push = inf: give a finite number",
+    "scenes/lines.toml": r"name = 'a\nb': give a line of text",
+    "scenes/long_key.toml": "a key of 5 words or more",
+    "scenes/long_key_in_quotes.toml": "a key of 5 words or more",
+    "scenes/many_digits.toml": "a whole number has thousands of digits",
+    "scenes/nul.toml": r"name = 'a\x00b': give a line of text",
+    "scenes/overflow.toml": "physics.push = inf: give a finite number",
+    "scenes/path.toml": "name = '../../x': leave out '/'",
+    "scenes/right_to_left.toml": r"title = 'a\u202eb': give a line of text",
+    "scenes/script.toml": "leave out '<'",
+    "scenes/table_for_a_name.toml": "name = {'a': {'b': {...}}}: give a line of text",
+    "scenes/tempo_of_nothing.toml": "tempo.from = 1e-320: give a finite number",
+    "scenes/thickness_number.toml": "the table [thickness] is no table",
+    "scenes/utf_16.toml": "not UTF-8 text",
+    "sounds/click.wav": "of toppling to hear",
+    "sounds/compressed.wav": "unknown format: 85",
+    "sounds/constant.wav": "nothing begins or ends in the recording",
+    "sounds/empty.wav": "it ends early",
+    "sounds/fast_rate.wav": "4294967295 samples a second",
+    "sounds/forty_bits.wav": "samples of 40 bits",
+    "sounds/head_only.wav": "not a WAVE file",
+    "sounds/many_channels.wav": "silent",
+    "sounds/no_channel.wav": "bad # of channels",
+    "sounds/no_rate.wav": "0 samples a second",
+    "sounds/part_past_the_end.wav": "not a plain WAV file",
+    "sounds/promises.wav": "nothing begins or ends in the recording",
+    "sounds/slow_rate.wav": "1 samples a second",
+    "sounds/torn_frame.wav": "nothing begins or ends in the recording",
+    "runs/trace_latin_1.csv": None,
+    "runs/trace_not_finite.csv": "line 2, best_score: 'nan' is no number",
+    "runs/trace_of_words.csv": "line 2, best_score: '<script>' is no number",
+    "runs/trace_short_row.csv": None,
+    "runs/trace_without_scores.csv": None,
+    "runs/verification_deep.json": "nested too deep",
+    "runs/verification_infinite.json": "verdict = inf: expected a line of text",
+    "runs/verification_list.json": "expected an object",
+    "runs/verification_number.json": "engine = 1: expected a line of text",
+    "runs/verification_script.json": None,
+    "runs/verification_times.json": "model: [['<script>']] is no finite number",
+}
+
+
+def report_of(path: Path) -> Any:
+    """A page of a run with this trace or check in its folder."""
+    run = path.parent / f"run-{path.name}"
+    run.mkdir(exist_ok=True)
+    Layout([0.018], 0.0075).to_csv(run / "layout.csv")
+    beside = run / (path.name.split("_")[0] + path.suffix)
+    beside.write_bytes(path.read_bytes())
+    try:
+        race = read_race([run])
+    except ValueError as error:
+        raise ValueError(str(error).replace(str(beside), str(path))) from None
+    write_report(race, run / "report.html")
+    return race.racers[0]
+
+
+DOORS: dict[str, Callable[[Path], Any]] = {
+    "layouts": Layout.read,
+    "scenes": de.load_scene,
+    "sounds": heard,
+    "runs": report_of,
+}
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_the_corpus_is_refused_or_read(name: str, folder: Path) -> None:
+    words = EXPECTED[name]
+    path = folder / Path(name).name
+    path.write_bytes((CORPUS / name).read_bytes())
+    made = entered(DOORS[name.split("/")[0]], path)
+    assert (made is None) == (words is not None)
+    if words is not None:
+        with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
+            DOORS[name.split("/")[0]](path)
+        assert words in str(refused.value)
+
+
+def test_every_file_of_the_corpus_is_expected_and_explained() -> None:
+    files = [p for p in CORPUS.rglob("*") if p.is_file() and p.parent != CORPUS]
+    told = (CORPUS.parent / "README.md").read_text("utf-8")
+    here = {f"{p.parent.name}/{p.name}" for p in files if p.parent.name in DOORS}
+    assert here == set(EXPECTED)
+    assert [p.name for p in files if f"`{p.name}`" not in told] == []
+
+
+# fuzz -------------------------------------------------------------------------------------------
+
+_CELLS = st.one_of(
+    st.floats(1e-4, 50.0).map(repr),
+    ODD.map(str),
+    st.sampled_from(["18,0", "=1+1", "", " 7.5 ", "1e400", "inf", "1_8", "٣", '"', "-0"]),
+)
+_HEADS = st.sampled_from(
+    ["spacing", "thickness", "spacing_mm", "thickness_mm", "height", "density", "note", "", "Ä"]
+)
+
+
+@st.composite
+def tables(draw: Any) -> bytes:
+    """Something like a spreadsheet."""
+    heads = draw(st.lists(_HEADS, min_size=1, max_size=5))
+    if draw(st.booleans()):
+        heads = ["spacing_mm", "thickness_mm", *heads]
+    rows = draw(st.lists(st.lists(_CELLS, max_size=6), max_size=6))
+    sign, end = draw(st.sampled_from(",;\t|")), draw(st.sampled_from(["\n", "\r\n", "\r", "\n\n"]))
+    text = end.join(sign.join(row) for row in [heads, *rows])
+    coding = draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1", "utf-32"]))
+    return text.encode(coding, "replace")
+
+
+@st.composite
+def documents(draw: Any) -> bytes:
+    """Something like the JSON of a layout."""
+    keys = st.sampled_from(["spacing", "thickness", "height", "width", "density", "unit", "hight"])
+    sizes = st.one_of(st.floats(1e-4, 0.04), NUMBERS)
+    values = st.one_of(sizes, st.lists(sizes, max_size=4), DEEP)
+    found = draw(st.dictionaries(keys, values, max_size=6))
+    if draw(st.booleans()):
+        found = {"spacing": [0.01, 0.02], "thickness": 0.0075} | found
+    return json.dumps(found).encode(draw(st.sampled_from(["utf-8", "utf-16", "latin-1"])))
+
+
+def layout_that_topples(path: Path) -> Layout:
+    """The layout of a file; its wave holds nothing that is no number."""
+    layout = Layout.read(path)
+    if layout.count <= 12:
+        try:
+            wave = de.simulate(layout, de.Physics())
+        except (ValueError, OSError) as error:
+            raise AssertionError("a layout that was read cannot be simulated") from error
+        assert not np.isnan(wave.arrival_times).any()
+        assert np.isfinite(wave.mean_speed)
+        assert not np.isnan(wave.error_estimate)
+    return layout
+
+
+_TABLE = b"number,spacing,thickness,height,density\n0,0.018,0.0075,0.048,1040\n1,,0.0075,0.05,900\n"
+_DOCUMENT = (
+    b'{"unit": "SI: m, kg/m3", "spacing": [0.018], "thickness": [0.0075, 0.007], "width": 0.02}'
+)
+
+
+@FUZZ
+@given(data=st.one_of(tables(), mutated(_TABLE), st.binary(max_size=200)))
+def test_any_table_is_read_or_refused(folder: Path, data: bytes) -> None:
+    path = folder / "any.csv"
+    path.write_bytes(data)
+    entered(layout_that_topples, path)
+
+
+@FUZZ
+@given(data=st.one_of(documents(), mutated(_DOCUMENT), st.binary(max_size=200)))
+def test_any_document_is_read_or_refused(folder: Path, data: bytes) -> None:
+    path = folder / "any.json"
+    path.write_bytes(data)
+    entered(layout_that_topples, path)
+
+
+def toml(value: Any) -> str:
+    """A value as TOML writes it, as far as TOML can."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value)
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(toml(v) for v in value) + "]"
+    return repr(value)
+
+
+@st.composite
+def scenes(draw: Any) -> bytes:
+    """A scene that ships with some of its values replaced."""
+    _, text = draw(st.sampled_from(SHIPPED))
+    document = tomllib.loads(text)
+    small = st.sampled_from([0, 1, 2, 0.5, 0.003, 0.02, 1.5, 100, -0.01, 12])
+    for _ in range(draw(st.integers(1, 3))):
+        tables = [t for t in document.values() if isinstance(t, dict)]
+        table = draw(st.sampled_from([document, *tables]))
+        key = draw(st.sampled_from([*table, "of", "step", "values", "fixed", "length", "limits"]))
+        kind = draw(st.sampled_from(["odd", "small", "several", "deep", "away"]))
+        if kind == "away":
+            table.pop(key, None)
+        else:
+            several = st.lists(small, max_size=4)
+            table[key] = draw({"odd": ODD, "small": small, "several": several, "deep": DEEP}[kind])
+    lines = [f"{k} = {toml(v)}" for k, v in document.items() if not isinstance(v, dict)]
+    for name, table in document.items():
+        if isinstance(table, dict):
+            lines += [
+                f"[{json.dumps(name)}]",
+                *(f"{json.dumps(k)} = {toml(v)}" for k, v in table.items()),
+            ]
+    return "\n".join(lines).encode("utf-8", "replace")
+
+
+def scene_that_is_kept(path: Path) -> de.Scene:
+    """The scene of a file; it is written down and read back the same, and its name is safe."""
+    scene = de.load_scene(path)
+    again = parse_scene(scene.to_toml(), "x", str(path))
+    told = [f.name for f in dataclasses.fields(scene)]
+    assert [n for n in told if getattr(again, n) != getattr(scene, n)] == []
+    assert plain_name(scene.name) is None
+    assert scene.title.isprintable()
+    assert all_finite([v for v in dataclasses.asdict(scene).values() if v is not None])
+    if scene.count <= 60 and scene.plain and scene.length is None and scene.placement is None:
+        middle = scene.layout(
+            0.5 * sum(scene.spacing), 0.5 * sum(scene.thickness) if scene.free_thickness else None
+        )
+        assert np.isfinite(scene.score_wave(scene.simulate(middle)))
+    return scene
+
+
+@FUZZ
+@given(data=st.one_of(scenes(), st.sampled_from([t.encode() for _, t in SHIPPED]).flatmap(mutated)))
+def test_any_scene_is_read_or_refused(folder: Path, data: bytes) -> None:
+    path = folder / "any.toml"
+    path.write_bytes(data)
+    entered(scene_that_is_kept, path)
+
+
+def wav(data: bytes, rate: int, channels: int, bits: int, claim: int, kind: int = 1) -> bytes:
+    """A WAV file that says of itself what it is told."""
+    width = channels * bits // 8 % 65536
+    head = struct.pack(
+        "<IHHIIHH", 16, kind, channels, rate, rate * width % 2**32, max(width, 1), bits
+    )
+    size = min(36 + claim, 2**32 - 1)
+    parts = (b"RIFF", struct.pack("<I", size), b"WAVEfmt ", head, b"data", struct.pack("<I", claim))
+    return b"".join(parts) + data
+
+
+_CLICKS = (np.sin(np.arange(8000) * 0.3) * (np.arange(8000) % 200 < 20) * 30000).astype("<i2")
+
+
+@st.composite
+def sounds(draw: Any) -> bytes:
+    """A WAV file with a header that may lie."""
+    data = draw(st.one_of(st.binary(max_size=300), st.just(_CLICKS.tobytes())))
+    return wav(
+        data,
+        draw(st.one_of(st.sampled_from([8000, 44100]), st.integers(0, 2**32 - 1))),
+        draw(st.one_of(st.just(1), st.integers(0, 65535))),
+        draw(st.one_of(st.sampled_from([8, 16, 24, 32]), st.integers(0, 65535))),
+        draw(st.one_of(st.just(len(data)), st.integers(0, 2**32 - 1))),
+        draw(st.sampled_from([1, 1, 1, 3, 65534])),
+    )
+
+
+@FUZZ
+@given(data=st.one_of(sounds(), mutated(wav(_CLICKS.tobytes()[:2000], 8000, 1, 16, 2000))))
+def test_any_sound_is_heard_or_refused(folder: Path, data: bytes) -> None:
+    path = folder / "any.wav"
+    path.write_bytes(data)
+    found = entered(heard, path)
+    assert found is None or all_finite(dataclasses.astuple(found))
+
+
+_TRACE = (
+    b"evaluations,simulated_falls,seconds,best_score,slope_left\n1,4,0.1,0.5,\n7,9,0.2,0.8,1e-3\n"
+)
+_CHECK = b'{"engine": "pymunk", "verdict": "AGREES", "model": [0.0, null, 0.1]}'
+
+
+@settings(FUZZ, max_examples=FUZZ.max_examples // 2)
+@given(
+    data=st.one_of(
+        st.tuples(st.just("trace_any.csv"), mutated(_TRACE)),
+        st.tuples(st.just("verification_any.json"), mutated(_CHECK)),
+        st.tuples(st.just("verification_any.json"), DEEP.map(lambda x: json.dumps(x).encode())),
+    )
+)
+def test_any_run_is_shown_or_refused(folder: Path, data: tuple[str, bytes]) -> None:
+    path = folder / data[0]
+    path.write_bytes(data[1])
+    entered(report_of, path)
+
+
+_RECORDS = json.dumps({
+    "sprint": {
+        "score": 0.5, "method": "cma", "seed": 0, "seconds": 1.0, "version": "0.1.0",
+        "spacing": [0.018], "thickness": [0.0075, 0.0075], "height": 0.048, "width": 0.024,
+        "density": 1040.0,
+    }
+}).encode()  # fmt: skip
+
+
+@FUZZ
+@given(data=st.one_of(mutated(_RECORDS), DEEP.map(lambda x: json.dumps({"a": x}).encode())))
+def test_any_records_are_read_or_refused(folder: Path, data: bytes) -> None:
+    path = folder / "best_known.json"
+    path.write_bytes(data)
+    found = entered(best_known, path) or {}
+    assert all_finite([record.score for record in found.values()])
+
+
+# what is no file, and what is too large ---------------------------------------------------------
+
+
+@pytest.mark.parametrize("ending", [".csv", ".json", ".toml", ".wav"])
+def test_folders_pipes_and_devices_are_refused_at_once(tmp_path: Path, ending: str) -> None:
+    door = {".toml": de.load_scene, ".wav": heard}.get(ending, Layout.read)
+    paths = [tmp_path / f"{kind}{ending}" for kind in ("folder", "pipe", "device", "loop", "none")]
+    paths[0].mkdir()
+    os.mkfifo(paths[1])
+    paths[2].symlink_to("/dev/zero")
+    paths[3].symlink_to(paths[3])
+    for path in [*paths, Path(f"a\0b{ending}")]:
+        assert entered(door, path, named="\0" not in path.name) is None
+    # of a name too long the system speaks itself
+    with pytest.raises(OSError, match="too long"):
+        door(tmp_path / ("x" * 5000 + ending))
+
+
+def test_the_command_line_prints_one_safe_line(tmp_path: Path, capsys: Any) -> None:
+    path = tmp_path / "a\x1b[2J\nb.csv"
+    path.write_text("spacing\n")
+    assert main(["simulate", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert said.endswith("\n")
+    assert said[:-1].isprintable()
+    assert r"a\x1b[2J\nb.csv" in said
+    assert main(["simulate", "x" * 4000 + ".csv"]) == 2
+    assert len(capsys.readouterr().err) < 1100
+
+
+def test_limits_are_set_by_the_environment(tmp_path: Path, monkeypatch: Any) -> None:
+    path = tmp_path / "row.csv"
+    Layout([0.02] * 9, 0.0075).to_csv(path)
+    Layout([0.02] * 9, 0.0075).to_json(tmp_path / "row.json")
+    monkeypatch.setenv("DOMINO_LAYOUT_DOMINOES", "9")
+    for name in ("row.csv", "row.json"):
+        with pytest.raises(ValueError, match=r"DOMINO_LAYOUT_DOMINOES|at most"):
+            Layout.read(tmp_path / name)
+    monkeypatch.setenv("DOMINO_LAYOUT_DOMINOES", "10")
+    assert Layout.read(path).count == Layout.read(tmp_path / "row.json").count == 10
+    monkeypatch.setenv("DOMINO_LAYOUT_BYTES", "100")
+    with pytest.raises(ValueError, match=r"a file of .* at most 100 are accepted; .* set DOMINO_L"):
+        Layout.read(path)
+    for wrong in ("many", "-1", "0", "1e9", "9" * 30, "٣"):
+        monkeypatch.setenv("DOMINO_LAYOUT_BYTES", wrong)
+        with pytest.raises(ValueError, match="give a whole number of bytes, 1 or more"):
+            Layout.read(path)
+    monkeypatch.setenv("DOMINO_LAYOUT_BYTES", "")
+    assert Layout.read(path).count == 10
+
+
+def test_every_limit_is_documented() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "limits.md").read_text("utf-8")
+    for limit in limits.ALL:
+        assert f"`{limit.variable}`" in page
+        assert f"{limit.default:,}".replace(",", " ") in page
+
+
+def test_a_wave_that_takes_ages_is_neither_sounded_nor_drawn() -> None:
+    slow = de.simulate(Layout([3e5], 1e5, height=1e6), de.Physics(push=1e-3))
+    assert slow.arrival_times[-1] > 100.0
+    with pytest.raises(ValueError, match=r"a wave of .* s sounds for .* DOMINO_SOUND_SAMPLES"):
+        clicks(slow, rate=1_000_000)
+    with pytest.raises(ValueError, match=r"a row of .* m takes .* DOMINO_SHEETS"):
+        sheets(Layout([3e5], 1e5, height=1e6, width=0.02))
+
+
+def test_long_rows_are_not_drawn_domino_by_domino(tmp_path: Path, monkeypatch: Any) -> None:
+    from domino_env.animation import Runner, frames
+
+    monkeypatch.setenv("DOMINO_SHOWN_DOMINOES", "9")
+    row = Layout([0.02] * 9, 0.0075)
+    row.to_csv(tmp_path / "row.csv")
+    with pytest.raises(ValueError, match=r"row\.csv: it has 10 dominoes a row"):
+        read_race([tmp_path / "row.csv"])
+    runner = Runner("row", de.simulate(row, de.Physics()))
+    with pytest.raises(ValueError, match="row: it has 10 dominoes a row"):
+        next(frames([runner]))
+    monkeypatch.delenv("DOMINO_SHOWN_DOMINOES")
+    with pytest.raises(ValueError, match=r"s of toppling take .* images"):
+        next(frames([runner], slow=1e6))
+
+
+_WORST = """
+import sys
+from pathlib import Path
+import numpy as np
+import domino_env as de
+from agents.arrays import read_weights
+from domino_env.look.sound import read_wav
+from domino_env.scene_files import parse_scene
+
+doors = {
+    ".csv": de.Layout.read, ".json": de.Layout.read, ".toml": de.load_scene, ".wav": read_wav,
+    ".npz": lambda path: read_weights(path, {"w": ((2, 3), np.dtype("float32"))}),
+}
+def used(what):
+    # not getrusage: the peak that it tells begins with that of whoever started this program
+    told = Path("/proc/self/status").read_text()
+    return int(told.split(what)[1].split()[0]) * 1024
+de.load_scene("sprint")
+for path in sorted(Path(sys.argv[1]).iterdir()):
+    Path("/proc/self/clear_refs").write_text("5")  # the peak so far is forgotten
+    before = used("VmRSS:")
+    try:
+        doors[path.suffix](path)
+    except ValueError:
+        pass
+    else:
+        assert path.name == "promises.wav", path  # what it has of samples is read
+    print(path.name, used("VmHWM:") - before)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="only Linux tells")
+def test_the_worst_files_take_little_memory(tmp_path: Path) -> None:
+    size = 8 * 2**20
+    head = b"spacing,thickness\n"
+    zeros = np.lib.format.header_data_from_array_1_0(np.zeros((5000, 10000), np.float32))
+    files = {
+        "short_lines.csv": head + b"1,1\n" * (size // 4),
+        "blank_lines.csv": b"\n" * size,
+        "one_line.csv": b"," * size,
+        "one_row.csv": head + b'"\n",' * (size // 4),
+        "objects.json": b'{"spacing": [' + b"{}," * (size // 3),
+        "brackets.json": b"[" * size,
+        "one_text.json": b'{"spacing": "' + "😀".encode() * (size // 4) + b'"}',
+        "keys.toml": b"".join(b"[a%d.b.c.d]\n" % i for i in range(60_000)),
+        "long_keys.toml": b"a." * 400_000 + b"a = 1\n",
+        "array.toml": b"x = [" + b"[],1.0," * 130_000 + b"]",
+        "promises.wav": wav(b"\0\0" * 1000, 44100, 1, 16, 2**32 - 1),
+        "rate.wav": wav(b"\1\0" * 500_000, 1, 1, 16, 10**6),
+    }
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    with (
+        zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("w.npy", "w") as member,
+    ):
+        np.lib.format.write_array_header_1_0(member, zeros)
+        for _ in range(200):
+            member.write(bytes(1_000_000))
+    assert (tmp_path / "bomb.npz").stat().st_size < 10**6
+    surroundings = {"NUMBA_NUM_THREADS": "1", "DOMINO_LAYOUT_DOMINOES": "100000"}
+    told = subprocess.run(
+        [sys.executable, "-W", "error", "-c", _WORST, str(tmp_path)],
+        capture_output=True, text=True, check=False, env=os.environ | surroundings,
+    )  # fmt: skip
+    assert told.returncode == 0, told.stdout + told.stderr
+    took = dict(line.split() for line in told.stdout.splitlines())
+    assert len(took) == len(files) + 1
+    # at once: the file, its text (four bytes a sign), and what a million bytes of keys become
+    keys = ("keys.toml", "array.toml")
+    assert max(int(n) for name, n in took.items() if name not in keys) < 8 * size, took
+    assert max(int(took[name]) for name in keys) < 400_000_000, took
+
+
+# names and pages --------------------------------------------------------------------------------
+
+
+@FUZZ
+@given(name=st.text(max_size=30))
+def test_a_name_that_is_plain_stays_in_its_folder(folder: Path, name: str) -> None:
+    if plain_name(name) is not None:
+        return
+    there = folder / "names" / name
+    assert there.resolve().parent == (folder / "names").resolve()
+    there.mkdir(parents=True, exist_ok=True)
+    assert name[0] not in "=+-@\t\r"
+
+
+@FUZZ
+@given(text=st.text(max_size=300), most=st.integers(10, 200))
+def test_one_line_is_one_line(text: str, most: int) -> None:
+    for keep_end in (False, True):
+        safe = one_line(text, most, keep_end=keep_end)
+        assert safe.isprintable()
+        assert len(safe) <= most
+
+
+def test_names_on_a_page_are_only_names(tmp_path: Path) -> None:
+    evil = "</script><!--<script>{{race}}{{title}}<img src=x onerror=alert(1)>"
+    wave = de.simulate(Layout([0.018], 0.0075), de.Physics())
+    check = {"engine": evil, "verdict": evil}
+    racer = Racer(evil, wave, verification=check)
+    write_report(Race((racer,), evil), tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text("utf-8")
+    data = page.split('id="data">')[1].split("</script>")[0]
+    assert json.loads(data)["rows"][0]["name"] == evil
+    assert "<" not in data
+    assert "<img" not in page
+    write_report(Race((Racer("x", wave),), "x"), tmp_path / "plain.html")
+    plain = (tmp_path / "plain.html").read_text("utf-8")
+    for sign in ("<script", "</script", "<!--"):
+        assert page.count(sign) == plain.count(sign)
+
+
+def test_a_title_in_a_comparison_is_no_markdown() -> None:
+    class Of:
+        """Enough of a result."""
+
+        def __init__(self, **held: Any) -> None:
+            self.__dict__ |= held
+
+    evil = "![x](http://evil/x.png) <script> `a` | b"
+    scene = Of(name="s", title=evil)
+    comparison = Of(results=[Of(scene=scene, uniform=Of(score=1.0))], best={"s": 1.0})
+    told = _about(comparison, "s")  # type: ignore[arg-type]
+    assert "![" not in told
+    assert not any(c == "<" and told[i - 1] != "\\" for i, c in enumerate(told))
+
+
+def test_a_title_with_dollars_is_drawn_as_it_stands(tmp_path: Path) -> None:
+    from optimize import search
+
+    scene = de.load_scene(CORPUS / "scenes" / "formulas_in_the_title.toml")
+    search(scene, "uniform", 10, folder=tmp_path / "run", progress=False)
+    assert (tmp_path / "run" / "result.png").stat().st_size > 1000
+
+
+def test_a_run_writes_through_no_link(tmp_path: Path) -> None:
+    """A folder that a stranger prepared: what it points at outside stays as it is."""
+    from optimize import search
+
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    run = tmp_path / "run"
+    run.mkdir()
+    for name in ("scene.toml", "layout.csv", "summary.json", "trace.csv", "report.html"):
+        (outside / name).write_text("precious")
+        (run / name).symlink_to(outside / name)
+    (run / ".writable").symlink_to(outside / "new")
+    search("sprint", "uniform", 10, folder=run, progress=False)
+    write_report(read_race([run]), run / "report.html")
+    assert sorted(p.name for p in outside.iterdir()) == sorted(
+        ["scene.toml", "layout.csv", "summary.json", "trace.csv", "report.html"]
+    )
+    assert {p.read_text() for p in outside.iterdir()} == {"precious"}
+    assert not (run / "layout.csv").is_symlink()
+
+
+def test_reading_what_shrinks_or_grows_is_bounded(tmp_path: Path) -> None:
+    path = tmp_path / "x"
+    path.write_bytes(b"abc")
+    assert read_bytes(path, limits.Limit("DOMINO_TEST", 3, "bytes", "a test")) == b"abc"
+    with pytest.raises(ValueError, match="a file of 3 bytes, where at most 2 are accepted"):
+        read_bytes(path, limits.Limit("DOMINO_TEST", 2, "bytes", "a test"))
