@@ -24,7 +24,9 @@ def listed(text: str) -> str:
     for line in text.splitlines():
         if line.startswith("```"):
             fenced = not fenced
-        found = None if fenced else NAMED.match(line)
+        # in the middle of a sentence such a line names nothing
+        begins = inside or not lines or not lines[-1] or lines[-1].endswith((".", ":"))
+        found = NAMED.match(line) if begins and not fenced else None
         if found and found[1] not in NO_NAMES:
             if not inside and lines and lines[-1]:
                 lines.append("")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,26 @@ ITERATIONS = 30  # of the engine's contact solver in every step
 FLOOR_FRICTION = 1.0  # of a free row: rough
 PATIENCE = 3.0  # [√(L/g)] without a hit before a wave counts as dead; a fall takes about one
 KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart
+STIR = 1e-5  # [rad] a lean that grows by less has come to rest
 GRAIN = 1e-4  # [mm] overlap of faces that the engine leaves alone
+
+
+@dataclass(frozen=True, eq=False)
+class Fallen:
+    """What became of a row in the engine.
+
+    arrivals: (N,) when each domino is hit [s]: the tip before it reaches its rear face; inf if
+    never.  toppled: whether the last one passed its tipping angle.
+    """
+
+    arrivals: Floats
+    toppled: bool
 
 
 def topple(
     layout: Layout, physics: Physics, step: float, *, hinged: bool = True, window: int | None = None
-) -> Floats:
-    """(N,) when each domino is hit [s]: the tip before it reaches its rear face; inf if never.
+) -> Fallen:
+    """A row in the engine, followed until the last domino has toppled or nothing more happens.
 
     step: of time [s].  window: so many dominoes behind the leader still move, and those further
     back lie still, which is what makes long rows affordable (None: all move).  Raises ImportError
@@ -63,7 +77,8 @@ def topple(
         elif now - arrivals[leader] > patience:
             break
         before = after
-    return arrivals
+    toppled = bool(np.isfinite(arrivals[-1])) and row.topples(step, patience)
+    return Fallen(arrivals, toppled)
 
 
 class _Row:
@@ -133,6 +148,19 @@ class _Row:
             self._space.remove(*body.constraints)
             body.body_type = self._pymunk.Body.STATIC
             self._fixed += 1
+
+    def topples(self, step: float, patience: float) -> bool:
+        """Whether the last domino passes its tipping angle, without resting for so long [s]."""
+        last = self.bodies[-1]
+        tipping = math.atan2(float(self._layout.thickness[-1]), float(self._layout.height[-1]))
+        furthest, since = 0.0, 0.0
+        while since < patience:
+            self.advance(step)
+            if -last.angle > tipping:
+                return True
+            since = 0.0 if -last.angle > furthest + STIR else since + step
+            furthest = max(furthest, -last.angle)
+        return False
 
     def room(self, i: int) -> float:
         """From the top front edge of i to the rear face of i+1, which stands [mm]."""

@@ -32,12 +32,15 @@ class Verification:
 
     wave: the model's.  steps: (S,) of the engine's time [s], falling.
     hinged, free: (S, N) arrival times in the engine [s]; inf where the wave did not come.
+    toppled, free_toppled: whether the last domino toppled at the finest step, hinged and free.
     """
 
     wave: Wave
     steps: Floats
     hinged: Floats
     free: Floats
+    toppled: bool
+    free_toppled: bool
 
     @property
     def limit(self) -> Floats:
@@ -86,6 +89,13 @@ class Verification:
                 f"in the model, {came} in the engine. {self.reason}"
             )
         share = self.largest_difference
+        model_topples = self.wave.toppled == self.wave.layout.count
+        if model_topples != self.toppled:
+            where = "model, not in the engine" if model_topples else "engine, not in the model"
+            return (
+                f"DIFFERS: every arrival time within {share:.3%} of the engine's, but the last "
+                f"domino topples in the {where}. {self.reason}"
+            )
         if share <= AGREES:
             return f"AGREES: every arrival time within {share:.3%} of the engine's."
         if share <= EXPLAINED:
@@ -109,8 +119,8 @@ class Verification:
         margins = wave.stall_margin[np.isfinite(wave.stall_margin)]
         if len(margins) and float(margins.min()) < NEAR_STALL:
             found.append(
-                f"domino {int(np.nanargmin(wave.stall_margin))} comes close to a stall, where "
-                "every small difference grows"
+                f"domino {int(np.nanargmin(wave.stall_margin))} comes close to a stall (margin "
+                f"{float(margins.min()):.2g}), where every small difference grows"
             )
         if wave.releases:
             found.append(f"{wave.releases} dominoes lose contact and fall alone")
@@ -143,9 +153,18 @@ def verify(
         raise ValueError(f"steps = {list(steps)}: give at least two different ones to extrapolate")
     if layout.count < 2:
         raise ValueError("a row of one domino has no wave to compare; give at least two")
-    hinged = np.array([topple(layout, physics, float(h), window=window) for h in fine])
-    free = np.array([topple(layout, physics, float(h), hinged=False, window=window) for h in fine])
-    return Verification(simulate(layout, physics), fine, hinged, free)
+    hinged, free = (
+        [topple(layout, physics, float(h), hinged=held, window=window) for h in fine]
+        for held in (True, False)
+    )
+    return Verification(
+        wave=simulate(layout, physics),
+        steps=fine,
+        hinged=np.array([fallen.arrivals for fallen in hinged]),
+        free=np.array([fallen.arrivals for fallen in free]),
+        toppled=hinged[-1].toppled,
+        free_toppled=free[-1].toppled,
+    )
 
 
 def extrapolated(steps: Floats, times: Floats) -> Floats:
@@ -194,6 +213,8 @@ def document(checked: Verification) -> dict[str, object]:
         "difference": cells(np.array([checked.difference]))[0],
         "free_difference": cells(np.array([checked.free_difference]))[0],
         "largest_difference": checked.largest_difference,
+        "toppled": checked.toppled,
+        "free_toppled": checked.free_toppled,
         "verdict": checked.verdict,
     }
 

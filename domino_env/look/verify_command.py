@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Check each row; 1 if any differs by more than 0.3 per cent."""
+    """Check each row; 1 if any differs by more than 0.3 per cent, or topples in one only."""
     from pathlib import Path
 
     from domino_env.layout import Layout

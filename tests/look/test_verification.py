@@ -60,6 +60,17 @@ def test_wrong_times_are_called_wrong(checked: Verification) -> None:
     assert "13 in the engine" in dataclasses.replace(checked, hinged=short).verdict
 
 
+def test_last_domino_that_barely_stands_or_falls_is_told_apart() -> None:
+    physics = de.Physics(push=10.0)
+    row = de.Layout([0.012, 0.012, 0.004], [0.0075, 0.0075, 0.0075, 0.03])
+    heavy = verify(row, physics, STEPS)
+    assert heavy.wave.hit == 4
+    assert heavy.toppled == (heavy.wave.toppled == 4)
+    other = dataclasses.replace(heavy, toppled=not heavy.toppled)
+    assert "the last domino topples in the" in other.verdict
+    assert other.verdict.startswith("DIFFERS")
+
+
 def test_extrapolation_is_exact_for_errors_of_first_order() -> None:
     steps, limit = np.array([4e-5, 2e-5, 1e-5]), np.array([0.0, 0.1, 0.3, np.inf])
     times = limit + np.outer(steps, [0.0, 3.0, 7.0, 1.0])
