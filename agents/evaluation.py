@@ -58,6 +58,8 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
     """
     uniform = scene.uniform()
     env = DominoChain(scene, reference_speed=reference_speed)
+    env.reset()
+    env.step(np.zeros(env.action_space.shape, np.float32))  # loads what is compiled
     began = time.perf_counter()
     seen, _ = env.reset()
     over, told = False, dict[str, Any]()
