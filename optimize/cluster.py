@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import re
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, InvalidStateError
 from contextlib import ExitStack, suppress
@@ -21,6 +23,7 @@ LOOPBACK = "127.0.0.1"
 ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")
 ANSWER = 10.0  # [s] for a scheduler to answer
 FIRST_WORKER = 60.0  # [s] for the first worker to come
+LOOK, ABANDONED = 2.0, 120.0  # [s] between two looks for workers; without any, until it is given up
 CLOSING = 30.0  # [s] for a cluster of ours to end; what has not by then ends with this process
 # A worker that dies is blamed on every task it holds: it must hold none but the one it runs.
 EXACT = {
@@ -46,6 +49,8 @@ class Cluster(Executor):
         _require_extra()
         self.hear: Hear | None = None
         self._stack = ExitStack()
+        self._waiting: set[Future[Any]] = set()
+        self._over = threading.Event()
         try:
             self._open(address, workers)
         except BaseException:
@@ -99,6 +104,10 @@ class Cluster(Executor):
         self._require_same_versions()
         self._client.subscribe_topic(TOPIC, self._heard)
         self._inner = self._client.get_executor(pure=False)
+        watch = threading.Thread(target=self._watch, name="workers-of-dask", daemon=True)
+        watch.start()
+        self._stack.callback(watch.join)
+        self._stack.callback(self._over.set)
 
     @property
     def workers(self) -> int:
@@ -116,6 +125,8 @@ class Cluster(Executor):
             if self._client.status == "running":
                 raise
             raise self._lost() from None
+        self._waiting.add(outer)
+        outer.add_done_callback(self._waiting.discard)
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
         inner.add_done_callback(partial(self._pass_on, outer))
         return outer
@@ -151,6 +162,19 @@ class Cluster(Executor):
                 )
             else:
                 outer.set_exception(error)
+
+    def _watch(self) -> None:
+        """Nobody waits for ever for workers that do not come back."""
+        last = time.monotonic()
+        while not self._over.wait(LOOK):
+            with suppress(Exception):  # a scheduler that is gone is noticed elsewhere
+                if not self._waiting or self._client.nthreads():
+                    last = time.monotonic()
+            if time.monotonic() - last > ABANDONED and self._client.status == "running":
+                lost = EngineLost(f"the Dask scheduler at {self.address} has no workers any more")
+                for outer in list(self._waiting):
+                    with suppress(InvalidStateError):
+                        outer.set_exception(lost)
 
     def _lost(self) -> EngineLost:
         return EngineLost(f"the Dask scheduler at {self.address} is gone, or ended our work")

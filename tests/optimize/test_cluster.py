@@ -128,6 +128,13 @@ def test_a_task_that_kills_its_workers_fails_and_the_others_do_not(cluster: Clus
     assert good.result() > 0
 
 
+def test_workers_that_do_not_come_back_are_not_waited_for(cluster: Cluster, monkeypatch) -> None:
+    monkeypatch.setattr("optimize.cluster.ABANDONED", 0.0)
+    monkeypatch.setattr(cluster._client, "nthreads", dict)
+    with pytest.raises(EngineLost, match="has no workers any more"):
+        cluster.submit(time.sleep, 6.0).result()
+
+
 # a scheduler and a worker of their own ----------------------------------------------------------
 
 
