@@ -59,6 +59,9 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"domino: {stop or 'interrupted'}", file=sys.stderr)
         return 143 if termination.came else 130
     except (ValueError, OSError, ImportError) as error:
+        if termination.came and not str(error):  # what a library made of the interruption
+            print("domino: interrupted", file=sys.stderr)
+            return 143
         print(f"domino: {one_line(str(error), 1000)}", file=sys.stderr)
         return 2
     finally:
