@@ -18,7 +18,7 @@ pytest.importorskip("distributed")
 
 from optimize import search
 from optimize.cluster import Cluster
-from optimize.engines import EngineLost, WorkerLost, engine
+from optimize.engines import EngineLost, engine
 from optimize.reports import say
 from optimize.store import open_store
 from optimize.task import Task, TaskResult, run_task
@@ -119,13 +119,6 @@ def test_a_worker_killed_in_the_middle_changes_nothing(
     mark = cluster.submit(kill_once, str(tmp_path / "mark"))
     assert results_of(tasks, cluster) == expected
     assert mark.result() == "done"
-
-
-def test_a_task_that_kills_its_workers_fails_and_the_others_do_not(cluster: Cluster) -> None:
-    bad, good = cluster.submit(kill_worker), cluster.submit(os.getpid)
-    with pytest.raises(WorkerLost, match="its worker died 3 times"):
-        bad.result()
-    assert good.result() > 0
 
 
 def test_workers_that_do_not_come_back_are_not_waited_for(cluster: Cluster, monkeypatch) -> None:
