@@ -2,9 +2,9 @@
 
     python -m agents.long_runs --out runs/long --docs docs
 
-trains what is not trained yet (two hours on one core), goes on where it was stopped, and writes
-learning.csv, a row a run, learning.md and learning.png.  Times are processor time: what else the
-machine does falls out.
+trains what is not trained yet (two hours on one core), goes on where it was stopped, writes
+learning.csv, a row a run, and learning.png, and prints the table of `docs/agents.md`.  Times are
+processor time: what else the machine does falls out.
 """
 
 from __future__ import annotations
@@ -112,18 +112,17 @@ def run_all(scenes: Iterable[str], seeds: int, algorithm: str, out: Path) -> lis
 
 
 def write(runs: list[Learned], docs: Path) -> None:
-    """The table as CSV and Markdown, and the curves."""
+    """A line a run as CSV, and the curves."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     writer.writerows(run.row() for run in runs)
     write_text(docs / "learning.csv", text.getvalue())
-    write_text(docs / "learning.md", page(runs))
     draw(runs, docs / "learning.png")
 
 
-def page(runs: list[Learned]) -> str:
-    """A table of one line a scene: the worst of its seeds, where not said otherwise."""
+def table(runs: list[Learned]) -> str:
+    """A line a scene, in Markdown: the worst of its seeds, where not said otherwise."""
     lines = [
         "| scene | algorithm | seeds | uniform | worst, best score | best known "
         "| share of its gain, worst | past uniform after | after 1, 5 min | trained for |",
@@ -163,6 +162,7 @@ def main() -> None:
         load_scene(name)
     runs = run_all(arguments.scenes, arguments.seeds, arguments.algorithm, arguments.out)
     write(runs, arguments.docs or arguments.out)
+    print("\n" + table(runs))
 
 
 if __name__ == "__main__":
