@@ -1,12 +1,15 @@
 """What all tests share."""
 
+import os
 import signal
 
 from hypothesis import settings
 
-# no deadlines: how long an example takes says something about the machine, not about the program
-settings.register_profile("domino", deadline=None, print_blob=True)
-settings.load_profile("domino")
+# No deadlines: how long an example takes says something about the machine, not about the program.
+# The same examples every time; HYPOTHESIS_PROFILE=search looks for new ones.
+settings.register_profile("domino", deadline=None, derandomize=True)
+settings.register_profile("search", deadline=None, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "domino"))
 
 # started in the background of a shell, tests would pass on to programs that Ctrl-C is ignored
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

@@ -143,7 +143,7 @@ def ranges(draw: st.DrawFn, most: float = 0.1) -> str:
     if kind == "values":
         values = draw(st.lists(st.integers(1, 99), min_size=1, max_size=6, unique=True))
         return f"values = {[v * 1e-3 for v in values]!r}"
-    step = f"\nstep = {draw(st.floats(1e-4, 0.01))!r}" if kind == "step" else ""
+    step = f"\nstep = {draw(st.floats(5e-4, 0.01))!r}" if kind == "step" else ""
     return f"min = {low!r}\nmax = {high!r}{step}"
 
 
