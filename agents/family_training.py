@@ -8,7 +8,6 @@ checkpoint.pt all that going on needs (no pickled code)           summary.json
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.clock import Clock
 from agents.designer import Designer, arrays_of, load_designer, plans_of
 from agents.extra import require_extra
 from agents.family import SceneFamily
@@ -112,8 +112,7 @@ class _Teaching:
         self.total = self.passes + teaching.batches
         self.done = 0
         self.curve: list[tuple[float, ...]] = []
-        self.spent = self.worked = 0.0  # seconds of earlier sessions: on the clock, of processors
-        self.began, self.began_work = time.perf_counter(), time.process_time()
+        self.clock = Clock()
         rng = np.random.default_rng([seed, CHECK])
         self.checked = [family.draw(rng) for _ in range(CHECKED)]
 
@@ -131,25 +130,17 @@ class _Teaching:
         self._keep()
         designer = load_designer(self.home / "policy.npz")  # rounded as it is kept
         taught = Taught(
-            self.home, designer, self.done, self.seconds, tuple(self.curve), interrupted
+            self.home, designer, self.done, self.clock.seconds, tuple(self.curve), interrupted
         )
         document = {
             "finished": not interrupted,
             "steps": self.done,
-            "seconds": self.seconds,
-            "processor_seconds": self.processor_seconds,
+            "seconds": self.clock.seconds,
+            "processor_seconds": self.clock.processor_seconds,
         }
         document |= dict(zip(COLUMNS[2:], self.curve[-1][2:], strict=True))
         write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
         return taught
-
-    @property
-    def seconds(self) -> float:
-        return self.spent + time.perf_counter() - self.began
-
-    @property
-    def processor_seconds(self) -> float:
-        return self.worked + time.process_time() - self.began_work
 
     def _learn(self) -> None:
         from tqdm import tqdm
@@ -197,7 +188,8 @@ class _Teaching:
         tried, untried = gains.T
         self.curve.append(
             (
-                float(self.done), self.seconds, float(np.mean(tried)), float(np.mean(tried > 0.0)),
+                float(self.done), self.clock.seconds,
+                float(np.mean(tried)), float(np.mean(tried > 0.0)),
                 float(np.mean(untried)), float(np.mean(untried > 0.0)),
             )
         )  # fmt: skip
@@ -215,8 +207,8 @@ class _Teaching:
             "learner": self.learner.state(),
             "done": self.done,
             "curve": [list(row) for row in self.curve],
-            "seconds": self.seconds,
-            "processor_seconds": self.processor_seconds,
+            "seconds": self.clock.seconds,
+            "processor_seconds": self.clock.processor_seconds,
         }
         write_bytes(self.home / "checkpoint.pt", lambda file: torch.save(state, file))
         lines = [",".join(COLUMNS)]
@@ -242,7 +234,7 @@ class _Teaching:
         state = read_teaching(self.learner, self.home / "checkpoint.pt", len(COLUMNS))
         self.learner.restore(state["learner"])
         self.done = state["done"]
-        self.spent, self.worked = state["seconds"], state["processor_seconds"]
+        self.clock.go_on(state["seconds"], state["processor_seconds"])
         self.curve = [tuple(row) for row in state["curve"]]
 
 

@@ -10,7 +10,6 @@ tensorboard/    the losses too, where TensorBoard is installed
 from __future__ import annotations
 
 import json
-import time
 import warnings
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from agents.clock import Clock
 from agents.evaluation import Built, build
 from agents.extra import require_extra
 from agents.presets import ALGORITHMS, Preset, preset
@@ -146,8 +146,7 @@ class _Training:
         self.best = -np.inf
         self.sampled = -np.inf
         self.curve: list[tuple[float, ...]] = []
-        self.spent = self.worked = 0.0  # seconds of earlier sessions: on the clock, of processors
-        self.began, self.began_work = time.perf_counter(), time.process_time()
+        self.clock = Clock()
         self.next_look = self.next_keep = 0
         self.bar: Any = None
         if progress:
@@ -190,14 +189,6 @@ class _Training:
         return self._finish(interrupted)
 
     @property
-    def seconds(self) -> float:
-        return self.spent + time.perf_counter() - self.began
-
-    @property
-    def processor_seconds(self) -> float:
-        return self.worked + time.process_time() - self.began_work
-
-    @property
     def done(self) -> float:
         """The part of the steps that has been taken."""
         return min(self.model.num_timesteps / self.total, 1.0)
@@ -232,7 +223,7 @@ class _Training:
                 "score": built.score,
                 "gain": built.gain,
                 "steps": self.model.num_timesteps,
-                "seconds": self.seconds,
+                "seconds": self.clock.seconds,
                 "reference_over_uniform": speed / self.uniform_speed
                 if self.uniform_speed > 0.0
                 else 1.0,
@@ -245,8 +236,8 @@ class _Training:
             load_weights(self.model.policy, self.home / "policy.npz")  # what was tried is undone
         self.curve.append(
             (
-                float(self.model.num_timesteps), self.seconds, built.score, self.best,
-                self.sampled, self.deviation(), speed, self.processor_seconds,
+                float(self.model.num_timesteps), self.clock.seconds, built.score, self.best,
+                self.sampled, self.deviation(), speed, self.clock.processor_seconds,
             )
         )  # fmt: skip
         self.model.logger.record("design/score", built.score)
@@ -264,8 +255,8 @@ class _Training:
             "best": float(self.best),
             "sampled": float(self.sampled),
             "curve": [list(row) for row in self.curve],
-            "seconds": self.seconds,
-            "processor_seconds": self.processor_seconds,
+            "seconds": self.clock.seconds,
+            "processor_seconds": self.clock.processor_seconds,
             "reference": float(self.env.rows.reference_speed),
             "next_look": self.next_look,
             "next_keep": self.next_keep,
@@ -342,7 +333,7 @@ class _Training:
             require_progress(more, len(COLUMNS))
         self.best, self.sampled = more["best"], more["sampled"]
         self.curve = [tuple(row) for row in more["curve"]]
-        self.spent, self.worked = more["seconds"], more["processor_seconds"]
+        self.clock.go_on(more["seconds"], more["processor_seconds"])
         self.env.rows.reference_speed = more["reference"]
         self.next_look, self.next_keep = more["next_look"], more["next_keep"]
         self.clone_score = more.get("clone_score")
@@ -355,7 +346,7 @@ class _Training:
             self.bar.close()
         built = evaluate(self.home)
         run = Run(
-            self.home, self.algorithm, built, self.model.num_timesteps, self.seconds,
+            self.home, self.algorithm, built, self.model.num_timesteps, self.clock.seconds,
             tuple(self.curve), interrupted, self.clone_score,
         )  # fmt: skip
         document = {
@@ -370,7 +361,7 @@ class _Training:
             "last_score": self.curve[-1][2],
             "steps": run.steps,
             "seconds": run.seconds,
-            "processor_seconds": self.processor_seconds,
+            "processor_seconds": self.clock.processor_seconds,
         }
         rival = None if interrupted else _rival(self.scene, COMPARED * run.seconds)
         if rival is not None:
