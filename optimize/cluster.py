@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import re
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, InvalidStateError
+from concurrent import futures
+from concurrent.futures import CancelledError, Executor, Future, InvalidStateError
 from contextlib import ExitStack, suppress
 from functools import partial
 from importlib.util import find_spec
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optimize.engines import STRIKES, SURROUNDINGS, EngineLost, WorkerLost
 from optimize.reports import TOPIC, Hear
 from optimize.worker_pool import without_ctrl_c
+
+if TYPE_CHECKING:
+    from distributed import Future as Inner
 
 LOOPBACK = "127.0.0.1"
 ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")
@@ -50,6 +55,8 @@ class Cluster(Executor):
         self.hear: Hear | None = None
         self._stack = ExitStack()
         self._waiting: set[Future[Any]] = set()
+        self._local: Any = None  # the cluster, where it is ours, and how many workers it is to have
+        self._number = 0
         self._over = threading.Event()
         try:
             self._open(address, workers)
@@ -78,6 +85,7 @@ class Cluster(Executor):
                 )
             self._stack.callback(_at_rest, partial(local.close, timeout=CLOSING))
             address = local.scheduler_address
+            self._local, self._number = local, len(local.workers)
         elif workers is not None:
             raise ValueError(
                 "--workers and the --dask address of a scheduler: its workers are its own; "
@@ -103,7 +111,6 @@ class Cluster(Executor):
             ) from None
         self._require_same_versions()
         self._client.subscribe_topic(TOPIC, self._heard)
-        self._inner = self._client.get_executor(pure=False)
         watch = threading.Thread(target=self._watch, name="workers-of-dask", daemon=True)
         watch.start()
         self._stack.callback(watch.join)
@@ -120,22 +127,24 @@ class Cluster(Executor):
         if self._client.status != "running":  # what is submitted now would never be sent
             raise self._lost()
         try:
-            inner = self._inner.submit(fn, *args, **kwargs)
+            inner = self._client.submit(partial(fn, **kwargs) if kwargs else fn, *args, pure=False)
         except Exception:
             if self._client.status == "running":
                 raise
             raise self._lost() from None
         self._waiting.add(outer)
         outer.add_done_callback(self._waiting.discard)
-        outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
-        inner.add_done_callback(partial(self._pass_on, outer))
+        outer.add_done_callback(partial(_cancel_too, inner))
+        self._client.loop.add_callback(self._pass_on, inner, outer)
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Close; a cluster that was started here ends with its workers."""
-        with suppress(Exception):  # of a scheduler that is gone, nothing is left to be closed
-            if self._client.status == "running":
-                self._inner.shutdown(wait=wait and not cancel_futures)
+        if cancel_futures:
+            for outer in list(self._waiting):
+                outer.cancel()
+        elif wait:
+            futures.wait(list(self._waiting))
         self._stack.close()
 
     def __exit__(
@@ -146,20 +155,28 @@ class Cluster(Executor):
     ) -> None:
         self.shutdown(cancel_futures=kind is not None)
 
-    def _pass_on(self, outer: Future[Any], inner: Future[Any]) -> None:
+    async def _pass_on(self, inner: Inner, outer: Future[Any]) -> None:
+        """Fetch an answer as soon as it is there, in the thread of the client's loop.
+
+        The worker that has it may die; and what is known here need not be kept anywhere else: a
+        result that a future still asks for would be computed again.
+        """
         from distributed import KilledWorker
 
+        error: BaseException | None = None
+        value: Any = None
+        try:
+            value = await inner
+        except KilledWorker as killed:
+            error = WorkerLost(f"its worker died {killed.allowed_failures + 1} times")
+        except (asyncio.CancelledError, CancelledError):
+            error = self._lost()
+        except Exception as raised:
+            error = raised
+        inner.release()
         with suppress(InvalidStateError):  # it was cancelled meanwhile
-            if inner.cancelled():
-                outer.set_exception(self._lost())
-                return
-            error = inner.exception()
             if error is None:
-                outer.set_result(inner.result())
-            elif isinstance(error, KilledWorker):
-                outer.set_exception(
-                    WorkerLost(f"its worker died {error.allowed_failures + 1} times")
-                )
+                outer.set_result(value)
             else:
                 outer.set_exception(error)
 
@@ -170,6 +187,8 @@ class Cluster(Executor):
             with suppress(Exception):  # a scheduler that is gone is noticed elsewhere
                 if not self._waiting or self._client.nthreads():
                     last = time.monotonic()
+                if self._local is not None:  # one that died while it started is not started again
+                    self._local.scale(self._number)
             if time.monotonic() - last > ABANDONED and self._client.status == "running":
                 lost = EngineLost(f"the Dask scheduler at {self.address} has no workers any more")
                 for outer in list(self._waiting):
@@ -205,6 +224,13 @@ class Cluster(Executor):
                         f"the Dask worker {worker} has {name} {found.get(name)}, and here it is "
                         f"{ours.get(name)}: results may differ; install the same versions"
                     )
+
+
+def _cancel_too(inner: Inner, outer: Future[Any]) -> None:
+    """What nobody waits for any more need not run."""
+    if outer.cancelled():
+        with suppress(Exception):  # of a client that is closing: it lets go of everything anyway
+            inner.cancel()
 
 
 def _at_rest(close: Callable[[], object]) -> None:

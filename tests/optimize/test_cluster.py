@@ -18,7 +18,7 @@ pytest.importorskip("distributed")
 
 from optimize import search
 from optimize.cluster import Cluster
-from optimize.engines import EngineLost, engine
+from optimize.engines import EngineLost, WorkerLost, engine
 from optimize.reports import say
 from optimize.store import open_store
 from optimize.task import Task, TaskResult, run_task
@@ -119,6 +119,40 @@ def test_a_worker_killed_in_the_middle_changes_nothing(
     mark = cluster.submit(kill_once, str(tmp_path / "mark"))
     assert results_of(tasks, cluster) == expected
     assert mark.result() == "done"
+
+
+def test_a_task_that_kills_its_workers_fails_and_the_others_do_not(cluster: Cluster) -> None:
+    bad, good = cluster.submit(kill_worker), cluster.submit(os.getpid)
+    with pytest.raises(WorkerLost, match="its worker died 3 times"):
+        bad.result()
+    assert good.result() > 0
+
+
+def tasks_known(dask_scheduler) -> int:
+    return len(dask_scheduler.tasks)
+
+
+def test_what_is_known_here_is_kept_by_no_worker(cluster: Cluster) -> None:
+    """A result that a worker still keeps is computed again when that worker dies."""
+    assert [cluster.submit(abs, -n).result() for n in range(20)] == list(range(20))
+    for _ in range(100):
+        if (known := cluster._client.run_on_scheduler(tasks_known)) == 0:
+            break
+        time.sleep(0.05)
+    assert known == 0
+
+
+def test_a_worker_that_dies_for_good_is_replaced(cluster: Cluster) -> None:
+    """As happens to one that is killed while it starts: its nanny gives up."""
+    local = cluster._local
+    assert local is not None
+    name = next(iter(local.workers))
+    local.sync(local.workers.pop(name).close)
+    for _ in range(300):
+        if cluster.workers == 2:
+            break
+        time.sleep(0.1)
+    assert cluster.workers == 2
 
 
 def test_workers_that_do_not_come_back_are_not_waited_for(cluster: Cluster, monkeypatch) -> None:
