@@ -8,18 +8,28 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numba
 
+MOST = 1024  # threads
 _POOLS: dict[int, ThreadPoolExecutor] = {}  # by their number of threads
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_POOLS.clear)  # a child has none of its parent's threads
+
+
+def allowed_threads() -> int:
+    """Numba's number of threads, or fewer where the environment has said so since.
+
+    A worker process is told of its surroundings after the script that it was started from has been
+    loaded, and Numba with it, which looks at them but once.
+    """
+    return min(numba.get_num_threads(), int(os.environ.get("NUMBA_NUM_THREADS", MOST)))
 
 
 def share_rows(task: Callable[..., object], rows: int, least: int, *arguments: object) -> None:
     """Call task(first, last, *arguments) for pieces of `rows` that together are all of them.
 
     The calling thread takes the first piece itself: waking another one costs some 20 µs, which
-    pieces of at least `least` rows should be worth.  The number of threads is Numba's.
+    pieces of at least `least` rows should be worth.
     """
-    threads = min(numba.get_num_threads(), rows // max(least, 1))
+    threads = min(allowed_threads(), rows // max(least, 1))
     if threads <= 1:
         task(0, rows, *arguments)
         return
@@ -39,7 +49,7 @@ def share_pieces(task: Callable[..., object], rows: int, count: int, *arguments:
     Small pieces keep all cores busy where some waves die early.  Plain threads rather than a
     parallel Numba loop: they may be called from several threads at once and survive a fork.
     """
-    threads = numba.get_num_threads()
+    threads = allowed_threads()
     piece = max(1, min(-(-rows // (4 * threads)), 200_000 // max(count, 1)))
     if threads == 1 or rows * count < 400:
         task(0, rows, *arguments)

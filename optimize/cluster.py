@@ -30,10 +30,15 @@ ANSWER = 10.0  # [s] for a scheduler to answer
 FIRST_WORKER = 60.0  # [s] for the first worker to come
 LOOK, ABANDONED = 2.0, 120.0  # [s] between two looks for workers; without any, until it is given up
 CLOSING = 30.0  # [s] for a cluster of ours to end; what has not by then ends with this process
-# A worker that dies is blamed on every task it holds: it must hold none but the one it runs.
-EXACT = {
+SETTINGS = {
+    # A worker that dies is blamed on every task it holds: it must hold none but the one it runs.
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.allowed-failures": STRIKES - 1,
+    # Dask watches itself, on the cores that the tasks could have: here nobody looks at it.
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
 }
 DECISIVE = ("domino-chains", "numpy", "scipy", "numba", "cma")  # versions that must be the same
 
@@ -72,7 +77,7 @@ class Cluster(Executor):
         for name in ("distributed", "distributed.client", "distributed.scheduler"):
             self._stack.callback(_quieten(logging.getLogger(name)))
         if address == "local":
-            with dask.config.set(EXACT), without_ctrl_c():
+            with dask.config.set(SETTINGS), without_ctrl_c():
                 local = LocalCluster(
                     n_workers=workers or os.cpu_count() or 1,
                     threads_per_worker=1,
@@ -82,6 +87,7 @@ class Cluster(Executor):
                     scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
                     env=SURROUNDINGS,
+                    config=SETTINGS,
                 )
             self._stack.callback(_at_rest, partial(local.close, timeout=CLOSING))
             address = local.scheduler_address

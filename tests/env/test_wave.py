@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
+from domino_env.threads import share_pieces, share_rows
 
 SUMMARY = (
     "outcome", "hit", "toppled", "reach", "mean_speed", "error_estimate", "converged", "flushes",
@@ -52,6 +53,24 @@ def test_order_and_threads_change_nothing():
     finally:
         numba.set_num_threads(threads)
     np.testing.assert_array_equal(alone.arrival_times, batch.arrival_times)
+
+
+def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
+    """They may be told after Numba has been loaded with more."""
+    monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+    monkeypatch.setattr("numba.get_num_threads", lambda: 4)
+    calls: list[tuple[int, int, int]] = []
+
+    def task(first: int, last: int) -> None:
+        calls.append((first, last, threading.get_ident()))
+
+    share_rows(task, 100, 1)
+    assert len(calls) == 4
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
+    calls.clear()
+    share_rows(task, 100, 1)
+    share_pieces(task, 100, 100)
+    assert calls == [(0, 100, threading.get_ident())] * 2
 
 
 def test_several_python_threads_may_call_at_once():
