@@ -47,9 +47,12 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     policy_options: dict[str, Any] = {"net_arch": net}
     if algorithm == "ppo":
         policy_options |= {"activation_fn": torch.nn.Tanh, "log_std_init": 0.0}
+    assert env.action_space.shape is not None
+    size = env.action_space.shape[0]
+    if "target_entropy" in options:
+        options["target_entropy"] *= size
     if algorithm == "td3":
-        assert env.action_space.shape is not None
-        size, first = env.action_space.shape[0], plan.first_deviation
+        first = plan.first_deviation
         options["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, first))
     if algorithm == "ars":
         policy_options = {}
@@ -63,8 +66,22 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
         verbose=0, **options,
     )  # fmt: skip
     if algorithm == "ppo":
-        model.policy.log_std.requires_grad_(False)
+        policy: Any = model.policy
+        policy.log_std.requires_grad_(False)
+        if plan.pull > 0.0:
+            policy.action_net.register_forward_hook(_drawn_back(plan.pull))
     return model
+
+
+def _drawn_back(pull: float) -> Callable[[Any, Any, torch.Tensor], None]:
+    """What adds pull/2 times the mean squared excess over [-1, 1] to the loss of a policy."""
+
+    def watch(module: Any, given: Any, means: Any) -> None:
+        if means.requires_grad:
+            excess = (means - means.clamp(-1.0, 1.0)).detach()
+            means.register_hook(lambda slope: slope + excess * (pull / len(excess)))
+
+    return watch
 
 
 def set_deviation(model: BaseAlgorithm, deviation: float) -> None:

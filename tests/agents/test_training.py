@@ -63,6 +63,25 @@ def test_it_is_the_single_environments_step_for_step(small) -> None:
     assert ended > 20
 
 
+@pytest.mark.parametrize(("bias", "slope"), [(-1.5, -0.5), (0.9, 0.0), (3.0, 2.0)])
+def test_means_outside_the_box_are_drawn_back(small, bias: float, slope: float) -> None:
+    """Beyond it all samples are cut off alike: what is paid for them has no slope."""
+    import torch
+
+    from agents.learner import learner
+
+    plan = plan_for("ppo")
+    env = DominoVecEnv(small, plan.rows)
+    for pull in (0.0, plan.pull):
+        policy = learner("ppo", replace(plan, pull=pull), env, 0).policy
+        with torch.no_grad():
+            policy.action_net.weight.zero_()
+            policy.action_net.bias.fill_(bias)
+        means = policy.get_distribution(torch.from_numpy(env.reset())).mode()
+        (0.0 * means.sum()).backward()
+        assert float(policy.action_net.bias.grad) == pytest.approx(pull * slope)
+
+
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_every_algorithm_trains_into_a_folder(small, tmp_path: Path, algorithm: str) -> None:
     run = train(small, algorithm, seed=1, folder=tmp_path / "run", plan=plan_for(algorithm))
