@@ -326,6 +326,7 @@ class _Training:
             "versions": versions(),
         }
         write_text(self.home / "scene.toml", self.scene.to_toml())
+        self.keep()  # before what says that there is something to go on from: a clone too is kept
         write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
 
     def _restore(self, more: dict[str, Any]) -> None:
@@ -384,7 +385,10 @@ def _rival(scene: Scene, seconds: float) -> SearchResult | None:
 def _as_begun(home: Path) -> tuple[Scene, str, int, Preset, int]:
     """What a run in this folder was begun with."""
     if not (home / "config.json").exists():
-        raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
+        raise ValueError(
+            f"{home} holds no training that had begun, so there is nothing to go on from: train "
+            "without --resume, into another folder if this one is not empty"
+        )
     begun = read_config(home)
     if begun.algorithm == "ars":
         raise ValueError("ars keeps no checkpoint that it can go on from: begin anew")

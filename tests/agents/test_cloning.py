@@ -111,10 +111,19 @@ def test_training_from_a_clone_keeps_it_and_goes_on(small, row, tmp_path: Path, 
     monkeypatch.setattr(training._Training, "keep", cut)
     with pytest.raises(RuntimeError, match="the power fails"):
         train(small, "ppo", seed=2, folder=tmp_path / "cut", plan=plan, warm_start=row)
-    monkeypatch.setattr(training._Training, "keep", kept)
-    resumed = train(small, "ppo", folder=tmp_path / "cut", resume=True)
-    assert resumed.clone_score == whole.clone_score
-    assert [row[2] for row in resumed.curve] == [row[2] for row in whole.curve]
+    monkeypatch.undo()
+
+    def fail(self) -> None:
+        raise RuntimeError("the power fails")
+
+    monkeypatch.setattr(training._Training, "_log", fail)  # before the first rollout
+    with pytest.raises(RuntimeError, match="the power fails"):
+        train(small, "ppo", seed=2, folder=tmp_path / "early", plan=plan, warm_start=row)
+    monkeypatch.undo()
+    for folder in ("cut", "early"):
+        resumed = train(small, "ppo", folder=tmp_path / folder, resume=True)
+        assert resumed.clone_score == whole.clone_score
+        assert [row[2] for row in resumed.curve] == [row[2] for row in whole.curve]
 
 
 def test_what_cannot_be_imitated_is_told(small, row, tmp_path: Path) -> None:
