@@ -46,45 +46,62 @@ def main(words: Sequence[str] | None = None) -> int:
     notice = threading.Timer(NOTICE_AFTER, _say_that_it_compiles, [arguments])
     notice.daemon = True
     notice.start()
-    termination = _Termination()
+    interruption = _Interruption()
     try:
         code = int(arguments.run(arguments))
         sys.stdout.flush()
-        return 143 if termination.came else code
+        return 143 if interruption.came == signal.SIGTERM else code
     except BrokenPipeError:
         # whoever read the output has enough; what is left in the buffer has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt as stop:
-        print(f"domino: {stop or 'interrupted'}", file=sys.stderr)
-        return 143 if termination.came else 130
+        print(f"domino: {str(stop) or 'interrupted'}", file=sys.stderr)
+        return interruption.code
     except (ValueError, OSError, ImportError) as error:
-        if termination.came and not str(error):  # what a library made of the interruption
+        if interruption.came and not str(error):
             print("domino: interrupted", file=sys.stderr)
-            return 143
+            return interruption.code
         print(f"domino: {one_line(str(error), 1000)}", file=sys.stderr)
         return 2
+    except Exception as error:
+        if not interruption.came:
+            raise
+        # what a library made of the interruption, which came while it was looking for another error
+        print(f"domino: interrupted ({type(error).__name__})", file=sys.stderr)
+        return interruption.code
     finally:
         notice.cancel()
-        termination.undo()
+        interruption.undo()
 
 
-class _Termination:
-    """Has SIGTERM end a command as Ctrl-C does, and knows whether it came."""
+class _Interruption:
+    """Has SIGTERM end a command as Ctrl-C does, and knows which of the two came."""
 
     def __init__(self) -> None:
-        self.came = False
-        self._before: Any = None
+        self.came: int = 0
+        self._before: dict[int, Any] = {}
         if threading.current_thread() is threading.main_thread():
-            self._before = signal.signal(signal.SIGTERM, self._come)
+            self._catch(signal.SIGTERM)
+            # who ignores Ctrl-C, as a shell has its background jobs do, goes on ignoring it
+            if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+                self._catch(signal.SIGINT)
 
-    def _come(self, *_: object) -> None:
-        self.came = True
+    @property
+    def code(self) -> int:
+        """The exit status that says what ended the command."""
+        return 143 if self.came == signal.SIGTERM else 130
+
+    def _catch(self, number: int) -> None:
+        self._before[number] = signal.signal(number, self._come)
+
+    def _come(self, number: int, _: object) -> None:
+        self.came = number
         raise KeyboardInterrupt
 
     def undo(self) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGTERM, self._before)
+        for number, before in self._before.items():
+            signal.signal(number, before)
 
 
 def _say_that_it_compiles(arguments: argparse.Namespace) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.distinct import distinct_rows
 from domino_env.rules import ON_LIST, nearest_of
 
 if TYPE_CHECKING:
@@ -64,9 +65,9 @@ def best_uniform(scene: Scene) -> Layout:
         offsets = np.linspace(-1.0, 1.0, 9)
         steps = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
         if cell.min() == 0.0:
-            steps = np.unique(steps * (cell > 0.0), axis=0)
+            steps = distinct_rows(steps * (cell > 0.0))
         fresh = (best[:, None, :] + steps[None] * cell).reshape(-1, 2)
-        fresh = np.unique(np.clip(fresh, low, high), axis=0)
+        fresh = distinct_rows(np.clip(fresh, low, high))
         # the places themselves are among the fresh ones, so the best is never lost
         points, scores = fresh, rows.scores(fresh)
         cell = cell / 4.0

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from domino_env.distinct import distinct_rows
 from optimize.ascent import Ascent
 from optimize.budget import Budget
 from optimize.problem import Floats, Problem
@@ -83,7 +84,7 @@ def _others(budget: Budget, design: Floats, rng: np.random.Generator, *, first: 
     if not found:
         return np.empty((0, len(design)))
     near = problem.project(np.concatenate(found))
-    return np.unique(near[np.any(near != design, axis=1)], axis=0)
+    return distinct_rows(near[np.any(near != design, axis=1)])
 
 
 def _assigned(budget: Budget, design: Floats) -> Floats:

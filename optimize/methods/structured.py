@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from domino_env.distinct import distinct_rows
 from optimize.ascent import Refined
 from optimize.budget import Budget
 from optimize.methods import assignment
@@ -68,7 +69,7 @@ def starts(problem: Problem) -> Floats:
             thick = design.copy()
             thick[-1, -2:] = 1.0
             found.append(thick)
-    return np.unique(np.array([design.ravel() for design in found]), axis=0)
+    return distinct_rows(np.array([design.ravel() for design in found]))
 
 
 def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:

@@ -245,7 +245,8 @@ def test_any_state_is_taken_up_or_refused(begun: Any, tmp_path_factory: Any, dat
         table["more of it"] = odd[data.draw(st.integers(0, len(odd) - 1))]
     elif isinstance(held, torch.Tensor) and held.is_floating_point():
         nan = torch.full((1,) * max(held.dim(), 1), float("nan"))
-        table[key] = torch.full_like(held, float("nan")) if kind == "nan" else nan.expand(10, 10)
+        wide = nan.expand((10,) * max(held.dim(), 2))
+        table[key] = torch.full_like(held, float("nan")) if kind == "nan" else wide
     new = tmp_path_factory.getbasetemp() / "checkpoint.pt"
     torch.save(state, new)
     entered(lambda p: load_state(model, p), new)

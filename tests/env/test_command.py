@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -146,6 +147,31 @@ def test_what_is_wrong_is_said_in_one_line(capsys, row: Path, words, message: st
     assert output.err.startswith("domino: ")
     assert message in output.err
     assert output.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("becomes", [None, ValueError, TypeError])
+def test_an_interruption_is_one_whatever_a_library_makes_of_it(
+    capsys, monkeypatch, row: Path, number: int, code: int, becomes: type[Exception] | None
+) -> None:
+    """NumPy looks for an error of its own while it compares, and finds that of Ctrl-C."""
+
+    def interrupted(arguments: object) -> int:
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt:
+            if becomes is None:
+                raise
+            raise becomes from None
+        return 0
+
+    monkeypatch.setattr("domino_env.simulate_command.run", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert main(["simulate", str(row)]) == code
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().err.startswith("domino: interrupted")
 
 
 def test_wrong_usage_ends_with_status_2(capsys) -> None:

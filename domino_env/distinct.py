@@ -1,0 +1,20 @@
+"""Distinct rows of a table."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def distinct_rows(table: Floats) -> Floats:
+    """The rows of a table (M, n), each once, ordered by their first entries, then their second, ….
+
+    As `numpy.unique(table, axis=0)`; but that compares rows as records, and where Ctrl-C comes
+    meanwhile, NumPy calls them incomparable (a TypeError) and the interruption is lost.
+    """
+    ordered = table[np.lexsort(table.T[::-1])]
+    first = np.ones(len(ordered), dtype=np.bool_)
+    first[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    return ordered[first]
