@@ -79,6 +79,9 @@ RUN_BYTES = Limit(
 JOURNAL_BYTES = Limit(
     "DOMINO_JOURNAL_BYTES", 2**30, "bytes", "some ten minutes of gradients on two cores"
 )
+STORE_BYTES = Limit(
+    "DOMINO_STORE_BYTES", 2**32, "bytes", "a million results of rows of 40; read as a whole"
+)
 SHOWN_DOMINOES = Limit(
     "DOMINO_SHOWN_DOMINOES", 5_000, "dominoes a row", "pictures need time by the square of a row"
 )
@@ -90,6 +93,12 @@ SOUND_SAMPLES = Limit(
     "DOMINO_SOUND_SAMPLES", 30_000_000, "samples", "eleven minutes at 44.1 kHz; 1 GB to listen to"
 )
 SOUND_BYTES = Limit("DOMINO_SOUND_BYTES", 128 * 2**20, "bytes", "as many samples of 32 bits")
+ENGINE_MOVES = Limit(
+    "DOMINO_ENGINE_MOVES",
+    1_000_000_000,
+    "moves of a domino in the engine",
+    "a row of 1 000 takes a third of that, and some minutes",
+)
 POLICY_BYTES = Limit(
     "DOMINO_POLICY_BYTES", 64 * 2**20, "bytes of weights", "two layers of 2 000; ours have 64"
 )
@@ -105,6 +114,7 @@ CHECKPOINT_BYTES = Limit(
 
 ALL = (
     LAYOUT_BYTES, LAYOUT_DOMINOES, SCENE_BYTES, SCENE_DOMINOES, SCENE_KINDS, SCENE_VALUES,
-    DRAWN_DOMINOES, RUN_BYTES, JOURNAL_BYTES, SHOWN_DOMINOES, FRAMES, SHEETS, SOUND_SAMPLES,
-    SOUND_BYTES, POLICY_BYTES, ARRAYS_BYTES, LEARNER_NUMBERS, CHECKPOINT_BYTES,
+    DRAWN_DOMINOES, RUN_BYTES, JOURNAL_BYTES, STORE_BYTES, SHOWN_DOMINOES, FRAMES, SHEETS,
+    SOUND_SAMPLES, SOUND_BYTES, ENGINE_MOVES, POLICY_BYTES, ARRAYS_BYTES, LEARNER_NUMBERS,
+    CHECKPOINT_BYTES,
 )  # fmt: skip

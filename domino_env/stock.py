@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.rules import nearest_of
+
 Floats = NDArray[np.float64]
 
 SAME = 1e-9  # [m] two thicknesses this close are the same domino
@@ -66,7 +68,9 @@ class Stock:
     def broken_by(self, thickness: Floats) -> list[str]:
         """What a row of these thicknesses (N,) takes that is not there, a sentence each."""
         kinds = np.array(self.thickness)
-        near = np.abs(thickness[:, None] - kinds).argmin(axis=1)
+        rising = np.argsort(kinds)
+        nearest = nearest_of(thickness, kinds[rising])
+        near = rising[np.searchsorted(kinds[rising], nearest)]
         strange = np.flatnonzero(np.abs(thickness - kinds[near]) > SAME)
         if len(strange):
             i = int(strange[0])

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import struct
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from hypothesis import strategies as st
+
+from domino_env.look.sound import Heard, listen, read_wav
 
 CORPUS = Path(__file__).parent / "data" / "hostile"
 
@@ -95,3 +98,22 @@ def numbers_in(value: Any) -> list[float]:
 def all_finite(value: Any) -> bool:
     """Whether none of them is infinite or nan."""
     return all(math.isfinite(x) for x in numbers_in(value))
+
+
+def heard(path: Path) -> Heard:
+    samples, rate = read_wav(path)
+    try:
+        return listen(samples, rate)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def wav(data: bytes, rate: int, channels: int, bits: int, claim: int, kind: int = 1) -> bytes:
+    """A WAV file that says of itself what it is told."""
+    width = channels * bits // 8 % 65536
+    head = struct.pack(
+        "<IHHIIHH", 16, kind, channels, rate, rate * width % 2**32, max(width, 1), bits
+    )
+    size = min(36 + claim, 2**32 - 1)
+    parts = (b"RIFF", struct.pack("<I", size), b"WAVEfmt ", head, b"data", struct.pack("<I", claim))
+    return b"".join(parts) + data

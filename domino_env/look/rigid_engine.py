@@ -58,8 +58,7 @@ def topple(
     row = _Row(layout, physics, hinged)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
-    patience = PATIENCE * math.sqrt(float(layout.height.max()) / physics.gravity)
-    patience += 2.0 / physics.push
+    patience = patience_with(layout, physics)
     now, leader, before = 0.0, 0, row.room(0) if layout.count > 1 else 0.0
     while leader < layout.count - 1:
         row.advance(step)
@@ -79,6 +78,12 @@ def topple(
         before = after
     toppled = bool(np.isfinite(arrivals[-1])) and row.topples(step, patience)
     return Fallen(arrivals, toppled)
+
+
+def patience_with(layout: Layout, physics: Physics) -> float:
+    """Time without a hit before a wave counts as dead [s]."""
+    fall = math.sqrt(float(layout.height.max()) / physics.gravity)
+    return PATIENCE * fall + 2.0 / physics.push
 
 
 class _Row:
