@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-import re
 import threading
 import time
 from collections.abc import Callable
@@ -13,11 +12,16 @@ from concurrent import futures
 from concurrent.futures import CancelledError, Executor, Future, InvalidStateError
 from contextlib import ExitStack, suppress
 from functools import partial
-from importlib.util import find_spec
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from optimize.engines import STRIKES, SURROUNDINGS, EngineLost, WorkerLost
+from optimize.engines import (
+    STRIKES,
+    SURROUNDINGS,
+    EngineLost,
+    WorkerLost,
+    require_possible,
+)
 from optimize.reports import TOPIC, Hear
 from optimize.worker_pool import without_ctrl_c
 
@@ -25,7 +29,6 @@ if TYPE_CHECKING:
     from distributed import Future as Inner
 
 LOOPBACK = "127.0.0.1"
-ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")
 ANSWER = 10.0  # [s] for a scheduler to answer
 FIRST_WORKER = 60.0  # [s] for the first worker to come
 LOOK, ABANDONED = 2.0, 120.0  # [s] between two looks for workers; without any, until it is given up
@@ -56,7 +59,7 @@ class Cluster(Executor):
     """
 
     def __init__(self, address: str, workers: int | None = None) -> None:
-        _require_extra()
+        require_possible(workers, address)
         self.hear: Hear | None = None
         self._stack = ExitStack()
         self._waiting: set[Future[Any]] = set()
@@ -92,16 +95,6 @@ class Cluster(Executor):
             self._stack.callback(_at_rest, partial(local.close, timeout=CLOSING))
             address = local.scheduler_address
             self._local, self._number = local, len(local.workers)
-        elif workers is not None:
-            raise ValueError(
-                "--workers and the --dask address of a scheduler: its workers are its own; "
-                "give one or the other"
-            )
-        elif not ADDRESS.fullmatch(address):
-            raise ValueError(
-                f"--dask {address}: give the address of a scheduler, such as "
-                "tcp://127.0.0.1:8786, or local"
-            )
         self.address = address
         try:
             self._client = Client(address, timeout=ANSWER, set_as_default=False, name="domino")
@@ -250,11 +243,3 @@ def _quieten(logger: logging.Logger) -> Callable[[], None]:
     before = logger.level
     logger.setLevel(logging.CRITICAL)
     return lambda: logger.setLevel(before)
-
-
-def _require_extra() -> None:
-    if find_spec("distributed") is None:
-        raise ImportError(
-            'a Dask cluster needs dask and distributed: pip install "domino-chains[dist]" '
-            "(in this folder: pip install -c constraints.txt -e .[dist])"
-        )

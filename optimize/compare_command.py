@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from optimize.engine_options import add_engine_options, asked_engine
+from optimize.engine_options import add_engine_options, asked_engine, require_engine
 from optimize.study_options import add_study_options, asked_study
 
 if TYPE_CHECKING:
@@ -84,6 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
         "evaluations": evaluations,
     }  # fmt: skip
     default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
+    require_engine(arguments)
     study = asked_study(arguments, "comparison", default, tasks, settings)
     folder = Path(arguments.out)
     require_room(folder)

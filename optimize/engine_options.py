@@ -26,3 +26,10 @@ def asked_engine(arguments: argparse.Namespace) -> AbstractContextManager[Execut
     from optimize.engines import engine
 
     return engine(arguments.workers, arguments.dask)
+
+
+def require_engine(arguments: argparse.Namespace) -> None:
+    """Refuse what cannot be an engine before anything is begun for it."""
+    from optimize.engines import require_possible
+
+    require_possible(arguments.workers, arguments.dask)

@@ -9,9 +9,11 @@ Results are the same to the bit whatever the engine: a task carries all that dec
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 # A worker has one task at a time and its core for itself; threads beneath would only fight.
 SURROUNDINGS = {
@@ -22,6 +24,7 @@ SURROUNDINGS = {
 }
 STRIKES = 3  # deaths of workers after which the task that they ran is given up
 MOST_WORKERS = 1024  # on one machine
+ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")  # of a scheduler
 
 
 class EngineLost(ConnectionError):  # noqa: N818  its name says it
@@ -43,8 +46,7 @@ def engine(workers: int | None = None, dask: str | None = None) -> Iterator[Exec
     ValueError for a number that makes no sense, ImportError where the extra is missing, EngineLost
     where nobody answers at the address.
     """
-    if workers is not None and not 1 <= workers <= MOST_WORKERS:
-        raise ValueError(f"--workers {workers}: give 1 to {MOST_WORKERS}")
+    require_possible(workers, dask)
     if dask is not None:
         from optimize.cluster import Cluster
 
@@ -57,3 +59,26 @@ def engine(workers: int | None = None, dask: str | None = None) -> Iterator[Exec
             yield pool
     else:
         yield None
+
+
+def require_possible(workers: int | None = None, dask: str | None = None) -> None:
+    """What can be said of an engine without starting it; raises as `engine` does."""
+    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+        raise ValueError(f"--workers {workers}: give 1 to {MOST_WORKERS}")
+    if dask is None:
+        return
+    if find_spec("distributed") is None:
+        raise ImportError(
+            'a Dask cluster needs dask and distributed: pip install "domino-chains[dist]" '
+            "(in this folder: pip install -c constraints.txt -e .[dist])"
+        )
+    if dask != "local" and workers is not None:
+        raise ValueError(
+            "--workers and the --dask address of a scheduler: its workers are its own; "
+            "give one or the other"
+        )
+    if dask != "local" and not ADDRESS.fullmatch(dask):
+        raise ValueError(
+            f"--dask {dask}: give the address of a scheduler, such as "
+            "tcp://127.0.0.1:8786, or local"
+        )

@@ -16,7 +16,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from optimize.engine_options import add_engine_options, asked_engine
+from optimize.engine_options import add_engine_options, asked_engine, require_engine
 from optimize.study_options import add_study_options, asked_study
 
 SUMMARY = "search many variations of a scene, on one machine or many"
@@ -60,6 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
         "seed": arguments.seed, "methods": methods, "seeds": arguments.seeds,
         "evaluations": tasks[0].evaluations, "seconds": arguments.seconds,
     }  # fmt: skip
+    require_engine(arguments)
     study = asked_study(arguments, "sweep", f"sweep-{scene.name}", tasks, settings)
     folder = Path(arguments.out or f"runs/{study.name}")
     require_room(folder)

@@ -231,7 +231,7 @@ def test_an_address_that_is_none(address: str) -> None:
 
 
 def test_without_the_extra_it_says_what_installs_it(monkeypatch) -> None:
-    monkeypatch.setattr("optimize.cluster.find_spec", lambda name: None)
+    monkeypatch.setattr("optimize.engines.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r'pip install "domino-chains\[dist\]"'):
         Cluster("local")
 

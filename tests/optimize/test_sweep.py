@@ -271,6 +271,15 @@ def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
     assert "2 of them done before" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("engine", [("--workers", "0"), ("--dask", "nowhere")])
+def test_an_engine_that_cannot_be_leaves_no_study_behind(here: Path, engine: tuple) -> None:
+    if "--dask" in engine:
+        pytest.importorskip("distributed")
+    with pytest.raises(ValueError, match=r"give 1 to|give the address of a scheduler"):
+        run_command(*WORDS, *engine)
+    assert not (here / "runs").exists()
+
+
 def test_a_folder_that_cannot_be_written_is_told_at_once(here: Path, monkeypatch) -> None:
     (here / "file").write_text("")
     monkeypatch.setattr("optimize.task_runner.run_task", None)
