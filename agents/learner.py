@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -68,27 +69,25 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     if algorithm == "ppo":
         policy: Any = model.policy
         policy.log_std.requires_grad_(False)
-        if plan.pull > 0.0:
-            policy.action_net.register_forward_hook(_drawn_back(plan.pull))
+        policy.pull = 0.0
+        policy.action_net.register_forward_hook(partial(_draw_back, policy))
     return model
 
 
-def _drawn_back(pull: float) -> Callable[[Any, Any, torch.Tensor], None]:
-    """What adds pull/2 times the mean squared excess over [-1, 1] to the loss of a policy."""
-
-    def watch(module: Any, given: Any, means: Any) -> None:
-        if means.requires_grad:
-            excess = (means - means.clamp(-1.0, 1.0)).detach()
-            means.register_hook(lambda slope: slope + excess * (pull / len(excess)))
-
-    return watch
+def _draw_back(policy: Any, module: Any, given: Any, means: Any) -> None:
+    """Add pull/2 times the mean squared excess of actions over [-1, 1] to the loss of a policy."""
+    if policy.pull > 0.0 and means.requires_grad:
+        excess = (means - means.clamp(-1.0, 1.0)).detach() * (policy.pull / len(means))
+        means.register_hook(lambda slope: slope + excess)
 
 
-def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
-    """Of the actions of PPO and TD3, which do not learn it."""
+def follow_schedule(model: BaseAlgorithm, plan: Preset, done: float) -> None:
+    """Set what PPO and TD3 do not learn: deviation and pull, when `done` of the steps are taken."""
     policy: Any = model.policy
+    deviation = plan.deviation(done)
     if hasattr(policy, "log_std"):
         policy.log_std.data.fill_(float(np.log(deviation)))
+        policy.pull = plan.pull if done >= plan.middle else 0.0
     noise: Any = getattr(model, "action_noise", None)
     for one in getattr(noise, "noises", ()):
         one._sigma = np.full_like(one._sigma, deviation)

@@ -68,18 +68,20 @@ def test_means_outside_the_box_are_drawn_back(small, bias: float, slope: float) 
     """Beyond it all samples are cut off alike: what is paid for them has no slope."""
     import torch
 
-    from agents.learner import learner
+    from agents.learner import follow_schedule, learner
 
     plan = plan_for("ppo")
     env = DominoVecEnv(small, plan.rows)
-    for pull in (0.0, plan.pull):
-        policy = learner("ppo", replace(plan, pull=pull), env, 0).policy
-        with torch.no_grad():
-            policy.action_net.weight.zero_()
-            policy.action_net.bias.fill_(bias)
-        means = policy.get_distribution(torch.from_numpy(env.reset())).mode()
+    model = learner("ppo", plan, env, 0)
+    with torch.no_grad():
+        model.policy.action_net.weight.zero_()
+        model.policy.action_net.bias.fill_(bias)
+    for done, pull in ((0.0, 0.0), (1.0, plan.pull)):  # once the deviation is small
+        follow_schedule(model, plan, done)
+        model.policy.zero_grad()
+        means = model.policy.get_distribution(torch.from_numpy(env.reset())).mode()
         (0.0 * means.sum()).backward()
-        assert float(policy.action_net.bias.grad) == pytest.approx(pull * slope)
+        assert float(model.policy.action_net.bias.grad) == pytest.approx(pull * slope)
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
