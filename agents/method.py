@@ -26,7 +26,7 @@ from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
 
 from agents.evaluation import build, completed  # noqa: E402
-from agents.learner import NOISY, builder, learner, follow_schedule  # noqa: E402
+from agents.learner import NOISY, builder, follow_schedule, learner  # noqa: E402
 from agents.presets import Preset, preset  # noqa: E402
 from agents.sb3_vec_env import DominoVecEnv  # noqa: E402
 from agents.streams import streams_put_back  # noqa: E402
