@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from agents.arrays import read_weights
 from agents.candidates import SideBySideARS
 from agents.checkpoint import read_checkpoint
 from agents.network import network_of
+from agents.policy import RowPolicy
 from agents.presets import Preset
 from domino_env.files import write_bytes
 from domino_env.reading import told_of
@@ -57,11 +57,9 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
         options["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, first))
     if algorithm == "ars":
         policy_options = {}
-        kind = "LinearPolicy"
         spread = options.get("delta_std", 0.05)
         options["delta_std"] = lambda left: spread * rate(left) / plan.rate
-    else:
-        kind = "MlpPolicy"
+    kind: Any = {"ppo": RowPolicy, "ars": "LinearPolicy"}.get(algorithm, "MlpPolicy")
     model = CLASSES[algorithm](
         kind, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed, device="cpu",
         verbose=0, **options,
@@ -69,25 +67,14 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     if algorithm == "ppo":
         policy: Any = model.policy
         policy.log_std.requires_grad_(False)
-        policy.pull = 0.0
-        policy.action_net.register_forward_hook(partial(_draw_back, policy))
+        policy.end, policy.pull = plan.end, plan.pull
     return model
 
 
-def _draw_back(policy: Any, module: Any, given: Any, means: Any) -> None:
-    """Add pull/2 times the mean squared excess of actions over [-1, 1] to the loss of a policy."""
-    if policy.pull > 0.0 and means.requires_grad:
-        excess = (means - means.clamp(-1.0, 1.0)).detach() * (policy.pull / len(means))
-        means.register_hook(lambda slope: slope + excess)
-
-
-def follow_schedule(model: BaseAlgorithm, plan: Preset, done: float) -> None:
-    """Set what PPO and TD3 do not learn: deviation and pull, when `done` of the steps are taken."""
-    policy: Any = model.policy
-    deviation = plan.deviation(done)
-    if hasattr(policy, "log_std"):
-        policy.log_std.data.fill_(float(np.log(deviation)))
-        policy.pull = plan.pull if done >= plan.middle else 0.0
+def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
+    """Of the actions of PPO and TD3, which do not learn it."""
+    if isinstance(model.policy, RowPolicy):
+        model.policy.deviation = deviation
     noise: Any = getattr(model, "action_noise", None)
     for one in getattr(noise, "noises", ()):
         one._sigma = np.full_like(one._sigma, deviation)

@@ -26,7 +26,7 @@ from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
 
 from agents.evaluation import build, completed  # noqa: E402
-from agents.learner import NOISY, builder, follow_schedule, learner  # noqa: E402
+from agents.learner import NOISY, builder, learner, set_deviation  # noqa: E402
 from agents.presets import Preset, preset  # noqa: E402
 from agents.sb3_vec_env import DominoVecEnv  # noqa: E402
 from agents.streams import streams_put_back  # noqa: E402
@@ -123,7 +123,7 @@ class _Learning:
 
     def _tune(self) -> None:
         if self.algorithm in NOISY:
-            follow_schedule(self.model, self.plan, self.budget.part)
+            set_deviation(self.model, self.plan.deviation(self.budget.part))
         if self.follows and self.budget.best_score > 0.0:
             mark = self.scene.uniform().wave.mean_speed
             self.env.rows.reference_speed = max(self.budget.best_score, mark)

@@ -24,9 +24,7 @@ class Preset:
     rate: of learning at the start; it falls to `last_rate` of that.
     first_deviation, middle_deviation, last_deviation: of the actions, at the start, after
         `middle` of the steps, and at the end; geometric between (PPO).
-    pull: how strongly means of actions that lie outside the box are drawn back to it after `middle`
-        of the steps (PPO).  Out there all samples are cut off at the same end: that keeps values at
-        the end free of noise while there is much of it, but nothing is learned from them.
+    end, pull: see `agents.policy.RowPolicy` (PPO).
     follow: whether the reference speed follows the best row found.
     options: what the algorithm itself is given; `target_entropy` for one entry of the actions.
     """
@@ -41,6 +39,7 @@ class Preset:
     middle_deviation: float = 0.03
     last_deviation: float = 0.01
     middle: float = 0.6
+    end: float = 8.0
     pull: float = 1.0
     follow: bool = True
     options: dict[str, Any] = field(default_factory=dict)
@@ -131,7 +130,7 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
             last_rate=0.1,
             middle_deviation=0.1,
             last_deviation=0.015,
-            middle=0.45,
+            middle=0.25,
             options={
                 "n_steps": length,
                 "batch_size": max(256 * length // 4, 256),

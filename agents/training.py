@@ -199,10 +199,10 @@ class _Training:
 
     def tune(self) -> None:
         """What changes along the way: deviation and reference speed."""
-        from agents.learner import NOISY, follow_schedule
+        from agents.learner import NOISY, set_deviation
 
         if self.algorithm in NOISY:
-            follow_schedule(self.model, self.plan, self.done)
+            set_deviation(self.model, self.deviation())
         if self.plan.follow and self.scene.objective == "mean_speed":
             found = max(self.best, self.sampled)
             self.env.rows.reference_speed = float(max(found, self.uniform_speed))

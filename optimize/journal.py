@@ -19,7 +19,7 @@ import math
 import struct
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -95,10 +95,16 @@ class Journal:
         """The search begins now."""
         self._since = time.perf_counter()
 
-    def answer(self, question: tuple[object, Floats], compute: Callable[[], Arrays]) -> Arrays:
+    def answer(
+        self,
+        question: tuple[object, Floats],
+        compute: Callable[[], Arrays],
+        shapes: Sequence[tuple[int, ...]] | None = None,
+    ) -> Arrays:
         """What `compute` gives, from the file where it is there.
 
         question: what is asked, and of which designs (B, n).
+        shapes: of the arrays, -1 for any length; None for one of (B,).
         ValueError where the search asks something else than it did.
         """
         digest = _digest(question)
@@ -106,7 +112,7 @@ class Journal:
             known, elapsed, payload, place = self._next
             if known == digest:
                 found = _unpacked(payload)
-                if not found or len(found[0]) != len(question[1]):
+                if not _have(found, shapes or [question[1].shape[:1]]):
                     raise ValueError(
                         f"{self.path} is damaged after {elapsed:.1f} s: begin anew, without "
                         "--resume"
@@ -302,6 +308,16 @@ def _unpacked(payload: bytes) -> Arrays:
     except (struct.error, ValueError, OverflowError):
         return ()
     return tuple(found)
+
+
+def _have(arrays: Arrays, shapes: Sequence[tuple[int, ...]]) -> bool:
+    """Whether arrays of numbers have these shapes, -1 for any length."""
+    return len(arrays) == len(shapes) and all(
+        array.ndim == len(shape)
+        and all(asked in (-1, had) for had, asked in zip(array.shape, shape, strict=True))
+        and bool(np.isfinite(array).all())
+        for array, shape in zip(arrays, shapes, strict=True)
+    )
 
 
 def _hold(file: BinaryIO, path: Path) -> None:

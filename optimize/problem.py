@@ -137,7 +137,7 @@ class Problem:
             more = {} if height is None else {"height": height}
             return (self.scene.score_batch(spacing, thickness, rtol, **more),)
 
-        (scores,) = self._found((rtol, designs), simulated)
+        (scores,) = self._found((rtol, designs), simulated, (len(designs),))
         self.count(scores)
         return scores
 
@@ -194,7 +194,8 @@ class Problem:
             by_value = self._allowed.tangent(by_value, self._wanted(designs), values, at_will)
             return found, by_value * (self.high - self.low)
 
-        found, gradients = self._found((f"gradient {at_will}", designs), simulated)
+        shapes = (len(designs),), designs.shape
+        found, gradients = self._found((f"gradient {at_will}", designs), simulated, *shapes)
         self.count(found)
         for b in np.flatnonzero(self._without_slope(found)):
             gradients[b] = self._differences(designs[b], scores) * ~self._allowed.stepped
@@ -231,14 +232,20 @@ class Problem:
             late = wave.arrival_times[1:] - tempo.schedule(self.scene.count)
             return score, late, slopes * (self.high - self.low)
 
-        score, late, slopes = self._found(("lateness", designs), simulated)
+        shapes = (1,), (-1,), (-1, self.dimension)
+        score, late, slopes = self._found(("lateness", designs), simulated, *shapes)
         self.count(score)
         return float(score[0]), late, slopes
 
     def _found(
-        self, question: tuple[object, Floats], simulated: Callable[[], tuple[Floats, ...]]
+        self,
+        question: tuple[object, Floats],
+        simulated: Callable[[], tuple[Floats, ...]],
+        *shapes: tuple[int, ...],
     ) -> tuple[Floats, ...]:
-        return simulated() if self.journal is None else self.journal.answer(question, simulated)
+        if self.journal is None:
+            return simulated()
+        return self.journal.answer(question, simulated, shapes)
 
     def _without_slope(self, found: Floats) -> NDArray[np.bool_]:
         """Whose scores have no exact gradient."""

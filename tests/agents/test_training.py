@@ -68,20 +68,40 @@ def test_means_outside_the_box_are_drawn_back(small, bias: float, slope: float) 
     """Beyond it all samples are cut off alike: what is paid for them has no slope."""
     import torch
 
-    from agents.learner import follow_schedule, learner
+    from agents.learner import learner
 
     plan = plan_for("ppo")
     env = DominoVecEnv(small, plan.rows)
-    model = learner("ppo", plan, env, 0)
-    with torch.no_grad():
-        model.policy.action_net.weight.zero_()
-        model.policy.action_net.bias.fill_(bias)
-    for done, pull in ((0.0, 0.0), (1.0, plan.pull)):  # once the deviation is small
-        follow_schedule(model, plan, done)
-        model.policy.zero_grad()
-        means = model.policy.get_distribution(torch.from_numpy(env.reset())).mode()
+    for pull in (0.0, plan.pull):
+        policy = learner("ppo", replace(plan, pull=pull), env, 0).policy
+        with torch.no_grad():
+            policy.action_net.weight.zero_()
+            policy.action_net.bias.fill_(bias)
+        means = policy.get_distribution(torch.from_numpy(env.reset())).mode()
         (0.0 * means.sum()).backward()
-        assert float(model.policy.action_net.bias.grad) == pytest.approx(pull * slope)
+        assert float(policy.action_net.bias.grad) == pytest.approx(pull * slope)
+
+
+def test_actions_stray_further_near_the_end_of_the_row(small) -> None:
+    import torch
+
+    from agents.learner import learner, set_deviation
+
+    env = DominoVecEnv(replace(small, count=40), 1)
+    plan = plan_for("ppo")
+    model = learner("ppo", plan, env, 0)
+    seen, widths = env.reset(), []
+    for _ in range(39):
+        set_deviation(model, 0.02)
+        deviations = model.policy.get_distribution(torch.from_numpy(seen)).distribution.stddev
+        widths.append(float(deviations.detach()[0, 0]))
+        seen = env.step(np.zeros((1, 1), np.float32))[0]
+    assert widths[0] == pytest.approx(0.02, rel=1e-3)
+    assert widths[-1] == pytest.approx(0.02 * plan.end ** np.exp(-0.25))
+    assert np.all(np.diff(widths) > 0.0)
+    set_deviation(model, 0.9)
+    deviations = model.policy.get_distribution(torch.from_numpy(seen)).distribution.stddev
+    assert float(deviations.detach().max()) <= 1.0
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)

@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from domino_env.command import main
-from optimize.journal import Journal
+from optimize.journal import Journal, _packed
 from optimize.runs import versions
 from optimize.store import open_store
 from optimize.study_export import export
@@ -171,6 +171,18 @@ def test_any_damaged_journal_is_followed_or_refused(journal: Any, data: Any) -> 
         assert found.tolist() in ([0.0, 1.0, 2.0], [7.0, 7.0, 7.0])
 
 
+def answered(payload: bytes, journal: tuple[Any, Path]) -> Any:
+    """What a journal answers that was made, not damaged: its first record holds this payload."""
+    scene, good = journal
+    data = good.read_bytes()
+    record = data.index(struct.pack("<I", 4 * 2 + 8 * 3)) - 12  # of the first answer
+    head = data[record : record + 4] + struct.pack("<dI", 0.5, len(payload))
+    crc = struct.pack("<I", zlib.crc32(payload, zlib.crc32(head)))
+    path = good.with_name("made.bin")
+    path.write_bytes(data[:record] + head + crc + payload)
+    return entered(lambda p: replayed(scene, p), path)
+
+
 @FUZZ
 @given(payload=st.one_of(
     st.binary(max_size=60),
@@ -181,17 +193,18 @@ def test_any_damaged_journal_is_followed_or_refused(journal: Any, data: Any) -> 
 def test_any_record_with_a_right_checksum_is_followed_or_refused(
     journal: Any, payload: bytes
 ) -> None:
-    """A journal that was made, not damaged."""
-    scene, good = journal
-    data = good.read_bytes()
-    record = data.index(struct.pack("<I", 4 * 2 + 8 * 3)) - 12  # of the first answer
-    digest = data[record : record + 4]
-    head = digest + struct.pack("<dI", 0.5, len(payload))
-    crc = struct.pack("<I", zlib.crc32(payload, zlib.crc32(head)))
-    path = good.with_name("made.bin")
-    path.write_bytes(data[:record] + head + crc + payload)
-    found = entered(lambda p: replayed(scene, p), path)
+    found = answered(payload, journal)
     assert found is None or all(len(values) == 3 for values in found)
+
+
+@pytest.mark.parametrize("array", [
+    np.float64(7.0), np.zeros(0), np.zeros(4), np.zeros((3, 1)), np.array([0.0, np.nan, 1.0]),
+    np.array([0.0, np.inf, 1.0]),
+])  # fmt: skip
+def test_a_record_of_another_shape_or_of_no_numbers_is_refused(journal: Any, array: Any) -> None:
+    assert answered(_packed((array,)), journal) is None
+    assert answered(_packed((np.arange(3.0), array)), journal) is None
+    assert answered(_packed((np.arange(3.0),)), journal) is not None
 
 
 def test_a_pipe_is_no_journal(journal: Any, tmp_path: Path) -> None:
