@@ -34,6 +34,11 @@ class RowPolicy(ActorCriticPolicy):
         self._near = obs[:, NEAR_END : NEAR_END + 1]
         return super().extract_features(obs, features_extractor)
 
+    def get_distribution(self, obs: Any) -> Distribution:
+        """See `ActorCriticPolicy`, which takes the features past `extract_features` here."""
+        self._near = obs[:, NEAR_END : NEAR_END + 1]
+        return super().get_distribution(obs)
+
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
         means: Any = self.action_net(latent_pi)
         if self.pull > 0.0 and means.requires_grad:
