@@ -1,10 +1,11 @@
 """Presets: hyperparameters of every algorithm, typed, in one place, with what they gave.
 
-PPO's were found by hand on `sprint` and `ideal`.  The deviation of the actions falls on a schedule
-and is not learned: quickly at first, slowly from 0.1 on, where the noise of the gaps no longer
-decides which thicknesses are best.  Means that have left the box are drawn back to it.  The speed
-that single steps are paid against follows the best row found, so that the sum of rewards and the
-ratio that is scored agree in the end (Dinkelbach's iteration).
+PPO's were found by hand on `sprint`, `ideal` and `sprint-thickness`.  The deviation of the actions
+falls on a schedule and is not learned: quickly at first, slowly from 0.1 on, where the noise of the
+gaps no longer decides which thicknesses are best.  Means that have left the box are drawn back to
+it, and actions near the end of the row stray further (`agents.policy`).  The speed that single steps
+are paid against follows the best row found, so that the sum of rewards and the ratio that is scored
+agree in the end (Dinkelbach's iteration).
 """
 
 from __future__ import annotations
@@ -120,6 +121,7 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
             middle_deviation=0.015,
             last_deviation=0.005,
             middle=0.6,
+            end=1.0,
             options=plan.options | {"gae_lambda": 1.0, "target_kl": 0.02},
         )
     if algorithm == "ppo":
