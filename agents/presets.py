@@ -3,9 +3,9 @@
 PPO's were found by hand on `sprint`, `ideal` and `sprint-thickness`.  The deviation of the actions
 falls on a schedule and is not learned: quickly at first, slowly from 0.1 on, where the noise of the
 gaps no longer decides which thicknesses are best.  Means that have left the box are drawn back to
-it, and actions near the end of the row stray further (`agents.policy`).  The speed that single steps
-are paid against follows the best row found, so that the sum of rewards and the ratio that is scored
-agree in the end (Dinkelbach's iteration).
+it, and actions near the end of the row stray further (`agents.policy`).  The speed that single
+steps are paid against follows the best row found, so that the sum of rewards and the ratio that is
+scored agree in the end (Dinkelbach's iteration).
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ class Preset:
     rate: of learning at the start; it falls to `last_rate` of that.
     first_deviation, middle_deviation, last_deviation: of the actions, at the start, after
         `middle` of the steps, and at the end; geometric between (PPO).
-    end, pull: see `agents.policy.RowPolicy` (PPO).
+    end, pull: see `agents.policy.RowPolicy` (PPO), whose deviation is `end` times larger there.
     follow: whether the reference speed follows the best row found.
     options: what the algorithm itself is given; `target_entropy` for one entry of the actions.
+
+    ValueError for deviations of 0 or less, and a middle that is not between 0 and 1.
     """
 
     rows: int
@@ -44,6 +46,13 @@ class Preset:
     pull: float = 1.0
     follow: bool = True
     options: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("first_deviation", "middle_deviation", "last_deviation", "end"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} = {getattr(self, name)}: give more than 0")
+        if not 0.0 < self.middle < 1.0:
+            raise ValueError(f"middle = {self.middle}: give a part of the steps, between 0 and 1")
 
     def deviation(self, done: float) -> float:
         """Of PPO's actions when `done` of the steps, 0 to 1, have been taken."""

@@ -188,6 +188,15 @@ def test_what_cannot_be_done_is_told(small, tmp_path: Path) -> None:
         evaluate(tmp_path / "agent.zip", "sprint")
 
 
+@pytest.mark.parametrize("wrong", [
+    {"first_deviation": 0.0}, {"last_deviation": -1.0}, {"end": 0.0}, {"middle": 1.0},
+])  # fmt: skip
+def test_a_schedule_that_cannot_be_is_refused(wrong: dict[str, float]) -> None:
+    (name,) = wrong
+    with pytest.raises(ValueError, match=f"{name} = "):
+        replace(preset("ppo", 39), **wrong)
+
+
 def test_a_policy_of_another_shape_is_refused(small, tmp_path: Path) -> None:
     train(small, "ppo", folder=tmp_path / "run", plan=plan_for("ppo"), steps=400)
     other = evaluate(tmp_path / "run", replace(small, name="other", physics=de.Physics(0.4)))
