@@ -81,7 +81,7 @@ def _serve() -> None:
         elif "words" in asked:
             child = os.fork()
             if child == 0:
-                code = 1
+                code = 130  # where Ctrl-C comes before the command begins, or when it is over
                 try:
                     code = _command(asked["words"], asked["log"])
                 finally:
