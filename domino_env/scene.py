@@ -298,7 +298,7 @@ class Scene:
 
     def to_toml(self) -> str:
         """The scene as a file that `load_scene` reads."""
-        from domino_env.scene_files import to_toml
+        from domino_env.scene_text import to_toml
 
         return to_toml(self)
 

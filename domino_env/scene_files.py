@@ -1,4 +1,4 @@
-"""Scenes as TOML files: read with care, written back.
+"""Scenes as TOML files, read with care.
 
 name, title, objective   what it is called, what it is about, what counts
 [row]        count, height, width, density, first_thickness, length
@@ -24,30 +24,47 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from domino_env.layout import DENSITY, HEIGHT, WIDTH
 from domino_env.limits import (
     DRAWN_DOMINOES,
-    LARGEST,
     SCENE_BYTES,
     SCENE_DOMINOES,
     SCENE_KINDS,
     SCENE_VALUES,
-    SMALLEST,
     TALLEST,
 )
 from domino_env.objective import OBJECTIVES, Limits
 from domino_env.physics import Physics
 from domino_env.placement import LARGEST_DRAWS, Placement
-from domino_env.reading import one_line, plain_name, read_bytes, refuse, shown, told_of
+from domino_env.reading import one_line, read_bytes, refuse, shown, told_of
+from domino_env.scene_tables import (
+    GROWTH,
+    LIMITS,
+    LONGEST_TITLE,
+    PHYSICS,
+    ROBUST,
+    ROW,
+    SPACING,
+    STOCK,
+    TEMPO,
+    THICKNESS,
+    TOP,
+    finite,
+    line_of,
+    name_of,
+    numbers,
+    positive,
+    require_known,
+    steps,
+    table_of,
+    whole,
+)
 from domino_env.stock import Stock
 from domino_env.tempo import TOLERANCE, Tempo
 
 if TYPE_CHECKING:
     from domino_env.scene import Bounds, Scene
 
-LONGEST_TITLE = 300  # [characters]
 LONGEST_KEY = 4  # [words with dots between]; reading takes memory by its square
 
 # texts, remarks, and keys of too many words, as TOML takes them apart from left to right; what is
@@ -59,29 +76,6 @@ _TEXTS = re.compile(
 )
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{LONGEST_KEY}}}")
 
-_TOP = (
-    "name", "title", "objective", "row", "spacing", "thickness", "stock", "growth", "physics",
-    "limits", "tempo", "robust",
-)  # fmt: skip
-_ROW = ("count", "height", "width", "density", "first_thickness", "length")
-_THICKNESS = ("min", "max", "fixed", "step", "values", "of")
-_SPACING = (*_THICKNESS, "largest_change")
-_STOCK = ("thickness", "count")
-_GROWTH = ("min", "max")
-# what may be as small as it likes: nothing is divided by it
-_TINY = (
-    "friction",
-    "deviation",
-    "quantile",
-    "stall_margin",
-    "flush_loss",
-    "largest_change",
-    "step",
-)
-_PHYSICS = ("friction", "gravity", "push")
-_LIMITS = ("stall_margin", "flush_loss")
-_TEMPO = ("from", "to", "times", "tolerance")
-_ROBUST = ("deviation", "quantile", "draws", "seed")
 # which table an objective needs, and which needs that objective
 _NEEDS = {"tempo": "tempo", "robust": "robust"}
 
@@ -142,34 +136,34 @@ def _document(text: str) -> dict[str, Any]:
 def _scene_of(document: dict[str, Any], name: str, file: str) -> Scene:
     from domino_env.scene import Scene
 
-    _known(document, _TOP, file, "")
-    row = _table(document, "row", _ROW, file)
-    forces = _table(document, "physics", _PHYSICS, file)
+    require_known(document, TOP, file, "")
+    row = table_of(document, "row", ROW, file)
+    forces = table_of(document, "physics", PHYSICS, file)
     objective = document.get("objective", OBJECTIVES[0])
     if objective not in OBJECTIVES:
         raise ValueError(f"{file}: objective = {shown(objective)}: choose {', '.join(OBJECTIVES)}")
-    name = _name(document, file, name)
-    title = _line(document, "title", file, name)
-    count = _whole(row, "row", "count", file, None, 2, SCENE_DOMINOES.most)
-    height = _positive(row, "row", "height", file, HEIGHT)
+    name = name_of(document, file, name)
+    title = line_of(document, "title", file, name)
+    count = whole(row, "row", "count", file, None, 2, SCENE_DOMINOES.most)
+    height = positive(row, "row", "height", file, HEIGHT)
     defaults = Physics()
-    values = [_finite(forces, "physics", key, file, getattr(defaults, key)) for key in _PHYSICS]
+    values = [finite(forces, "physics", key, file, getattr(defaults, key)) for key in PHYSICS]
     try:
         physics = Physics(*values)
     except ValueError as error:
         raise ValueError(f"{file}: physics.{error}") from None
-    spacing, spacing_values = _range(document, "spacing", _SPACING, file)
+    spacing, spacing_values = _range(document, "spacing", SPACING, file)
     in_heights = _in_heights(document, file)
     stock = _stock(document, file)
     if stock is None:
-        thickness, thickness_values = _range(document, "thickness", _THICKNESS, file)
+        thickness, thickness_values = _range(document, "thickness", THICKNESS, file)
         # as thick as all the others
         same = thickness[0] if thickness[0] == thickness[1] else None
         if same is not None and in_heights:
             same *= height
-        first = _positive(row, "row", "first_thickness", file, same)
+        first = positive(row, "row", "first_thickness", file, same)
     else:
-        first = _positive(row, "row", "first_thickness", file, None)
+        first = positive(row, "row", "first_thickness", file, None)
         rest = _after_the_first(stock, first, count, file)
         thickness_values = tuple(sorted(set(rest)))
         thickness = thickness_values[0], thickness_values[-1]
@@ -182,12 +176,12 @@ def _scene_of(document: dict[str, Any], name: str, file: str) -> Scene:
         physics=physics,
         count=count,
         height=height,
-        width=_positive(row, "row", "width", file, WIDTH),
-        density=_positive(row, "row", "density", file, DENSITY),
+        width=positive(row, "row", "width", file, WIDTH),
+        density=positive(row, "row", "density", file, DENSITY),
         first_thickness=first,
         spacing=spacing,
         thickness=thickness,
-        length=None if length is None else _positive(row, "row", "length", file, None),
+        length=None if length is None else positive(row, "row", "length", file, None),
         spacing_values=spacing_values,
         thickness_values=thickness_values,
         largest_change=None if change is None else _not_negative(document, file),
@@ -203,181 +197,28 @@ def _scene_of(document: dict[str, Any], name: str, file: str) -> Scene:
     return scene
 
 
-def to_toml(scene: Scene) -> str:
-    """The text of a file that reads back as the same scene."""
-    lines = [f"name = {_quoted(scene.name)}", f"title = {_quoted(scene.title)}"]
-    lines += [f"objective = {_quoted(scene.objective)}"]
-    lines += ["", "[row]", f"count = {scene.count}"]
-    for key in ("height", "width", "density", "first_thickness"):
-        lines.append(f"{key} = {getattr(scene, key)!r}")
-    if scene.length is not None:
-        lines.append(f"length = {scene.length!r}")
-    lines += ["", "[spacing]", *_range_lines(scene.spacing, scene.spacing_values)]
-    if scene.largest_change is not None:
-        lines.append(f"largest_change = {scene.largest_change!r}")
-    if scene.in_heights:
-        lines.append('of = "height"')
-    if scene.stock is None:
-        lines += ["", "[thickness]", *_range_lines(scene.thickness, scene.thickness_values)]
-        if scene.in_heights:
-            lines.append('of = "height"')
-    else:
-        lines += ["", "[stock]", f"thickness = {list(scene.stock.thickness)!r}"]
-        lines += [f"count = {list(scene.stock.count)!r}"]
-    if scene.growth is not None:
-        lines += ["", "[growth]", f"min = {scene.growth[0]!r}", f"max = {scene.growth[1]!r}"]
-    lines += ["", "[physics]"]
-    lines += [f"{key} = {getattr(scene.physics, key)!r}" for key in _PHYSICS]
-    if scene.limits is not None:
-        lines += ["", "[limits]"]
-        told = [(key, getattr(scene.limits, key)) for key in _LIMITS]
-        lines += [f"{key} = {value!r}" for key, value in told if value is not None]
-    if scene.tempo is not None:
-        lines += ["", "[tempo]"]
-        if scene.tempo.times is None:
-            lines += [f"from = {scene.tempo.first!r}", f"to = {scene.tempo.last!r}"]
-        else:
-            lines.append(f"times = {list(scene.tempo.times)!r}")
-        lines.append(f"tolerance = {scene.tempo.tolerance!r}")
-    if scene.placement is not None:
-        lines += ["", "[robust]"]
-        lines += [f"{key} = {getattr(scene.placement, key)!r}" for key in _ROBUST]
-    return "\n".join(lines) + "\n"
-
-
-def _range_lines(bounds: Bounds, values: tuple[float, ...] | None) -> list[str]:
-    low, high = bounds
-    if low == high:
-        return [f"fixed = {low!r}"]
-    if values is None:
-        return [f"min = {low!r}", f"max = {high!r}"]
-    step = round(values[1] - values[0], 12)
-    if len(values) > 2 and _steps(low, high, step) == values:
-        return [f"min = {low!r}", f"max = {high!r}", f"step = {step!r}"]
-    return [f"values = {[float(v) for v in values]!r}"]
-
-
-def _steps(low: float, high: float, step: float) -> tuple[float, ...]:
-    """low, low + step, … up to high [m], to the picometre."""
-    number = int(np.floor((high - low) / step + 1e-9)) + 1
-    return tuple(round(low + k * step, 12) for k in range(number))
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return (
-        '"' + "".join(c if c >= " " and c != "\x7f" else f"\\u{ord(c):04x}" for c in escaped) + '"'
-    )
-
-
-def _known(table: dict[str, Any], allowed: tuple[str, ...], file: str, where: str) -> None:
-    for key in table:
-        if key not in allowed:
-            near = difflib.get_close_matches(key[:LONGEST_TITLE], allowed, n=1)
-            hint = f"did you mean '{near[0]}'? " if near else ""
-            raise ValueError(
-                f"{file}: unknown key '{where}{one_line(key, 60)}': {hint}allowed: "
-                f"{', '.join(allowed)}"
-            )
-
-
-def _table(
-    document: dict[str, Any], name: str, allowed: tuple[str, ...], file: str
-) -> dict[str, Any]:
-    table = document.get(name)
-    if not isinstance(table, dict):
-        what = "is missing" if table is None else "is no table"
-        raise ValueError(f"{file}: the table [{name}] {what}; it holds {', '.join(allowed)}")
-    _known(table, allowed, file, f"{name}.")
-    return table
-
-
-def _name(document: dict[str, Any], file: str, default: str) -> str:
-    """What a scene is called, and its run's folder after it."""
-    name = _line(document, "name", file, default)
-    wrong = plain_name(name)
-    if wrong is not None:
-        raise ValueError(
-            f"{file}: name = {shown(name)}: {wrong}; a folder may be called after the scene"
-        )
-    return name
-
-
-def _line(document: dict[str, Any], key: str, file: str, default: str) -> str:
-    value = document.get(key, default)
-    good = isinstance(value, str) and value.strip() and len(value) <= LONGEST_TITLE
-    if not (good and value.isprintable()):
-        what = f"give a line of text, 1 to {LONGEST_TITLE} characters that can be printed"
-        raise ValueError(f"{file}: {key} = {shown(value)}: {what}")
-    return str(value)
-
-
-def _finite(table: dict[str, Any], where: str, key: str, file: str, default: float | None) -> float:
-    value = table.get(key, default)
-    if value is None:
-        raise ValueError(f"{file}: {where}.{key} is missing: give a number, SI units")
-    # compared, not converted: TOML's whole numbers may be larger than any float
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    least = 0.0 if value == 0 or key in _TINY else SMALLEST
-    if not (number and least <= abs(value) <= LARGEST):
-        raise ValueError(
-            f"{file}: {where}.{key} = {shown(value)}: give a finite number, SI units, 0 or of a "
-            f"size from {SMALLEST:g} to {LARGEST:g}"
-        )
-    return float(value)
-
-
-def _positive(
-    table: dict[str, Any], where: str, key: str, file: str, default: float | None
-) -> float:
-    value = _finite(table, where, key, file, default)
-    if value <= 0.0:
-        raise ValueError(f"{file}: {where}.{key} = {value}: must be more than 0, SI units")
-    return value
-
-
 def _not_negative(document: dict[str, Any], file: str) -> float:
-    value = _finite(document["spacing"], "spacing", "largest_change", file, None)
+    value = finite(document["spacing"], "spacing", "largest_change", file, None)
     if value < 0.0:
         raise ValueError(f"{file}: spacing.largest_change = {value}: must be 0 or more [m]")
     return value
-
-
-def _whole(
-    table: dict[str, Any], where: str, key: str, file: str, default: int | None, low: int, high: int
-) -> int:
-    value = table.get(key, default)
-    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        what = f"{where}.{key} is missing" if value is None else f"{where}.{key} = {shown(value)}"
-        more = f"; for more set {SCENE_DOMINOES.variable}" if high == SCENE_DOMINOES.most else ""
-        raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}{more}")
-    return value
-
-
-def _numbers(table: dict[str, Any], where: str, key: str, file: str) -> tuple[float, ...]:
-    values = table.get(key)
-    if not isinstance(values, list) or not values:
-        what = "is missing" if values is None else f"= {shown(values)}"
-        raise ValueError(f"{file}: {where}.{key} {what}: give a list of numbers, [0.005, 0.0075]")
-    entries = {f"{key}[{i}]": value for i, value in enumerate(values)}
-    return tuple(_positive(entries, where, entry, file, None) for entry in entries)
 
 
 def _range(
     document: dict[str, Any], name: str, allowed: tuple[str, ...], file: str
 ) -> tuple[Bounds, tuple[float, ...] | None]:
     """Bounds, and the values allowed between them where not all are."""
-    table = _table(document, name, allowed, file)
+    table = table_of(document, name, allowed, file)
     for one in ("fixed", "values"):
         others = [key for key in ("min", "max", "step", "fixed", "values") if key in table]
         if one in table and len(others) > 1:
             beside = "min or max" if one == "fixed" else " or ".join(k for k in others if k != one)
             raise ValueError(f"{file}: {name}.{one} stands beside {beside}: give one or the other")
     if "fixed" in table:
-        value = _positive(table, name, "fixed", file, None)
+        value = positive(table, name, "fixed", file, None)
         return (value, value), None
     if "values" in table:
-        values = tuple(sorted(_numbers(table, name, "values", file)))
+        values = tuple(sorted(numbers(table, name, "values", file)))
         for a, b in pairwise(values):
             if b - a < 1e-8:
                 raise ValueError(f"{file}: {name}.values holds {a} and {b}: they are the same")
@@ -385,18 +226,18 @@ def _range(
     for key in ("min", "max"):
         if key not in table:
             raise ValueError(f"{file}: {name}.{key} is missing: give min and max, or fixed [m]")
-    low = _positive(table, name, "min", file, None)
-    high = _positive(table, name, "max", file, None)
+    low = positive(table, name, "min", file, None)
+    high = positive(table, name, "max", file, None)
     if low > high:
         raise ValueError(f"{file}: {name}.min = {low} m is more than {name}.max = {high} m")
     if "step" not in table:
         return (low, high), None
-    step = _positive(table, name, "step", file, None)
+    step = positive(table, name, "step", file, None)
     if not (step >= 1e-8 and (high - low) / step < 1e5):
         raise ValueError(
             f"{file}: {name}.step = {step} m: too fine to count; leave it out for any value"
         )
-    values = _steps(low, high, step)
+    values = steps(low, high, step)
     return (values[0], values[-1]), values if len(values) > 1 else None
 
 
@@ -421,19 +262,19 @@ def _in_heights(document: dict[str, Any], file: str) -> bool:
 def _stock(document: dict[str, Any], file: str) -> Stock | None:
     if "stock" not in document:
         return None
-    table = _table(document, "stock", _STOCK, file)
+    table = table_of(document, "stock", STOCK, file)
     if "thickness" in document:
         raise ValueError(f"{file}: [thickness] stands beside [stock]: give one or the other")
-    kinds = _numbers(table, "stock", "thickness", file)
+    kinds = numbers(table, "stock", "thickness", file)
     counts = table.get("count")
     if not isinstance(counts, list):
         raise ValueError(f"{file}: stock.count = {shown(counts)}: give a list of whole numbers")
     SCENE_KINDS.require(max(len(kinds), len(counts)), "stock has")
     entries = {f"count[{i}]": value for i, value in enumerate(counts)}
-    whole = [_whole(entries, "stock", e, file, None, 0, SCENE_DOMINOES.most) for e in entries]
-    SCENE_DOMINOES.require(sum(whole), "stock.count adds up to")
+    box = [whole(entries, "stock", e, file, None, 0, SCENE_DOMINOES.most) for e in entries]
+    SCENE_DOMINOES.require(sum(box), "stock.count adds up to")
     try:
-        return Stock(kinds, tuple(whole))
+        return Stock(kinds, tuple(box))
     except ValueError as error:
         raise ValueError(f"{file}: stock.{error}") from None
 
@@ -454,9 +295,9 @@ def _after_the_first(stock: Stock, first: float, count: int, file: str) -> list[
 def _growth(document: dict[str, Any], file: str) -> Bounds | None:
     if "growth" not in document:
         return None
-    table = _table(document, "growth", _GROWTH, file)
-    low = _finite(table, "growth", "min", file, 1.0)
-    high = _finite(table, "growth", "max", file, None)
+    table = table_of(document, "growth", GROWTH, file)
+    low = finite(table, "growth", "min", file, 1.0)
+    high = finite(table, "growth", "max", file, None)
     if not 1.0 <= low <= high:
         raise ValueError(
             f"{file}: growth.min = {low}, growth.max = {high}: 1 ≤ min ≤ max, for a tip must "
@@ -468,11 +309,11 @@ def _growth(document: dict[str, Any], file: str) -> Bounds | None:
 def _limits(document: dict[str, Any], file: str) -> Limits | None:
     if "limits" not in document:
         return None
-    table = _table(document, "limits", _LIMITS, file)
-    values = [_finite(table, "limits", key, file, None) if key in table else None
-              for key in _LIMITS]  # fmt: skip
+    table = table_of(document, "limits", LIMITS, file)
+    values = [finite(table, "limits", key, file, None) if key in table else None
+              for key in LIMITS]  # fmt: skip
     if values == [None, None]:
-        raise ValueError(f"{file}: [limits] is empty; it holds {', '.join(_LIMITS)}")
+        raise ValueError(f"{file}: [limits] is empty; it holds {', '.join(LIMITS)}")
     try:
         return Limits(*values)
     except ValueError as error:
@@ -482,13 +323,13 @@ def _limits(document: dict[str, Any], file: str) -> Limits | None:
 def _tempo(document: dict[str, Any], count: int, file: str) -> Tempo | None:
     if "tempo" not in document:
         return None
-    table = _table(document, "tempo", _TEMPO, file)
+    table = table_of(document, "tempo", TEMPO, file)
     first, last = (
-        _finite(table, "tempo", key, file, None) if key in table else None for key in ("from", "to")
+        finite(table, "tempo", key, file, None) if key in table else None for key in ("from", "to")
     )
-    times = _numbers(table, "tempo", "times", file) if "times" in table else None
+    times = numbers(table, "tempo", "times", file) if "times" in table else None
     try:
-        tolerance = _finite(table, "tempo", "tolerance", file, TOLERANCE)
+        tolerance = finite(table, "tempo", "tolerance", file, TOLERANCE)
         tempo = Tempo(first, last, times, tolerance)
         tempo.schedule(count)
     except ValueError as error:
@@ -499,13 +340,13 @@ def _tempo(document: dict[str, Any], count: int, file: str) -> Tempo | None:
 def _placement(document: dict[str, Any], file: str) -> Placement | None:
     if "robust" not in document:
         return None
-    table = _table(document, "robust", _ROBUST, file)
+    table = table_of(document, "robust", ROBUST, file)
     try:
         return Placement(
-            _finite(table, "robust", "deviation", file, None),
-            _finite(table, "robust", "quantile", file, 0.05),
-            _whole(table, "robust", "draws", file, 256, 1, LARGEST_DRAWS),
-            _whole(table, "robust", "seed", file, 0, 0, 2**63 - 1),
+            finite(table, "robust", "deviation", file, None),
+            finite(table, "robust", "quantile", file, 0.05),
+            whole(table, "robust", "draws", file, 256, 1, LARGEST_DRAWS),
+            whole(table, "robust", "seed", file, 0, 0, 2**63 - 1),
         )
     except ValueError as error:
         if str(error).startswith(file):
