@@ -16,7 +16,9 @@ import torch
 from stable_baselines3.common.distributions import DiagGaussianDistribution, Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-NEAR_END = -2  # where an observation says exp(-(dominoes to come) / 4)
+from domino_env.rows import SCALES
+
+NEAR_END = SCALES.index(4.0) - len(SCALES)  # where is seen exp(-(dominoes to come) / 4)
 
 
 class RowPolicy(ActorCriticPolicy):
