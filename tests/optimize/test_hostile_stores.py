@@ -8,7 +8,7 @@ import os
 import sqlite3
 import struct
 import zlib
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import closing, redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -93,17 +93,17 @@ def tampered(good: Path, data: Any) -> Path:
     """The store with odd values in some cells."""
     path = good.with_name("tampered.sqlite")
     path.write_bytes(good.read_bytes())
-    connection = sqlite3.connect(path)
-    connection.execute("PRAGMA synchronous = OFF")
-    for _ in range(data.draw(st.integers(1, 2))):
-        table = data.draw(st.sampled_from(sorted(_COLUMNS)))
-        column = data.draw(st.sampled_from(_COLUMNS[table]))
-        try:
-            connection.execute(f"UPDATE {table} SET {column} = ?", (data.draw(_CELL),))
-        except (sqlite3.Error, OverflowError, UnicodeEncodeError):
-            continue  # what SQLite itself does not take
-    connection.commit()
-    connection.close()
+    # closed whatever is drawn: what Hypothesis gives up half way would keep the file locked
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA synchronous = OFF")
+        for _ in range(data.draw(st.integers(1, 2))):
+            table = data.draw(st.sampled_from(sorted(_COLUMNS)))
+            column = data.draw(st.sampled_from(_COLUMNS[table]))
+            try:
+                connection.execute(f"UPDATE {table} SET {column} = ?", (data.draw(_CELL),))
+            except (sqlite3.Error, OverflowError, UnicodeEncodeError):
+                continue  # what SQLite itself does not take
+        connection.commit()
     return path
 
 
