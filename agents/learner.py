@@ -47,7 +47,7 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     net = [plan.width] * plan.depth
     policy_options: dict[str, Any] = {"net_arch": net}
     if algorithm == "ppo":
-        policy_options |= {"activation_fn": torch.nn.Tanh, "log_std_init": 0.0}
+        policy_options["activation_fn"] = torch.nn.Tanh
     assert env.action_space.shape is not None
     size = env.action_space.shape[0]
     if "target_entropy" in options:
@@ -66,7 +66,6 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     )  # fmt: skip
     if algorithm == "ppo":
         policy: Any = model.policy
-        policy.log_std.requires_grad_(False)
         policy.end, policy.pull = plan.end, plan.pull
     return model
 

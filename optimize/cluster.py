@@ -90,7 +90,7 @@ class Cluster(Executor):
                     scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
                     env=SURROUNDINGS,
-                    config=SETTINGS,
+                    config=SETTINGS,  # of workers that are started later too
                 )
             self._stack.callback(_at_rest, partial(local.close, timeout=CLOSING))
             address = local.scheduler_address
