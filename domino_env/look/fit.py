@@ -12,7 +12,7 @@ from domino_env.physics import Physics
 from domino_env.steady import steady_wave
 
 HIGHEST = 1.5  # friction looked for
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+LOOKS = 61  # frictions tried before the best of them is refined
 CLOSE = 1e-7  # of the friction
 
 
@@ -79,26 +79,20 @@ def fit_friction(
 
 
 def _lowest(function: Callable[[float], float], low: float, high: float) -> float:
-    """The best of a coarse look, then golden sections around it."""
-    looks = np.linspace(low, high, 61)
+    """The best of a coarse look, refined between its neighbours."""
+    from scipy.optimize import minimize_scalar
+
+    looks = np.linspace(low, high, LOOKS)
     k = int(np.argmin([function(float(x)) for x in looks]))
-    a, b = float(looks[max(k - 1, 0)]), float(looks[min(k + 1, 60)])
-    while b - a > CLOSE:
-        c, d = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
-        if function(c) <= function(d):
-            b = d
-        else:
-            a = c
-    middle = 0.5 * (a + b)
-    return low if function(low) <= function(middle) else middle
+    around = float(looks[max(k - 1, 0)]), float(looks[min(k + 1, LOOKS - 1)])
+    found = minimize_scalar(function, bounds=around, method="bounded", options={"xatol": CLOSE})
+    return low if function(low) <= found.fun else float(found.x)  # it never tries the bounds
 
 
 def _crossing(function: Callable[[float], float]) -> float:
-    """Where a falling function crosses zero, by bisection; nan where it does not."""
-    a, b = 0.0, HIGHEST
-    if function(a) < 0.0 or function(b) > 0.0:
+    """Where a falling function crosses zero; nan where it does not."""
+    from scipy.optimize import brentq
+
+    if function(0.0) < 0.0 or function(HIGHEST) > 0.0:
         return float("nan")
-    while b - a > CLOSE:
-        middle = 0.5 * (a + b)
-        a, b = (middle, b) if function(middle) > 0.0 else (a, middle)
-    return 0.5 * (a + b)
+    return float(brentq(function, 0.0, HIGHEST, xtol=CLOSE))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-import wave as wav
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,54 +53,50 @@ def clicks(wave: Wave, rate: int = RATE) -> Floats:
 
 def write_wav(samples: Floats, path: Path, rate: int = RATE) -> None:
     """Write 16-bit mono sound whole."""
+    from scipy.io import wavfile
+
     whole = np.round(np.clip(samples, -1.0, 1.0) * 32767.0).astype("<i2")
-
-    def fill(file: object) -> None:
-        with wav.open(file, "wb") as out:  # type: ignore[call-overload]
-            out.setnchannels(1)
-            out.setsampwidth(2)
-            out.setframerate(rate)
-            out.writeframes(whole.tobytes())
-
-    write_bytes(path, fill)
+    write_bytes(path, lambda file: wavfile.write(file, rate, whole))
 
 
 def read_wav(path: Path) -> tuple[Floats, int]:
-    """Samples in -1 … 1, channels averaged, and samples a second.
+    """Read a recording: samples in -1 … 1, channels averaged, and samples a second.
 
-    ValueError for other files, and for what `domino_env.limits` forbids.
+    Raises
+    ------
+    ValueError
+        For a file that is no WAV of plain or floating-point samples, and for what
+        `domino_env.limits` forbids.
     """
+    from scipy.io import wavfile
+
     with told_of(path):
         data = read_bytes(path, SOUND_BYTES)
         try:
-            with wav.open(io.BytesIO(data), "rb") as file:
-                size, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
-                data = file.readframes(file.getnframes())
-        except (wav.Error, EOFError, RuntimeError) as error:  # the last for parts that overlap
-            why = f"not a plain WAV file ({str(error) or 'it ends early'})"
-            raise ValueError(f"{why}; convert it to PCM WAV") from None
-        if size not in (1, 2, 3, 4):
-            raise ValueError(f"samples of {8 * size} bits: convert it to PCM WAV of 8 to 32 bits")
+            with warnings.catch_warnings():
+                # parts that are no sound, or are missing behind it, do not matter here
+                warnings.simplefilter("ignore", wavfile.WavFileWarning)
+                rate, whole = wavfile.read(io.BytesIO(data))
+        except Exception as error:  # a header that lies has SciPy fail in many ways
+            why = str(error) if isinstance(error, ValueError) else "it ends early or is broken"
+            raise ValueError(
+                f"not a plain WAV file, or cut off amid a sample ({why}); convert it to PCM WAV"
+            ) from None
         if not SLOWEST_RATE <= rate <= FASTEST_RATE:
             raise ValueError(
                 f"{rate} samples a second: a recording has {SLOWEST_RATE} to {FASTEST_RATE}"
             )
-        # the header may promise more than there is, and the last frame may be torn
-        frames = len(data) // (size * channels)
-        SOUND_SAMPLES.require(frames * channels, "it holds")
-        return _samples(data[: frames * size * channels], size).reshape(-1, channels).mean(1), rate
+        SOUND_SAMPLES.require(whole.size, "it holds")
+        return _in_unit(whole).reshape(len(whole), -1).mean(1), rate
 
 
-def _samples(data: bytes, size: int) -> Floats:
-    """Of so many bytes each, in -1 … 1."""
-    if size == 1:
-        return np.frombuffer(data, np.uint8).astype(np.float64) / 128.0 - 1.0
-    if size == 3:
-        raw = np.frombuffer(data, np.uint8).reshape(-1, 3).astype(np.int32)
-        joined = raw[:, 0] | raw[:, 1] << 8 | raw[:, 2] << 16
-        return np.asarray((joined - (joined >> 23 << 24)) / 2.0**23)
-    kind = {2: "<i2", 4: "<i4"}[size]
-    return np.asarray(np.frombuffer(data, kind).astype(np.float64) / 2.0 ** (8 * size - 1))
+def _in_unit(whole: NDArray[np.generic]) -> Floats:
+    """Samples as a file has them, in -1 … 1; below 9 bits they are unsigned."""
+    samples = whole.astype(np.float64)
+    if whole.dtype.kind == "f":
+        return samples
+    half = 2.0 ** (8 * whole.dtype.itemsize - 1)
+    return samples / half - (1.0 if whole.dtype.kind == "u" else 0.0)
 
 
 @dataclass(frozen=True)
@@ -124,7 +120,9 @@ def listen(samples: Floats, rate: int) -> Heard:
     The stretch that is not quiet is found, its first quarter left out as the wave gathers speed.
     ValueError where there is too little to hear.
     """
-    if not len(samples) or not np.isfinite(samples).all() or float(np.abs(samples).max()) == 0.0:
+    if not np.isfinite(samples).all():
+        raise ValueError("the recording has samples that are no finite numbers: export it anew")
+    if not samples.any():
         raise ValueError("the recording is silent: nothing to listen to")
     loud = _onsets(samples, rate)
     if not loud.any():
