@@ -8,55 +8,63 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from domino_env.accuracy import OURS, SOLVERS, Measurement, Row, time_to_reach
-from domino_env.files import write_bytes
 from domino_env.stability import RTOL, Verdict
+from domino_env.support.plot_style import (
+    AMBER,
+    BLUE,
+    GREEN,
+    INK,
+    LEGEND,
+    PALE,
+    PINK,
+    RED,
+    SHADE,
+    SKY,
+    SOFT,
+    UNIFORM,
+    new_figure,
+    new_panels,
+    style,
+    write_png,
+)
 
-INK, FAINT = "#222222", "#e3e6ea"
 FLOOR = 1e-16  # errors below rounding are drawn here
 
 # one colour a family: ours, fixed steps, SciPy's
 LOOKS = {
-    OURS: ("#c8102e", "o", "our solver"),
-    "euler": ("#9aa0a8", "v", "Euler, hits to the step"),
-    "rk4-seed": ("#6b7480", "^", "RK4, hits to the step"),
-    "rk4": ("#111111", "s", "RK4, hits located"),
-    "RK45": ("#7fb2e5", "D", "SciPy RK45"),
-    "DOP853": ("#0b6e99", "D", "SciPy DOP853"),
-    "Radau": ("#2a9d62", "P", "SciPy Radau"),
-    "LSODA": ("#b07a1e", "X", "SciPy LSODA"),
+    OURS: (BLUE, "o", "our solver"),
+    "euler": (PALE, "v", "Euler, hits to the step"),
+    "rk4-seed": (SOFT, "^", "RK4, hits to the step"),
+    "rk4": (INK, "s", "RK4, hits located"),
+    "RK45": (SKY, "D", "SciPy RK45"),
+    "DOP853": (PINK, "D", "SciPy DOP853"),
+    "Radau": (GREEN, "P", "SciPy Radau"),
+    "LSODA": (AMBER, "X", "SciPy LSODA"),
 }
 
 
 def draw_accuracy(rows: Sequence[Row], measurements: Sequence[Measurement], path: Path) -> None:
     """A panel a row: the lower left corner is where one wants to be."""
-    across = min(len(rows), 2)
-    down = -(-len(rows) // across)
-    figure = Figure(figsize=(5.6 * across, 4.1 * down + 0.9), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
-    panels = list(grid.flat)
-    for panel, row in zip(panels, rows, strict=False):
+    across = 2
+    figure, panels = new_panels(len(rows), across, (5.6, 4.1), (0.0, 0.9), sharex=True, sharey=True)
+    for panel, row in zip(panels, rows, strict=True):
         _draw_panel(panel, row, [m for m in measurements if m.row == row.name])
-    for panel in panels[len(rows) :]:
-        panel.set_visible(False)
-    for panel in grid[-1]:
+    for panel in panels[-across:]:
         panel.set_xlabel("run time [s]")
-    for panel in grid[:, 0]:
+    for panel in panels[::across]:
         panel.set_ylabel("true relative error of the times")
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, **LEGEND)
     figure.suptitle(
         "What accuracy costs: the same equations, eight ways.  Arrows: how many times longer RK4 "
         "with located hits takes",
         color=INK,
         fontsize=11.5,
     )
-    write_bytes(path, lambda file: figure.savefig(file, format="png"))
+    write_png(figure, path)
 
 
 def _draw_panel(axes: Axes, row: Row, runs: Sequence[Measurement]) -> None:
@@ -85,8 +93,7 @@ def _draw_panel(axes: Axes, row: Row, runs: Sequence[Measurement]) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(_power))
     axes.xaxis.set_major_formatter(FuncFormatter(_seconds))
-    axes.set_title(row.title, fontsize=10, color=INK, loc="left")
-    _style(axes)
+    style(axes, row.title)
 
 
 def _draw_gap(axes: Axes, runs: Sequence[Measurement], level: float) -> None:
@@ -129,26 +136,18 @@ def _seconds(value: float, _: object = None) -> str:
     return f"{value * 1e3:g} ms" if value < 1.0 else f"{value:g} s"
 
 
-def _style(axes: Axes) -> None:
-    axes.grid(color=FAINT, linewidth=0.7)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(colors=INK, labelsize=9)
-
-
 OUTCOMES = {
-    "PROPAGATED": ("#0b6e99", "ran through"),
-    "STALLED": ("#d98e04", "stalled"),
-    "JAMMED": ("#c8102e", "jammed"),
-    "OUT_OF_REACH": ("#6b7480", "a gap out of reach"),
-    "NO_RIGID_ANSWER": ("#7b3fa0", "no rigid answer"),
+    "PROPAGATED": (BLUE, "ran through"),
+    "STALLED": (AMBER, "stalled"),
+    "JAMMED": (RED, "jammed"),
+    "OUT_OF_REACH": (UNIFORM, "a gap out of reach"),
+    "NO_RIGID_ANSWER": (PINK, "no rigid answer"),
 }
 
 
 def draw_stability(verdicts: Sequence[Verdict], path: Path) -> None:
     """A column a row at the edge: dot, the true error; bar above it, what the run said it is."""
-    figure = Figure(figsize=(13.0, 5.8), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(13.0, 5.8)
     axes = figure.add_subplot()
     axes.set_yscale("log")
     places, ticks, x, last = [], [], 0.0, ""
@@ -162,7 +161,7 @@ def draw_stability(verdicts: Sequence[Verdict], path: Path) -> None:
         x += 1.0
     for k, (low, high) in enumerate(ticks):
         if k % 2 == 0:
-            axes.axvspan(low - 1.5, high + 1.5, color="#f4f5f7", zorder=0)
+            axes.axvspan(low - 1.5, high + 1.5, color=SHADE, zorder=0)
     for name, (colour, label) in OUTCOMES.items():
         mine = [(p, v) for p, v in zip(places, verdicts, strict=True) if v.outcome == name]
         if not mine:
@@ -186,16 +185,13 @@ def draw_stability(verdicts: Sequence[Verdict], path: Path) -> None:
     names = list(dict.fromkeys(v.group for v in verdicts))
     axes.set_xticks([0.5 * (a + b) for a, b in ticks], names, rotation=28, ha="right")
     axes.set_ylabel("relative error of the times")
-    _style(axes)
-    axes.grid(axis="x", visible=False)
-    axes.tick_params(axis="x", length=0)
-    axes.legend(loc="upper right", ncols=5, frameon=False, fontsize=9)
     wrong = sum(bool(v.complaints) for v in verdicts)
-    axes.set_title(
+    style(
+        axes,
         f"{len(verdicts)} rows at the edge: true error (dots) and what the run said it is (bars); "
         + (f"{wrong} not as they should be" if wrong else "no bar below its dot"),
-        loc="left",
-        fontsize=11.5,
-        color=INK,
     )
-    write_bytes(path, lambda file: figure.savefig(file, format="png"))
+    axes.grid(axis="x", visible=False)
+    axes.tick_params(axis="x", length=0)
+    axes.legend(loc="upper right", ncols=5, **LEGEND)
+    write_png(figure, path)

@@ -13,21 +13,27 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from domino_env.files import write_bytes
 from domino_env.layout import Layout
 from domino_env.scene import Scene
+from domino_env.support.plot_style import (
+    FAINT,
+    INK,
+    OURS,
+    SOFT,
+    UNIFORM,
+    escaped,
+    new_figure,
+    style,
+    write_png,
+)
 from domino_env.wave import Wave
 from optimize.problem import Floats
 from optimize.result import SearchResult
-
-MARK, BEST = "#7c828c", "#0b6e99"  # the colours of the uniform row and of the one found
-INK, SOFT, FAINT = "#1d2126", "#5c636d", "#dfe2e6"
 
 WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
 SPAN = WIDTH - LEFT - RIGHT
@@ -60,8 +66,7 @@ class _Window:
 
 def draw(result: SearchResult, path: Path) -> None:
     """Draw the result of a search into a PNG file."""
-    figure = picture(result)
-    write_bytes(path, lambda file: figure.savefig(file, format="png", dpi=140))
+    write_png(picture(result), path)
 
 
 def picture(result: SearchResult) -> Figure:
@@ -75,11 +80,10 @@ def picture(result: SearchResult) -> Figure:
     row = tall * scale + LABEL
     along = len(panels) * (PANEL + BETWEEN)
     height = HEAD + 2 * row + along + UNDER_AXIS + PANEL + FOOT
-    figure = Figure(figsize=(WIDTH, height), facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = new_figure(WIDTH, height, placed=True)
 
-    def text(y: float, words: str, **style: Any) -> None:
-        figure.text(LEFT / WIDTH, y / height, words, va="center", **style)
+    def text(y: float, words: str, **looks: Any) -> None:
+        figure.text(LEFT / WIDTH, y / height, words, va="center", **looks)
 
     text(height - 0.30, _headline(result), size=14.5, color=INK, weight="bold")
     text(height - 0.58, _subtitle(result), size=9.5, color=SOFT)
@@ -109,8 +113,8 @@ def picture(result: SearchResult) -> Figure:
 def _pairs(result: SearchResult) -> list[tuple[Layout, Wave, str, str]]:
     mark = result.uniform
     return [
-        (mark.layout, mark.wave, MARK, "best uniform pitch"),
-        (result.layout, result.wave, BEST, f"found by {result.method}"),
+        (mark.layout, mark.wave, UNIFORM, "best uniform pitch"),
+        (result.layout, result.wave, OURS, f"found by {result.method}"),
     ]
 
 
@@ -136,16 +140,10 @@ def _origin(window: _Window) -> str:
 
 
 def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Axes at a place in inches, in the style of this page."""
+    """Axes at a place in inches."""
     across, up = figure.get_size_inches()
     axes = figure.add_axes((left / across, bottom / up, width / across, height / up))
-    axes.grid(color=FAINT, linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(SOFT)
-    axes.tick_params(colors=SOFT, labelsize=9)
-    axes.xaxis.label.set_color(SOFT)
-    axes.yaxis.label.set_color(SOFT)
+    style(axes)
     return axes
 
 
@@ -168,7 +166,7 @@ def _headline(result: SearchResult) -> str:
 
 def _subtitle(result: SearchResult) -> str:
     physics = result.scene.physics
-    title = result.scene.title.replace("$", r"\$")  # two of them would begin a formula
+    title = escaped(result.scene.title)
     return (
         f"{title} · {result.scene.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
@@ -220,14 +218,14 @@ def local_speed(layout: Layout, wave: Wave) -> Floats:
 
 def _curves(axes: Axes, result: SearchResult, window: _Window, mark: Floats, best: Floats) -> None:
     """What the two rows have at each gap, drawn halfway between its pivots."""
-    style: dict[str, Any] = {"linewidth": 1.5, "marker": "o" if len(mark) == 1 else ""}
+    line: dict[str, Any] = {"linewidth": 1.5, "marker": "o" if len(mark) == 1 else ""}
     for layout, values, colour in (
-        (result.uniform.layout, mark, MARK),
-        (result.layout, best, BEST),
+        (result.uniform.layout, mark, UNIFORM),
+        (result.layout, best, OURS),
     ):
         middles = 500.0 * (layout.positions[:-1] + layout.positions[1:]) + window.shift(layout)
-        axes.plot(middles, values, color=colour, **style)
-        style |= {"marker": "o", "markersize": 3.0}
+        axes.plot(middles, values, color=colour, **line)
+        line |= {"marker": "o", "markersize": 3.0}
 
 
 def _spacing(axes: Axes, result: SearchResult, window: _Window) -> None:
@@ -286,11 +284,11 @@ def _search(axes: Axes, result: SearchResult) -> None:
     times = np.array([t for _, _, t, _ in result.trace])
     scores = np.array([score for _, _, _, score in result.trace])
     mark, last = result.uniform.score, scores[-1]
-    axes.axhline(mark, color=MARK, linewidth=1.5)
-    axes.step(times, scores, color=BEST, linewidth=1.5, where="post")
+    axes.axhline(mark, color=UNIFORM, linewidth=1.5)
+    axes.step(times, scores, color=OURS, linewidth=1.5, where="post")
     above = scores[0] < mark  # where the curve is not
-    _beside(axes, f"best uniform pitch {mark:.4f}", 0.005, mark, MARK, above=above)
-    _beside(axes, f"{result.method} {last:.4f}", 1.0, last, BEST, above=last >= mark)
+    _beside(axes, f"best uniform pitch {mark:.4f}", 0.005, mark, UNIFORM, above=above)
+    _beside(axes, f"{result.method} {last:.4f}", 1.0, last, OURS, above=last >= mark)
     lowest = scores[scores > 0.0].min() if last > 0.0 else scores.min()
     if last > 0.0:  # how it began would flatten the rest
         lowest = max(lowest, 0.85 * last)

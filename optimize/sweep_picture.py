@@ -6,20 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from domino_env.files import write_bytes
+from domino_env.support.plot_style import LEGEND, SOFT, method_lines, new_panels, style, write_png
 from optimize.sweeping import Sweep
 from optimize.task import TaskResult
 
-INK, SOFT, FAINT = "#1d2126", "#5c636d", "#dfe2e6"
-OURS = "#0b6e99"  # the default method
 MOST_PANELS = 6  # methods, or keys where there are more than two
+PANEL, BESIDE = (4.0, 3.2), (1.6, 0.5)  # [in]
 SPREAD = 15  # values of a key from which on they are taken for drawn ones
 
 Floats = NDArray[np.float64]
@@ -28,7 +24,7 @@ Floats = NDArray[np.float64]
 def draw(sweep: Sweep, path: Path) -> None:
     """One key: a line a method.  Two: a map a method.  More: a panel a key."""
     figure = _maps(sweep) if len(sweep.keys) == 2 and _on_a_grid(sweep) else _lines(sweep)
-    write_bytes(path, lambda file: figure.savefig(file, format="png", dpi=140))
+    write_png(figure, path)
 
 
 def _worth(sweep: Sweep, result: TaskResult) -> float:
@@ -63,38 +59,38 @@ def _on_a_grid(sweep: Sweep) -> bool:
 def _lines(sweep: Sweep) -> Figure:
     """A panel for each key: the median of each method over it, and single results faintly."""
     keys = sweep.keys[:MOST_PANELS]
-    figure, panels = _panels(len(keys))
+    figure, panels = new_panels(len(keys), 3, PANEL, BESIDE)
+    styles = method_lines(sweep.methods)
     for i, (key, axes) in enumerate(zip(keys, panels, strict=True)):
         places, numbers = _places(sweep, i)
         for method in sweep.methods:
             runs = [r for r in sweep.results if r.method == method]
             x = np.array([places[sweep.point(r)[i]] for r in runs])
             y = np.array([_worth(sweep, r) for r in runs])
-            colour = _colour(sweep, method)
-            axes.plot(x, y, ".", color=colour, alpha=0.35, markersize=4)
+            line = styles[method] | {"linewidth": 1.8, "label": method}
+            axes.plot(x, y, ".", color=line["color"], alpha=0.35, markersize=4)
             if len(places) <= SPREAD or len(keys) == 1:
                 at, middle = _medians(x, y)
-                axes.plot(at, middle, color=colour, linewidth=1.8, label=method)
+                axes.plot(at, middle, **line)
             else:
-                axes.plot([], [], color=colour, linewidth=1.8, label=method)
+                axes.plot([], [], **line)
         if not numbers:
             axes.set_xticks(list(places.values()), [str(v) for v in places])
         elif _logarithmic(list(places.values())):
             axes.set_xscale("log")
-        axes.set_xlabel(key, color=SOFT)
+        axes.set_xlabel(key)
         axes.yaxis.set_major_formatter(_written(sweep))
-        axes.grid(color=FAINT, linewidth=0.6)
-    panels[0].set_ylabel(_what(sweep), color=SOFT)
+    panels[0].set_ylabel(_what(sweep))
     if len(sweep.methods) > 1:
         handles, names = panels[0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside right upper", frameon=False, fontsize=9)
+        figure.legend(handles, names, loc="outside right upper", **LEGEND)
     return figure
 
 
 def _maps(sweep: Sweep) -> Figure:
     """A map for each method, medians over the seeds."""
     methods = sweep.methods[:MOST_PANELS]
-    figure, panels = _panels(len(methods))
+    figure, panels = new_panels(len(methods), 3, PANEL, BESIDE)
     (across, _), (up, _) = _places(sweep, 0), _places(sweep, 1)
     columns, rows = {v: k for k, v in enumerate(across)}, {v: k for k, v in enumerate(up)}
     maps = []
@@ -118,29 +114,15 @@ def _maps(sweep: Sweep) -> Figure:
         )
         _ticks(axes.set_xticks, list(columns))
         _ticks(axes.set_yticks, list(rows))
-        axes.set_xlabel(sweep.keys[0], color=SOFT)
-        axes.set_title(method, loc="left", color=INK, size=11, weight="bold")
-    panels[0].set_ylabel(sweep.keys[1], color=SOFT)
+        axes.set_xlabel(sweep.keys[0])
+        style(axes, method)
+        axes.grid(visible=False)
+    panels[0].set_ylabel(sweep.keys[1])
     bar = figure.colorbar(shown, ax=panels, format=_written(sweep))
     bar.set_label(_what(sweep), color=SOFT)
+    bar.ax.tick_params(colors=SOFT, labelsize=9)
+    bar.outline.set_visible(False)
     return figure
-
-
-def _panels(number: int) -> tuple[Figure, list[Axes]]:
-    columns = min(number, 3)
-    lines = -(-number // columns)
-    figure = Figure(figsize=(1.6 + 4.0 * columns, 0.5 + 3.2 * lines), facecolor="white")
-    FigureCanvasAgg(figure)
-    figure.set_layout_engine("constrained")
-    found = list(figure.subplots(lines, columns, squeeze=False).ravel())
-    for axes in found[number:]:
-        axes.remove()
-    for axes in found[:number]:
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(SOFT)
-        axes.tick_params(colors=SOFT, labelsize=9)
-    return figure, found[:number]
 
 
 def _ticks(put: Any, values: list[Any]) -> None:
@@ -167,11 +149,3 @@ def _logarithmic(values: list[float]) -> bool:
         return False
     steps = np.diff(np.log(values))
     return bool(np.ptp(steps) < 0.2 * steps.mean())
-
-
-def _colour(sweep: Sweep, method: str) -> str:
-    if method == "auto":
-        return OURS
-    others = [m for m in sweep.methods if m != "auto"]
-    colour = colormaps["tab10"]((others.index(method) + 1) % 10)
-    return "#" + "".join(f"{round(255 * c):02x}" for c in colour[:3])

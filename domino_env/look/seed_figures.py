@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from domino_env.files import write_bytes
 from domino_env.layout import HEIGHT, Layout
 from domino_env.look.energy import energies
 from domino_env.look.seed_tables import FRICTION, GRAVITY, THICKNESS
 from domino_env.motion import lean_behind
 from domino_env.physics import Physics
 from domino_env.steady import existence_limit, steady_wave, terminal_speed_estimate
+from domino_env.support.plot_style import (
+    BLUE,
+    COLOURS,
+    LEGEND,
+    PALE,
+    PINK,
+    RED,
+    new_figure,
+    style,
+    write_png,
+)
 from domino_env.wave import simulate
 
 Floats = NDArray[np.float64]
 
-INK, PALE = "#282c34", "#969ea8"
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9")
 PITCH, COUNT, PUSH = 0.016, 60, 5.0 * np.pi
 
 
@@ -52,9 +58,9 @@ def one_fall(path: Path) -> None:
     figure, axes = _sheet("One fall, domino by domino (16 mm, no friction)")
     place = np.arange(shown)
     behind = [n - k for k in place]
-    axes.bar(place - 0.2, 1e3 * given[behind], 0.4, color=COLOURS[0], label="potential, given off")
+    axes.bar(place - 0.2, 1e3 * given[behind], 0.4, color=BLUE, label="potential, given off")
     axes.bar(
-        place + 0.2, 1e3 * (kinetic[1] - kinetic[0])[behind], 0.4, color=COLOURS[1],
+        place + 0.2, 1e3 * (kinetic[1] - kinetic[0])[behind], 0.4, color=RED,
         label="kinetic, gained",
     )  # fmt: skip
     axes.set(xlabel="dominoes behind the leader", ylabel="energy [mJ]")
@@ -68,7 +74,7 @@ def sawtooth_of_energy(path: Path) -> None:
     wave = simulate(Layout.uniform(30, pitch=PITCH), Physics(0.0, GRAVITY, PUSH))
     energy = energies(Motion(wave.layout, wave.physics), wave)
     figure, axes = _sheet("Kinetic energy of a row (16 mm, no friction)")
-    axes.plot(energy.time, 1e3 * energy.kinetic, color=COLOURS[0])
+    axes.plot(energy.time, 1e3 * energy.kinetic, color=BLUE)
     axes.set(xlabel="time [s]", ylabel="kinetic energy [mJ]", ylim=(0.0, None))
     _keep(figure, axes, path)
 
@@ -81,8 +87,8 @@ def sawtooth_of_speed(path: Path) -> None:
     steady = steady_wave(PITCH, THICKNESS, physics=Physics(0.0, GRAVITY))
     average = np.arcsin((PITCH - THICKNESS) / HEIGHT) * steady.frequency
     figure, axes = _sheet("Angular velocity of the leading domino (16 mm, no friction)")
-    axes.plot(times, speeds, color=COLOURS[0], label="leader")
-    axes.axhline(average, color=COLOURS[1], linestyle="--", label=f"average {average:.3f} rad/s")
+    axes.plot(times, speeds, color=BLUE, label="leader")
+    axes.axhline(average, color=RED, linestyle="--", label=f"average {average:.3f} rad/s")
     axes.set(xlabel="time [s]", ylabel="angular velocity [rad/s]")
     _keep(figure, axes, path)
 
@@ -95,7 +101,7 @@ def correction_factor(path: Path) -> None:
     """
     figure, axes = _sheet("Velocity correction factor, no friction")
     unit = np.sqrt(3.0 * GRAVITY * HEIGHT)
-    for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=True):
+    for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=False):
         thick = ratio * HEIGHT
         dense = np.linspace(max(ratio / (1.0 + ratio) * 1.05, 0.02), existence_limit(thick), 60)[
             :-1
@@ -119,8 +125,8 @@ def formula_against_simulation(path: Path) -> None:
     found = [d for d in dense if _runs(THICKNESS / d, THICKNESS)]
     guess = [terminal_speed_estimate(THICKNESS / d, THICKNESS, gravity=GRAVITY) for d in found]
     true = [_steady_speed(THICKNESS / d, THICKNESS) for d in found]
-    axes.plot(found, np.array(true) / unit, color=COLOURS[0], label="simulated")
-    axes.plot(found, np.array(guess) / unit, color=COLOURS[3], linestyle="--", label="eq. 13")
+    axes.plot(found, np.array(true) / unit, color=BLUE, label="simulated")
+    axes.plot(found, np.array(guess) / unit, color=PINK, linestyle="--", label="eq. 13")
     axes.set(xlabel="d/λ", ylabel="v / √(3gL)")
     _keep(figure, axes, path)
 
@@ -172,19 +178,13 @@ def _runs(pitch: float, thickness: float) -> bool:
 
 
 def _sheet(title: str) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(7.0, 4.2), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(7.0, 4.2)
     axes = figure.add_subplot()
-    axes.set_title(title, loc="left", color=INK)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color="#e3e6ea", linewidth=0.6)
-    axes.set_axisbelow(True)
+    style(axes, title)
     return figure, axes
 
 
 def _keep(figure: Figure, axes: Axes, path: Path) -> None:
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False, fontsize=8)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    write_bytes(path, lambda file: file.write(buffer.getvalue()))
+        axes.legend(**LEGEND)
+    write_png(figure, path)

@@ -16,6 +16,7 @@ from matplotlib.patches import Rectangle
 from domino_env.files import write_bytes
 from domino_env.layout import Layout
 from domino_env.limits import SHEETS
+from domino_env.support.plot_style import escaped
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # lying on the long side [m]
 MARGIN = 0.014  # [m] printers leave the rim white
@@ -128,7 +129,7 @@ def _draw(axes: Axes, layout: Layout, sheet: Sheet, high: float, title: str) -> 
         bar[1] + 3.0, 20.0, f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the page",
         va="center", fontsize=7,
     )  # fmt: skip
-    head = title.replace("$", r"\$")  # two of them would begin a formula
+    head = escaped(title)
     head += f"   sheet {sheet.number} of {sheet.total}"
     head += f"   {layout.count} dominoes, {layout.length * MM:.1f} mm first pivot to last"
     axes.text(left, high - 16.0, head.strip(), va="center", fontsize=9)

@@ -11,7 +11,9 @@ import pytest
 from matplotlib.axes import Axes
 
 import domino_env as de
+from domino_env.support.plot_style import method_lines
 from optimize import search
+from optimize.methods import METHODS, PEERS, of_others
 from optimize.picture import local_speed, picture
 from optimize.result import SearchResult
 
@@ -98,3 +100,10 @@ def test_no_global_state_of_matplotlib_is_used() -> None:
     words = [sys.executable, "-c", script]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+def test_every_method_has_a_line_of_its_own() -> None:
+    methods = [*METHODS, *PEERS, *of_others()]
+    lines = method_lines(methods)
+    colours = [lines[m]["color"] for m in methods]
+    assert len(set(colours)) == len(methods)

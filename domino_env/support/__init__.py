@@ -1,0 +1,1 @@
+"""What the whole house needs and no part of it owns."""

@@ -1,0 +1,131 @@
+"""The look of every picture drawn with Matplotlib, without its global state."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from domino_env.files import write_bytes
+
+INK, SOFT, PALE, FAINT, SHADE = "#1d2126", "#5c636d", "#969ea8", "#dfe2e6", "#f1f3f5"
+BLUE, RED, GREEN, PINK, AMBER, SKY = (
+    "#0b6e99", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9",
+)  # fmt: skip
+OURS, UNIFORM, KNOWN = BLUE, "#7c828c", RED  # what was found, the best uniform row, the best known
+
+# After those with a name, each is as far as can be, in OKLab, from all before it and the greys.
+COLOURS = (
+    BLUE, RED, GREEN, PINK, AMBER, SKY, "#8b1a1a", "#500890", "#005000", "#a03098", "#70d050",
+    "#8070f0", "#004070", "#887000", "#5848c0", "#98b088", "#600848", "#d03868", "#f088f8",
+    "#187800", "#503000", "#f89890", "#c0a8d8",
+)  # fmt: skip
+
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
+
+
+def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Give each method of a search a line that is told from the others.
+
+    Parameters
+    ----------
+    methods
+        Names.  The default method always has the colour `OURS`, the uniform pitch grey dots.
+
+    Returns
+    -------
+    dict
+        `color` and `linestyle` by name; the second half of `COLOURS` is dashed, beyond them they
+        begin anew.
+    """
+    others = [m for m in methods if m not in ("auto", "uniform")]
+    half = len(COLOURS) // 2
+    lines = {}
+    for k, method in enumerate(others):
+        place = 1 + k % (len(COLOURS) - 1)
+        lines[method] = {"color": COLOURS[place], "linestyle": "--" if place > half else "-"}
+    fixed = {
+        "auto": {"color": OURS, "linestyle": "-"},
+        "uniform": {"color": SOFT, "linestyle": ":"},
+    }
+    return lines | fixed
+
+
+def new_figure(width: float, height: float, *, placed: bool = False) -> Figure:
+    """An empty figure of a size in inches; `placed` where the caller says where axes stand."""
+    figure = Figure((width, height), facecolor="white", layout=None if placed else "constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def new_panels(
+    number: int,
+    most_across: int,
+    size: tuple[float, float],
+    margins: tuple[float, float] = (0.0, 0.0),
+    **sharing: Any,
+) -> tuple[Figure, list[Axes]]:
+    """A figure with panels in lines of at most `most_across`.
+
+    Parameters
+    ----------
+    number
+        Of panels.
+    most_across
+        Panels in a line.
+    size
+        Width and height of each panel [in].
+    margins
+        Width and height of what stands beside them, such as a legend [in].
+    sharing
+        `sharex`, `sharey`.
+
+    Returns
+    -------
+    tuple
+        The figure and its panels, line by line, in the house's style.
+    """
+    across = min(number, most_across)
+    down = -(-number // across)
+    figure = new_figure(margins[0] + size[0] * across, margins[1] + size[1] * down)
+    panels = list(figure.subplots(down, across, squeeze=False, **sharing).ravel())
+    for axes in panels[number:]:
+        axes.remove()
+    for axes in panels[:number]:
+        style(axes)
+    return figure, panels[:number]
+
+
+def style(axes: Axes, title: str = "") -> None:
+    """Give axes the house's lines and colours, and a title where they have one."""
+    axes.grid(color=FAINT, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(which="both", colors=SOFT, labelsize=9)
+    axes.xaxis.label.set_color(SOFT)
+    axes.yaxis.label.set_color(SOFT)
+    if title:
+        axes.set_title(escaped(title), loc="left", color=INK, size=11)
+
+
+def escaped(text: str) -> str:
+    """Text of a user's for a picture, where two dollar signs would begin a formula."""
+    return text.replace("$", r"\$")
+
+
+def png(figure: Figure, dpi: int = 140) -> bytes:
+    """The figure as a PNG file; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def write_png(figure: Figure, path: Path, dpi: int = 140) -> None:
+    """Write the figure whole."""
+    write_bytes(path, lambda file: file.write(png(figure, dpi)))
