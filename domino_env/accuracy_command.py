@@ -10,12 +10,9 @@ OUT gets the table (CSV) and the pictures (PNG).
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from domino_env.stability import Verdict
 
 SUMMARY = "error against run time, rows at the edge, and what leaving out pays"
 
@@ -39,32 +36,23 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"--budget {arguments.budget}: give seconds, more than 0")
     folder = Path(arguments.out or "runs/accuracy")
     folder.mkdir(parents=True, exist_ok=True)
-    progress, done = _progress()
-    try:
-        if arguments.stability:
-            return _stability(folder, arguments.quick, progress, done)
-        if arguments.savings:
-            return _savings(folder, arguments.quick, progress, done)
-        return _error_against_time(folder, arguments, progress, done)
-    finally:
-        done()
+    if arguments.stability:
+        return _stability(folder, arguments.quick)
+    if arguments.savings:
+        return _savings(folder, arguments.quick)
+    return _error_against_time(folder, arguments)
 
 
-def _error_against_time(
-    folder: Path,
-    arguments: argparse.Namespace,
-    progress: Callable[[str], None],
-    done: Callable[[], None],
-) -> int:
+def _error_against_time(folder: Path, arguments: argparse.Namespace) -> int:
     from domino_env.accuracy import as_csv, compare, measure, scene_rows, standard_rows
     from domino_env.accuracy_pictures import draw_accuracy
     from domino_env.files import write_text
     from domino_env.scene import load_scene
 
-    progress("compiling, and preparing the rows")
-    rows = scene_rows(load_scene(arguments.scene)) if arguments.scene else standard_rows()
-    runs = list(measure(rows, arguments.budget, arguments.quick, progress))
-    done()
+    with _progress() as tell:
+        tell("compiling, and preparing the rows")
+        rows = scene_rows(load_scene(arguments.scene)) if arguments.scene else standard_rows()
+        runs = list(measure(rows, arguments.budget, arguments.quick, tell))
     print("\n".join(compare(runs)))
     write_text(folder / "accuracy.csv", as_csv(runs))
     draw_accuracy(rows, runs, folder / "accuracy.png")
@@ -72,17 +60,13 @@ def _error_against_time(
     return 0
 
 
-def _stability(
-    folder: Path, quick: bool, progress: Callable[[str], None], done: Callable[[], None]
-) -> int:
+def _stability(folder: Path, quick: bool) -> int:
     from domino_env.accuracy_pictures import draw_stability
     from domino_env.files import write_text
     from domino_env.stability import as_csv, as_table, stability
 
-    verdicts: list[Verdict] = []
-    for verdict in stability(quick=quick, progress=progress):
-        verdicts.append(verdict)
-    done()
+    with _progress() as tell:
+        verdicts = list(stability(quick, tell))
     print("\n".join(as_table(verdicts)))
     wrong = sum(bool(v.complaints) for v in verdicts)
     judged = (
@@ -95,31 +79,23 @@ def _stability(
     return 1 if wrong else 0
 
 
-def _savings(
-    folder: Path, quick: bool, progress: Callable[[str], None], done: Callable[[], None]
-) -> int:
+def _savings(folder: Path, quick: bool) -> int:
     from domino_env.files import write_text
     from domino_env.savings import as_csv, as_table, savings
 
-    found = list(savings(0.01 if quick else 0.4, progress))
-    done()
+    with _progress() as tell:
+        found = list(savings(0.01 if quick else 0.4, tell))
     print("\n".join(as_table(found)))
     write_text(folder / "savings.csv", as_csv(found))
     print(f"\n{folder / 'savings.csv'}")
     return 0
 
 
-def _progress() -> tuple[Callable[[str], None], Callable[[], None]]:
-    """Two functions: one shows what is going on in a line of the terminal, one wipes it."""
-    import shutil
-    import sys
+@contextmanager
+def _progress() -> Iterator[Callable[[str], object]]:
+    """Say what is going on, in a line of the terminal that is wiped at the end."""
+    from tqdm import tqdm
 
-    if not sys.stderr.isatty():
-        return lambda _: None, lambda: None
-
-    def show(text: str) -> None:
-        width = shutil.get_terminal_size().columns - 1
-        sys.stderr.write(f"\r\x1b[2K{text[:width]}")
-        sys.stderr.flush()
-
-    return show, lambda: show("")
+    looks = {"bar_format": "{desc}", "leave": False, "dynamic_ncols": True}
+    with tqdm(disable=None, **looks) as line:  # None: only on a terminal
+        yield line.set_description_str
