@@ -1,43 +1,40 @@
-"""Arrays from a file of someone else's: nothing in it is run, and it cannot fill the memory."""
+"""Arrays of numbers from .npz files, read without running what a pickle would run."""
 
 from __future__ import annotations
 
 import io
-import math
-import struct
-import warnings
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.limits import ARRAYS_BYTES, CHECKPOINT_BYTES, POLICY_BYTES, Limit
-from domino_env.reading import one_line, read_bytes, shown, told_of
+from domino_env.support.reading import naming, one_line, read_bytes
 
-# what a torn archive, or a header that is none, leads its readers to
-_TORN = (
-    BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, KeyError, OSError, TypeError,
-    SyntaxError, TokenError, IndexError, AttributeError,
-)  # fmt: skip
-_HEADERS = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-}
+# what a torn archive leads its readers to
+_TORN = (BadZipFile, zlib.error, EOFError, KeyError, RuntimeError, OSError)
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of numbers in an .npz file.  ValueError where it holds anything else."""
-    with told_of(path), _archive(read_bytes(path, ARRAYS_BYTES), ARRAYS_BYTES) as archive:
-        names = [member.filename for member in archive.infolist()]
-        if len(set(names)) < len(names):
-            raise ValueError("two of its arrays have the same name")
+    """The arrays of numbers in an .npz file.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged, or holds anything else; pickled objects are not read.
+    OSError
+        It cannot be read.
+    """
+    with naming(path):
+        file = io.BytesIO(read_bytes(path))
+        if not is_zipfile(file):
+            raise ValueError("it is no archive of arrays (.npz), or only half of one")
         try:
-            return {name.removesuffix(".npy"): _array(archive, name) for name in names}
+            with np.load(file, allow_pickle=False) as found:
+                return dict(found)
         except _TORN as error:
             raise ValueError(f"damaged: {error}") from None
 
@@ -47,65 +44,25 @@ def read_weights(
 ) -> dict[str, NDArray[Any]]:
     """Arrays of these names, shapes and kinds from an .npz file, all finite.
 
-    ValueError for any other file.  What the file says of sizes is compared, never allocated.
+    Raises
+    ------
+    ValueError
+        The file holds anything else.
     """
-    with told_of(path):
-        with _archive(read_bytes(path, POLICY_BYTES), POLICY_BYTES) as archive:
-            found = sorted(member.filename for member in archive.infolist())
-            if found != sorted(f"{name}.npy" for name in wanted):
-                unlike = f"it has {len(found)} arrays, {one_line(', '.join(found[:3]), 100)} …"
-                raise ValueError(f"it does not hold the weights of such a policy: {unlike}")
-            try:
-                arrays = {
-                    name: _array(archive, f"{name}.npy", kind) for name, kind in wanted.items()
-                }
-            except _TORN as error:
-                raise ValueError(f"damaged: {error}") from None
-        for name, values in arrays.items():
-            if not np.isfinite(values).all():
-                raise ValueError(f"{name} holds what is no finite number")
-        return arrays
-
-
-def require_whole_archive(data: bytes) -> None:
-    """ValueError where a checkpoint's bytes are no archive, torn, or would unpack to too much."""
-    with _archive(data, CHECKPOINT_BYTES) as archive:
-        try:
-            torn = archive.testzip()
-        except _TORN as error:
-            raise ValueError(f"damaged: {error}") from None
-        if torn is not None:
-            raise ValueError(f"damaged: {shown(torn)}")
-
-
-def _archive(data: bytes, limit: Limit) -> ZipFile:
-    try:
-        archive = ZipFile(io.BytesIO(data))
-    except (*_TORN, ValueError) as error:
-        raise ValueError(f"it does not hold what a training wrote: {error}") from None
-    limit.require(sum(member.file_size for member in archive.infolist()), "unpacked, it has")
-    return archive
-
-
-def _array(
-    archive: ZipFile, name: str, wanted: tuple[tuple[int, ...], np.dtype[Any]] | None = None
-) -> NDArray[Any]:
-    """One of the arrays; nothing is allocated that is not there."""
-    called = shown(name.removesuffix(".npy"))
-    with archive.open(name) as member, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about headers of old programs
-        version = np.lib.format.read_magic(member)
-        if version not in _HEADERS:
-            raise ValueError(f"{called} has format {version}, where (1, 0) is known")
-        shape, by_columns, kind = _HEADERS[version](member, max_header_size=2000)
-        if wanted is not None and (shape, kind) != wanted:
+    arrays = read_arrays(path)
+    with naming(path):
+        if arrays.keys() != wanted.keys():
+            names = one_line(", ".join(sorted(arrays)[:3]), 100)
             raise ValueError(
-                f"{called} is {kind} of shape {shown(shape)}, not {wanted[1]} of {wanted[0]}"
+                "it does not hold the weights of such a policy: it has "
+                f"{len(arrays)} arrays, {names} …"
             )
-        if kind.kind not in "fiub" or any(size < 0 for size in shape):
-            raise ValueError(f"{called} is no array of numbers")
-        size = math.prod(shape) * kind.itemsize
-        data = member.read()  # as much as the archive says, which its limit allows
-    if len(data) != size:
-        raise ValueError(f"damaged: {called} has {len(data)} bytes, not {size}")
-    return np.frombuffer(data, kind).reshape(shape, order="F" if by_columns else "C").copy()
+        for name, (shape, kind) in wanted.items():
+            found = arrays[name]
+            if (found.shape, found.dtype) != (shape, kind):
+                raise ValueError(
+                    f"'{name}' is {found.dtype} of shape {found.shape}, not {kind} of {shape}"
+                )
+            if not np.isfinite(found).all():
+                raise ValueError(f"{name} holds what is no finite number")
+    return arrays

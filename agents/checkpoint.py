@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,10 +9,8 @@ from typing import Any
 
 import torch
 
-from agents.arrays import require_whole_archive
 from agents.run_files import require_curve, require_number
-from domino_env.limits import CHECKPOINT_BYTES
-from domino_env.reading import read_bytes, shown, told_of
+from domino_env.support.reading import naming, shown
 
 WORDS = 624  # of the state of NumPy's old generator
 TAUGHT = ("learner", "done", "curve", "seconds", "processor_seconds")
@@ -26,7 +23,7 @@ def read_checkpoint(model: Any, path: Path) -> dict[str, Any]:
 
     ValueError, naming the file, for what is damaged, too large, or another learner's.
     """
-    with told_of(path):
+    with naming(path):
         state = _plain(path)
         _fits(state, model)
         return dict(state)
@@ -37,7 +34,7 @@ def read_teaching(learner: Any, path: Path, columns: int) -> dict[str, Any]:
 
     columns: of its learning curve.
     """
-    with told_of(path):
+    with naming(path):
         state, held = _plain(path), learner.state()
         _same_keys("checkpoint", state, dict.fromkeys(TAUGHT))
         _same_keys("learner", state["learner"], held)
@@ -57,12 +54,10 @@ def read_teaching(learner: Any, path: Path, columns: int) -> dict[str, Any]:
 
 def _plain(path: Path) -> Any:
     """What a file of torch's holds, if that is numbers alone."""
-    data = read_bytes(path, CHECKPOINT_BYTES)
-    require_whole_archive(data)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return torch.load(io.BytesIO(data), weights_only=True, map_location="cpu")
+            return torch.load(path, weights_only=True, map_location="cpu")
     except Exception as error:  # the unpickler raises whatever the bytes lead it to
         raise ValueError(f"not a checkpoint: {error}") from None
 

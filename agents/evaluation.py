@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from domino_env.env import DominoChain
 from domino_env.layout import Layout
-from domino_env.reading import told_of
 from domino_env.scene import Scene, UniformMark, load_scene
+from domino_env.support.reading import naming
 from domino_env.wave import Wave
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
 
     def certain(seen: Seen) -> NDArray[Any]:
         # the largest weights that are finite overflow in a network
-        with np.errstate(all="ignore"), told_of(path):
+        with np.errstate(all="ignore"), naming(path):
             try:
                 action = policy(seen)
             except (ValueError, RuntimeError):
@@ -159,7 +159,7 @@ def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
 
     small = {"buffer_size": 10} if "buffer_size" in plan.options else {}
     plan = replace(plan, options=plan.options | small)
-    with told_of(folder / "config.json"):
+    with naming(folder / "config.json"):
         try:
             model = learner(begun.algorithm, plan, DominoVecEnv(scene, plan.rows), 0)
         except (TypeError, AssertionError, RuntimeError, ZeroDivisionError) as error:

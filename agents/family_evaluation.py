@@ -16,9 +16,8 @@ from agents.family import FEATURES, SceneFamily, numbers
 from agents.family_examples import Examples
 from agents.teaching import EXAMPLES_SEED
 from domino_env.files import write_text
-from domino_env.limits import RUN_BYTES
-from domino_env.reading import read_json
 from domino_env.scene import Scene, load_scene
+from domino_env.support.reading import read_json
 
 if TYPE_CHECKING:
     from agents.evaluation import Built
@@ -152,7 +151,7 @@ def judge(
 def teaches_a_family(folder: Path) -> bool:
     """Whether a folder holds what `agents.family_training.teach` writes."""
     try:
-        document = read_json(folder / "config.json", RUN_BYTES, 10_000)
+        document = read_json(folder / "config.json")
     except (ValueError, OSError):
         return False
     return isinstance(document, dict) and document.get("algorithm") == "family"

@@ -23,9 +23,8 @@ from agents.family_examples import Examples, make_examples
 from agents.run_files import DEEPEST, WIDEST, require_number
 from agents.teaching import EXAMPLES_SEED, Teaching
 from domino_env.files import write_bytes, write_text
-from domino_env.limits import RUN_BYTES
-from domino_env.reading import read_json
 from domino_env.scene import Scene
+from domino_env.support.reading import read_json
 
 if TYPE_CHECKING:
     from agents.family_learner import Learner
@@ -256,7 +255,7 @@ def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
     """What a teaching in this folder was begun with."""
     if not all((home / name).exists() for name in FILES):
         raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
-    config = read_json(home / "config.json", RUN_BYTES, 10_000)
+    config = read_json(home / "config.json")
     try:
         ranges: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value

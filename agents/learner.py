@@ -21,7 +21,7 @@ from agents.network import network_of
 from agents.policy import RowPolicy
 from agents.presets import Preset
 from domino_env.files import write_bytes
-from domino_env.reading import told_of
+from domino_env.support.reading import naming
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "ppo": PPO,
@@ -136,7 +136,7 @@ def load_state(model: Any, path: Path) -> dict[str, Any]:
     ValueError, before anything is changed, for what is no checkpoint of such a learner.
     """
     state = read_checkpoint(model, path)
-    with told_of(path):
+    with naming(path):
         try:
             model.set_parameters(state["parameters"], exact_match=True, device="cpu")
             torch.set_rng_state(state["torch"])

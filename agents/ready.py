@@ -10,8 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from domino_env.limits import RUN_BYTES
-from domino_env.reading import read_json
+from domino_env.support.reading import read_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -49,7 +48,7 @@ def _training_seconds(run: Path) -> float:
     """What the training took [s]; 0 where nobody wrote it down."""
     for name in ("summary.json", "policy.json"):
         if (run / name).exists():
-            told = read_json(run / name, RUN_BYTES, 10_000)
+            told = read_json(run / name)
             seconds: Any = told.get("seconds") if isinstance(told, dict) else None
             if type(seconds) in (int, float) and 0.0 < seconds < LONGEST:
                 return float(seconds)

@@ -14,10 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from agents.presets import ALGORITHMS, Preset
-from domino_env.limits import LEARNER_NUMBERS, RUN_BYTES
-from domino_env.reading import read_json, shown, told_of
+from domino_env.support.reading import naming, read_json, shown
 
-SEEN = 32  # numbers of an observation, about
 WIDEST, DEEPEST = 4096, 16  # of a network
 OPTIONS = {
     "alive_bonus_offset", "batch_size", "buffer_size", "clip_range", "clip_range_vf", "delta_std",
@@ -44,8 +42,8 @@ class Begun:
 def read_config(folder: Path) -> Begun:
     """The config.json of a run.  ValueError, naming it, for anything else."""
     path = folder / "config.json"
-    document = read_json(path, RUN_BYTES, 10_000)
-    with told_of(path):
+    document = read_json(path)
+    with naming(path):
         document = _object(document, "this")
         algorithm = document.get("algorithm")
         if algorithm not in ALGORITHMS:
@@ -60,8 +58,8 @@ def read_config(folder: Path) -> Begun:
 def read_reference(folder: Path) -> float:
     """The speed that the policy of a run is used to, over the uniform row's."""
     path = folder / "policy.json"
-    document = read_json(path, RUN_BYTES, 10_000)
-    with told_of(path):
+    document = read_json(path)
+    with naming(path):
         told: Any = _object(document, "this").get("reference_over_uniform")
         if type(told) not in (int, float) or not 0.0 < told <= 1e3:
             raise ValueError(f"reference_over_uniform = {shown(told)}: give a number, 0 to 1000")
@@ -69,18 +67,12 @@ def read_reference(folder: Path) -> float:
 
 
 def require_memory(plan: Preset) -> None:
-    """ValueError where a learner of this preset would not fit into what limits allow."""
-    options = plan.options
+    """ValueError for networks and rows that no learner has."""
     if not (1 <= plan.width <= WIDEST and 0 <= plan.depth <= DEEPEST and plan.rows >= 1):
         raise ValueError(
             f"width = {plan.width}, depth = {plan.depth}, rows = {plan.rows}: give networks of at "
             f"most {DEEPEST} layers of {WIDEST}, and at least one row"
         )
-    kept = plan.rows * int(options.get("n_steps") or 1) + 2 * int(options.get("buffer_size") or 0)
-    many = int(options.get("n_delta") or 0) + 6
-    LEARNER_NUMBERS.require(
-        kept * SEEN + many * (plan.depth * plan.width + SEEN) * plan.width, "preset: it asks for"
-    )
 
 
 def require_progress(more: Mapping[str, Any], columns: int) -> None:

@@ -24,8 +24,8 @@ from agents.extra import require_extra
 from agents.presets import ALGORITHMS, Preset, preset
 from agents.run_files import read_config, require_memory, require_progress
 from domino_env.files import write_text
-from domino_env.reading import told_of
 from domino_env.scene import Scene, load_scene
+from domino_env.support.reading import naming
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -330,7 +330,7 @@ class _Training:
         write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
 
     def _restore(self, more: dict[str, Any]) -> None:
-        with told_of(self.home / "checkpoint.pt"):
+        with naming(self.home / "checkpoint.pt"):
             require_progress(more, len(COLUMNS))
         self.best, self.sampled = more["best"], more["sampled"]
         self.curve = [tuple(row) for row in more["curve"]]

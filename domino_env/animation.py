@@ -13,10 +13,11 @@ from PIL import Image
 
 from domino_env.drawing import Scale, palette, stacked, strip
 from domino_env.files import write_bytes
-from domino_env.limits import FRAMES, SHOWN_DOMINOES
 from domino_env.motion import Motion
 from domino_env.wave import Wave
 
+MOST_DOMINOES = 5_000  # in a picture of a row: drawing takes time by its square
+MOST_IMAGES = 5_000  # more than three minutes at 25 a second; 1 GB
 REST = 0.08  # [s] of stillness before the push and after the end, in the time of the row
 
 
@@ -35,7 +36,7 @@ def frames(
 
     rate: images a second.  slow: how many times slower than nature.  width: [px].
     ValueError for a rate, a slowness or a width that is not positive, and for rows that are longer
-    or take longer than `domino_env.limits` lets a picture.
+    or take longer than `MOST_DOMINOES` and `MOST_IMAGES`.
     """
     for name, value in (("rate", rate), ("slow", slow), ("width", width)):
         if not 0.0 < value < np.inf:
@@ -43,13 +44,18 @@ def frames(
     if width % 2 or width < 200:
         raise ValueError(f"width = {width} px: give an even number of at least 200")
     for one in runners:
-        SHOWN_DOMINOES.require(one.wave.layout.count, f"{one.name}: it has")
+        require_drawable(one.name, one.wave.layout.count)
     motions = [Motion(one.wave.layout, one.wave.physics) for one in runners]
     longest = max(float(one.wave.layout.length) for one in runners)
     tallest = max(float(one.wave.layout.height.max()) for one in runners)
     scale = Scale.fitting(longest, tallest, width, 150)
     end = max(motion.end for motion in motions)
-    FRAMES.require(int((end + 2.0 * REST) * rate * slow), f"{end:.4g} s of toppling take")
+    images = int((end + 2.0 * REST) * rate * slow)
+    if images > MOST_IMAGES:
+        raise ValueError(
+            f"{end:.4g} s of toppling take {images:,} images, where at most {MOST_IMAGES:,} are "
+            "drawn: ask for fewer a second, or for a less slow motion"
+        )
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     for t in times:
         yield stacked(
@@ -57,6 +63,14 @@ def frames(
                 _strip(one, motion, float(t), scale)
                 for one, motion in zip(runners, motions, strict=True)
             ]
+        )
+
+
+def require_drawable(name: str, count: int) -> None:
+    """Refuse a row too long to be drawn domino by domino, with a ValueError that names it."""
+    if count > MOST_DOMINOES:
+        raise ValueError(
+            f"{name}: it has {count:,} dominoes, where rows of at most {MOST_DOMINOES:,} are drawn"
         )
 
 

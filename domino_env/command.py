@@ -16,7 +16,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from domino_env import __version__
-from domino_env.reading import one_line
+from domino_env.support.reading import one_line
 
 NOTICE_AFTER = 2.0  # [s] of silence
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from domino_env.files import write_text
 from domino_env.layout import DENSITY, HEIGHT, WIDTH, Layout
-from domino_env.limits import LARGEST, LAYOUT_BYTES, LAYOUT_DOMINOES, SMALLEST
-from domino_env.reading import encoding_of, one_line, read_bytes, shown, told_of
-from domino_env.reading import read_json as read_document
+from domino_env.support.reading import encoding_of, naming, one_line, read_bytes, shown
+from domino_env.support.reading import read_json as read_document
 
-LONGEST_LINE = 400_000  # [characters] of a table
+MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
+SMALLEST, LARGEST = 1e-9, 1e9  # of every size in a file, SI: products of four still have digits
 UNIT = "SI: m, kg/m3"
 _COLUMNS = ("spacing", "thickness", "height", "density")
 _UNITS = {"spacing": "m", "thickness": "m", "height": "m", "width": "m", "density": "kg/m³"}
@@ -63,17 +63,16 @@ def read_csv(path: Path) -> Layout:
     spacing leads nowhere: it may be empty or missing, and is not used.  Comma, semicolon or tab
     between the cells, decimal commas where the cells are not divided by commas.  Other columns are
     left alone.
-    Raises ValueError with file, line and column, and for what `domino_env.limits` forbids.
+    Raises ValueError with file, line and column, and for more than `MOST_DOMINOES`.
     """
-    with told_of(path):
-        return _layout_of_table(path, read_bytes(path, LAYOUT_BYTES))
+    with naming(path):
+        return _layout_of_table(path, read_bytes(path))
 
 
 def read_json(path: Path) -> Layout:
     """Read what `write_json` wrote.  Raises ValueError naming file and key, and as `read_csv`."""
-    with told_of(path):
-        document = read_document(path, LAYOUT_BYTES, 4 * LAYOUT_DOMINOES.most + 100)
-        return layout_of_document(document)
+    with naming(path):
+        return layout_of_document(read_document(path))
 
 
 def _layout_of_table(path: Path, data: bytes) -> Layout:
@@ -97,7 +96,6 @@ def _layout_of_table(path: Path, data: bytes) -> Layout:
                 f"'{kind}_mm' (found: {found or 'nothing'})"
             )
     columns = {kind: array("d") for kind in places}
-    most = LAYOUT_DOMINOES.most
 
     def keep(kind: str, line: int, row: list[str]) -> None:
         place, per_unit = places[kind]
@@ -127,10 +125,9 @@ def _layout_of_table(path: Path, data: bytes) -> Layout:
         before = line, row
         for kind in others:
             keep(kind, line, row)
-        if len(columns["thickness"]) > most:
-            LAYOUT_DOMINOES.require(len(columns["thickness"]), "it has more than")
     if before is None:
         raise ValueError("no dominoes below the line of names")
+    _require_few(len(columns["thickness"]))
     values = {kind: np.frombuffer(column) for kind, column in columns.items()}
     return Layout(
         values["spacing"] if len(columns["spacing"]) else [],
@@ -166,7 +163,7 @@ def _numbers(key: str, value: object) -> Any:
     values: list[Any] = value if isinstance(value, list) and key != "width" else [value]
     listed = values is value
     if listed:
-        LAYOUT_DOMINOES.require(len(values), f"{key} has entries for")
+        _require_few(len(values))
     for i, one in enumerate(values):
         where = f"{key}[{i}]" if listed else key
         if type(one) not in (int, float):
@@ -181,10 +178,6 @@ def _numbers(key: str, value: object) -> Any:
 def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """The sign between the cells, and every line that is not blank with its number."""
     encoding = encoding_of(data)
-    breaks = data.count(b"\n") + data.count(b"\r")
-    # twice, as some systems end a line with two signs; and as many blank ones
-    if breaks > 4 * LAYOUT_DOMINOES.most + 1000:
-        LAYOUT_DOMINOES.require(breaks, "it has lines for")
     first = next((line for line in _text(data, encoding) if line.strip()), "").lstrip()
     # some spreadsheets say on a line of its own what stands between the cells
     told = first[4:5] if re.match(r"sep=[;,\t]\s*$", first, re.IGNORECASE) else ""
@@ -199,28 +192,19 @@ def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]
 
 
 def _text(data: bytes, encoding: str) -> Iterator[str]:
-    """The lines of the text with their ends; ValueError for one that no row of cells is."""
-    for line in io.TextIOWrapper(io.BytesIO(data), encoding, newline=""):
-        if len(line) > LONGEST_LINE:
-            raise ValueError(f"a line has {len(line):,} characters: this is no table of dominoes")
-        yield line
+    """The lines of the text with their ends."""
+    return io.TextIOWrapper(io.BytesIO(data), encoding, newline="")
+
+
+def _require_few(count: int) -> None:
+    if count > MOST_DOMINOES:
+        raise ValueError(f"it has {count:,} dominoes, where at most {MOST_DOMINOES:,} are read")
 
 
 def _lines(path: Path, data: bytes, encoding: str, divider: str) -> Iterator[tuple[int, list[str]]]:
-    since = 0  # characters of the row so far; one in quotes may go over many lines
-
-    def fed() -> Iterator[str]:
-        nonlocal since
-        for line in _text(data, encoding):
-            since += len(line)
-            if since > LONGEST_LINE:
-                raise ValueError(f"{path}, line {reader.line_num}: a row that does not end")
-            yield line
-
-    reader = csv.reader(fed(), delimiter=divider)
+    reader = csv.reader(_text(data, encoding), delimiter=divider)
     try:
         for row in reader:
-            since = 0
             if any(cell.strip() for cell in row):
                 yield reader.line_num, row
     except csv.Error as error:

@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from domino_env.animation import Runner, frames, write_gif, write_mp4
     from domino_env.layout import Layout
-    from domino_env.reading import one_line
+    from domino_env.support.reading import one_line
     from domino_env.wave import simulate
 
     wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]

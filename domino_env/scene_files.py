@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 import tomllib
 from importlib import resources
 from itertools import pairwise
@@ -25,22 +24,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from domino_env.layout import DENSITY, HEIGHT, WIDTH
-from domino_env.limits import (
-    DRAWN_DOMINOES,
-    SCENE_BYTES,
-    SCENE_DOMINOES,
-    SCENE_KINDS,
-    SCENE_VALUES,
-    TALLEST,
-)
 from domino_env.objective import OBJECTIVES, Limits
 from domino_env.physics import Physics
 from domino_env.placement import LARGEST_DRAWS, Placement
-from domino_env.reading import one_line, read_bytes, refuse, shown, told_of
 from domino_env.scene_tables import (
     GROWTH,
     LIMITS,
     LONGEST_TITLE,
+    MOST_DOMINOES,
     PHYSICS,
     ROBUST,
     ROW,
@@ -60,21 +51,15 @@ from domino_env.scene_tables import (
     whole,
 )
 from domino_env.stock import Stock
+from domino_env.support.reading import naming, one_line, read_bytes, refuse, shown
 from domino_env.tempo import TOLERANCE, Tempo
 
 if TYPE_CHECKING:
     from domino_env.scene import Bounds, Scene
 
-LONGEST_KEY = 4  # [words with dots between]; reading takes memory by its square
-
-# texts, remarks, and keys of too many words, as TOML takes them apart from left to right; what is
-# not closed is read to the end, so that no sign is looked at twice
-_TEXTS = re.compile(
-    r'''"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|\'{3}(?:[^']|'(?!\'\'))*+(?:\'{3})?'''
-    r"""|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?|#[^\n]*+""",
-    re.DOTALL,
-)
-_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{LONGEST_KEY}}}")
+TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
+MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the best uniform row
+MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
 
 # which table an objective needs, and which needs that objective
 _NEEDS = {"tempo": "tempo", "robust": "robust"}
@@ -90,7 +75,7 @@ def read_scene(name: str | Path) -> Scene:
         if not path.is_file():
             refuse(path, "there is no such scene file")
         try:
-            text = read_bytes(path, SCENE_BYTES).decode("utf-8-sig")
+            text = read_bytes(path).decode("utf-8-sig")
         except UnicodeDecodeError:
             refuse(path, "not UTF-8 text; save the file as UTF-8")
         return parse_scene(text, path.stem, str(path))
@@ -110,19 +95,17 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
 
     name: what the scene is called unless the text says it; file: what errors call the text.
     """
-    with told_of(file):
+    with naming(file):
         return _scene_of(_document(text), name, file)
 
 
 def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
     """A scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
-    with told_of(file):
+    with naming(file):
         return _scene_of(document, name, file)
 
 
 def _document(text: str) -> dict[str, Any]:
-    if _LONG_KEY.search(_TEXTS.sub(lambda m: "" if m[0][0] == "#" else "x", text)):
-        raise ValueError(f"a key of {LONGEST_KEY + 1} words or more: no table is as deep as that")
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -144,7 +127,7 @@ def _scene_of(document: dict[str, Any], name: str, file: str) -> Scene:
         raise ValueError(f"{file}: objective = {shown(objective)}: choose {', '.join(OBJECTIVES)}")
     name = name_of(document, file, name)
     title = line_of(document, "title", file, name)
-    count = whole(row, "row", "count", file, None, 2, SCENE_DOMINOES.most)
+    count = whole(row, "row", "count", file, None, 2, MOST_DOMINOES)
     height = positive(row, "row", "height", file, HEIGHT)
     defaults = Physics()
     values = [finite(forces, "physics", key, file, getattr(defaults, key)) for key in PHYSICS]
@@ -269,10 +252,8 @@ def _stock(document: dict[str, Any], file: str) -> Stock | None:
     counts = table.get("count")
     if not isinstance(counts, list):
         raise ValueError(f"{file}: stock.count = {shown(counts)}: give a list of whole numbers")
-    SCENE_KINDS.require(max(len(kinds), len(counts)), "stock has")
     entries = {f"count[{i}]": value for i, value in enumerate(counts)}
-    box = [whole(entries, "stock", e, file, None, 0, SCENE_DOMINOES.most) for e in entries]
-    SCENE_DOMINOES.require(sum(box), "stock.count adds up to")
+    box = [whole(entries, "stock", e, file, None, 0, MOST_DOMINOES) for e in entries]
     try:
         return Stock(kinds, tuple(box))
     except ValueError as error:
@@ -357,9 +338,18 @@ def _placement(document: dict[str, Any], file: str) -> Placement | None:
 def _consistent(scene: Scene, document: dict[str, Any], file: str) -> None:
     """What the parts of a scene owe each other."""
     if scene.placement is not None:
-        DRAWN_DOMINOES.require(scene.count * scene.placement.draws, "row.count × robust.draws are")
+        drawn = scene.count * scene.placement.draws
+        if drawn > MOST_DRAWN:
+            raise ValueError(
+                f"{file}: robust.draws = {scene.placement.draws} of {scene.count} dominoes are "
+                f"{drawn:,}: draw at most {MOST_DRAWN // scene.count} rows"
+            )
     listed = len(scene.spacing_values or "1") * len(scene.thickness_values or "1")
-    SCENE_VALUES.require(listed, "spacing and thickness have")
+    if listed > MOST_PAIRS:
+        raise ValueError(
+            f"{file}: spacing and thickness have {listed:,} pairs of listed values, and each is "
+            f"tried for the best uniform row: list at most {MOST_PAIRS:,}"
+        )
     if scene.growth is not None:
         tallest = math.log(scene.height) + (scene.count - 1) * math.log(scene.growth[1])
         if tallest > math.log(TALLEST):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import difflib
+import re
 from typing import Any
 
 import numpy as np
 
-from domino_env.limits import LARGEST, SCENE_DOMINOES, SMALLEST
-from domino_env.reading import one_line, plain_name, shown
+from domino_env.support.reading import one_line, shown
 
 LONGEST_TITLE = 300  # [characters]
+SMALLEST, LARGEST = 1e-9, 1e9  # of every size in a file, SI: products of four still have digits
+MOST_DOMINOES = 100_000  # the best uniform row takes some 3 ms a domino
+NAME = re.compile(r"[^\W_][^\x00-\x1f/\\<>:\"|?*`$]{0,99}")
 
 TOP = (
     "name", "title", "objective", "row", "spacing", "thickness", "stock", "growth", "physics",
@@ -62,10 +65,10 @@ def table_of(
 def name_of(document: dict[str, Any], file: str, default: str) -> str:
     """What a scene is called, and its run's folder after it."""
     name = line_of(document, "name", file, default)
-    wrong = plain_name(name)
-    if wrong is not None:
+    if not NAME.fullmatch(name):
         raise ValueError(
-            f"{file}: name = {shown(name)}: {wrong}; a folder may be called after the scene"
+            f"{file}: name = {shown(name)}: begin with a letter or a digit, at most 100 "
+            'characters, none of / \\ < > : " | ? * ` $: a folder may be called after the scene'
         )
     return name
 
@@ -109,8 +112,7 @@ def whole(
     value = table.get(key, default)
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
         what = f"{where}.{key} is missing" if value is None else f"{where}.{key} = {shown(value)}"
-        more = f"; for more set {SCENE_DOMINOES.variable}" if high == SCENE_DOMINOES.most else ""
-        raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}{more}")
+        raise ValueError(f"{file}: {what}: give a whole number from {low} to {high}")
     return value
 
 

@@ -17,14 +17,12 @@ from domino_env import __version__
 from domino_env.files import write_text
 from domino_env.layout import Layout
 from domino_env.layout_files import layout_of_document
-from domino_env.limits import LARGEST, RUN_BYTES
-from domino_env.reading import read_json, shown, told_of
 from domino_env.scene import Scene
+from domino_env.support.reading import naming, read_json, shown
 from optimize.result import SearchResult
 
 PATH = Path(__file__).with_name("best_known.json")
 CLOSEST = 1e-12  # relative error at which a record is simulated
-MOST_VALUES = 1_000_000  # in the file
 NOTICED = 1e-9  # relative gain that makes a new record
 
 
@@ -49,8 +47,8 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     path = path or PATH
     if not path.exists():
         return {}
-    document = read_json(path, RUN_BYTES, MOST_VALUES)
-    with told_of(path):
+    document = read_json(path)
+    with naming(path):
         if not isinstance(document, dict):
             raise ValueError("expected an object with a record under each scene's name")
         return {name: _read(name, record) for name, record in document.items()}
@@ -98,7 +96,7 @@ def _read(name: str, record: Any) -> BestKnown:
     for key, kind in _FOUND.items():
         value = record.get(key)
         good = isinstance(value, kind) and not isinstance(value, bool)
-        if not (good and (isinstance(value, str) or -LARGEST <= value <= LARGEST)):  # type: ignore[operator]
+        if not (good and (isinstance(value, str) or -1e9 <= value <= 1e9)):  # type: ignore[operator]
             what = "a line of text" if kind is str else "a finite number"
             raise ValueError(f"{shown(name)}: {key} = {shown(value)}: expected {what}")
     layout = layout_of_document({key: record[key] for key in record if key not in _FOUND})

@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.files import write_bytes
-from domino_env.limits import JOURNAL_BYTES
 from domino_env.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -37,6 +36,7 @@ Arrays = tuple[Floats, ...]
 MAGIC = b"DOMINOJ1"  # the last digit is the version of the format
 PAUSE = 1.0  # [s] of work that a kill may lose
 CHUNK = 4 * 2**20  # [bytes] kept in memory at most
+LARGEST = 2**30  # [bytes] of a journal: some ten minutes of gradients on two cores
 LARGEST_HEADER = 2**16
 
 _LENGTHS = struct.Struct("<II")  # header: length, CRC
@@ -61,7 +61,6 @@ class Journal:
         *, resume: bool,
     ) -> None:  # fmt: skip
         self.path = path
-        self.most = JOURNAL_BYTES.most
         self._header = {
             "scene": hashlib.sha256(scene.to_toml().encode()).hexdigest()[:16],
             "name": scene.name,
@@ -143,7 +142,7 @@ class Journal:
             _digest(question) if digest is None else digest, self.seconds, len(payload)
         )
         record = head + _CRC.pack(zlib.crc32(payload, zlib.crc32(head))) + payload
-        if self._size + self._held + len(record) > self.most:
+        if self._size + self._held + len(record) > LARGEST:
             self.close()
             return
         self._waiting.append(record)

@@ -11,7 +11,6 @@ import sqlalchemy as sql
 from sqlalchemy.engine import URL, Connection, Engine, make_url
 
 from domino_env.files import require_room
-from domino_env.limits import STORE_BYTES
 
 PATIENCE = 60.0  # [s] that a process waits for others to finish writing
 LARGEST_CELL = 64 * 2**20  # [bytes] of one value in an SQLite file: a row of a million dominoes
@@ -109,7 +108,6 @@ def _require_file(path: Path, create: bool) -> None:
             return
         if not path.is_file():
             raise ValueError(f"{path} is no plain file: name one for the store")
-        STORE_BYTES.require(path.stat().st_size, f"{path} has")
         with path.open("rb") as file:
             start = file.read(len(MAGIC))
     except OSError as error:

@@ -1,9 +1,8 @@
-"""Hostile files: what every test of a door shares."""
+"""Odd files: what every test of reading them shares."""
 
 from __future__ import annotations
 
 import math
-import struct
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -11,22 +10,17 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from domino_env.look.sound import Heard, listen, read_wav
-
 CORPUS = Path(__file__).parent / "data" / "hostile"
 
 TRICKS = [
-    b"\0", b"\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\n", b'"', b"'", b'"""', b",", b";",
-    b"\t", b"=cmd|' /C calc'!A0", b"1e400", b"-1", b"nan", b"1e-320", b"9" * 5000, b"true",
-    b"0x" + b"f" * 5000, b"[" * 2000, b"{" * 2000, b"\x1b[2J", b"../../x", b"</script>", b"#",
-    b"{{race}}", b"a." * 50, "\u202e".encode(), b"1_0", b"\\u0000", b"PK\x01\x02",
-    b"\xff\xff\xff\xff",
+    b"\0", b"\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\n", b'"', b'"""', b",", b";", b"\t",
+    b"=1+1", b"1e400", b"-1", b"nan", b"1e-320", b"true", b"[" * 20, b"#", b"\x1b[2J", b"../x",
 ]  # fmt: skip
 NUMBERS: Any = st.one_of(
     st.floats(),
     st.floats(1e-9, 1e9),
     st.integers(),
-    st.sampled_from([10**400, -(10**400), 2**63, 2**64, 0, -1, 1e308, 1e-308, 5e-324]),
+    st.sampled_from([10**400, 2**64, 0, -1, 1e308]),
 )
 ODD: Any = st.one_of(NUMBERS, st.booleans(), st.none(), st.text(max_size=20))
 DEEP: Any = st.recursive(
@@ -40,7 +34,7 @@ DEEP: Any = st.recursive(
 
 @st.composite
 def mutated(draw: Any, data: bytes) -> bytes:
-    """Valid bytes with some damage."""
+    """Valid bytes with some damage: torn, doubled, with strange signs in them."""
     for _ in range(draw(st.integers(1, 5))):
         at = draw(st.integers(0, len(data)))
         to = min(len(data), at + draw(st.integers(0, 30)))
@@ -98,22 +92,3 @@ def numbers_in(value: Any) -> list[float]:
 def all_finite(value: Any) -> bool:
     """Whether none of them is infinite or nan."""
     return all(math.isfinite(x) for x in numbers_in(value))
-
-
-def heard(path: Path) -> Heard:
-    samples, rate = read_wav(path)
-    try:
-        return listen(samples, rate)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-
-
-def wav(data: bytes, rate: int, channels: int, bits: int, claim: int, kind: int = 1) -> bytes:
-    """A WAV file that says of itself what it is told."""
-    width = channels * bits // 8 % 65536
-    head = struct.pack(
-        "<IHHIIHH", 16, kind, channels, rate, rate * width % 2**32, max(width, 1), bits
-    )
-    size = min(36 + claim, 2**32 - 1)
-    parts = (b"RIFF", struct.pack("<I", size), b"WAVEfmt ", head, b"data", struct.pack("<I", claim))
-    return b"".join(parts) + data

@@ -10,13 +10,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from domino_env.animation import require_drawable
 from domino_env.layout import Layout
-from domino_env.limits import RUN_BYTES, SHOWN_DOMINOES
 from domino_env.look.race_data import Racer
 from domino_env.look.verified import known_verification
 from domino_env.physics import Physics
-from domino_env.reading import decoded, one_line, read_bytes, read_json, shown, told_of
 from domino_env.scene import Scene, load_scene
+from domino_env.support.reading import decoded, naming, one_line, read_bytes, read_json, shown
 from domino_env.wave import simulate
 
 MARK = "best equal gaps"
@@ -82,15 +82,14 @@ def read_racers(
 
 def _shown_layout(path: Path) -> Layout:
     layout = Layout.read(path)
-    with told_of(path):
-        SHOWN_DOMINOES.require(layout.count, "it has")
+    require_drawable(one_line(str(path)), layout.count)
     return layout
 
 
 def _called(folder: Path) -> str:
     """What a run's row is called: by what made it, if the folder says so."""
     path = folder / "summary.json"
-    told = read_json(path, RUN_BYTES, 10_000) if path.exists() else None
+    told = read_json(path) if path.exists() else None
     if isinstance(told, dict):
         if isinstance(told.get("algorithm"), str):
             return f"{one_line(told['algorithm'], 20).upper()} agent's row"
@@ -106,8 +105,8 @@ def _curve(
     if folder is None or not (folder / name).exists():
         return None
     path = folder / name
-    with told_of(path):
-        text = decoded(read_bytes(path, RUN_BYTES))
+    with naming(path):
+        text = decoded(read_bytes(path))
         found: tuple[list[float], list[float]] = [], []
         reader = csv.DictReader(io.StringIO(text, newline=""))
         try:
@@ -136,8 +135,8 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
     if path is None or not path.exists():
         known = known_verification(layout, physics)
         return None if known is None else asdict(known)
-    document = read_json(path, RUN_BYTES, 10 * SHOWN_DOMINOES.most + 100)
-    with told_of(path):
+    document = read_json(path)
+    with naming(path):
         if not isinstance(document, dict):
             raise ValueError("expected an object with the keys engine and verdict")
         for key in ("engine", "verdict"):

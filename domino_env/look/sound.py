@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.files import write_bytes
-from domino_env.limits import SOUND_BYTES, SOUND_SAMPLES
-from domino_env.reading import read_bytes, told_of
+from domino_env.support.reading import naming, read_bytes
 from domino_env.wave import Wave
 
 Floats = NDArray[np.float64]
 
 RATE = 44100  # samples a second
+MOST_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB to listen to
 SLOWEST_RATE, FASTEST_RATE = 1000, 1_000_000  # samples a second that are listened to
 REST = 0.1  # [s] of silence before and after
 PITCH_OF_CLICK, DECAY = 3200.0, 0.0012  # [Hz], [s]
@@ -32,12 +32,13 @@ ENOUGH = 8  # hits a part at least
 def clicks(wave: Wave, rate: int = RATE) -> Floats:
     """Samples in -1 … 1: a short click at every hit, louder the faster the tip.
 
-    ValueError for a wave that takes longer than `domino_env.limits` lets a sound last.
+    ValueError for a wave that lasts for more than `MOST_SAMPLES`.
     """
     times = wave.arrival_times[1 : wave.hit]
     end = float(times[-1]) if len(times) else 0.0
-    SOUND_SAMPLES.require(int((end + 2.0 * REST) * rate) + 1, f"a wave of {end:.4g} s sounds for")
-    sound = np.zeros(int((end + 2.0 * REST) * rate) + 1)
+    samples = int((end + 2.0 * REST) * rate) + 1
+    _require_samples(samples, f"a wave of {end:.4g} s sounds for")
+    sound = np.zeros(samples)
     length = int(8.0 * DECAY * rate)
     loud = np.abs(wave.impact_velocity[: len(times)])
     for t, level in zip(times, loud / max(float(loud.max(initial=0.0)), 1e-12), strict=True):
@@ -65,13 +66,13 @@ def read_wav(path: Path) -> tuple[Floats, int]:
     Raises
     ------
     ValueError
-        For a file that is no WAV of plain or floating-point samples, and for what
-        `domino_env.limits` forbids.
+        For a file that is no WAV of plain or floating-point samples, and for more than
+        `MOST_SAMPLES`.
     """
     from scipy.io import wavfile
 
-    with told_of(path):
-        data = read_bytes(path, SOUND_BYTES)
+    with naming(path):
+        data = read_bytes(path)
         try:
             with warnings.catch_warnings():
                 # parts that are no sound, or are missing behind it, do not matter here
@@ -86,7 +87,7 @@ def read_wav(path: Path) -> tuple[Floats, int]:
             raise ValueError(
                 f"{rate} samples a second: a recording has {SLOWEST_RATE} to {FASTEST_RATE}"
             )
-        SOUND_SAMPLES.require(whole.size, "it holds")
+        _require_samples(whole.size, "it holds")
         return _in_unit(whole).reshape(len(whole), -1).mean(1), rate
 
 
@@ -97,6 +98,11 @@ def _in_unit(whole: NDArray[np.generic]) -> Floats:
         return samples
     half = 2.0 ** (8 * whole.dtype.itemsize - 1)
     return samples / half - (1.0 if whole.dtype.kind == "u" else 0.0)
+
+
+def _require_samples(number: int, what: str) -> None:
+    if number > MOST_SAMPLES:
+        raise ValueError(f"{what} {number:,} samples, where at most {MOST_SAMPLES:,} are handled")
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from matplotlib.patches import Rectangle
 
 from domino_env.files import write_bytes
 from domino_env.layout import Layout
-from domino_env.limits import SHEETS
 from domino_env.support.plot_style import escaped
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # lying on the long side [m]
+MOST_SHEETS = 1_000  # of a row 270 m long
 MARGIN = 0.014  # [m] printers leave the rim white
 LEAD = 0.010  # [m] of paper before the first domino and after the last
 BAR = 0.100  # [m] the scale bar
@@ -45,7 +45,7 @@ class Sheet:
 def sheets(layout: Layout, paper: str = "a4") -> list[Sheet]:
     """How a row is cut into sheets.
 
-    ValueError for an unknown paper, too wide a domino, or more sheets than `domino_env.limits` has.
+    ValueError for an unknown paper, too wide a domino, or more sheets than `MOST_SHEETS`.
     """
     if paper not in PAPERS:
         raise ValueError(f"paper '{paper}': known are {', '.join(PAPERS)}")
@@ -56,7 +56,11 @@ def sheets(layout: Layout, paper: str = "a4") -> list[Sheet]:
     rear, front = layout.positions - layout.thickness, layout.positions
     begin = float(rear[0]) - LEAD
     total = int(np.ceil((float(front[-1]) + LEAD - begin) / stretch - 1e-9))
-    SHEETS.require(total, f"a row of {layout.length:.6g} m takes")
+    if total > MOST_SHEETS:
+        raise ValueError(
+            f"a row of {layout.length:.6g} m takes {total:,} sheets of paper, where at most "
+            f"{MOST_SHEETS:,} are drawn: are its sizes metres?"
+        )
     found = []
     for k in range(total):
         low, high_end = begin + k * stretch, begin + (k + 1) * stretch

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from domino_env.files import write_text
 from domino_env.forces import Diagnosis, diagnose
 from domino_env.layout import Layout
-from domino_env.look.rigid_engine import patience_with, topple
+from domino_env.look.rigid_engine import topple
 from domino_env.physics import Physics
 from domino_env.wave import Wave, simulate
 
@@ -165,16 +165,6 @@ def verify(
         toppled=hinged[-1].toppled,
         free_toppled=free[-1].toppled,
     )
-
-
-def moves_of(
-    layout: Layout, physics: Physics, steps: Sequence[float] = STEPS, window: int = WINDOW
-) -> int:
-    """About how many single dominoes `verify` has the engine move, over all its steps."""
-    arrivals = simulate(layout, physics).arrival_times
-    lasts = float(arrivals[np.isfinite(arrivals)].max()) + 2.0 * patience_with(layout, physics)
-    counted = 2.0 * sum(lasts / step for step in steps if step > 0.0) * min(layout.count, window)
-    return int(min(counted, 1e18))
 
 
 def extrapolated(steps: Floats, times: Floats) -> Floats:

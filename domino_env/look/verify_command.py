@@ -31,8 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.layout import Layout
-    from domino_env.limits import ENGINE_MOVES
-    from domino_env.look.verification import STEPS, moves_of, table, verify, write_verification
+    from domino_env.look.verification import STEPS, table, verify, write_verification
 
     if len(arguments.layouts) > 1 and (arguments.json or arguments.plot):
         raise ValueError("--json and --plot name one file: give one layout with them")
@@ -41,8 +40,6 @@ def run(arguments: argparse.Namespace) -> int:
     differs = False
     for name in arguments.layouts:
         layout = Layout.read(name)
-        if layout.count > 1:
-            ENGINE_MOVES.require(moves_of(layout, physics, steps), f"{name} would take")
         checked = verify(layout, physics, steps)
         print(f"{name}\n" + "\n".join(table(checked)))
         differs |= checked.verdict.startswith("DIFFERS")

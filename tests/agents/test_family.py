@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import subprocess
 import sys
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -194,7 +193,7 @@ def test_what_ships_is_small_and_says_how_it_was_made() -> None:
     assert '"command": "domino train family' in told
 
 
-def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> None:
+def test_weights_survive_a_file_and_others_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "policy.npz"
     good = arrays_of(shipped_designer())
     np.savez(path, **good)
@@ -208,7 +207,6 @@ def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> 
         "too large": {**good, "row_0_bias": good["row_0_bias"] + 1e30},
         "words": {**good, "row_0_bias": np.array(["a", "b"])},
         "nothing": {},
-        "far too much": {**good, "extra": np.zeros(34_000_000)},
     }
     for arrays in bad.values():
         np.savez_compressed(path, **arrays)
@@ -220,12 +218,6 @@ def test_weights_survive_a_file_and_hostile_ones_are_refused(tmp_path: Path) -> 
     whole = SHIPPED.read_bytes()
     torn = bytearray(whole)
     torn[len(whole) // 2 : len(whole) // 2 + 40] = bytes(40)
-    with zipfile.ZipFile(path, "w") as archive:  # a header that asks for a terabyte
-        header = {"descr": "<f4", "fortran_order": False, "shape": (1 << 38,)}
-        with archive.open("row_0_bias.npy", "w") as entry:
-            np.lib.format.write_array_header_1_0(entry, header)
-    with pytest.raises(ValueError, match="bytes, not"):
-        load_designer(path)
     for content in (b"", b"not an archive", whole[:2000], whole[2000:], bytes(torn)):
         path.write_bytes(content)
         with pytest.raises(ValueError, match="does not hold the weights"):

@@ -154,7 +154,7 @@ def test_a_journal_that_may_not_grow_still_leads_to_the_same_bits(
 ) -> None:
     words = (problems["both"], "auto", 300, 1)
     whole = search(*words)
-    monkeypatch.setenv("DOMINO_JOURNAL_BYTES", "9000")
+    monkeypatch.setattr("optimize.journal.LARGEST", 9000)
     search(*words, folder=tmp_path, watch=stopped_after(30))
     assert 4000 < (tmp_path / JOURNAL).stat().st_size <= 9000
     assert same(search(*words, folder=tmp_path, resume=True), whole)
