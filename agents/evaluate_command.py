@@ -104,12 +104,14 @@ def _designed(designer: Designer, name: str | None) -> Built:
 
 def sentence(built: Built) -> str:
     """Score, gain over uniform, gap to the best known."""
+    from domino_env.objective import gain
     from optimize.best_known import best_known
 
     words = f"{built.scene.name}: score {built.score:.6f} ({built.wave.outcome.name})"
     if built.gain is not None:
         words += f", {built.gain:+.2%} over the best uniform row ({built.uniform.score:.6f})"
     known = best_known().get(built.scene.name)
-    if known is not None and known.score > 0.0 < built.score:
-        words += f", {built.score / known.score - 1.0:+.3%} from the best known ({known.score:.6f})"
+    gap = None if known is None else gain(built.score, known.score)
+    if known is not None and gap is not None:
+        words += f", {gap:+.3%} from the best known ({known.score:.6f})"
     return f"{words}; built in {built.seconds * 1e3:.1f} ms"

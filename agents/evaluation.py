@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from domino_env.env import DominoChain
 from domino_env.layout import Layout
+from domino_env.objective import gain
 from domino_env.scene import Scene, UniformMark, load_scene
 from domino_env.support.reading import naming
 from domino_env.wave import Wave
@@ -45,9 +46,7 @@ class Built:
     @property
     def gain(self) -> float | None:
         """score / uniform score - 1; None where one of the two rows does not run through."""
-        if self.score > 0.0 and self.uniform.score > 0.0:
-            return self.score / self.uniform.score - 1.0
-        return None
+        return gain(self.score, self.uniform.score)
 
 
 def build(policy: Policy, scene: Scene, reference_speed: float | None = None) -> Built:

@@ -61,7 +61,7 @@ def compare(
 
 
 def _line(name: str, judged: Judged) -> str:
-    gain = float(np.median(judged.tried / judged.uniform)) - 1.0
+    gain = float(np.median(judged.gains(judged.tried)))
     return (
         f"| {name} | {judged.beaten(judged.tried):.1%} | {gain:+.2%} "
         f"| {judged.share(judged.tried):.1%} | {judged.beaten(judged.untried):.1%} "

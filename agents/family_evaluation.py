@@ -60,7 +60,7 @@ class Judged:
         return "\n".join(lines)
 
     def _line(self, name: str, scores: Floats, seconds: Floats | None) -> str:
-        gain = scores / self.uniform - 1.0
+        gain = self.gains(scores)
         died = int(np.sum(scores <= 0.0))
         worst = f"{died} died" if died else f"{gain.min():+.2%}"
         times = ("", "") if seconds is None else (
@@ -72,6 +72,10 @@ class Judged:
             f"| {np.quantile(gain, 0.1):+.2%} | {worst} | {share} | {times[0]} | {times[1]} |"
         )
 
+    def gains(self, scores: Floats) -> Floats:
+        """How much better than the best uniform rows; below -1 where a wave died."""
+        return scores / self.uniform - 1.0
+
     def beaten(self, scores: Floats) -> float:
         """The part of the scenes in which the best uniform row is beaten."""
         return float(np.mean(scores > self.uniform * (1.0 + ROUNDING)))
@@ -79,9 +83,9 @@ class Judged:
     def share(self, scores: Floats) -> float:
         """Median part of what search gains over the uniform row, where it gains anything."""
         assert self.searched is not None
-        found = self.searched / self.uniform - 1.0
+        found = self.gains(self.searched)
         some = found > NOTHING
-        return float(np.median((scores / self.uniform - 1.0)[some] / found[some]))
+        return float(np.median(self.gains(scores)[some] / found[some]))
 
     def save(self, path: Path) -> None:
         """Write a line for each scene, CSV."""

@@ -123,6 +123,22 @@ def limited(found: Floats, waves: Waves, limits: Limits) -> Floats:
     return np.where((found > 0.0) & (excess > 0.0), broken, lowered)
 
 
+def gain(score: float, other: float) -> float | None:
+    """How much better a score is than another, such as that of the best uniform row.
+
+    Parameters
+    ----------
+    score, other
+        Of two waves, judged alike.
+
+    Returns
+    -------
+    float or None
+        score / other - 1; None where one of the waves died, as its score is no speed.
+    """
+    return score / other - 1.0 if score > 0.0 and other > 0.0 else None
+
+
 def falls(found: Floats, count: int, objective: str, limits: Limits | None) -> int:
     """Single falls simulated for scores: all N of a wave that ran through, else what they tell."""
     if objective == "toppled":

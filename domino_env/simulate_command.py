@@ -105,16 +105,17 @@ def _verdict(wave: Wave) -> list[str]:
 
 def _judged(wave: Wave, scene: Scene) -> dict[str, object]:
     """What the scene says of the wave: the rules it breaks, or its score and the mark's."""
+    from domino_env.objective import gain
+
     broken = scene.violations(wave.layout)
     if wave.physics != scene.physics:
         broken.append(f"friction, gravity or push differ: the scene has {scene.physics}")
     if broken:
         return {"scene": scene.name, "violations": broken}
     score, mark = scene.score_wave(wave), scene.uniform().score
-    # a wave that dies has no speed to compare
-    gain = score / mark - 1.0 if score > 0.0 and mark > 0.0 else None
+    lead = gain(score, mark)
     return {"scene": scene.name, "violations": [], "score": score, "uniform_score": mark} | (
-        {} if gain is None else {"gain": gain}
+        {} if lead is None else {"gain": lead}
     )
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
+from domino_env.objective import gain
+
 if TYPE_CHECKING:
     from optimize.budget import Budget
 
@@ -45,5 +47,6 @@ def best_so_far(score: float, mark: float, unit: str = "m/s") -> str:
     """The best score and its gain over uniform, in words."""
     if score <= 0.0:
         return f"no row runs through yet, the best to {1.0 + score:.0%}"
-    gain = f", {score / mark - 1.0:+.2%} against uniform" if mark > 0.0 else ""
-    return f"best {score:.5f} {unit}".rstrip() + gain
+    lead = gain(score, mark)
+    against = "" if lead is None else f", {lead:+.2%} against uniform"
+    return f"best {score:.5f} {unit}".rstrip() + against

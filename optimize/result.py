@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from domino_env.layout import Layout
+from domino_env.objective import gain
 from domino_env.scene import Scene, UniformMark
 from domino_env.wave import Wave
 
@@ -45,8 +46,3 @@ class SearchResult:
     def gain(self) -> float | None:
         """score / uniform score - 1; None where one of the two rows does not run through."""
         return gain(self.score, self.uniform.score)
-
-
-def gain(score: float, mark: float) -> float | None:
-    """How much better a score is than the mark; None where a wave died, which has no speed."""
-    return score / mark - 1.0 if score > 0.0 and mark > 0.0 else None

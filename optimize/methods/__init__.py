@@ -9,12 +9,10 @@ remember.
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
@@ -63,19 +61,8 @@ def installed_peers() -> list[str]:
 
 
 def of_others() -> dict[str, EntryPoint]:
-    """Methods that other packages bring, learned ones among them, by name."""
-    named = {entry.name: entry for entry in entry_points(group=GROUP)}
-    return _of_this_tree() | named
-
-
-def _of_this_tree() -> dict[str, EntryPoint]:
-    """Those that the project file beside the packages names: a tree need not be installed."""
-    file = Path(__file__).parents[2] / "pyproject.toml"
-    if not file.exists():
-        return {}
-    project = tomllib.loads(file.read_text("utf-8")).get("project", {})
-    table = project.get("entry-points", {}).get(GROUP, {})
-    return {name: EntryPoint(name, value, GROUP) for name, value in table.items()}
+    """Methods that installed packages bring, learned ones among them, by name."""
+    return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
 def load(name: str) -> Method:

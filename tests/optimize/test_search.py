@@ -11,10 +11,10 @@ import pytest
 
 import domino_env as de
 import optimize
+from domino_env.objective import gain
 from domino_env.scene import Scene
 from optimize import METHODS, Problem, search
 from optimize.budget import Budget, BudgetSpent
-from optimize.result import gain
 
 
 @pytest.mark.parametrize(("words", "message"), [
