@@ -23,7 +23,7 @@ from domino_env.stepping import ADAPTIVE, FIXED, step_row
 from domino_env.wave import TIGHTEST, Outcome, Wave, simulate
 
 Floats = NDArray[np.float64]
-Progress = Callable[[str], None]
+Progress = Callable[[str], object]
 
 OURS = "ours"
 SOLVERS = (OURS, *FIXED, *ADAPTIVE)

@@ -19,7 +19,7 @@ from domino_env.physics import Physics
 from domino_env.wave import simulate, simulate_batch
 
 Task = Callable[[], object]
-Progress = Callable[[str], None]
+Progress = Callable[[str], object]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from domino_env.layout import Layout
 from domino_env.physics import Physics
 from domino_env.wave import TIGHTEST, Outcome, Wave, simulate
 
-Progress = Callable[[str], None]
+Progress = Callable[[str], object]
 
 RTOL = 1e-8  # the tolerance that rows are judged at
 CLOSE = 1e-9  # stall margins below this leave it to rounding whether a wave stalls
