@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optimize.engine_options import add_engine_options, asked_engine, require_engine
-from optimize.study_options import add_study_options, asked_study
+from optimize.studies.options import add_study_options, asked_study
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     study = asked_study(arguments, "comparison", default, tasks, settings)
     folder = Path(arguments.out)
     require_room(folder)
-    left = len(tasks) - len(study.done())
+    left = len(tasks) - study.tasks
     go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
     try:
         with asked_engine(arguments) as executor:

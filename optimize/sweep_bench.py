@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 from domino_env.scene import load_scene
 from optimize.cluster import Cluster
-from optimize.store import open_store
+from optimize.studies import open_store
 from optimize.sweeping import run_sweep, sweep_tasks
 
 if TYPE_CHECKING:

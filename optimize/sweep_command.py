@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 
 from optimize.engine_options import add_engine_options, asked_engine, require_engine
-from optimize.study_options import add_study_options, asked_study
+from optimize.studies.options import add_study_options, asked_study
 
 SUMMARY = "search many variations of a scene, on one machine or many"
 
@@ -64,8 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     study = asked_study(arguments, "sweep", f"sweep-{scene.name}", tasks, settings)
     folder = Path(arguments.out or f"runs/{study.name}")
     require_room(folder)
-    kept = len(study.done())
-    before = f", {kept} of them done before" if kept else ""
+    before = f", {study.tasks} of them done before" if study.tasks else ""
     print(f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}", flush=True)
     lines = TaskLines(len({task.key for task in tasks}), study.name, plain=True)
     go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"

@@ -22,7 +22,7 @@ Told = Callable[[Task, TaskResult], None]
 
 
 class Keeper(Protocol):
-    """Where finished tasks are kept: a `Study` of `optimize.store`, or what does the same."""
+    """Where finished tasks are kept: a `Study` of `optimize.studies`, or what does the same."""
 
     def done(self) -> dict[str, TaskResult]:
         """The finished tasks by key."""

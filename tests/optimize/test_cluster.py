@@ -20,7 +20,7 @@ from optimize import search
 from optimize.cluster import Cluster
 from optimize.engines import EngineLost, WorkerLost, engine
 from optimize.reports import say
-from optimize.store import open_store
+from optimize.studies import open_store
 from optimize.task import Task, TaskResult, run_task
 from optimize.task_runner import run_tasks
 

@@ -18,7 +18,7 @@ import pytest
 
 import domino_env as de
 from optimize import search, sweep_command
-from optimize.store import open_store
+from optimize.studies import open_store
 from optimize.sweep_page import FILES, page, write
 from optimize.sweep_points import Axis, axis_of, drawn, grid, scene_at
 from optimize.sweeping import Sweep, run_sweep, sweep, sweep_tasks

@@ -18,8 +18,10 @@ import pytest
 
 import domino_env as de
 from domino_env.command import main
-from optimize.store import open_store
-from optimize.task import Task, TaskResult, run_task
+from optimize.studies import open_store
+from optimize.task import Task, TaskResult, run_task, scene_of
+
+DATA = Path(__file__).parent.parent / "data"
 
 # the processes below only write: what threads of this one hold is nothing to them
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
@@ -29,6 +31,16 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def result(scenes) -> TaskResult:
     """Of a real search."""
     return run_task(Task.of(scenes["both"], "random", 3, evaluations=300))
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    """A store that version 0.1.0 has written."""
+    path = tmp_path / "old.sqlite"
+    connection = sqlite3.connect(path)
+    connection.executescript((DATA / "studies_0_1_0.sql").read_text("utf-8"))
+    connection.close()
+    return path
 
 
 def other(result: TaskResult, number: int, **changes: object) -> TaskResult:
@@ -44,7 +56,7 @@ def same(one: TaskResult, two: TaskResult) -> bool:
     )
 
 
-def read_only_copy(path: Path, to: Path, statement: str) -> Path:
+def changed_copy(path: Path, to: Path, statement: str) -> Path:
     """The store with something done to it that no program of ours does."""
     to.write_bytes(path.read_bytes())
     connection = sqlite3.connect(to)
@@ -103,15 +115,47 @@ def test_a_study_goes_on_only_with_what_it_was_begun_with(tmp_path: Path, result
 
 
 @pytest.mark.parametrize("change", [
-    {"score": float("nan")}, {"seconds": float("inf")}, {"seed": 2**63}, {"seed": -1},
-    {"spacing": np.array([0.1])}, {"outcome": "a\0b"}, {"trace": [(1, 1, float("nan"), 0.0)]},
-    {"labels": (("a", 1), ("a", 2))}, {"labels": (("a", float("inf")),)},
+    {"score": float("nan")}, {"seconds": float("inf")}, {"seed": 2**63}, {"gain": float("nan")},
+    {"spacing": np.array([0.1, np.nan])}, {"trace": [(1, 1, float("nan"), 0.0)]},
+    {"labels": (("a", 1), ("a", 2))}, {"labels": (("a", float("inf")),)}, {"outcome": None},
 ], ids=lambda change: str(next(iter(change))))  # fmt: skip
 def test_what_cannot_be_kept_is_refused(tmp_path: Path, result, change) -> None:
     study = open_store(tmp_path / "a.sqlite").begin("one", "sweep", {})
-    with pytest.raises(ValueError, match="cannot be kept"):
+    with pytest.raises(ValueError, match=r"a\.sqlite: .*(cannot be kept|NOT NULL)"):
         study.add(replace(result, **change))
     assert study.done() == {}
+
+
+def test_a_store_of_version_0_1_0_is_read_and_gone_on_with(old: Path, result) -> None:
+    store = open_store(old)
+    assert [(s.name, s.kind, s.tasks) for s in store.studies()] == [
+        ("sweep-five", "sweep", 2), ("compare-five", "comparison", 1),
+    ]  # fmt: skip
+    study = store.study("sweep-five")
+    assert study.settings["set"] == ["physics.push=8,9"]
+    first, second = study.done().values()
+    assert (first.labels, second.labels) == ((("physics.push", 8.0),), (("physics.push", 9.0),))
+    assert second.score == 0.598987614595916 > second.gain
+    assert first.spacing.tolist()[0] == 0.025568111176584356
+    assert first.trace[0] == (20, 100, 0.07232212799999616, 0.5744801916496295)
+    assert Task(first.scene, "random", 0, evaluations=20).key == first.key  # --resume finds it
+    scene = scene_of(first.scene)
+    layout = scene.layout(first.spacing)
+    assert scene.score(layout) == pytest.approx(first.score, rel=1e-6)
+    study.add(result)
+    assert list(open_store(old).study("sweep-five").done()) == [first.key, second.key, result.key]
+
+
+def schema_of(path: Path) -> set[str]:
+    connection = sqlite3.connect(path)
+    statements = connection.execute("SELECT sql FROM sqlite_master WHERE sql NOT NULL").fetchall()
+    connection.close()
+    return {statement for (statement,) in statements}
+
+
+def test_version_0_1_0_can_read_what_is_written_now(old: Path, tmp_path: Path) -> None:
+    open_store(tmp_path / "a.sqlite")
+    assert schema_of(tmp_path / "a.sqlite") == schema_of(old)
 
 
 # several processes ------------------------------------------------------------------------------
@@ -195,12 +239,11 @@ def good(tmp_path_factory, result: TaskResult) -> Path:
     ("UPDATE domino_store SET schema = 9", "schema 9, written by a newer domino-chains"),
     ("UPDATE domino_store SET schema = 'x'", "does not say which schema"),
     ("DELETE FROM domino_store", "does not say which schema"),
-    ("DROP TABLE results", "its table 'results' is missing"),
-    ("DROP TABLE domino_store", "is a database of something else"),
-    ("CREATE TRIGGER t AFTER INSERT ON results BEGIN DELETE FROM studies; END", "has triggers"),
+    ("DROP TABLE results", r"or a damaged one \(there is no table 'results'\): name another"),
+    ("DROP TABLE domino_store", r"is no store of studies, .*no table 'domino_store'"),
 ])  # fmt: skip
 def test_another_schema_is_refused(good: Path, tmp_path: Path, statement, message) -> None:
-    path = read_only_copy(good, tmp_path / "x.sqlite", statement)
+    path = changed_copy(good, tmp_path / "x.sqlite", statement)
     before = path.read_bytes()
     with pytest.raises(ValueError, match=message) as error:
         open_store(path)
@@ -209,15 +252,13 @@ def test_another_schema_is_refused(good: Path, tmp_path: Path, statement, messag
 
 
 @pytest.mark.parametrize("statement", [
-    "UPDATE results SET spacing = '[1e999]'", "UPDATE results SET score = 'fast'",
-    "UPDATE results SET thickness = '[[[[' || hex(zeroblob(100000))", "DELETE FROM scenes",
-    f"UPDATE results SET labels = '{'[' * 100_000}'", "UPDATE results SET seed = -1",
-    "UPDATE results SET trace = '[[1,2]]'", "UPDATE results SET height = x'ff'",
-    "UPDATE results SET spacing = '[NaN]'", "UPDATE results SET versions = '3'",
-], ids=lambda s: s[:40])  # fmt: skip
-def test_a_result_that_no_search_has_found_is_refused(good: Path, tmp_path, statement) -> None:
-    study = open_store(read_only_copy(good, tmp_path / "x.sqlite", statement)).study("one")
-    with pytest.raises(ValueError, match="is damaged: result '0000"):
+    "UPDATE results SET spacing = substr(spacing, 9)", "UPDATE results SET height = x'ff'",
+    "UPDATE results SET score = 'fast'", "UPDATE results SET trace = '[[1,2]]'",
+    "UPDATE results SET labels = '3'", "UPDATE results SET spacing = '[NaN]'",
+], ids=lambda s: s[19:40])  # fmt: skip
+def test_a_cell_that_no_search_has_written_is_refused(good: Path, tmp_path, statement) -> None:
+    study = open_store(changed_copy(good, tmp_path / "x.sqlite", statement)).study("one")
+    with pytest.raises(ValueError, match=r"x\.sqlite is damaged \(a cell holds .*bring back"):
         study.done()
 
 
@@ -258,8 +299,6 @@ def test_what_is_no_store_is_refused(good: Path, tmp_path: Path) -> None:
         open_store(tmp_path)
     with pytest.raises(ValueError, match="cannot be written: "):
         open_store(tmp_path / "text" / "a.sqlite")
-    with pytest.raises(ValueError, match="is no plain file"):
-        open_store("/dev/full")
     with pytest.raises(ValueError, match="there is no store"):
         open_store(tmp_path / "none.sqlite", create=False)
     with pytest.raises(ValueError, match=r"mysql://me:\*\*\*@host/x is no place for a store"):
@@ -306,9 +345,9 @@ def test_a_full_disk_is_told_and_loses_nothing(good: Path, tmp_path: Path, resul
 def test_a_store_that_others_hold_is_waited_for_only_so_long(
     good: Path, tmp_path: Path, result, monkeypatch
 ) -> None:
-    from optimize import store_access
+    from optimize.studies import database
 
-    monkeypatch.setattr(store_access, "PATIENCE", 0.05)
+    monkeypatch.setattr(database, "PATIENCE", 0.05)
     path = tmp_path / "x.sqlite"
     path.write_bytes(good.read_bytes())
     study = open_store(path).study("one")
@@ -427,7 +466,7 @@ def test_what_is_wrong_is_said_in_one_line(
 
 
 def test_the_store_loads_a_database_only_when_it_is_opened() -> None:
-    script = "import sys, optimize.store, optimize.studies_command; print(*sys.modules)"
+    script = "import sys, optimize.studies, optimize.cli.studies; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert "optimize.studies_command" in done.stdout.split()
+    assert "optimize.cli.studies" in done.stdout.split()
     assert "sqlalchemy" not in done.stdout.split()

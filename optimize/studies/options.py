@@ -5,18 +5,18 @@ from __future__ import annotations
 import argparse
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from optimize.store import DEFAULT_STORE
+from optimize.studies import DEFAULT_STORE, open_store
 
 if TYPE_CHECKING:
-    from optimize.store import Store, Study
+    from optimize.studies import Store, Study
     from optimize.task import Task
 
 
 def add_study_options(parser: argparse.ArgumentParser) -> None:
-    """--store, --name, --resume."""
+    """Add --store, --name and --resume."""
     group = parser.add_argument_group("study", "where results are kept as they come")
     group.add_argument(
         "--store",
@@ -39,16 +39,28 @@ def asked_study(
     tasks: Sequence[Task],
     settings: dict[str, Any],
 ) -> Study:
-    """The study to keep these tasks in.
+    """Find or begin the study to keep tasks in.
 
-    kind: "comparison" or "sweep".  default: its name where none is given; a number is added where
-    that is taken, and --resume goes on with the last of them that has the same tasks.
-    settings: what was asked, for people to read.
-    ValueError for a name that is taken without --resume, and with it where there is no such study,
-    or one with other tasks.
+    Parameters
+    ----------
+    arguments
+        What `add_study_options` has read.
+    kind
+        ``"comparison"`` or ``"sweep"``.
+    default
+        Its name where none is given; a number is added where that is taken, and ``--resume`` goes
+        on with the last of them that has the same tasks.
+    tasks
+        All that are to be done.
+    settings
+        What was asked, for people to read.
+
+    Raises
+    ------
+    ValueError
+        For a name that is taken without ``--resume``; with it where there is no such study, or one
+        with other tasks.
     """
-    from optimize.store import open_store
-
     store = open_store(arguments.store)
     keys = hashlib.sha256(" ".join(task.key for task in tasks).encode()).hexdigest()[:32]
     full = {**settings, "tasks": len(tasks), "digest": keys}
@@ -64,7 +76,7 @@ def asked_study(
             raise ValueError(f"--resume: {store.where} has no study '{name}' to go on with")
         return store.begin(name, kind, full)
     if arguments.resume:
-        return _last_with(store, kind, default, full)
+        return _last_with(store, known.values(), kind, default, keys)
     name, number = default, 1
     while name in known:
         number += 1
@@ -72,13 +84,13 @@ def asked_study(
     return store.begin(name, kind, full)
 
 
-def _last_with(store: Store, kind: str, default: str, settings: dict[str, Any]) -> Study:
+def _last_with(store: Store, known: Iterable[Study], kind: str, default: str, digest: str) -> Study:
     """The last study of a default name that has the same tasks."""
     ours = re.compile(re.escape(default) + r"(-[0-9]+)?")
-    for one in reversed(store.studies()):
-        same = one.kind == kind and one.settings.get("digest") == settings["digest"]
+    for one in reversed(list(known)):
+        same = one.kind == kind and one.settings.get("digest") == digest
         if same and ours.fullmatch(one.name):
-            return store.begin(one.name, kind, settings)
+            return one
     raise ValueError(
         f"--resume: {store.where} has no study '{default}' of these tasks; `domino studies` lists "
         "what it has, and --name says which"

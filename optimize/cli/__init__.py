@@ -1,0 +1,1 @@
+"""The commands of `optimize`, a module each."""

@@ -1,0 +1,138 @@
+"""List, show and export studies: what domino compare and domino sweep have kept in a store.
+
+domino studies                                    all studies of a store, a line each
+domino studies show NAME                          best and median of each scene and method
+domino studies export NAME --to FILE              every result, as .csv or .parquet
+domino studies export NAME --best SCENE --to FILE the best row of a scene, as .csv or .json
+
+A store is an SQLite file or a PostgreSQL URL; any tool for these can query it too.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING
+
+from optimize.studies import DEFAULT_STORE, open_store
+
+if TYPE_CHECKING:
+    from optimize.studies import Store, Study
+    from optimize.task import TaskResult
+
+SUMMARY = "list, show and export what comparisons and sweeps have found"
+SHOWN = 50  # lines of a table where not all are asked for
+LONGEST_SETTINGS = 400  # characters
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `domino studies`."""
+    parser.add_argument(
+        "action", nargs="?", choices=("list", "show", "export"), default="list", help="(list)"
+    )
+    parser.add_argument("name", nargs="?", metavar="NAME", help="the study to show or export")
+    parser.add_argument(
+        "--store", default=DEFAULT_STORE, metavar="WHERE", help=f"file or URL ({DEFAULT_STORE})"
+    )
+    parser.add_argument("--to", metavar="FILE", help="export: .csv, .parquet; a row: .csv, .json")
+    parser.add_argument(
+        "--best",
+        nargs="?",
+        const="",
+        metavar="SCENE",
+        help="export the best row of a scene (or of a result, by its key) instead of the table",
+    )
+    parser.add_argument("--all", action="store_true", help="show: every line of a long table")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """List, show or export."""
+    action, name = arguments.action, arguments.name
+    if action != "list" and name is None:
+        raise ValueError(f"name the study: domino studies {action} NAME")
+    if action == "list" and name is not None:
+        raise ValueError(f"to see one study: domino studies show {name}")
+    if action == "export" and arguments.to is None:
+        raise ValueError("name the file to export to: --to FILE.csv or FILE.parquet")
+    if action != "export" and (arguments.to is not None or arguments.best is not None):
+        raise ValueError("--to and --best belong to domino studies export NAME")
+    store = open_store(arguments.store, create=False)
+    if action == "list":
+        _list(store)
+    elif action == "show":
+        _show(store.study(name), everything=arguments.all)
+    elif arguments.best is None:
+        _export(store.study(name), Path(arguments.to))
+    else:
+        _export_best(store.study(name), Path(arguments.to), arguments.best or None)
+    return 0
+
+
+def _list(store: Store) -> None:
+    from domino_env.support.tables import text_table
+
+    found = store.studies()
+    if not found:
+        print(f"{store.where} holds no studies yet")
+        return
+    names = ("study", "kind", "tasks", "begun (UTC)")
+    rows = [(s.name, s.kind, f"{s.tasks:,}", _clock(s.begun)) for s in found]
+    print("\n".join(text_table(names, rows, right={"tasks"})))
+
+
+def _show(study: Study, *, everything: bool) -> None:
+    from domino_env.support.reading import one_line
+    from domino_env.support.tables import text_table
+
+    results = study.done().values()
+    about = f"{study.kind}, {len(results):,} finished tasks, begun {_clock(study.begun)} UTC"
+    print(one_line(f"{study.name}: {about}"))
+    if study.settings:
+        told = ", ".join(f"{key} = {value}" for key, value in study.settings.items())
+        print(one_line(told, LONGEST_SETTINGS))
+    groups: dict[tuple[str, str, str], list[TaskResult]] = {}
+    for result in results:
+        labels = ", ".join(f"{key} = {value}" for key, value in result.labels)
+        groups.setdefault((result.scene_name, labels, result.method), []).append(result)
+    names = ["scene", "labels", "method", "tasks", "best", "median", "uniform", "gain", "key"]
+    rows = []
+    for group, of in groups.items():
+        best = max(of, key=lambda r: r.score)
+        scores = best.score, median(r.score for r in of), best.uniform_score
+        gain = "" if best.gain is None else f"{best.gain:+.2%}"
+        words = (f"{score:.6g}" for score in scores)
+        rows.append([*group, str(len(of)), *words, gain, best.key[:8]])
+    if not any(labels for _, labels, _ in groups):
+        names, rows = [names[0], *names[2:]], [[row[0], *row[2:]] for row in rows]
+    if rows:
+        shown = rows if everything else rows[:SHOWN]
+        print("", *text_table(names, shown, right=names[-6:-1]), sep="\n")
+        if len(shown) < len(rows):
+            print(f"… and {len(rows) - len(shown):,} lines more: --all shows them")
+
+
+def _export(study: Study, path: Path) -> None:
+    from optimize.studies.export import export
+
+    print(f"written to {path}: {export(study, path):,} results")
+
+
+def _export_best(study: Study, path: Path, which: str | None) -> None:
+    from domino_env.support.reading import one_line
+    from optimize.studies.export import best_layout
+
+    write = {".csv": "to_csv", ".json": "to_json"}.get(path.suffix.lower())
+    if write is None:
+        raise ValueError(f"{path}: a row is written to a .csv or .json file")
+    result, layout = best_layout(study, which)
+    try:
+        getattr(layout, write)(path)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be written: {error.strerror}") from None
+    told = f"{result.scene_name}, {result.method}, seed {result.seed}, score {result.score:.6g}"
+    print(one_line(f"written to {path}: the row of {told}"))
+
+
+def _clock(begun: str) -> str:
+    return begun.removesuffix("+00:00").replace("T", " ")
