@@ -113,9 +113,9 @@ def _show(study: Study, *, everything: bool) -> None:
 
 
 def _export(study: Study, path: Path) -> None:
-    from optimize.studies.export import export
+    from optimize.studies.export import export_study
 
-    print(f"written to {path}: {export(study, path):,} results")
+    print(f"written to {path}: {export_study(study, path):,} results")
 
 
 def _export_best(study: Study, path: Path, which: str | None) -> None:

@@ -20,7 +20,7 @@ COLUMNS = (
 STEP = ("evaluations", "falls", "seconds", "score")  # of a trace
 
 
-def export(study: Study, path: Path) -> int:
+def export_study(study: Study, path: Path) -> int:
     """Write all results of a study to a ``.csv`` or ``.parquet`` file, a line each.
 
     The columns are `COLUMNS`, in SI units, then one for each label (``label.NAME`` where a column
