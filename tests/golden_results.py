@@ -1,0 +1,364 @@
+"""Groups of golden digests: what is computed, with public names alone, and put into them."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from golden_rows import Block, H, blocks, drawn_scene, scene_row
+
+import domino_env as de
+
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-12)
+EPISODES = 10
+
+
+class Digests:
+    """Digests by name; results of the same name go into the same digest, in order."""
+
+    def __init__(self) -> None:
+        self._open: defaultdict[str, Any] = defaultdict(hashlib.sha256)
+
+    def add(self, name: str, *values: object) -> None:
+        """Take results into the digest of that name: numbers, arrays, containers of them."""
+        for value in values:
+            self._feed(self._open[name], value)
+
+    def _feed(self, digest: Any, value: Any) -> None:
+        if isinstance(value, dict):
+            for key in sorted(value):
+                digest.update(key.encode())
+                self._feed(digest, value[key])
+        elif isinstance(value, list | tuple) or (
+            isinstance(value, np.ndarray) and value.dtype.hasobject
+        ):
+            digest.update(f"{len(value)} of:".encode())
+            for one in value:
+                self._feed(digest, one)
+        elif value is None:
+            digest.update(b"none")
+        else:
+            # what is no number is refused; a nan has many bit patterns and one meaning
+            array = np.array(value).astype(np.float64, casting="same_kind")
+            array[np.isnan(array)] = np.nan
+            digest.update(f"{array.shape}".encode() + array.tobytes())
+
+    def finished(self) -> dict[str, str]:
+        """All digests, as short hexadecimal words."""
+        return {name: digest.hexdigest()[:16] for name, digest in self._open.items()}
+
+
+# what is digested of each kind of result ----------------------------------------------------------
+
+WAVE = (
+    "outcome", "hit", "toppled", "reach", "arrival_times", "release_velocity", "impact_velocity",
+    "stall_margin", "error_estimate", "converged", "flushes", "releases", "largest_flush_loss",
+    "mean_speed",
+)  # fmt: skip
+BATCH = (*WAVE, "total_time", "lowest_stall_margin")
+GRADIENT = ("spacing", "thickness", "height", "density", "friction", "gravity", "push")
+LAYOUT = ("spacing", "thickness", "height", "density", "width")
+STEADY = ("exists", "speed", "frequency", "omega_release", "omega_impact", "fall_times")
+DIAGNOSIS = (
+    "outcome", "least_contact_force", "least_hit_impulse", "least_flush_impulse", "floor_friction",
+    "least_load", "flush_loss", "stall_margin", "opened", "lifted",
+)  # fmt: skip
+
+
+def parts(result: object, names: tuple[str, ...]) -> list[Any]:
+    """The numbers of a result; how long it took is not among them."""
+    return [getattr(result, name) for name in names]
+
+
+# groups -------------------------------------------------------------------------------------------
+
+
+def waves(found: Digests) -> None:
+    """Every row alone, at four tolerances."""
+    for kind, physics, layouts in blocks():
+        for rtol in TOLERANCES:
+            for layout in layouts:
+                wave = de.simulate(layout, physics, rtol=rtol)
+                found.add(f"{rtol:g}, {kind}", *parts(wave, WAVE))
+
+
+def stacked(layouts: list[de.Layout]) -> dict[str, Any]:
+    """Rows as arguments of simulate_batch."""
+    names = ("spacing", "thickness", "height", "density")
+    return {name: np.array([getattr(layout, name) for layout in layouts]) for name in names}
+
+
+def batches(found: Digests) -> None:
+    """The same rows in batches, with and without records."""
+    for kind, physics, layouts in blocks():
+        rows = stacked(layouts)
+        for rtol in TOLERANCES:
+            batch = de.simulate_batch(**rows, physics=physics, rtol=rtol)
+            found.add(f"{rtol:g}, {kind}", *parts(batch, BATCH))
+            batch = de.simulate_batch(**rows, physics=physics, rtol=rtol, record=False)
+            found.add(f"{rtol:g}, {kind}, no record", *parts(batch, BATCH))
+
+
+def gradients(found: Digests) -> None:
+    """Gradients of every row at the edge and of a third of the others, alone and in batches."""
+    rng = np.random.default_rng(16)
+    for i, (kind, physics, layouts) in enumerate(blocks()):
+        if len(layouts) > 1 and i % 3:
+            continue
+        for rtol in (1e-5, 1e-9):
+            for layout in layouts:
+                wave = de.simulate(layout, physics, rtol=rtol, gradient=True)
+                bar = rng.standard_normal(layout.count)
+                bar[~np.isfinite(wave.arrival_times)] = 0.0
+                found.add(f"{rtol:g}, {kind}", *parts(wave, WAVE))
+                found.add(f"{rtol:g}, {kind}", parts(wave.pullback(bar), GRADIENT))
+                if layout.count > 1 and wave.outcome == de.Outcome.PROPAGATED:
+                    for of in ("time", "speed"):
+                        found.add(f"{rtol:g}, {kind}, {of}", parts(wave.gradient(of), GRADIENT))
+            rows = stacked(layouts)
+            batch = de.simulate_batch(**rows, physics=physics, rtol=rtol, gradient=True)
+            found.add(f"{rtol:g}, {kind}, batch", parts(batch, BATCH))
+            found.add(f"{rtol:g}, {kind}, batch", parts(batch.gradient, GRADIENT))
+
+
+def few_blocks(each: int) -> Iterator[Block]:
+    """Every block, of no more than so many rows, none of them longer than 150 dominoes."""
+    for kind, physics, layouts in blocks():
+        if layouts[0].count <= 150:
+            yield kind, physics, layouts[:each]
+
+
+def steady(found: Digests) -> None:
+    """Endless rows, equal and of patterns, and closed forms."""
+    rng = np.random.default_rng(17)
+    for i in range(300):
+        physics = de.Physics(0.0 if i % 3 == 0 else float(rng.uniform(0.0, 0.8)))
+        thick = float(rng.uniform(0.0005, 0.02))
+        pitch = thick + float(rng.uniform(0.0005, 0.05))
+        kind = "no friction" if i % 3 == 0 else "friction"
+        found.add(f"equal, {kind}", parts(de.steady_wave(pitch, thick, H, physics), STEADY))
+        if thick < 0.9 * pitch:
+            found.add("limits", de.existence_limit(thick, H))
+            try:
+                found.add("limits", de.terminal_speed_estimate(pitch, thick, H))
+            except ValueError:
+                found.add("limits", None)
+        period = int(rng.integers(2, 9))
+        thicks, gaps = rng.uniform(0.003, 0.012, period), rng.uniform(0.008, 0.032, period)
+        density = rng.uniform(500.0, 2000.0, period)
+        wave = de.steady_wave(gaps + np.roll(thicks, -1), thicks, H, physics, density=density)
+        found.add(f"pattern, {kind}", parts(wave, STEADY))
+
+
+def pushes(found: Digests) -> None:
+    """The smallest push of each row."""
+    for kind, physics, layouts in few_blocks(5):
+        for layout in layouts:
+            found.add(kind, de.smallest_push(layout, physics))
+
+
+def diagnoses(found: Digests) -> None:
+    """Forces between dominoes."""
+    for kind, physics, layouts in few_blocks(3):
+        for layout in layouts:
+            found.add(kind, parts(de.diagnose(layout, physics), DIAGNOSIS))
+
+
+def motions(found: Digests) -> None:
+    """Where every domino is, over time."""
+    # the reference documents it; not every version exports it from the package
+    motion = getattr(de, "Motion", None) or import_module("domino_env.motion").Motion
+    for kind, physics, layouts in few_blocks(1):
+        moving = motion(layouts[0], physics)
+        times = np.linspace(0.0, 1.1 * moving.end, 60)
+        found.add(kind, moving.end, moving.leader(times), moving.angles(times))
+
+
+def told(info: dict[str, Any]) -> dict[str, Any]:
+    """The numbers of an info, of a single environment or of many."""
+    names: dict[str, tuple[str, ...]] = {"layout": LAYOUT, "wave": WAVE}
+    known: dict[str, Any] = {}
+    for key, value in info.items():
+        if key == "final_info":
+            known[key] = told(value)
+        elif key in names:
+            several = isinstance(value, np.ndarray)
+            each = [
+                None if one is None else parts(one, names[key])
+                for one in (value if several else [value])
+            ]
+            known[key] = each
+        elif key.lstrip("_") in ("score", "gain", "outcome", "final_obs") or key[:1] == "_":
+            known[key] = value
+    return known
+
+
+class Actions:
+    """Random actions, every row about its own middle and with its own spread."""
+
+    def __init__(self, seed: int, rows: int, size: int) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.middle = self.rng.uniform(-0.9, 0.6, (rows, size))
+        self.spread = self.rng.choice([0.05, 0.3, 1.2], (rows, 1))
+
+    def draw(self) -> Any:
+        noise = self.rng.uniform(-1.0, 1.0, self.middle.shape)
+        return (self.middle + self.spread * noise).astype(np.float32)
+
+
+def single_episodes(found: Digests, scene: str) -> None:
+    env = gymnasium.make("DominoChain-v0", scene=scene)
+    begin = None
+    for episode in range(EPISODES + 1):
+        options = {"layout": begin} if episode == EPISODES else None
+        if episode == EPISODES and begin is None:
+            break  # no episode came far enough to begin another from its first dominoes
+        actions = Actions(episode, 1, env.action_space.shape[0])  # type: ignore[index]
+        found.add(f"{scene}, single", env.reset(seed=episode, options=options)[0])
+        over = False
+        while not over:
+            seen, reward, over, cut, info = env.step(actions.draw()[0])
+            found.add(f"{scene}, single", seen, reward, over, cut)
+        found.add(f"{scene}, single, info", told(info))
+        row = info["layout"]
+        if row.count > 6:
+            begin = de.Layout(
+                row.spacing[:3], row.thickness[:4], row.height[:4], row.width, row.density[:4]
+            )
+
+
+def vector_episodes(found: Digests, scene: str, mode: str) -> None:
+    count = de.load_scene(scene).count
+    env = gymnasium.make_vec(
+        "DominoChain-v0", num_envs=EPISODES, scene=scene,
+        autoreset_mode=gymnasium.vector.AutoresetMode(mode),
+    )  # fmt: skip
+    actions = Actions(20, EPISODES, env.single_action_space.shape[0])  # type: ignore[index]
+    name = f"{scene}, vector, {mode}"
+    found.add(name, env.reset(seed=0)[0])
+    for _ in range(count + 5):
+        seen, rewards, over, cut, infos = env.step(actions.draw())
+        found.add(name, seen, rewards, over, cut)
+        found.add(f"{name}, info", told(infos))
+        if mode == "Disabled" and over.any():
+            found.add(name, env.reset(options={"reset_mask": over})[0])
+
+
+def episodes(found: Digests) -> None:
+    """Ten random episodes of every scene, alone and side by side, however they begin anew."""
+    for scene in de.scene_names():
+        single_episodes(found, scene)
+        for mode in ("NextStep", "SameStep", "Disabled"):
+            vector_episodes(found, scene, mode)
+        env = gymnasium.make("DominoLayout-v0", scene=scene)
+        actions = Actions(21, EPISODES, env.action_space.shape[0])  # type: ignore[index]
+        for values in actions.draw():
+            found.add(f"{scene}, whole rows", env.reset(seed=0)[0])
+            *step, info = env.step(values)
+            found.add(f"{scene}, whole rows", step, told(info))
+
+
+def scores(found: Digests) -> None:
+    """Scores of random rows."""
+    for name in de.scene_names():
+        scene, rng = de.load_scene(name), np.random.default_rng(18)
+        for _ in range(20):
+            found.add(name, scene.score(scene_row(rng, scene)))
+
+
+def uniform(found: Digests) -> None:
+    """The best uniform row of every scene."""
+    for name in de.scene_names():
+        mark = de.load_scene(name).uniform()
+        found.add(name, mark.score, parts(mark.layout, LAYOUT), parts(mark.wave, WAVE))
+
+
+BY_DEFAULT = {"sprint": 150, "course": 100}  # evaluations on each scene
+SEARCHED = {
+    "auto": {"sprint": 600, "course": 600, "stock": 300, "tempo": 150, "magnify": 150},
+    "gauss-newton": {"tempo": 60},
+    "assign": {"stock": 300},
+}
+
+
+def searches(found: Digests) -> None:
+    """Every method of the core."""
+    from optimize import METHODS, search
+
+    for method in METHODS:
+        for scene, budget in SEARCHED.get(method, BY_DEFAULT).items():
+            result = search(scene, method=method, budget=budget, seed=0, progress=False)
+            name = f"{method}, {scene}"
+            found.add(name, parts(result.layout, LAYOUT), result.score, result.evaluations)
+
+
+def designs(found: Digests) -> None:
+    """Rows designed for fifty scenes."""
+    from agents import design
+
+    rng = np.random.default_rng(19)
+    with tempfile.TemporaryDirectory() as folder:
+        for i in range(50):
+            scene = drawn_scene(Path(folder), rng, f"drawn-{i}", int(rng.integers(15, 81)))
+            for tries in (13, 1):
+                row = design(scene, tries=tries)
+                name = f"scenes {i - i % 5} to {i - i % 5 + 4}"
+                found.add(name, parts(row.layout, LAYOUT), row.score, parts(row.wave, WAVE))
+
+
+TRAINED = {"ppo": 7_000, "sac": 1_300, "td3": 1_840, "tqc": 900, "ars": 4_000}  # steps
+
+
+def tensors(state: Any) -> Iterator[Any]:
+    """All real tensors in nested containers."""
+    if hasattr(state, "detach"):
+        if state.is_floating_point():
+            yield state.detach().numpy()
+    elif isinstance(state, dict | list | tuple):
+        for one in state.values() if isinstance(state, dict) else state:
+            yield from tensors(one)
+
+
+def trainings(found: Digests) -> None:
+    """Tiny trainings: the best policy, the last state of the learner, and what was built."""
+    import torch
+
+    from agents import train
+
+    with tempfile.TemporaryDirectory() as folder:
+        scene = drawn_scene(Path(folder), np.random.default_rng(20), "small", 9)
+        for algorithm, steps in TRAINED.items():
+            home = Path(folder) / algorithm
+            run = train(de.load_scene(scene), algorithm, steps=steps, seed=0, folder=home)
+            found.add(f"{algorithm}, row", parts(run.built.layout, LAYOUT), run.built.score)
+            with np.load(home / "policy.npz") as weights:
+                found.add(f"{algorithm}, best weights", dict(weights))
+            state = torch.load(home / "checkpoint.pt", weights_only=True)
+            # by content, so that other names for the same tensors make no difference
+            words = sorted(hashlib.sha256(t.tobytes()).hexdigest() for t in tensors(state))
+            numbers = [[int(word[i : i + 8], 16) for i in range(0, 64, 8)] for word in words]
+            found.add(f"{algorithm}, last state", numbers)
+
+
+GROUPS: dict[str, Callable[[Digests], None]] = {
+    "waves": waves,
+    "batches": batches,
+    "gradients": gradients,
+    "steady": steady,
+    "pushes": pushes,
+    "diagnoses": diagnoses,
+    "motions": motions,
+    "episodes": episodes,
+    "scores": scores,
+    "uniform": uniform,
+    "searches": searches,
+    "designs": designs,
+    "trainings": trainings,
+}
