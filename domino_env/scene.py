@@ -298,7 +298,7 @@ class Scene:
 
     def to_toml(self) -> str:
         """The scene as a file that `load_scene` reads."""
-        from domino_env.scene_text import to_toml
+        from domino_env.scenes.files import to_toml
 
         return to_toml(self)
 
@@ -414,6 +414,6 @@ def load_scene(name: str | Path) -> Scene:
 
     Raises ValueError naming file, key, value and what is allowed.
     """
-    from domino_env.scene_files import read_scene
+    from domino_env.scenes.files import read_scene
 
     return read_scene(name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from domino_env.scene import Scene
-from domino_env.scene_files import scene_of_document
+from domino_env.scenes.files import document_of, scene_of_document
 
 Value = float | int | str | list[Any]
 Point = tuple[tuple[str, Value], ...]
@@ -119,7 +118,7 @@ def scene_at(base: Scene, point: Point) -> Scene:
     A value for `fixed` takes the place of `min` and `max`, and so on.  ValueError that begins with
     the point's coordinates for values that no scene can have.
     """
-    document = _document(base)
+    document = document_of(base)
     where = in_words(point)
     for key, value in point:
         *tables, last = key.split(".")
@@ -142,10 +141,6 @@ def in_words(point: Point) -> str:
 def label(value: Value) -> float | int | str:
     """A value as the label of a task: lists become text."""
     return json.dumps(value) if isinstance(value, list) else value
-
-
-def _document(base: Scene) -> dict[str, Any]:
-    return tomllib.loads(base.to_toml())
 
 
 def _draw(axis: Axis, rng: np.random.Generator) -> Value:

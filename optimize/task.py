@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.scene import Scene
-from domino_env.scene_files import parse_scene
+from domino_env.scenes.files import parse_scene
 from optimize.budget import Budget, Step
 from optimize.result import SearchResult
 from optimize.runs import versions

@@ -25,7 +25,7 @@ from domino_env.look.race_data import Racer
 from domino_env.look.report import read_racers, write_report
 from domino_env.look.sound import Heard, clicks, listen, read_wav
 from domino_env.look.template import sheets
-from domino_env.scene_files import parse_scene
+from domino_env.scenes.files import parse_scene
 from optimize.comparison_page import _about
 
 FUZZ = settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "60")), derandomize=True)
@@ -68,10 +68,10 @@ EXPECTED: dict[str, str | None] = {
     "scenes/huge_draws.toml": "are 9,000,000,000: draw at most",
     "scenes/huge_growth.toml": "8 dominoes could grow to 10^62 m",
     "scenes/huge_lists.toml": "156,032,001 pairs of listed values",
-    "scenes/infinite.toml": "physics.push = inf: give a finite number",
+    "scenes/infinite.toml": "physics.push = inf: give a finite number from 1e-09 to 1e+09",
     "scenes/misspelt.toml": "unknown key 'spaceing': did you mean 'spacing'?",
-    "scenes/path.toml": "name = '../../x': begin with a letter or a digit",
-    "scenes/thickness_number.toml": "the table [thickness] is no table",
+    "scenes/path.toml": "name = '../../x': give a line of text of at most 100 characters",
+    "scenes/thickness_number.toml": "thickness = 0.0075: give a table of fixed, min, max",
     "scenes/utf_16.toml": "not UTF-8 text",
     "scenes/words.toml": "physics.push = 'strong': give a finite number",
     "sounds/click.wav": "of toppling to hear",

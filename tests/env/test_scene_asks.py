@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import domino_env as de
-from domino_env.scene_files import parse_scene
+from domino_env.scenes.files import parse_scene
 
 BASE = """
 [row]
@@ -75,18 +75,18 @@ GROWING = {
 }
 BOX = {"thickness": None, "stock": "thickness = [0.005, 0.0075]\ncount = [4, 4]"}
 BAD = [
-    ({"spacing": "min = 0.004\nmax = 0.03\nstep = 0"}, "spacing.step = 0.0: must be more than 0"),
-    ({"spacing": "min = 0.004\nmax = 0.03\nstep = 1e-10"}, "spacing.step = 1e-10 m: too fine"),
+    ({"spacing": "min = 0.004\nmax = 0.03\nstep = 0"}, "spacing.step = 0: give a finite number"),
+    ({"spacing": "min = 0.004\nmax = 0.03\nstep = 1e-10"}, "spacing.step = 1e-10: give a fin"),
     ({"spacing": "values = [0.01]\nmin = 0.002"}, "spacing.values stands beside min: give one"),
-    ({"spacing": "values = 0.01"}, "spacing.values = 0.01: give a list of numbers"),
+    ({"spacing": "values = 0.01"}, "spacing.values = 0.01: give a list: a finite number"),
     ({"spacing": "values = [0.01, 'x']"}, "spacing.values[1] = 'x': give a finite number"),
     ({"spacing": "values = [0.01, 0.01]"}, "spacing.values holds 0.01 and 0.01"),
-    ({"spacing": "min = 0.004\nmax = 0.03\nlargest_change = -1"}, "spacing.largest_change = -1.0"),
+    ({"spacing": "min = 0.004\nmax = 0.03\nlargest_change = -1"}, "spacing.largest_change = -1: g"),
     ({"thickness": "min = 0.004\nmax = 0.01\nlargest_change = 1"},
-     "unknown key 'thickness.largest_change': allowed: min,"),
-    ({"spacing": 'min = 0.05\nmax = 0.9\nof = "width"'}, "spacing.of = 'width': write 'height'"),
+     "unknown key 'thickness.largest_change': allowed: fixed,"),
+    ({"spacing": 'min = 0.05\nmax = 0.9\nof = "width"'}, "spacing.of = 'width': choose height (al"),
     ({"spacing": 'min = 0.05\nmax = 0.9\nof = "height"'}, 'spacing.of = "height" but thickness'),
-    (GROWING | {"growth": "min = 0.5\nmax = 2"}, "growth.min = 0.5, growth.max = 2.0: 1 ≤ min"),
+    (GROWING | {"growth": "min = 0.5\nmax = 2"}, "growth.min = 0.5: give a finite number from 1"),
     (GROWING | {"growth": ""}, "growth.max is missing"),
     ({"growth": "max = 1.6"}, "[growth] needs spacing and thickness in heights"),
     (GROWING | {"row": "count = 8\nlength = 1.0\nfirst_thickness = 0.0075"},
@@ -101,12 +101,12 @@ BAD = [
     (BOX | {"stock": "thickness = [0.005, 0.005]\ncount = [1, 2]"}, "stock.thickness[1] = 0.005"),
     (BOX | {"row": "count = 7\nlength = 0.1\nfirst_thickness = 0.0075"},
      "stock.count adds up to 8: with row.length, give exactly row.count = 7"),
-    ({"limits": ""}, "[limits] is empty; it holds stall_margin, flush_loss"),
-    ({"limits": "stall_margin = 1.5"}, "limits.stall_margin = 1.5: give a part"),
+    ({"limits": ""}, "limits: the table is empty; it holds stall_margin, flush_loss"),
+    ({"limits": "stall_margin = 1.5"}, "limits.stall_margin = 1.5: give a finite number, at le"),
     ({"limits": "stall_margin = 0.1", "top": "objective = 'toppled'"}, "[limits] judge waves that"),
     ({"top": "objective = 'tempo'"}, "the table [tempo] is missing and objective = 'tempo'"),
     ({"tempo": "from = 1\nto = 2"}, "the table [tempo] stands there and objective = 'mean_speed'"),
-    ({"top": "objective = 'tempo'", "tempo": "from = 0\nto = 2"}, "tempo.from = 0.0: give a freq"),
+    ({"top": "objective = 'tempo'", "tempo": "from = 0\nto = 2"}, "tempo.from = 0: give a finite"),
     ({"top": "objective = 'tempo'", "tempo": "times = [0.1, 0.2]"},
      "tempo.times has 2 entries: a row of 8 dominoes needs one for each but the first, 7"),
     ({"top": "objective = 'tempo'", "tempo": "from = 1"}, "tempo.to = None"),
@@ -115,10 +115,10 @@ BAD = [
     ({"top": "objective = 'robust'", "robust": "deviation = 1e-3\ndraws = 0"},
      "robust.draws = 0: give a whole number from 1 to"),
     ({"top": "objective = 'robust'", "robust": "deviation = 1e-3\nquantile = 2"},
-     "robust.quantile = 2.0: give a part"),
+     "robust.quantile = 2: give a finite number, more than 0, at most 1"),
     ({"top": "objective = 'time'"}, "row.length is missing: objective = 'time' needs a course"),
     ({"top": "objective = 'magnify'"}, "the table [growth] is missing: objective = 'magnify'"),
-    ({"top": "stock = 3"}, "the table [stock] is no table; it holds thickness, count"),
+    ({"top": "stock = 3"}, "stock = 3: give a table of thickness, count"),
 ]  # fmt: skip
 
 

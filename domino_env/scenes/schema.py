@@ -1,0 +1,45 @@
+"""The JSON Schema of scene files, by which editors complete and check them.
+
+It ships beside the scenes as scene.schema.json; `python -m domino_env.scenes.schema` writes it.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from domino_env.files import write_text
+from domino_env.scenes import tables
+
+PATH = Path(__file__).with_name("scene.schema.json")
+
+
+def scene_schema() -> dict[str, Any]:
+    """The schema of a scene's file, draft 2020-12."""
+    found = msgspec.json.schema(tables.SceneFile)
+    definitions: dict[str, dict[str, Any]] = {
+        name: _without_null(told) | getattr(getattr(tables, name), "SCHEMA", {})
+        for name, told in found["$defs"].items()
+    }
+    scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return head | scene | {"$defs": definitions}
+
+
+def _without_null(told: Any) -> Any:
+    """TOML knows no null: what may be null here may be left out there."""
+    if isinstance(told, list):
+        return [_without_null(one) for one in told if one != {"type": "null"}]
+    if not isinstance(told, dict):
+        return told
+    kept = {key: _without_null(value) for key, value in told.items() if value is not None}
+    if len(kept.get("anyOf", ())) == 1:
+        kept = kept.pop("anyOf")[0] | kept
+    return kept
+
+
+if __name__ == "__main__":
+    write_text(PATH, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")

@@ -1,0 +1,430 @@
+"""The tables of a scene's file: their keys, units, ranges, and what they owe each other.
+
+Said once, here: `domino_env.scenes.files` reads scenes by them, and editors check them by the
+schema that `domino_env.scenes.schema` makes of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from msgspec import Meta
+
+from domino_env.layout import DENSITY, HEIGHT, WIDTH
+from domino_env.objective import OBJECTIVES, Limits
+from domino_env.physics import Physics
+from domino_env.placement import LARGEST_DRAWS, Placement
+from domino_env.stock import Stock
+from domino_env.support.models import LARGEST, Size, Table
+from domino_env.tempo import TOLERANCE, Tempo
+
+Bounds = tuple[float, float]
+Values = tuple[float, ...]
+
+MOST_DOMINOES = 100_000  # the best uniform row takes some 3 ms a domino
+MOST_KINDS = 1_000  # of dominoes in a stock
+MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the best uniform row
+MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
+TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
+ALIKE = 1e-8  # [m] values closer than this are the same
+
+# begins with a letter or a digit of any language; what paths and shells give a meaning is left out
+NAME = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
+LINE = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
+
+if TYPE_CHECKING:
+    Objective = str
+else:
+    Objective = Literal[OBJECTIVES]
+
+Part = Annotated[float, Meta(ge=0, le=LARGEST)]
+"""0 or more, as small as it likes: nothing is divided by it."""
+Number = Annotated[int, Meta(ge=0, le=MOST_DOMINOES)]
+_PHYSICS = Physics()
+
+
+class RowTable(Table):
+    """What stands."""
+
+    count: Annotated[int, Meta(ge=2, le=MOST_DOMINOES, description="number of dominoes")]
+    height: Annotated[
+        Size, Meta(description="of every domino, of the first where they grow [m]")
+    ] = HEIGHT
+    width: Annotated[Size, Meta(description="size across the fall; it changes no time [m]")] = WIDTH
+    density: Annotated[Size, Meta(description="of every domino [kg/m³]")] = DENSITY
+    first_thickness: Annotated[
+        Size | None,
+        Meta(description="of domino 0, which is the scene's [m]; needed where thickness is free"),
+    ] = None
+    length: Annotated[
+        Size | None, Meta(description="first pivot to last, met exactly [m]; free without it")
+    ] = None
+
+
+class RangeTable(Table):
+    """What may be chosen: one value, any from min to max, those in steps, or those of a list."""
+
+    fixed: Annotated[Size | None, Meta(description="the only value [m]")] = None
+    min: Annotated[Size | None, Meta(description="the least [m]")] = None
+    max: Annotated[Size | None, Meta(description="the largest [m]")] = None
+    step: Annotated[
+        Annotated[float, Meta(ge=ALIKE, le=LARGEST)] | None,
+        Meta(description="from min to max only in steps of this [m]"),
+    ] = None
+    values: Annotated[
+        Annotated[list[Size], Meta(min_length=1)] | None,
+        Meta(description="the only values allowed [m]"),
+    ] = None
+    of: Annotated[
+        Literal["height"] | None,
+        Meta(
+            description="all of it counts in heights: of the domino, and for a gap of the shorter "
+            "of the two dominoes at it; leave it out for metres"
+        ),
+    ] = None
+
+    SCHEMA: ClassVar = {
+        "oneOf": [{"required": ["fixed"]}, {"required": ["values"]}, {"required": ["min", "max"]}]
+    }
+
+    def __post_init__(self) -> None:
+        ways = ("fixed", "values", "min", "max", "step")
+        given = [key for key in ways if getattr(self, key) is not None]
+        for one in ("fixed", "values"):
+            if one in given and len(given) > 1:
+                others = " or ".join(key for key in given if key != one)
+                raise ValueError(f"{one} stands beside {others}: give one or the other")
+        if self.values is not None:
+            for a, b in pairwise(sorted(self.values)):
+                if b - a < ALIKE:
+                    raise ValueError(f"values holds {a} and {b}: they are the same")
+        if self.fixed is not None or self.values is not None:
+            return
+        for key in ("min", "max"):
+            if key not in given:
+                raise ValueError(f"{key} is missing: give min and max, or fixed [m]")
+        assert self.min is not None
+        assert self.max is not None
+        if self.min > self.max:
+            raise ValueError(f"min = {self.min} m is more than max = {self.max} m")
+        if self.step is not None and (self.max - self.min) / self.step >= MOST_PAIRS:
+            raise ValueError(f"step = {self.step} m: too fine to count; leave it out for any value")
+
+    def allowed(self) -> tuple[Bounds, Values | None]:
+        """The least and the largest value, and all between them where not any is allowed."""
+        if self.fixed is not None:
+            return (self.fixed, self.fixed), None
+        if self.values is not None:
+            values = tuple(sorted(self.values))
+        else:
+            assert self.min is not None
+            assert self.max is not None
+            if self.step is None:
+                return (self.min, self.max), None
+            values = steps(self.min, self.max, self.step)
+        return (values[0], values[-1]), values if len(values) > 1 else None
+
+
+class SpacingTable(RangeTable):
+    """The free gaps."""
+
+    largest_change: Annotated[
+        Part | None, Meta(description="from one gap to the next, at most [m]")
+    ] = None
+
+
+class ThicknessTable(RangeTable):
+    """The thickness of all dominoes but the first."""
+
+
+class StockTable(Table):
+    """The box that all dominoes are taken from, the first among them."""
+
+    thickness: Annotated[
+        list[Size], Meta(min_length=1, max_length=MOST_KINDS, description="the kinds [m]")
+    ]
+    count: Annotated[
+        list[Number], Meta(max_length=MOST_KINDS, description="how many there are of each")
+    ]
+
+    def __post_init__(self) -> None:
+        self.stock()
+
+    def stock(self) -> Stock:
+        """What lies in the box."""
+        return Stock(tuple(self.thickness), tuple(self.count))
+
+
+class GrowthTable(Table, kw_only=True):
+    """The height of a domino over that of the one before."""
+
+    min: Annotated[float, Meta(ge=1, le=LARGEST, description="at least")] = 1.0
+    max: Annotated[float, Meta(ge=1, le=LARGEST, description="at most")]
+
+    def __post_init__(self) -> None:
+        if self.min > self.max:
+            raise ValueError(f"min = {self.min} is more than max = {self.max}")
+
+
+class PhysicsTable(Table):
+    """What makes the row fall."""
+
+    friction: Annotated[Part, Meta(description="coefficient between dominoes; 0 for none")] = (
+        _PHYSICS.friction
+    )
+    gravity: Annotated[Size, Meta(description="[m/s²]")] = _PHYSICS.gravity
+    push: Annotated[Size, Meta(description="angular velocity of domino 0 at first [rad/s]")] = (
+        _PHYSICS.push
+    )
+
+
+class LimitsTable(Table):
+    """What a design must not lean on."""
+
+    stall_margin: Annotated[
+        Annotated[float, Meta(ge=0, lt=1)] | None, Meta(description="of all falls, at least")
+    ] = None
+    flush_loss: Annotated[
+        Annotated[float, Meta(ge=0, le=1)] | None, Meta(description="of all flushes, at most")
+    ] = None
+
+    SCHEMA: ClassVar = {"minProperties": 1}
+
+    def __post_init__(self) -> None:
+        if self.stall_margin is None and self.flush_loss is None:
+            raise ValueError("the table is empty; it holds stall_margin, flush_loss")
+
+
+class TempoTable(Table, rename={"first": "from", "last": "to"}):
+    """The schedule of the objective "tempo"."""
+
+    first: Annotated[
+        Size | None, Meta(description="frequency between dominoes 0 and 1 [hits/s]")
+    ] = None
+    last: Annotated[Size | None, Meta(description="frequency between the last two [hits/s]")] = None
+    times: Annotated[
+        list[Size] | None, Meta(description="instead: when dominoes 1, 2, … are to be hit [s]")
+    ] = None
+    tolerance: Annotated[
+        Size, Meta(description="root-mean-square error that halves the score [s]")
+    ] = TOLERANCE
+
+    SCHEMA: ClassVar = {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]}
+
+    def __post_init__(self) -> None:
+        self.tempo()
+
+    def tempo(self) -> Tempo:
+        """The schedule."""
+        times = None if self.times is None else tuple(self.times)
+        return Tempo(self.first, self.last, times, self.tolerance)
+
+
+class RobustTable(Table):
+    """The placement errors of the objective "robust"."""
+
+    deviation: Annotated[Part, Meta(description="standard deviation of each gap's error [m]")]
+    quantile: Annotated[
+        float, Meta(gt=0, le=1, description="the part of the draws that may be slower")
+    ] = 0.05
+    draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="rows that are drawn")] = 256
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
+
+    def placement(self) -> Placement:
+        """The errors."""
+        return Placement(self.deviation, self.quantile, self.draws, self.seed)
+
+
+class SceneFile(Table, kw_only=True):
+    """A design problem: what stands, what may be chosen, what counts."""
+
+    name: Annotated[
+        Annotated[str, Meta(pattern=NAME, max_length=100)] | None,
+        Meta(
+            description="of the scene and of its runs' folder: begins with a letter or a digit, "
+            'none of / \\ < > : " | ? * ` $; without it, that of the file',
+        ),
+    ] = None  # fmt: skip
+    title: Annotated[
+        Annotated[str, Meta(pattern=LINE, max_length=300)] | None,
+        Meta(description="what it is about, in a line"),
+    ] = None
+    objective: Annotated[Objective, Meta(description="what counts")] = OBJECTIVES[0]
+    row: RowTable
+    spacing: SpacingTable
+    thickness: ThicknessTable | None = None
+    stock: Annotated[StockTable | None, Meta(description="instead of thickness")] = None
+    growth: GrowthTable | None = None
+    physics: PhysicsTable
+    limits: LimitsTable | None = None
+    tempo: TempoTable | None = None
+    robust: RobustTable | None = None
+
+    SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
+
+    def __post_init__(self) -> None:
+        for sentence in self._clashes():
+            raise ValueError(sentence)
+
+    @property
+    def in_heights(self) -> bool:
+        """Whether gaps and thicknesses count in heights."""
+        return self.spacing.of is not None
+
+    def physics_asked(self) -> Physics:
+        """Friction, gravity and push."""
+        return Physics(self.physics.friction, self.physics.gravity, self.physics.push)
+
+    def limits_asked(self) -> Limits | None:
+        """What the wave must keep."""
+        told = self.limits
+        return Limits(told.stall_margin, told.flush_loss) if told else None
+
+    def first_thickness(self) -> float:
+        """Of domino 0 [m]: as thick as all the others, where it is not given."""
+        if self.row.first_thickness is not None:
+            return self.row.first_thickness
+        assert self.thickness is not None
+        (low, _), _ = self.thickness.allowed()
+        return low * self.row.height if self.in_heights else low
+
+    def thickness_allowed(self) -> tuple[Bounds, Values | None]:
+        """Of dominoes 1 … N-1, as `RangeTable.allowed`."""
+        if self.thickness is not None:
+            return self.thickness.allowed()
+        assert self.stock is not None
+        rest = self.stock.stock().without(self.first_thickness()).dominoes
+        values = tuple(sorted({float(d) for d in rest}))
+        return (values[0], values[-1]), values
+
+    # what the tables owe each other; a sentence for each thing that clashes ----------------------
+
+    def _clashes(self) -> Iterator[str]:
+        if self.thickness is None and self.stock is None:
+            keys = ", ".join(ThicknessTable.__struct_fields__)
+            yield f"thickness is missing: give a table of {keys}"
+        if self.thickness is not None and self.stock is not None:
+            yield "[thickness] stands beside [stock]: give one or the other"
+        yield from self._clashes_of_heights()
+        yield from self._clashes_of_objective()
+        yield from self._clashes_of_first()
+        yield from self._too_many()
+        yield from self._clashes_of_length()
+
+    def _clashes_of_heights(self) -> Iterator[str]:
+        thick = self.thickness is not None and self.thickness.of is not None
+        if self.in_heights != thick and self.thickness is not None:
+            here, there = ("spacing", "thickness") if self.in_heights else ("thickness", "spacing")
+            yield f'{here}.of = "height" but {there} is in metres: give both in heights'
+        if self.growth is not None and not self.in_heights:
+            yield '[growth] needs spacing and thickness in heights: write of = "height" in both'
+        if not self.in_heights:
+            return
+        metres = {
+            "row.length": self.row.length,
+            "spacing.step or values": self.spacing.allowed()[1],
+            "thickness.step or values": self.thickness and self.thickness.allowed()[1],
+            "[stock]": self.stock,
+            "spacing.largest_change": self.spacing.largest_change,
+        }
+        for name, value in metres.items():
+            if value is not None:
+                yield f'{name} is in metres: not with of = "height"'
+
+    def _clashes_of_objective(self) -> Iterator[str]:
+        for objective in ("tempo", "robust"):
+            there = getattr(self, objective) is not None
+            if (self.objective == objective) != there:
+                what = "stands there" if there else "is missing"
+                yield (
+                    f"the table [{objective}] {what} and objective = {self.objective!r}: "
+                    f"[{objective}] and objective = {objective!r} go together"
+                )
+        if self.objective == "time" and self.row.length is None:
+            yield "row.length is missing: objective = 'time' needs a course"
+        if self.objective == "magnify" and self.growth is None:
+            yield "the table [growth] is missing: objective = 'magnify' needs free heights"
+        if self.objective == "toppled" and self.limits is not None:
+            yield "[limits] judge waves that run through: not with objective = 'toppled'"
+        if self.tempo is not None:
+            try:
+                self.tempo.tempo().schedule(self.row.count)
+            except ValueError as error:
+                yield f"tempo.{error}"
+
+    def _clashes_of_first(self) -> Iterator[str]:
+        """Of domino 0, its height, and those that may follow it."""
+        row = self.row
+        if row.first_thickness is None:
+            low, high = self.thickness.allowed()[0] if self.thickness else (0.0, 1.0)
+            if low < high:
+                yield (
+                    "row.first_thickness is missing: give the thickness of domino 0 [m], as that "
+                    "of the others is free"
+                )
+        if self.stock is not None:
+            box = self.stock.stock()
+            if sum(box.count) < row.count:
+                yield (
+                    f"stock.count adds up to {sum(box.count)} dominoes: row.count = {row.count} "
+                    "needs as many"
+                )
+            try:
+                box.without(self.first_thickness())
+            except ValueError as error:
+                yield f"row.first_thickness = {row.first_thickness}: {error}"
+        if self.growth is not None:
+            tallest = math.log(row.height) + (row.count - 1) * math.log(self.growth.max)
+            if tallest > math.log(TALLEST):
+                yield (
+                    f"growth.max = {self.growth.max}: {row.count} dominoes could grow to "
+                    f"10^{tallest / math.log(10.0):.0f} m; let them grow less, or ask for fewer"
+                )
+
+    def _too_many(self) -> Iterator[str]:
+        count = self.row.count
+        if self.robust is not None and count * self.robust.draws > MOST_DRAWN:
+            yield (
+                f"robust.draws = {self.robust.draws} of {count} dominoes are "
+                f"{count * self.robust.draws:,}: draw at most {MOST_DRAWN // count} rows"
+            )
+        listed = len(self.spacing.allowed()[1] or "1") * len(self.thickness_allowed()[1] or "1")
+        if listed > MOST_PAIRS:
+            yield (
+                f"spacing and thickness have {listed:,} pairs of listed values, and each is tried "
+                f"for the best uniform row: list at most {MOST_PAIRS:,}"
+            )
+
+    def _clashes_of_length(self) -> Iterator[str]:
+        """Whether any row within the bounds meets it; lists and steps: `optimize.feasible`."""
+        length, count = self.row.length, self.row.count
+        if length is None:
+            return
+        pairs = count - 1
+        (low, high), _ = self.spacing.allowed()
+        if self.stock is None:
+            (thin, thick), _ = self.thickness_allowed()
+            least, most = pairs * (low + thin), pairs * (high + thick)
+        else:
+            box = self.stock.stock()
+            if sum(box.count) != count:
+                yield (
+                    f"stock.count adds up to {sum(box.count)}: with row.length, give exactly "
+                    f"row.count = {count}"
+                )
+            bodies = float(box.without(self.first_thickness()).dominoes.sum())
+            least, most = pairs * low + bodies, pairs * high + bodies
+        if not least - 1e-12 <= length <= most + 1e-12:
+            yield (
+                f"row.length = {length} m cannot be met: {count} dominoes within the bounds cover "
+                f"{least:.6g} to {most:.6g} m"
+            )
+
+
+def steps(low: float, high: float, step: float) -> Values:
+    """low, low + step, … up to high [m], to the picometre."""
+    number = math.floor((high - low) / step + 1e-9) + 1
+    return tuple(round(low + k * step, 12) for k in range(number))

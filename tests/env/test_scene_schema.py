@@ -1,0 +1,69 @@
+"""The JSON Schema of scene files: up to date, named by the scenes that ship, and true."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+import domino_env as de
+from domino_env.scenes.files import document_of, scene_of_document
+from domino_env.scenes.schema import PATH, scene_schema
+
+SCENES = sorted(PATH.parent.glob("*.toml"))
+VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
+
+
+def test_the_schema_that_ships_is_up_to_date() -> None:
+    kept = json.loads(PATH.read_text("utf-8"))
+    assert kept == scene_schema(), "run `python -m domino_env.scenes.schema`"
+    jsonschema.Draft202012Validator.check_schema(kept)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_scenes_that_ship_name_the_schema_and_keep_it(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert text.startswith(f"#:schema ./{PATH.name}\n")
+    VALIDATOR.validate(tomllib.loads(text))
+    VALIDATOR.validate(document_of(de.load_scene(path)))
+
+
+def sprint(**tables: Any) -> dict[str, Any]:
+    return document_of(de.load_scene("sprint")) | tables
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        sprint(spaceing={"fixed": 0.01}),
+        sprint(spacing={"min": 0.01}),
+        sprint(spacing={"fixed": 0.01, "values": [0.01]}),
+        sprint(spacing={"min": 0.01, "max": 0.02, "of": "width"}),
+        sprint(stock={"thickness": [0.0075], "count": [40]}),
+        sprint(thickness={"fixed": "thin"}),
+        sprint(physics={"push": 0}),
+        sprint(row={"count": 1}),
+        sprint(limits={}),
+        sprint(objective="height"),
+        sprint(objective="tempo", tempo={"from": 1.0}),
+        sprint(name="a/b"),
+        sprint(name="-x"),
+        sprint(title="a\nb"),
+    ],
+    ids=range(14),
+)
+def test_what_the_schema_refuses_is_refused_when_it_is_read(document: dict[str, Any]) -> None:
+    assert not VALIDATOR.is_valid(document)
+    with pytest.raises(ValueError, match=r"bad\.toml: "):
+        scene_of_document(document, "bad", "bad.toml")
+
+
+@pytest.mark.parametrize("name", ["Ä 1", "étude (2)", "3 dominoes, fast", "雨"])
+def test_names_of_any_language_are_names(name: str) -> None:
+    document = sprint(name=name)
+    VALIDATOR.validate(document)
+    assert scene_of_document(document, "x", "x.toml").name == name
