@@ -1,9 +1,8 @@
-"""The documentation: its examples run, its commands exist, its pictures are there."""
+"""The documentation: its examples run, its pictures are there."""
 
 import dataclasses
 import importlib.util
 import re
-import tomllib
 from pathlib import Path
 from types import ModuleType
 from xml.etree import ElementTree
@@ -54,18 +53,6 @@ def test_long_rows_are_drawn_by_their_ends() -> None:
 def test_every_method_has_a_section() -> None:
     text = made().methods_page()
     assert all(f"## `{name}`\n\n" in text for name in METHODS)
-
-
-def test_commands_exist() -> None:
-    document = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    known = set(document["project"]["entry-points"]["domino.commands"])
-    told = {
-        name
-        for page in PAGES
-        for name in re.findall(r"(?:^|`)domino ([a-z-]+)", page.read_text("utf-8"), re.MULTILINE)
-    }
-    assert told
-    assert told <= known
 
 
 def test_pictures_are_there_or_drawn() -> None:

@@ -1,0 +1,155 @@
+"""The README as it is typed: its Python, its commands, its scene; and the commands of the pages."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from dataclasses import replace
+from importlib.metadata import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import domino_env as de
+from agents.presets import Preset, preset
+from domino_env.command import main, parser
+from domino_env.look.sound import clicks, write_wav
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text("utf-8")
+PAGES = {p.name: p.read_text("utf-8") for p in [ROOT / "README.md", *ROOT.glob("docs/*.md")]}
+FENCED = re.compile(r"^```([a-z]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+def blocks(language: str) -> list[str]:
+    """What stands in the README between fences of a language."""
+    return [text for word, text in FENCED.findall(README) if word == language]
+
+
+def commands(text: str) -> list[str]:
+    """Lines that begin with `domino`, without their comments."""
+    lines = re.findall(r"^domino .*", text, re.MULTILINE)
+    return [line.partition(" #")[0].strip() for line in lines]
+
+
+LINES = commands("".join(blocks("")))
+CHEAPER = {
+    "domino optimize sprint": "--evaluations 100",
+    "domino optimize my-row.toml --method scp --evaluations 5000 --seed 1 --out runs/mine":
+        "--evaluations 50",
+    "domino compare sprint gentle --seconds 20": "--seconds 0.05 --methods auto,random",
+    "domino compare sprint course --methods auto,cma,l-bfgs,slsqp,scp --seeds 3 --seconds 4":
+        "--seeds 1 --seconds 0.05",
+    "domino sweep sprint --set physics.friction=0:0.5:11 --workers 4":
+        "--workers 1 --evaluations 1",
+    "domino sweep sprint --set physics.friction=0:0.5:11 --set physics.push=4,8,12 --workers 4":
+        "--workers 1 --evaluations 1",
+    "domino train sprint --algorithm ppo": "--out runs/anew",
+    "domino render runs/sprint/layout.csv --scene sprint --gif race.gif": "--rate 2",
+    "domino verify runs/sprint/layout.csv": "--steps 400 200",
+    "domino verify runs/sprint/layout.csv --scene sprint --json runs/sprint/verification.json":
+        "--steps 400 200",
+    "domino accuracy": "--quick --budget 0.01 --scene sprint",
+}  # fmt: skip
+"""What is added to a line so that it takes a second: the last word on an option holds."""
+TOO_LONG = {
+    "domino compare sprint course --evaluations 20000 --dask tcp://127.0.0.1:8786",  # a scheduler
+    "domino best-known --verify",  # minutes
+}
+
+
+def small_preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
+    """One that learns for a second."""
+    plan = preset(algorithm, episode, warm=warm)
+    options = {**plan.options, "n_steps": episode, "batch_size": 2 * episode, "n_epochs": 1}
+    return replace(plan, rows=2, steps=4 * episode, options=options)
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that has what the commands speak of: files of the reader's, and earlier runs."""
+    folder = tmp_path_factory.mktemp("desk")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr("agents.training.preset", small_preset)
+        assert run("domino optimize sprint --evaluations 50") == 0
+        assert run("domino train sprint --algorithm ppo") == 0
+    shutil.copy(ROOT / "domino_env" / "scenes" / "gentle.toml", folder / "my-row.toml")
+    shutil.copy(folder / "runs" / "sprint" / "layout.csv", folder / "LAYOUT.csv")
+    row = de.simulate(de.Layout.uniform(60, pitch=0.024), de.Physics(push=8.0))
+    write_wav(clicks(row), folder / "recording.wav")
+    return folder
+
+
+def run(line: str) -> int:
+    """A command's exit status."""
+    return main(shlex.split(line)[1:])
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_its_commands_run_as_typed(line: str, desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(desk)
+    monkeypatch.setattr("agents.training.preset", small_preset)
+    if line not in TOO_LONG:
+        assert run(f"{line} {CHEAPER.get(line, '')}") == 0
+
+
+def test_what_is_made_cheaper_is_still_there() -> None:
+    assert set(CHEAPER) | TOO_LONG <= set(LINES)
+
+
+def test_its_python_runs_and_says_what_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("agents.training.preset", small_preset)
+    names: dict[str, Any] = {}
+    for code in blocks("python"):
+        exec(compile(code, "README.md", "exec"), names)
+    speed = de.simulate(names["layout"], de.Physics(push=5 * names["np"].pi)).mean_speed
+    assert f"{speed:.3f} m/s" in README
+    assert f'design("sprint").score  # {names["design"]("sprint").score:.5f}' in README
+    assert names["total"] == pytest.approx(100.0 * names["info"]["gain"])
+
+
+def test_its_scene_is_one(tmp_path: Path) -> None:
+    (asked,) = blocks("toml")
+    whole = (ROOT / "domino_env" / "scenes" / "sprint.toml").read_text("utf-8")
+    head, *tables = re.split(r"^(?=\[)", whole, flags=re.MULTILINE)
+    kept = [t for t in tables if t.split("]")[0] not in ("[spacing", "[thickness")]
+    head = re.sub(r"^objective.*", "", head, flags=re.MULTILINE)
+    (tmp_path / "mine.toml").write_text(head + asked + "\n" + "".join(kept), "utf-8")
+    scene = de.load_scene(tmp_path / "mine.toml")
+    assert (scene.objective, scene.largest_change) == ("robust", 0.004)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_commands_of_every_page_are_understood(page: str) -> None:
+    for line in commands("".join(text for _, text in FENCED.findall(PAGES[page]))):
+        parser().parse_args(shlex.split(line)[1:])
+    for module in re.findall(r"python -m ([a-z_.]+)", PAGES[page]):
+        assert find_spec(module) is not None
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_in_a_sentence_exist_with_their_options(
+    page: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for said in re.findall(r"`domino ([a-z-]+[^`]*)`", FENCED.sub("", PAGES[page])):
+        name, *words = said.split()
+        with pytest.raises(SystemExit, match="0"):
+            parser().parse_args([name, "--help"])
+        explained = capsys.readouterr().out
+        assert all(word in explained for word in words if word.startswith("--"))
+
+
+def test_targets_and_extras_exist() -> None:
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    assert set(re.findall(r"(?:^|`)make ([a-z]+)", README, re.MULTILINE)) <= targets
+    extras = set(metadata("domino-chains").get_all("Provides-Extra"))
+    told = set(re.findall(r"extra:? `?([a-z]+)", README))
+    assert told
+    assert told <= extras
