@@ -22,6 +22,7 @@ from agents.family_examples import make_examples
 from agents.family_training import teach
 from agents.teaching import Teaching
 from domino_env.files import write_text
+from domino_env.support.tables import markdown_table
 
 WAYS = {
     "imitation": replace(Teaching(), batches=0),
@@ -47,27 +48,26 @@ def compare(
                 examples=examples, resume=(folder / "checkpoint.pt").exists(), progress=progress,
             )  # fmt: skip
     unseen = make_examples(family, number, scenes_seed, SEARCHED, home / "unseen.npz", progress)
-    lines = [
-        "| taught by | beats the best uniform row | median gain | median part of the search's "
-        "gain "
-        "| the same with the plan untried: beats | part | dies |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    names = (
+        "taught by", "beats the best uniform row", "median gain",
+        "median part of the search's gain", "the same with the plan untried: beats", "part", "dies",
+    )  # fmt: skip
+    rows = []
     for name in WAYS:
         folder = home / name.replace(", ", "-").replace(" ", "-")
         designer = load_designer(folder / "policy.npz")
-        lines.append(_line(name, judge(number, scenes_seed, designer, examples=unseen)))
-    return "\n".join(lines) + "\n"
+        rows.append(_cells(name, judge(number, scenes_seed, designer, examples=unseen)))
+    return "\n".join(markdown_table(names, rows)) + "\n"
 
 
-def _line(name: str, judged: Judged) -> str:
+def _cells(name: str, judged: Judged) -> tuple[str, ...]:
     gain = float(np.median(judged.gains(judged.tried)))
     return (
-        f"| {name} | {judged.beaten(judged.tried):.1%} | {gain:+.2%} "
-        f"| {judged.share(judged.tried):.1%} | {judged.beaten(judged.untried):.1%} "
-        f"| {judged.share(judged.untried):.1%} "
-        f"| {int((judged.untried <= 0.0).sum())} of {len(judged.tried)} |"
-    )
+        name, f"{judged.beaten(judged.tried):.1%}", f"{gain:+.2%}",
+        f"{judged.share(judged.tried):.1%}", f"{judged.beaten(judged.untried):.1%}",
+        f"{judged.share(judged.untried):.1%}",
+        f"{int((judged.untried <= 0.0).sum())} of {len(judged.tried)}",
+    )  # fmt: skip
 
 
 def _finished(folder: Path) -> bool:

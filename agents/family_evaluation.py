@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,9 +13,9 @@ from agents.designer import PLANS, SHIPPED, Designer, design, load_designer
 from agents.family import FEATURES, SceneFamily, numbers
 from agents.family_examples import Examples
 from agents.teaching import EXAMPLES_SEED
-from domino_env.files import write_text
 from domino_env.scene import Scene, load_scene
 from domino_env.support.reading import read_json
+from domino_env.support.tables import markdown_table, write_csv
 
 if TYPE_CHECKING:
     from agents.evaluation import Built
@@ -48,18 +46,19 @@ class Judged:
 
     def table(self) -> str:
         """A table in Markdown, a line for each way to design."""
-        lines = [
-            "| row | beats the best uniform one | gain: median | tenth percentile | worst "
-            "| part of the search's gain: median | time: median | longest |",
-            "| --- | --- | --- | --- | --- | --- | --- | --- |",
-            self._line("best of the plans", self.tried, self.seconds),
-            self._line("plan untried", self.untried, self.seconds_untried),
+        names = (
+            "row", "beats the best uniform one", "gain: median", "tenth percentile", "worst",
+            "part of the search's gain: median", "time: median", "longest",
+        )  # fmt: skip
+        rows = [
+            self._row("best of the plans", self.tried, self.seconds),
+            self._row("plan untried", self.untried, self.seconds_untried),
         ]
         if self.searched is not None:
-            lines.append(self._line("search", self.searched, None))
-        return "\n".join(lines)
+            rows.append(self._row("search", self.searched, None))
+        return "\n".join(markdown_table(names, rows))
 
-    def _line(self, name: str, scores: Floats, seconds: Floats | None) -> str:
+    def _row(self, name: str, scores: Floats, seconds: Floats | None) -> tuple[str, ...]:
         gain = self.gains(scores)
         died = int(np.sum(scores <= 0.0))
         worst = f"{died} died" if died else f"{gain.min():+.2%}"
@@ -68,9 +67,9 @@ class Judged:
         )  # fmt: skip
         share = "" if self.searched is None else f"{self.share(scores):.1%}"
         return (
-            f"| {name} | {self.beaten(scores):.1%} of {len(gain)} | {np.median(gain):+.2%} "
-            f"| {np.quantile(gain, 0.1):+.2%} | {worst} | {share} | {times[0]} | {times[1]} |"
-        )
+            name, f"{self.beaten(scores):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
+            f"{np.quantile(gain, 0.1):+.2%}", worst, share, *times,
+        )  # fmt: skip
 
     def gains(self, scores: Floats) -> Floats:
         """How much better than the best uniform rows; below -1 where a wave died."""
@@ -97,11 +96,7 @@ class Judged:
         names += ["uniform", "tried", "untried", "seconds", "seconds_untried"]
         if self.searched is not None:
             columns, names = [*columns, self.searched], [*names, "searched"]
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(names)
-        writer.writerows([f"{x:.10g}" for x in row] for row in np.array(columns).T)
-        write_text(path, text.getvalue())
+        write_csv(path, names, ([f"{x:.10g}" for x in row] for row in np.array(columns).T))
 
 
 def judge(

@@ -25,6 +25,7 @@ from agents.teaching import EXAMPLES_SEED, Teaching
 from domino_env.files import write_bytes, write_text
 from domino_env.scene import Scene
 from domino_env.support.reading import read_json
+from domino_env.support.tables import write_csv
 
 if TYPE_CHECKING:
     from agents.family_learner import Learner
@@ -210,9 +211,8 @@ class _Teaching:
             "processor_seconds": self.clock.processor_seconds,
         }
         write_bytes(self.home / "checkpoint.pt", lambda file: torch.save(state, file))
-        lines = [",".join(COLUMNS)]
-        lines += [",".join(f"{x:.10g}" for x in row) for row in self.curve]
-        write_text(self.home / "progress.csv", "\n".join(lines) + "\n")
+        rows = ([f"{x:.10g}" for x in row] for row in self.curve)
+        write_csv(self.home / "progress.csv", COLUMNS, rows)
 
     def _begin(self) -> None:
         from optimize.runs import versions

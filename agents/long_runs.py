@@ -10,8 +10,6 @@ processor time: what else the machine does falls out.
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -21,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.training import train
-from domino_env.files import write_bytes, write_text
+from domino_env.files import write_bytes
 from domino_env.scene import load_scene
+from domino_env.support.tables import markdown_table, write_csv
 from optimize.best_known import best_known
 
 SCENES = ("sprint", "sprint-thickness", "ideal", "course")
@@ -113,33 +112,29 @@ def run_all(scenes: Iterable[str], seeds: int, algorithm: str, out: Path) -> lis
 
 def write(runs: list[Learned], docs: Path) -> None:
     """A line a run as CSV, and the curves."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(run.row() for run in runs)
-    write_text(docs / "learning.csv", text.getvalue())
+    write_csv(docs / "learning.csv", COLUMNS, (run.row() for run in runs))
     draw(runs, docs / "learning.png")
 
 
 def table(runs: list[Learned]) -> str:
     """A line a scene, in Markdown: the worst of its seeds, where not said otherwise."""
-    lines = [
-        "| scene | algorithm | seeds | uniform | worst, best score | best known "
-        "| share of its gain, worst | past uniform after | after 1, 5 min | trained for |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    names = (
+        "scene", "algorithm", "seeds", "uniform", "worst, best score", "best known",
+        "share of its gain, worst", "past uniform after", "after 1, 5 min", "trained for",
+    )  # fmt: skip
+    rows = []
     for scene, algorithm in dict.fromkeys((r.scene, r.algorithm) for r in runs):
         those = [r for r in runs if (r.scene, r.algorithm) == (scene, algorithm)]
         scores = [float(r.best[-1]) for r in those]
         passed = max(r.time_to(r.uniform) for r in those)
         early = ", ".join(f"{min(r.after(t) for r in those):.4f}" for t in MOMENTS[:2])
-        lines.append(
-            f"| `{scene}` | {algorithm} | {len(those)} | {those[0].uniform:.4f} "
-            f"| {min(scores):.5f}, {max(scores):.5f} | {those[0].known:.5f} "
-            f"| {min(r.share for r in those):.1%} | {passed:.0f} s | {early} "
-            f"| {np.median([r.seconds[-1] for r in those]):.0f} s |"
-        )
-    return "\n".join(lines) + "\n"
+        rows.append((
+            f"`{scene}`", algorithm, len(those), f"{those[0].uniform:.4f}",
+            f"{min(scores):.5f}, {max(scores):.5f}", f"{those[0].known:.5f}",
+            f"{min(r.share for r in those):.1%}", f"{passed:.0f} s", early,
+            f"{np.median([r.seconds[-1] for r in those]):.0f} s",
+        ))  # fmt: skip
+    return "\n".join(markdown_table(names, rows)) + "\n"
 
 
 def draw(runs: list[Learned], path: Path) -> None:

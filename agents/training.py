@@ -26,6 +26,7 @@ from agents.run_files import read_config, require_memory, require_progress
 from domino_env.files import write_text
 from domino_env.scene import Scene, load_scene
 from domino_env.support.reading import naming
+from domino_env.support.tables import write_csv
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -267,9 +268,8 @@ class _Training:
 
     def write_curve(self) -> None:
         """Write the learning curve."""
-        lines = [",".join(COLUMNS)]
-        lines += [",".join(f"{x:.10g}" for x in row) for row in self.curve]
-        write_text(self.home / "progress.csv", "\n".join(lines) + "\n")
+        rows = ([f"{x:.10g}" for x in row] for row in self.curve)
+        write_csv(self.home / "progress.csv", COLUMNS, rows)
 
     def at_rollout(self) -> None:
         """Between two updates: look, keep, tune."""

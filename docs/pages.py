@@ -16,6 +16,7 @@ import numpy as np
 import domino_env as de
 from domino_env.look.verified import known_verification, markdown, read_verified
 from domino_env.motion import Motion, outlines
+from domino_env.support.tables import markdown_table
 from optimize.best_known import BestKnown, best_known
 from optimize.methods import METHODS, PEERS
 
@@ -71,15 +72,15 @@ def scenes_page(records: dict[str, BestKnown]) -> str:
         "A scene is a design problem in one TOML file: what stands, what may be chosen, what",
         "counts. These ship, and are there to be copied.",
         "",
-        "| scene | what | best uniform row | best row known |",
-        "| --- | --- | --- | --- |",
     ]
+    rows = []
     for name in de.scene_names():
         scene, record = shipped(name), records.get(name)
         mark = scene.uniform()
         best = scene.in_words(record.score, scene.simulate(record.layout)) if record else "none"
         uniform = scene.in_words(mark.score, mark.wave)
-        lines.append(f"| [`{name}`]({name}.md) | {scene.title} | {uniform} | {best} |")
+        rows.append((f"[`{name}`]({name}.md)", scene.title, uniform, best))
+    lines += markdown_table(("scene", "what", "best uniform row", "best row known"), rows)
     return "\n".join(lines) + "\n"
 
 

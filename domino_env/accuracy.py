@@ -20,6 +20,7 @@ from domino_env.layout import Layout
 from domino_env.physics import Physics
 from domino_env.scene import Scene
 from domino_env.stepping import ADAPTIVE, FIXED, step_row
+from domino_env.support.tables import csv_table
 from domino_env.wave import TIGHTEST, Outcome, Wave, simulate
 
 Floats = NDArray[np.float64]
@@ -254,12 +255,13 @@ def compare(measurements: list[Measurement]) -> list[str]:
 
 def as_csv(measurements: list[Measurement]) -> str:
     """The table of all runs; SI units."""
-    lines = ["row,solver,setting,error,estimate,seconds,evaluations,outcome"]
-    for m in measurements:
-        estimate = "" if math.isnan(m.estimate) else f"{m.estimate:.3e}"
-        error = "" if math.isinf(m.error) else f"{m.error:.3e}"
-        lines.append(
-            f"{m.row},{m.solver},{m.setting:.6g},{error},{estimate},{m.seconds:.4e},"
-            f"{m.evaluations},{m.outcome}"
+    names = ("row", "solver", "setting", "error", "estimate", "seconds", "evaluations", "outcome")
+    rows = (
+        (
+            m.row, m.solver, f"{m.setting:.6g}", "" if math.isinf(m.error) else f"{m.error:.3e}",
+            "" if math.isnan(m.estimate) else f"{m.estimate:.3e}", f"{m.seconds:.4e}",
+            m.evaluations, m.outcome,
         )
-    return "\n".join(lines) + "\n"
+        for m in measurements
+    )  # fmt: skip
+    return csv_table(names, rows)

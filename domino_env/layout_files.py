@@ -16,6 +16,7 @@ import numpy as np
 
 from domino_env.files import write_text
 from domino_env.layout import DENSITY, HEIGHT, WIDTH, Layout
+from domino_env.support import tables
 from domino_env.support.reading import encoding_of, naming, one_line, read_bytes, shown
 from domino_env.support.reading import read_json as read_document
 
@@ -34,12 +35,10 @@ for _name in ("spacing", "thickness", "height"):
 
 def write_csv(layout: Layout, path: Path) -> None:
     """One row a domino, SI units, shortest digits that read back to the same bits."""
-    lines = ["number,spacing,thickness,height,density"]
-    gaps = [repr(float(s)) for s in layout.spacing] + [""]
-    for i in range(layout.count):
-        rest = (layout.thickness[i], layout.height[i], layout.density[i])
-        lines.append(",".join([str(i), gaps[i], *(repr(float(x)) for x in rest)]))
-    write_text(path, "\n".join(lines) + "\n")
+    gaps = [*layout.spacing.tolist(), None]
+    others = (column.tolist() for column in (layout.thickness, layout.height, layout.density))
+    rows = zip(range(layout.count), gaps, *others, strict=True)
+    tables.write_csv(path, ("number", *_COLUMNS), rows)
 
 
 def write_json(layout: Layout, path: Path) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from domino_env.forces import diagnose
 from domino_env.layout import Layout
 from domino_env.physics import Physics
+from domino_env.support.tables import csv_table
 from domino_env.wave import simulate, simulate_batch
 
 Task = Callable[[], object]
@@ -122,6 +123,5 @@ def as_table(savings: Iterable[Saving]) -> Iterator[str]:
 
 def as_csv(savings: Iterable[Saving]) -> str:
     """The same for other programs; seconds."""
-    lines = ["left_out,row,with,without,ratio"]
-    lines += [f'{s.what},"{s.row}",{s.full:.4e},{s.lean:.4e},{s.ratio:.3f}' for s in savings]
-    return "\n".join(lines) + "\n"
+    rows = ((s.what, s.row, f"{s.full:.4e}", f"{s.lean:.4e}", f"{s.ratio:.3f}") for s in savings)
+    return csv_table(("left_out", "row", "with", "without", "ratio"), rows)

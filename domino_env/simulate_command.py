@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from domino_env.physics_options import add_physics_options, asked_physics
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from domino_env.wave import Wave
 
 SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
+CSV_NAMES = (
+    "number", "position", "arrival_time", "release_velocity", "impact_velocity", "stall_margin",
+)  # fmt: skip
 THICK = 0.5  # [m] a domino thicker than this was probably measured in millimetres
 
 
@@ -36,8 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
-    from domino_env.files import write_text
     from domino_env.layout import Layout
+    from domino_env.support.tables import write_csv
     from domino_env.wave import simulate
 
     layout = Layout.read(arguments.layout)
@@ -45,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     wave = simulate(layout, physics, rtol=arguments.rtol)
     judged = _judged(wave, scene) if scene else {}
     if arguments.csv:
-        write_text(Path(arguments.csv), "\n".join(_csv(wave)) + "\n")
+        write_csv(Path(arguments.csv), CSV_NAMES, _csv_rows(wave))
     if arguments.json:
         print(json.dumps(_document(wave) | judged, indent=1, allow_nan=False))
         return 0
@@ -159,17 +163,11 @@ def _document(wave: Wave) -> dict[str, object]:
     }
 
 
-def _csv(wave: Wave) -> list[str]:
-    lines = ["number,position,arrival_time,release_velocity,impact_velocity,stall_margin"]
-    impact = [*wave.impact_velocity, float("nan")]
+def _csv_rows(wave: Wave) -> Iterator[list[float | None]]:
+    """A line for each domino that was struck; an empty cell for what did not come."""
+    columns = (
+        wave.layout.positions, wave.arrival_times, wave.release_velocity,
+        [*wave.impact_velocity, math.nan], wave.stall_margin,
+    )  # fmt: skip
     for i in range(wave.hit):
-        values = (
-            wave.layout.positions[i],
-            wave.arrival_times[i],
-            wave.release_velocity[i],
-            impact[i],
-            wave.stall_margin[i],
-        )
-        cells = [repr(float(x)) if math.isfinite(x) else "" for x in values]
-        lines.append(",".join([str(i), *cells]))
-    return lines
+        yield [i, *(float(c[i]) if math.isfinite(c[i]) else None for c in columns)]

@@ -14,6 +14,7 @@ from domino_env.accuracy import error_of
 from domino_env.extremes import Extreme, extremes
 from domino_env.layout import Layout
 from domino_env.physics import Physics
+from domino_env.support.tables import csv_table
 from domino_env.wave import TIGHTEST, Outcome, Wave, simulate
 
 Progress = Callable[[str], object]
@@ -183,11 +184,15 @@ def as_table(verdicts: Iterable[Verdict]) -> Iterator[str]:
 
 def as_csv(verdicts: Iterable[Verdict]) -> str:
     """The same for other programs."""
-    lines = ["group,name,outcome,error,estimate,converged,against,seconds,complaints"]
-    for v in verdicts:
-        said = "; ".join(v.complaints)
-        lines.append(
-            f'{v.group},"{v.name}",{v.outcome},{v.error:.3e},{v.estimate:.3e},'
-            f'{str(v.converged).lower()},{v.against},{v.seconds:.4e},"{said}"'
+    names = (
+        "group", "name", "outcome", "error", "estimate", "converged", "against", "seconds",
+        "complaints",
+    )  # fmt: skip
+    rows = (
+        (
+            v.group, v.name, v.outcome, f"{v.error:.3e}", f"{v.estimate:.3e}",
+            str(v.converged).lower(), v.against, f"{v.seconds:.4e}", "; ".join(v.complaints),
         )
-    return "\n".join(lines) + "\n"
+        for v in verdicts
+    )  # fmt: skip
+    return csv_table(names, rows)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from domino_env.files import write_text
+from domino_env.support.tables import markdown_table, write_csv
 from optimize.comparison import Comparison
 from optimize.result import SearchResult
 
@@ -28,11 +27,10 @@ def write(comparison: Comparison, folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "comparison.md", page(comparison))
-    runs = ([_cell(value) for value in row(comparison, r)] for r in comparison.results)
     clock = "seconds" if comparison.evaluations is None else "evaluations"
     names = [name.format(clock) for name in RUN_NAMES]
-    write_text(folder / "runs.csv", _csv(names, runs))
-    write_text(folder / "traces.csv", _csv(TRACE_NAMES, _steps(comparison)))
+    write_csv(folder / "runs.csv", names, (row(comparison, r) for r in comparison.results))
+    write_csv(folder / "traces.csv", TRACE_NAMES, _steps(comparison))
     draw_gaps(comparison, folder / "gaps.png")
     draw_targets(comparison, folder / "targets.png")
 
@@ -98,10 +96,10 @@ def page(comparison: Comparison) -> str:
 
 def table(comparison: Comparison, scene: str) -> list[str]:
     """One scene's table, lines of Markdown."""
-    lines = [
-        "| method | score | worst | gain | gap | to 1 % | to 0.1 % | rows simulated |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    names = (
+        "method", "score", "worst", "gain", "gap", "to 1 %", "to 0.1 %", "rows simulated",
+    )  # fmt: skip
+    rows = []
     runs = {m: comparison.of(scene, m) for m in comparison.methods}
     runs = {m: found for m, found in runs.items() if found}
     best = comparison.best[scene]
@@ -109,18 +107,19 @@ def table(comparison: Comparison, scene: str) -> list[str]:
         found = runs[method]
         scores = [r.score for r in found]
         gains = [r.gain for r in found if r.gain is not None]
-        cells = (
-            f"`{method}`",
-            f"{_median(scores):.5f}",
-            f"{min(scores):.5f}",
-            f"{_median(gains):+.2%}" if gains else "–",
-            f"{(best - _median(scores)) / abs(best):.3%}",
-            _time(_median([comparison.time_to(r, 1e-2) for r in found]), comparison.unit),
-            _time(_median([comparison.time_to(r, 1e-3) for r in found]), comparison.unit),
-            f"{_median([r.evaluations for r in found]):.0f}",
+        rows.append(
+            (
+                f"`{method}`",
+                f"{_median(scores):.5f}",
+                f"{min(scores):.5f}",
+                f"{_median(gains):+.2%}" if gains else "–",
+                f"{(best - _median(scores)) / abs(best):.3%}",
+                _time(_median([comparison.time_to(r, 1e-2) for r in found]), comparison.unit),
+                _time(_median([comparison.time_to(r, 1e-3) for r in found]), comparison.unit),
+                f"{_median([r.evaluations for r in found]):.0f}",
+            )
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    return lines
+    return markdown_table(names, rows)
 
 
 def _about(comparison: Comparison, scene: str) -> str:
@@ -142,21 +141,7 @@ def _time(value: float, unit: str) -> str:
     return f"{value:.2g} s" if unit == "s" else f"{value:.0f}"
 
 
-def _cell(value: object) -> object:
-    if value is None:
-        return ""
-    return repr(value) if isinstance(value, float) else value
-
-
 def _steps(comparison: Comparison) -> Iterable[tuple[object, ...]]:
     for r in comparison.results:
         for evaluations, falls, seconds, score in r.trace:
-            yield r.scene.name, r.method, r.seed, evaluations, falls, f"{seconds:.6f}", repr(score)
-
-
-def _csv(names: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(rows)
-    return text.getvalue()
+            yield r.scene.name, r.method, r.seed, evaluations, falls, f"{seconds:.6f}", score

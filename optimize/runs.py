@@ -26,6 +26,7 @@ from typing import Any
 from domino_env.files import require_room, write_text
 from domino_env.layout import Layout
 from domino_env.scene import Scene
+from domino_env.support.tables import write_csv
 from optimize.budget import Budget, Step
 from optimize.journal import Journal
 from optimize.result import SearchResult
@@ -148,10 +149,12 @@ class RunFolder:
     ) -> None:
         layout.to_csv(stage / "layout.csv")
         layout.to_json(stage / "layout.json")
-        lines = ["evaluations,simulated_falls,seconds,best_score,slope_left"]
-        for (n, falls, t, score), slope in zip(trace, slopes, strict=True):
-            lines.append(f"{n},{falls},{t:.6f},{score!r},{'' if slope is None else f'{slope:.3e}'}")
-        write_text(stage / "trace.csv", "\n".join(lines) + "\n")
+        names = ("evaluations", "simulated_falls", "seconds", "best_score", "slope_left")
+        rows = (
+            (n, falls, f"{t:.6f}", score, None if slope is None else f"{slope:.3e}")
+            for (n, falls, t, score), slope in zip(trace, slopes, strict=True)
+        )
+        write_csv(stage / "trace.csv", names, rows)
 
     def _summarise(self, stage: Path, document: dict[str, Any]) -> None:
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
 
 from domino_env.files import write_text
+from domino_env.support.tables import markdown_table, write_csv
 from optimize.sweeping import Sweep
 from optimize.task import TaskResult
 
@@ -25,11 +24,8 @@ def write(sweep: Sweep, folder: Path) -> None:
     from optimize.sweep_picture import draw
 
     folder.mkdir(parents=True, exist_ok=True)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow((*sweep.keys, *RESULT_NAMES))
-    writer.writerows(_row(sweep, result) for result in sweep.results)
-    write_text(folder / "sweep.csv", text.getvalue())
+    names = (*sweep.keys, *RESULT_NAMES)
+    write_csv(folder / "sweep.csv", names, (_row(sweep, result) for result in sweep.results))
     draw(sweep, folder / "sweep.png")
     write_text(folder / "sweep.md", page(sweep))
 
@@ -60,23 +56,24 @@ def page(sweep: Sweep) -> str:
 def table(sweep: Sweep) -> list[str]:
     """A line for each point and method, lines of Markdown."""
     names = (*sweep.keys, "method", "score", "uniform", "gain", "gap")
-    lines = [f"| {' | '.join(names)} |", "|" + " --- |" * len(names)]
     groups: dict[tuple[tuple[float | int | str, ...], str], list[TaskResult]] = {}
     for result in sweep.results:
         groups.setdefault((sweep.point(result), result.method), []).append(result)
-    best = sweep.best
+    best, rows = sweep.best, []
     for (point, method), found in list(groups.items())[:MOST_LINES]:
         score = _median([r.score for r in found])
         gains = [r.gain for r in found if r.gain is not None]
-        cells = (
-            *(_short(value) for value in point),
-            f"`{method}`",
-            f"{score:.5f}",
-            f"{found[0].uniform_score:.5f}",
-            f"{_median(gains):+.2%}" if gains else "–",
-            "–" if best[point] == 0.0 else f"{(best[point] - score) / abs(best[point]):.3%}",
+        rows.append(
+            (
+                *(f"{value:.6g}" if isinstance(value, float) else value for value in point),
+                f"`{method}`",
+                f"{score:.5f}",
+                f"{found[0].uniform_score:.5f}",
+                f"{_median(gains):+.2%}" if gains else "–",
+                "–" if best[point] == 0.0 else f"{(best[point] - score) / abs(best[point]):.3%}",
+            )
         )
-        lines.append(f"| {' | '.join(cells)} |")
+    lines = markdown_table(names, rows)
     if len(groups) > MOST_LINES:
         lines += ["", f"{len(groups) - MOST_LINES} more lines are in sweep.csv."]
     return lines
@@ -84,34 +81,22 @@ def table(sweep: Sweep) -> list[str]:
 
 def _row(sweep: Sweep, r: TaskResult) -> tuple[object, ...]:
     best = sweep.best_of(r)
-    gap = None if best == 0.0 else (best - r.score) / abs(best)
-    numbers = (r.score, r.uniform_score, r.gain, gap)
     return (
-        *(_cell(value) for _, value in r.labels),
+        *(value for _, value in r.labels),
         r.method,
         r.seed,
-        *(_cell(number) for number in numbers),
+        r.score,
+        r.uniform_score,
+        r.gain,
+        None if best == 0.0 else (best - r.score) / abs(best),
         r.outcome,
-        _cell(r.mean_speed),
+        r.mean_speed,
         r.evaluations,
         r.falls,
-        _cell(r.seconds),
+        r.seconds,
         r.key,
     )
 
 
 def _median(values: list[float]) -> float:
     return float(np.sort(values)[(len(values) - 1) // 2])
-
-
-def _short(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value).replace("|", "\\|")
-
-
-def _cell(value: object) -> object:
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return repr(value)
-    # a spreadsheet takes a text that begins like this for a formula
-    return f"'{value}" if isinstance(value, str) and value[:1] in tuple("=+-@\t\r") else value

@@ -7,11 +7,13 @@ import math
 from domino_env.layout import HEIGHT
 from domino_env.physics import Physics
 from domino_env.steady import steady_wave
+from domino_env.support.tables import markdown_table
 
 GRAVITY, THICKNESS = 9.8, 0.0075  # the seed's [m/s²] and the standard domino's [m]
 PITCHES = (0.016, 0.024, 0.032)  # [m]
 # as printed: after and before a hit, and "true" average [rad/s]
 PRINTED = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
+SOURCES = ("ours", "seed's simulation", "LMGC90", "experiment")
 # hits a second: experiment, the seed's simulation, LMGC90
 MEASURED = ((64.4, 59.7, 59.1), (42.3, 37.2, 36.9), (28.1, 26.2, 26.1))
 FRICTION = 0.25
@@ -52,16 +54,7 @@ def frequencies() -> list[tuple[float, ...]]:
 
 def markdown() -> str:
     """Both tables, with what is misprinted in the seed."""
-    text = [
-        "# The seed's tables, solved to rounding",
-        "",
-        "Standard dominoes (48 × 24 × 7.5 mm), g = 9.8 m/s²; in brackets what is printed.",
-        "",
-        "## Table 1: angular velocities without friction [rad/s]",
-        "",
-        "| pitch | ω− | ω+ | average | √(ω+ω−) | ½(ω+ + ω−) | ω−, closed | ω+, closed |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    velocities = []
     for line, printed in zip(angular_velocities(), PRINTED, strict=True):
         pitch, after, before, average, geometric, arithmetic, low, high = line
         cells = [
@@ -69,23 +62,31 @@ def markdown() -> str:
             for value, told in zip((after, before, average), printed, strict=True)
         ]
         means = [f"{m:.2f} ({m / average - 1.0:+.1%})" for m in (geometric, arithmetic)]
-        cells += [*means, f"{low:.3f}", f"{high:.3f}"]
-        text.append(f"| {pitch * 1e3:.0f} mm | " + " | ".join(cells) + " |")
-    text += [
+        velocities.append([f"{pitch * 1e3:.0f} mm", *cells, *means, f"{low:.3f}", f"{high:.3f}"])
+    hits = [
+        (f"{pitch * 1e3:.0f} mm", f"{ours:.2f}", seed, engine, experiment,
+         f"{ours / experiment - 1.0:+.1%}")
+        for pitch, ours, experiment, seed, engine in frequencies()
+    ]  # fmt: skip
+    text = [
+        "# The seed's tables, solved to rounding",
+        "",
+        "Standard dominoes (48 × 24 × 7.5 mm), g = 9.8 m/s²; in brackets what is printed.",
+        "",
+        "## Table 1: angular velocities without friction [rad/s]",
+        "",
+        *markdown_table(
+            ("pitch", "ω−", "ω+", "average", "√(ω+ω−)", "½(ω+ + ω−)", "ω−, closed", "ω+, closed"),
+            velocities,
+        ),
         "",
         "\\* misprint: 14.80; the means printed beside it follow from 14.80. The printed averages "
         "carry the error of steps of 0.1 ms.",
         "",
         f"## Table 2: hits a second, friction {FRICTION}",
         "",
-        "| pitch | ours | seed's simulation | LMGC90 | experiment | ours against experiment |",
-        "| --- | --- | --- | --- | --- | --- |",
+        *markdown_table(("pitch", *SOURCES, "ours against experiment"), hits),
     ]
-    for pitch, ours, experiment, seed, engine in frequencies():
-        text.append(
-            f"| {pitch * 1e3:.0f} mm | {ours:.2f} | {seed} | {engine} | {experiment} "
-            f"| {ours / experiment - 1.0:+.1%} |"
-        )
     text += [
         "",
         "## Misprints in the text",

@@ -18,6 +18,7 @@ import numpy as np
 from domino_env.files import write_text
 from domino_env.layout import Layout
 from domino_env.physics import Physics
+from domino_env.support.tables import markdown_table
 
 if TYPE_CHECKING:
     from domino_env.look.verification import Verification
@@ -120,19 +121,21 @@ def known_verification(layout: Layout, physics: Physics) -> Verified | None:
 
 def markdown(found: dict[str, Verified]) -> list[str]:
     """Lines of a table, and under it the reason of every row that differs in earnest."""
-    lines = [
-        "| scene | dominoes | hinged, last hit | hinged, largest | free, last hit | last topples, "
-        "hinged / free | largest flush loss | lowest stall margin | pivots lifted | steps [µs] |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    for name, one in found.items():
-        cells = (
+    names = (
+        "scene", "dominoes", "hinged, last hit", "hinged, largest", "free, last hit",
+        "last topples, hinged / free", "largest flush loss", "lowest stall margin",
+        "pivots lifted", "steps [µs]",
+    )  # fmt: skip
+    rows = [
+        (
             f"`{name}`", one.count, _share(one.hinged), f"{one.largest:.3%}", _share(one.free),
             " / ".join("yes" if fell else "**no**" for fell in (one.toppled, one.free_toppled)),
             f"{one.flush_loss:.2%}", f"{one.stall_margin:.2g}", one.lifted,
             ", ".join(f"{h * 1e6:g}" for h in one.steps),
-        )  # fmt: skip
-        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
+        )
+        for name, one in found.items()
+    ]  # fmt: skip
+    lines = markdown_table(names, rows)
     differ = [
         f"- `{name}`: {one.verdict}"
         for name, one in found.items()
