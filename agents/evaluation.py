@@ -80,7 +80,8 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     A policy of PPO needs NumPy alone, the others the extra "rl".
     ValueError where the scene shows something else, and for what is no run.
     """
-    from agents.family_evaluation import built_for, teaches_a_family
+    from agents.family_evaluation import built_for
+    from agents.run_files import is_family
 
     path = Path(run)
     if path.suffix == ".zip":
@@ -96,7 +97,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
 
         if not path.exists() and str(run) in (*shipped(), FAMILY):
             path = POLICIES / str(run)
-        if teaches_a_family(path):
+        if is_family(path):
             return built_for(path, scene)
         home = load_scene(path / "scene.toml") if (path / "scene.toml").exists() else None
         if home is None or not (path / "policy.npz").exists():
@@ -141,7 +142,7 @@ def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
     from agents.run_files import read_config
 
     begun = read_config(folder)
-    plan, env = begun.plan, DominoChain(scene)
+    plan, env = begun.preset, DominoChain(scene)
     assert env.observation_space.shape is not None
     assert env.action_space.shape is not None
     (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape

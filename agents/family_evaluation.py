@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from agents.designer import PLANS, SHIPPED, Designer, design, load_designer
 from agents.family import FEATURES, SceneFamily, numbers
 from agents.family_examples import Examples
+from agents.run_files import is_family
 from agents.teaching import EXAMPLES_SEED
 from domino_env.scene import Scene, load_scene
-from domino_env.support.reading import read_json
 from domino_env.support.tables import markdown_table, write_csv
 
 if TYPE_CHECKING:
@@ -147,15 +147,6 @@ def judge(
     )
 
 
-def teaches_a_family(folder: Path) -> bool:
-    """Whether a folder holds what `agents.family_training.teach` writes."""
-    try:
-        document = read_json(folder / "config.json")
-    except (ValueError, OSError):
-        return False
-    return isinstance(document, dict) and document.get("algorithm") == "family"
-
-
 def designer_of(name: str | Path) -> Designer | None:
     """The designer that "family" or the folder of its teaching stands for; None for other agents.
 
@@ -164,7 +155,7 @@ def designer_of(name: str | Path) -> Designer | None:
     folder = Path(name)
     if str(name) == "family" and not folder.exists():
         folder = SHIPPED.parent
-    return load_designer(folder / "policy.npz") if teaches_a_family(folder) else None
+    return load_designer(folder / "policy.npz") if is_family(folder) else None
 
 
 def built_for(folder: Path, scene: str | Scene | None) -> Built:

@@ -20,11 +20,12 @@ from agents.designer import Designer, arrays_of, load_designer, plans_of
 from agents.extra import require_extra
 from agents.family import SceneFamily
 from agents.family_examples import Examples, make_examples
-from agents.run_files import DEEPEST, WIDEST, require_number
+from agents.run_files import Count, Score, Seconds, Seed, require_columns
 from agents.teaching import EXAMPLES_SEED, Teaching
 from domino_env.files import write_bytes, write_text
 from domino_env.scene import Scene
-from domino_env.support.reading import read_json
+from domino_env.support.models import Document, model_of
+from domino_env.support.reading import naming, read_json
 from domino_env.support.tables import write_csv
 
 if TYPE_CHECKING:
@@ -36,8 +37,24 @@ CHECKED = 64  # scenes that the learning curve is taken on
 LOOKS = 40  # points of the curve, and checkpoints
 COLUMNS = ("step", "seconds", "gain", "beaten", "gain_untried", "beaten_untried")
 FILES = ("config.json", "checkpoint.pt", "policy.npz")
-_FOREIGN = (KeyError, TypeError, AttributeError)
 ORDER, BATCH, CHECK = 1, 2, 3  # what random numbers are for, beside the seed
+
+
+class BegunDocument(Document):
+    """What a teaching was begun with: config.json."""
+
+    seed: Seed
+    teaching: Teaching
+    family: SceneFamily
+
+
+class TeachingProgress(Document):
+    """How far a teaching had come, in its checkpoint."""
+
+    done: Count
+    seconds: Seconds
+    processor_seconds: Seconds
+    curve: list[tuple[Score, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,13 +245,15 @@ class _Teaching:
         write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
 
     def _restore(self) -> None:
-        from agents.checkpoint import read_teaching
+        from agents.checkpoint import require_finite, taken_up
 
-        state = read_teaching(self.learner, self.home / "checkpoint.pt", len(COLUMNS))
-        self.learner.restore(state["learner"])
-        self.done = state["done"]
-        self.clock.go_on(state["seconds"], state["processor_seconds"])
-        self.curve = [tuple(row) for row in state["curve"]]
+        with taken_up(self.home / "checkpoint.pt") as state:
+            self.learner.restore(state["learner"])
+            require_finite(self.learner.row)
+            found = model_of(TeachingProgress, state)
+            require_columns(found.curve, COLUMNS)
+        self.done, self.curve = found.done, found.curve
+        self.clock.go_on(found.seconds, found.processor_seconds)
 
 
 def _gains(designer: Designer, scene: Scene) -> tuple[float, float]:
@@ -255,18 +274,7 @@ def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
     """What a teaching in this folder was begun with."""
     if not all((home / name).exists() for name in FILES):
         raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
-    config = read_json(home / "config.json")
-    try:
-        ranges: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in config["family"].items()
-        }
-        teaching = Teaching(**config["teaching"])
-        for name, value in [*asdict(teaching).items(), ("seed", config["seed"])]:
-            require_number(name, value)
-        if not (1 <= teaching.width <= WIDEST and 0 <= teaching.depth <= DEEPEST):
-            raise ValueError(f"{teaching.depth} layers of {teaching.width}")
-        return int(config["seed"]), teaching, SceneFamily(**ranges)
-    except (*_FOREIGN, ValueError) as error:
-        said = str(error) if isinstance(error, ValueError) else type(error).__name__
-        raise ValueError(f"{home} holds no teaching of a family: {said}") from None
+    path = home / "config.json"
+    with naming(path):
+        begun = model_of(BegunDocument, read_json(path))
+    return begun.seed, begun.teaching, begun.family

@@ -16,12 +16,11 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.arrays import read_weights
 from agents.candidates import SideBySideARS
-from agents.checkpoint import read_checkpoint
+from agents.checkpoint import require_finite, taken_up
 from agents.network import network_of
 from agents.policy import RowPolicy
 from agents.presets import Preset
 from domino_env.files import write_bytes
-from domino_env.support.reading import naming
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "ppo": PPO,
@@ -133,26 +132,23 @@ def save_state(model: BaseAlgorithm, more: dict[str, Any], path: Path) -> None:
 def load_state(model: Any, path: Path) -> dict[str, Any]:
     """Take a learner back to where `save_state` left it; returns what was kept beside it.
 
-    ValueError, before anything is changed, for what is no checkpoint of such a learner.
+    ValueError for what is no checkpoint of such a learner; it is of no use then.
     """
-    state = read_checkpoint(model, path)
-    with naming(path):
-        try:
-            model.set_parameters(state["parameters"], exact_match=True, device="cpu")
-            torch.set_rng_state(state["torch"])
-        except (KeyError, TypeError, RuntimeError, AttributeError) as error:
-            raise ValueError(f"it does not fit this learner: {error}") from None
-    model.num_timesteps = state["steps"]
-    model._n_updates = state["updates"]
-    model._episode_num = state["episodes"]
-    keys = state["numpy"].numpy().astype(np.uint32)
-    np.random.set_state(("MT19937", keys, state["place"], 0, 0.0))  # noqa: NPY002
-    if "entropy" in state:
-        model.log_ent_coef.data.copy_(state["entropy"])
-    if "buffer" in state:
-        buffer = model.replay_buffer
-        for name, values in state["buffer"].items():
-            getattr(buffer, name)[:] = values.numpy()
-        buffer.pos, buffer.full = state["buffer_place"]
-    more: dict[str, Any] = state["more"]
+    with taken_up(path) as state:
+        model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+        require_finite(model.policy)
+        torch.set_rng_state(state["torch"])
+        model.num_timesteps = int(state["steps"])
+        model._n_updates = int(state["updates"])
+        model._episode_num = int(state["episodes"])
+        keys = state["numpy"].numpy().astype(np.uint32)
+        np.random.set_state(("MT19937", keys, state["place"], 0, 0.0))  # noqa: NPY002
+        if "entropy" in state:
+            model.log_ent_coef.data.copy_(state["entropy"])
+        if "buffer" in state:
+            buffer = model.replay_buffer
+            for name, values in state["buffer"].items():
+                getattr(buffer, name)[:] = values.numpy()
+            buffer.pos, buffer.full = state["buffer_place"]
+        more: dict[str, Any] = state["more"]
     return more

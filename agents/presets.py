@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 ALGORITHMS = ("ppo", "sac", "td3", "tqc", "ars")
+WIDEST, DEEPEST = 4096, 16  # of a network
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class Preset:
     follow: whether the reference speed follows the best row found.
     options: what the algorithm itself is given; `target_entropy` for one entry of the actions.
 
-    ValueError for deviations of 0 or less, and a middle that is not between 0 and 1.
+    ValueError for deviations of 0 or less, a middle that is not between 0 and 1, and networks,
+    rates and rows that no learner has.
     """
 
     rows: int
@@ -51,6 +53,17 @@ class Preset:
         for name in ("first_deviation", "middle_deviation", "last_deviation", "end"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} = {getattr(self, name)}: give more than 0")
+        for name in ("rate", "last_rate", "pull", "first_deviation", "end"):
+            if not 0.0 <= getattr(self, name) <= 1e6:
+                raise ValueError(f"{name} = {getattr(self, name)}: give 0 to a million")
+        if not (1 <= self.width <= WIDEST and 0 <= self.depth <= DEEPEST):
+            raise ValueError(
+                f"width = {self.width}, depth = {self.depth}: give networks of at most {DEEPEST} "
+                f"layers of {WIDEST}"
+            )
+        for name in ("rows", "steps"):
+            if not 1 <= getattr(self, name) <= 10**15:
+                raise ValueError(f"{name} = {getattr(self, name)}: give 1 or more")
         if not 0.0 < self.middle < 1.0:
             raise ValueError(f"middle = {self.middle}: give a part of the steps, between 0 and 1")
 

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from domino_env.support.reading import read_json
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,8 +17,6 @@ if TYPE_CHECKING:
 
     Method = Callable[[Budget, np.random.Generator], None]
 
-LONGEST = 1e9  # [s] that a training can have taken
-
 
 def agent(run: str) -> Method:
     """The method that builds the row of a trained agent; its training counts as time spent.
@@ -28,6 +24,7 @@ def agent(run: str) -> Method:
     run: what `agents.evaluate` takes.  ValueError for what is no agent.
     """
     from agents.evaluation import POLICIES, evaluate, shipped
+    from agents.run_files import training_seconds
 
     if run not in shipped() and not (Path(run) / "policy.npz").exists():
         raise ValueError(
@@ -37,20 +34,8 @@ def agent(run: str) -> Method:
 
     def method(budget: Budget, rng: np.random.Generator) -> None:
         folder = Path(run) if Path(run).exists() else POLICIES / run
-        budget.already_spent(_training_seconds(folder))
+        budget.already_spent(training_seconds(folder))
         row = evaluate(run, budget.problem.scene).layout
         budget.score(budget.problem.design(row))
 
     return method
-
-
-def _training_seconds(run: Path) -> float:
-    """What the training took [s]; 0 where nobody wrote it down."""
-    for name in ("summary.json", "policy.json"):
-        if (run / name).exists():
-            told = read_json(run / name)
-            seconds: Any = told.get("seconds") if isinstance(told, dict) else None
-            if type(seconds) in (int, float) and 0.0 < seconds < LONGEST:
-                return float(seconds)
-            return 0.0
-    return 0.0

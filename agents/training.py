@@ -22,9 +22,10 @@ from agents.clock import Clock
 from agents.evaluation import Built, build
 from agents.extra import require_extra
 from agents.presets import ALGORITHMS, Preset, preset
-from agents.run_files import read_config, require_memory, require_progress
+from agents.run_files import ProgressDocument, read_config, require_columns
 from domino_env.files import write_text
 from domino_env.scene import Scene, load_scene
+from domino_env.support.models import model_of
 from domino_env.support.reading import naming
 from domino_env.support.tables import write_csv
 
@@ -109,7 +110,6 @@ def train(
     if warm_start is not None and algorithm != "ppo":
         raise ValueError(f"a warm start is PPO's, not {algorithm}'s: leave one of the two out")
     plan = plan or preset(algorithm, judged.count - 1, warm=warm_start is not None)
-    require_memory(plan)
     total = steps or plan.steps
     state = np.random.get_state()  # noqa: NPY002 - the learner draws from the global stream
     try:
@@ -331,13 +331,13 @@ class _Training:
 
     def _restore(self, more: dict[str, Any]) -> None:
         with naming(self.home / "checkpoint.pt"):
-            require_progress(more, len(COLUMNS))
-        self.best, self.sampled = more["best"], more["sampled"]
-        self.curve = [tuple(row) for row in more["curve"]]
-        self.clock.go_on(more["seconds"], more["processor_seconds"])
-        self.env.rows.reference_speed = more["reference"]
-        self.next_look, self.next_keep = more["next_look"], more["next_keep"]
-        self.clone_score = more.get("clone_score")
+            found = model_of(ProgressDocument, more)
+            require_columns(found.curve, COLUMNS)
+        self.best, self.sampled, self.curve = found.best, found.sampled, found.curve
+        self.clock.go_on(found.seconds, found.processor_seconds)
+        self.env.rows.reference_speed = found.reference
+        self.next_look, self.next_keep = found.next_look, found.next_keep
+        self.clone_score = found.clone_score
 
     def _finish(self, interrupted: bool) -> Run:
         from agents.evaluation import evaluate
@@ -392,4 +392,4 @@ def _as_begun(home: Path) -> tuple[Scene, str, int, Preset, int]:
     begun = read_config(home)
     if begun.algorithm == "ars":
         raise ValueError("ars keeps no checkpoint that it can go on from: begin anew")
-    return load_scene(home / "scene.toml"), begun.algorithm, begun.seed, begun.plan, begun.steps
+    return load_scene(home / "scene.toml"), begun.algorithm, begun.seed, begun.preset, begun.steps

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import io
 import json
 import re
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from domino_env.files import write_text
 from domino_env.layout import DENSITY, HEIGHT, WIDTH, Layout
 from domino_env.support import tables
-from domino_env.support.reading import encoding_of, naming, one_line, read_bytes, shown
+from domino_env.support.models import LARGEST, SMALLEST, Size, Table, model_of
+from domino_env.support.reading import encoding_of, naming, one_line, read_bytes
 from domino_env.support.reading import read_json as read_document
 
 MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
-SMALLEST, LARGEST = 1e-9, 1e9  # of every size in a file, SI: products of four still have digits
-UNIT = "SI: m, kg/m3"
-_COLUMNS = ("spacing", "thickness", "height", "density")
-_UNITS = {"spacing": "m", "thickness": "m", "height": "m", "width": "m", "density": "kg/m³"}
+UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
 _POSITIVE = f"more than 0 and finite, {SMALLEST:g} to {LARGEST:g} in SI units"
 # divided by, not multiplied with 0.001: 18 mm then reads as the very number 0.018
 _PER_UNIT = {"spacing": 1.0, "thickness": 1.0, "height": 1.0, "density": 1.0}
@@ -33,12 +31,30 @@ for _name in ("spacing", "thickness", "height"):
     _PER_UNIT[f"{_name}_m"] = 1.0
 
 
+class LayoutTable(Table):
+    """A layout as JSON, SI units; one number serves all dominoes."""
+
+    spacing: Annotated[list[Size], Meta(description="free gaps, one fewer than dominoes [m]")]
+    thickness: Annotated[Size | list[Size], Meta(description="along the row [m]")]
+    height: Annotated[Size | list[Size], Meta(description="[m]")] = HEIGHT
+    width: Annotated[Size, Meta(description="across the row [m]")] = WIDTH
+    density: Annotated[Size | list[Size], Meta(description="[kg/m³]")] = DENSITY
+    unit: Annotated[
+        Literal["SI: m, kg/m3"], Meta(description="the only one that is read")
+    ] = UNIT  # fmt: skip
+
+    def layout(self) -> Layout:
+        """The row; ValueError where it cannot stand."""
+        _require_few(len(self.spacing) + 1)
+        return Layout(self.spacing, self.thickness, self.height, self.width, self.density)
+
+
 def write_csv(layout: Layout, path: Path) -> None:
     """One row a domino, SI units, shortest digits that read back to the same bits."""
     gaps = [*layout.spacing.tolist(), None]
     others = (column.tolist() for column in (layout.thickness, layout.height, layout.density))
     rows = zip(range(layout.count), gaps, *others, strict=True)
-    tables.write_csv(path, ("number", *_COLUMNS), rows)
+    tables.write_csv(path, ("number", "spacing", "thickness", "height", "density"), rows)
 
 
 def write_json(layout: Layout, path: Path) -> None:
@@ -139,39 +155,7 @@ def _layout_of_table(path: Path, data: bytes) -> Layout:
 
 def layout_of_document(document: object) -> Layout:
     """The layout in a JSON document.  ValueError naming the key for anything else."""
-    if not isinstance(document, dict):
-        raise ValueError("expected an object with the keys spacing and thickness")
-    for key in ("spacing", "thickness"):
-        if key not in document:
-            raise ValueError(f"the key '{key}' is missing")
-    allowed = (*_COLUMNS, "width", "unit")
-    for key in document:
-        if key not in allowed:
-            near = difflib.get_close_matches(key[:50], allowed, n=1)
-            hint = f"did you mean '{near[0]}'? " if near else ""
-            raise ValueError(
-                f"unknown key '{one_line(key, 60)}': {hint}allowed: {', '.join(allowed)}"
-            )
-    if document.get("unit", UNIT) != UNIT:
-        raise ValueError(f"unit = {shown(document['unit'])}: a layout is read in '{UNIT}'")
-    return Layout(**{k: _numbers(k, value) for k, value in document.items() if k != "unit"})
-
-
-def _numbers(key: str, value: object) -> Any:
-    """A number, or a list of numbers, that `Layout` can take without losing a digit."""
-    values: list[Any] = value if isinstance(value, list) and key != "width" else [value]
-    listed = values is value
-    if listed:
-        _require_few(len(values))
-    for i, one in enumerate(values):
-        where = f"{key}[{i}]" if listed else key
-        if type(one) not in (int, float):
-            raise ValueError(f"{where} = {shown(one)}: give a number, without quotes")
-        if not SMALLEST <= one <= LARGEST:
-            if key == "spacing" and -LARGEST <= one <= 0:
-                continue  # `Layout` says that two dominoes overlap
-            raise ValueError(f"{where} = {shown(one)} {_UNITS[key]}: must be {_POSITIVE}")
-    return [float(one) for one in values] if listed else float(values[0])
+    return model_of(LayoutTable, document).layout()
 
 
 def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:

@@ -9,21 +9,33 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from domino_env import __version__
 from domino_env.files import write_text
 from domino_env.layout import Layout
-from domino_env.layout_files import layout_of_document
+from domino_env.layout_files import LayoutTable
 from domino_env.scene import Scene
-from domino_env.support.reading import naming, read_json, shown
+from domino_env.support.models import LARGEST, Number, model_of
+from domino_env.support.reading import naming, read_json
 from optimize.result import SearchResult
 
 PATH = Path(__file__).with_name("best_known.json")
 CLOSEST = 1e-12  # relative error at which a record is simulated
 NOTICED = 1e-9  # relative gain that makes a new record
+
+
+class RecordTable(LayoutTable, kw_only=True):
+    """A record as the file holds it: a layout, and who found it."""
+
+    score: Annotated[Number, Meta(description="that the scene gives it")]
+    method: str
+    seed: int
+    seconds: Annotated[float, Meta(ge=0, le=LARGEST, description="that the search took")]
+    version: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +61,8 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
         return {}
     document = read_json(path)
     with naming(path):
-        if not isinstance(document, dict):
-            raise ValueError("expected an object with a record under each scene's name")
-        return {name: _read(name, record) for name, record in document.items()}
+        found = model_of(dict[str, Any], document)
+        return {name: _record(model_of(RecordTable, one, name)) for name, one in found.items()}
 
 
 def update(results: list[SearchResult], path: Path | None = None) -> list[str]:
@@ -85,22 +96,10 @@ def closest_score(scene: Scene, layout: Layout) -> float:
     return float(scene.score_wave(scene.simulate(layout, rtol=CLOSEST)))
 
 
-_FOUND: dict[str, type | tuple[type, ...]] = {
-    "score": (int, float), "method": str, "seed": int, "seconds": (int, float), "version": str,
-}  # fmt: skip
-
-
-def _read(name: str, record: Any) -> BestKnown:
-    if not isinstance(record, dict):
-        raise ValueError(f"{shown(name)} is {shown(record)}: expected an object")
-    for key, kind in _FOUND.items():
-        value = record.get(key)
-        good = isinstance(value, kind) and not isinstance(value, bool)
-        if not (good and (isinstance(value, str) or -1e9 <= value <= 1e9)):  # type: ignore[operator]
-            what = "a line of text" if kind is str else "a finite number"
-            raise ValueError(f"{shown(name)}: {key} = {shown(value)}: expected {what}")
-    layout = layout_of_document({key: record[key] for key in record if key not in _FOUND})
-    return BestKnown(layout, **{key: record[key] for key in _FOUND})
+def _record(told: RecordTable) -> BestKnown:
+    return BestKnown(
+        told.layout(), told.score, told.method, told.seed, told.seconds, told.version
+    )  # fmt: skip
 
 
 def _written(record: BestKnown) -> dict[str, Any]:

@@ -56,12 +56,12 @@ EXPECTED: dict[str, str | None] = {
     "layouts/millimetres.csv": None,
     "layouts/missing.csv": "no column for the thickness",
     "layouts/mixed_ends.csv": None,
-    "layouts/nan.json": "spacing[0] = nan m: must be more than 0",
+    "layouts/nan.json": "spacing[0] = nan: give a finite number from 1e-09 to 1e+09",
     "layouts/negative.csv": "-18 must be more than 0",
     "layouts/open_quote.csv": "is not a number",
     "layouts/twice.csv": "two columns give the spacing",
     "layouts/utf_16_torn.csv": "not utf-16-le text, or not all of it: truncated data",
-    "layouts/words.json": "spacing[0] = '0.01': give a number, without quotes",
+    "layouts/words.json": "spacing[0] = '0.01': give a finite number",
     "scenes/formulas_in_the_title.toml": None,
     "scenes/half.toml": "not TOML",
     "scenes/huge_count.toml": "give a whole number from 2 to 100000",
@@ -85,10 +85,10 @@ EXPECTED: dict[str, str | None] = {
     "runs/trace_not_finite.csv": "line 2, best_score: 'nan' is no finite number",
     "runs/trace_short_row.csv": "best_score: None is no finite number",
     "runs/trace_without_scores.csv": "best_score: None is no finite number",
-    "runs/verification_list.json": "expected an object",
-    "runs/verification_number.json": "engine = 1: expected a line of text",
+    "runs/verification_list.json": "this is [1]: give a table of engine, verdict",
+    "runs/verification_number.json": "engine = 1: give a line of text",
     "runs/verification_script.json": None,
-    "runs/verification_times.json": None,
+    "runs/verification_times.json": "model[0] = [['<script>']]: give a finite number",
 }
 
 

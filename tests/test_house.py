@@ -114,7 +114,15 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
     sources = {
         str(path.relative_to(ROOT))
         for package in PACKAGES
-        for pattern in ("*.py", "*.toml", "py.typed", "best_known.json", "assets/*", "policies/*/*")
+        for pattern in (
+            "*.py",
+            "*.toml",
+            "py.typed",
+            "best_known.json",
+            "scene.schema.json",
+            "assets/*",
+            "policies/*/*",
+        )
         for path in (ROOT / package).rglob(pattern)
     } | {"domino_env/look/verified.json"}
     assert {"domino_env/scenes/sprint.toml", "domino_env/py.typed"} <= sources

@@ -8,7 +8,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from domino_env.animation import require_drawable
 from domino_env.layout import Layout
@@ -16,11 +18,32 @@ from domino_env.look.race_data import Racer
 from domino_env.look.verified import known_verification
 from domino_env.physics import Physics
 from domino_env.scene import Scene, load_scene
+from domino_env.support.models import Document, Number, model_of
 from domino_env.support.reading import decoded, naming, one_line, read_bytes, read_json, shown
 from domino_env.wave import simulate
 
 MARK = "best equal gaps"
-TIMES = ("model", "hinged", "free")  # of a verification
+
+Times = tuple[Number | None, ...]
+
+
+class SummaryDocument(Document):
+    """What is read of a run's summary.json."""
+
+    algorithm: str | None = None
+    method: str | None = None
+
+
+class VerificationDocument(Document):
+    """What is read of a run's verification.json; differences are engine over model - 1 [1]."""
+
+    engine: str
+    verdict: str
+    difference: Number | None = None
+    free_difference: Number | None = None
+    model: Annotated[Times, Meta(description="when each domino is hit [s]")] = ()
+    hinged: Times = ()
+    free: Times = ()
 
 
 def read_racers(
@@ -89,11 +112,12 @@ def _shown_layout(path: Path) -> Layout:
 def _called(folder: Path) -> str:
     """What a run's row is called: by what made it, if the folder says so."""
     path = folder / "summary.json"
-    told = read_json(path) if path.exists() else None
-    if isinstance(told, dict):
-        if isinstance(told.get("algorithm"), str):
-            return f"{one_line(told['algorithm'], 20).upper()} agent's row"
-        if "method" in told:
+    if path.exists():
+        with naming(path):
+            told = model_of(SummaryDocument, read_json(path))
+        if told.algorithm is not None:
+            return f"{one_line(told.algorithm, 20).upper()} agent's row"
+        if told.method is not None:
             return "optimised row"
     return folder.resolve().name
 
@@ -135,24 +159,16 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
     if path is None or not path.exists():
         known = known_verification(layout, physics)
         return None if known is None else asdict(known)
-    document = read_json(path)
     with naming(path):
-        if not isinstance(document, dict):
-            raise ValueError("expected an object with the keys engine and verdict")
-        for key in ("engine", "verdict"):
-            if not isinstance(document.get(key), str):
-                raise ValueError(f"{key} = {shown(document.get(key))}: expected a line of text")
-        told: dict[str, Any] = {key: one_line(document[key], 1000) for key in ("engine", "verdict")}
-        for key, other in (("hinged", "difference"), ("free", "free_difference")):
-            value = document.get(other)
-            told[f"{key}_last"] = value if _is_number(value) else None
-        for key in TIMES:
-            times = document.get(key)
-            if not isinstance(times, list) or len(times) != layout.count:
-                return told  # of an older version, or of another row: the verdict alone
-            told[key] = [x if _is_number(x) else None for x in times]
+        check = model_of(VerificationDocument, read_json(path))
+    told: dict[str, Any] = {
+        "engine": one_line(check.engine, 1000),
+        "verdict": one_line(check.verdict, 1000),
+        "hinged_last": check.difference,
+        "free_last": check.free_difference,
+    }
+    times = {"model": check.model, "hinged": check.hinged, "free": check.free}
+    # of an older version, or of another row: the verdict alone
+    if all(len(values) == layout.count for values in times.values()):
+        told |= {name: list(values) for name, values in times.items()}
     return told
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)

@@ -11,13 +11,15 @@ import json
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from domino_env.files import write_text
 from domino_env.layout import Layout
 from domino_env.physics import Physics
+from domino_env.support.models import model_of
+from domino_env.support.reading import naming, read_json
 from domino_env.support.tables import markdown_table
 
 if TYPE_CHECKING:
@@ -97,10 +99,9 @@ def read_verified(path: Path = PATH) -> dict[str, Verified]:
     """All that is kept, by the name of the scene; nothing where there is no such file."""
     if not path.exists():
         return {}
-    document: dict[str, dict[str, Any]] = json.loads(path.read_text("utf-8"))
-    return {
-        name: Verified(**{**told, "steps": tuple(told["steps"])}) for name, told in document.items()
-    }
+    document = read_json(path)
+    with naming(path):
+        return {name: model_of(Verified, told, name) for name, told in document.items()}
 
 
 def write_verified(found: dict[str, Verified], path: Path = PATH) -> None:

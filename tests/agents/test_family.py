@@ -313,7 +313,7 @@ def test_the_same_seed_gives_the_same_weights_and_so_does_going_on(
     for old, new in (('"width": 8', '"width": "8"'), ("0.02", "-0.02"), ('"seed"', '"sead"')):
         assert old in config
         (tmp_path / "d" / "config.json").write_text(config.replace(old, new), "utf-8")
-        with pytest.raises(ValueError, match="holds no teaching of a family"):
+        with pytest.raises(ValueError, match=r"config.json: (teaching|family|seed)"):
             family_training.teach(tmp_path / "d", resume=True)
 
 

@@ -204,5 +204,5 @@ def test_a_policy_of_another_shape_is_refused(small, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="choose a scene with the same things left free"):
         evaluate(tmp_path / "run", "sprint-thickness")
     (tmp_path / "run" / "policy.npz").write_bytes(b"not an archive")
-    with pytest.raises(ValueError, match=r"policy\.npz: it does not hold"):
+    with pytest.raises(ValueError, match=r"policy\.npz: it (is no archive|does not hold)"):
         evaluate(tmp_path / "run")

@@ -128,7 +128,7 @@ def test_rows_are_called_after_what_made_them_and_bring_their_curves(tmp_path: P
     for name, made in (
         ("a", '"method": "auto"'),
         ("b", '"algorithm": "ppo"'),
-        ("c", '"method": 1'),
+        ("c", '"method": "cma"'),
     ):
         (tmp_path / name).mkdir()
         row.to_csv(tmp_path / name / "layout.csv")
