@@ -23,18 +23,11 @@ class DominoVecEnv(VecEnv):
     `TimeLimit.truncated` (never), `episode` (return, length, seconds), and what the environment
     tells at the end: score, gain, outcome, layout, wave.
 
-    scene: what is built.  number: how many rows.  reference_speed: see `DominoChain`.
+    scene: what is built.  number: how many rows.
     """
 
-    def __init__(
-        self, scene: str | Scene, number: int, reference_speed: float | None = None
-    ) -> None:
-        self.rows = DominoChainVector(
-            number,
-            scene,
-            reference_speed=reference_speed,
-            autoreset_mode="SameStep",
-        )
+    def __init__(self, scene: str | Scene, number: int) -> None:
+        self.rows = DominoChainVector(number, scene, autoreset_mode="SameStep")
         self.render_mode = None
         super().__init__(number, self.rows.single_observation_space, self.rows.single_action_space)
         self._actions: NDArray[Any] = np.zeros((number, 1))

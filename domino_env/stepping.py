@@ -12,7 +12,6 @@ impacts, friction, unequal dominoes.  They differ in how they move through time:
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,13 +36,11 @@ class SteppedWave:
     outcome: as `Wave.outcome`; None where the evaluations allowed did not reach the end.
     arrival_times: (N,) [s], inf where the wave did not come.
     evaluations: how often the acceleration of the stack was computed.
-    run_time: [s].
     """
 
     outcome: Outcome | None
     arrival_times: Floats
     evaluations: int
-    run_time: float
 
 
 def step_row(
@@ -59,7 +56,6 @@ def step_row(
         raise ValueError(f"method = {method!r}: choose one of {', '.join(FIXED + ADAPTIVE)}")
     if not 0.0 < setting < math.inf:
         raise ValueError(f"setting = {setting}: a step [s] or tolerance, positive and finite")
-    began = time.perf_counter()
     rows = eq.table(layout.spacing, layout.thickness, layout.height, layout.density)
     arrival = np.full(layout.count, np.inf)
     arrival[0] = 0.0
@@ -72,7 +68,7 @@ def step_row(
     else:
         code, used = _adaptive(rows, physics, method, setting, most, arrival)
     outcome = None if code == eq.UNFINISHED else Outcome(code)
-    return SteppedWave(outcome, arrival, used, time.perf_counter() - began)
+    return SteppedWave(outcome, arrival, used)
 
 
 class _SpentError(Exception):

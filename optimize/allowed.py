@@ -18,7 +18,7 @@ class Allowed:
     """The rules on the free values of a row: gaps first, then thicknesses (or growths).
 
     low, high: (n,) bounds.  gaps: how many of the n are gaps.  total: what all add up to [m], None
-    for any.  relaxed: leaves lists and the stock out, but for their bounds.
+    for any.
     discrete: whether some values are from a list or the stock.
 
     Nearest means least sum of squares [m²].  Where values from a list or the stock and others share
@@ -26,9 +26,8 @@ class Allowed:
     """
 
     def __init__(
-        self, scene: Scene, low: Floats, high: Floats, gaps: int, total: float | None,
-        relaxed: bool,
-    ) -> None:  # fmt: skip
+        self, scene: Scene, low: Floats, high: Floats, gaps: int, total: float | None
+    ) -> None:
         self.low, self.high, self.gaps, self.total = low, high, gaps, total
         n = len(low)
         self.change = np.full(max(n - 1, 0), np.inf)
@@ -37,12 +36,11 @@ class Allowed:
         self.coupled = bool(np.isfinite(self.change).any())
         self.stock = None
         lists: list[tuple[float, ...] | None] = [None] * n
-        if not relaxed:
-            lists[:gaps] = [scene.spacing_values] * gaps
-            if n > gaps and scene.stock is not None:
-                self.stock = scene.stock.without(scene.first_thickness)
-            elif n > gaps:
-                lists[gaps:] = [scene.thickness_values] * (n - gaps)
+        lists[:gaps] = [scene.spacing_values] * gaps
+        if n > gaps and scene.stock is not None:
+            self.stock = scene.stock.without(scene.first_thickness)
+        elif n > gaps:
+            lists[gaps:] = [scene.thickness_values] * (n - gaps)
         listed = np.array([one is not None for one in lists], dtype=bool)
         self.listed = listed
         self.stepped = listed.copy()  # listed, or from the stock

@@ -11,16 +11,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from optimize.budget import Budget
+
 Floats = NDArray[np.float64]
 
-RISE, TURN = (
-    1e-4,
-    0.5,
-)  # least part of the promised rise, largest of the slope left
+RISE, TURN = 1e-4, 0.5  # least part of the promised rise, largest of the slope left
 DENSE = 200  # variables up to which the whole inverse curvature is kept
 MEMORY = 30  # pairs kept for more
 TRIES = 14  # of one line search
@@ -41,7 +42,6 @@ class Ascent:
         self,
         start: Floats,
         project: Callable[[Floats], Floats] | None = None,
-        reach: float = LARGEST,
     ) -> None:
         self._project = project
         self.wanted = self._feasible(start)
@@ -49,7 +49,6 @@ class Ascent:
         self.score, self.gradient = -np.inf, np.zeros(len(start))
         self.told = 0
         self.done = False
-        self._reach = reach
         self._history: deque[float] = deque(maxlen=LOOK + 1)
         self._curvature = _Dense(len(start)) if len(start) <= DENSE else _Limited()
         self._answers = self._climb()
@@ -103,14 +102,14 @@ class Ascent:
             if way @ slope > 1e-10 * np.linalg.norm(way) * np.linalg.norm(slope):
                 return way
             self._curvature.forget()
-        return slope * (self._reach / 3.0 / float(np.abs(slope).max()))
+        return slope * (LARGEST / 3.0 / float(np.abs(slope).max()))
 
     def _search(
         self, way: Floats
     ) -> Generator[None, tuple[float, Floats], tuple[Floats, float, Floats] | None]:
         """A point of the bent path from here that rises enough; None if none is near."""
         largest = float(np.abs(way).max())
-        length = min(1.0, self._reach / largest)
+        length = min(1.0, LARGEST / largest)
         low, high = 0.0, np.inf
         best = None
         for _ in range(TRIES):
@@ -126,7 +125,7 @@ class Ascent:
                 best = design, score, gradient
                 inside = np.where((design > 0.0) & (design < 1.0), way, 0.0)
                 turned = gradient @ inside <= TURN * (self.gradient @ inside)
-                if turned or length * largest >= self._reach:
+                if turned or length * largest >= LARGEST:
                     return best
                 low = length
             length = 0.5 * (low + high) if high < np.inf else 2.0 * length
@@ -183,6 +182,22 @@ class Refined:
                 self.done = True
             else:
                 self._begin(self.design)
+
+
+def climb(budget: Budget, arms: Sequence[Ascent | Refined], gradients: int) -> None:
+    """Go on with all in lockstep, so that they share batches, each at most so many gradients.
+
+    Raises
+    ------
+    BudgetSpent
+        Where not all can be paid for.
+    """
+    until = {id(arm): arm.told + gradients for arm in arms}
+    while live := [arm for arm in arms if not arm.done and arm.told < until[id(arm)]]:
+        wanted = np.array([arm.wanted for arm in live])
+        scores, slopes = budget.scores_and_gradients(wanted, of_dying=False)
+        for arm, score, slope in zip(live, scores, slopes, strict=True):
+            arm.tell(float(score), slope)
 
 
 class _Dense:

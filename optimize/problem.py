@@ -37,14 +37,12 @@ class Problem:
     evaluations, falls: layouts and single falls simulated so far; an evaluation of a "robust" scene
         topples hundreds of rows.
     journal: remembers what was found, and answers from what is remembered; None for neither.
-    relaxed: leaves lists and stock out, but for their bounds: a search may begin so, and end with
-        `Problem(scene).project`.
 
     Raises ValueError for a scene that leaves nothing free, and for one whose rules clash, with
     their names.
     """
 
-    def __init__(self, scene: Scene, rtol: float = 1e-6, *, relaxed: bool = False) -> None:
+    def __init__(self, scene: Scene, rtol: float = 1e-6) -> None:
         self.scene = scene
         self.rtol = rtol
         pairs = scene.count - 1
@@ -62,7 +60,7 @@ class Problem:
         self.dimension = len(bounds)
         gaps = pairs * scene.free_spacing
         total = None if scene.length is None else self._total
-        self._allowed = Allowed(scene, self.low, self.high, gaps, total, relaxed)
+        self._allowed = Allowed(scene, self.low, self.high, gaps, total)
         self.discrete = self._allowed.discrete
         self.evaluations = 0
         self.falls = 0
@@ -156,12 +154,10 @@ class Problem:
         """The score of one design (n,)."""
         return float(self.scores(np.asarray(design)[None])[0])
 
-    def score_and_gradient(
-        self, design: Floats, scores: Callable[[Floats, float], Floats] | None = None
-    ) -> tuple[float, Floats]:
+    def score_and_gradient(self, design: Floats) -> tuple[float, Floats]:
         """The score of one design (n,) and its gradient (n,); see `scores_and_gradients`."""
         designs = np.asarray(design, dtype=np.float64)[None]
-        found, gradients = self.scores_and_gradients(designs, scores)
+        found, gradients = self.scores_and_gradients(designs)
         return float(found[0]), gradients[0]
 
     def scores_and_gradients(

@@ -52,12 +52,12 @@ def clicks(wave: Wave, rate: int = RATE) -> Floats:
     return sound / top * 0.9 if top > 0.0 else sound
 
 
-def write_wav(samples: Floats, path: Path, rate: int = RATE) -> None:
+def write_wav(samples: Floats, path: Path) -> None:
     """Write 16-bit mono sound whole."""
     from scipy.io import wavfile
 
     whole = np.round(np.clip(samples, -1.0, 1.0) * 32767.0).astype("<i2")
-    write_bytes(path, lambda file: wavfile.write(file, rate, whole))
+    write_bytes(path, lambda file: wavfile.write(file, RATE, whole))
 
 
 def read_wav(path: Path) -> tuple[Floats, int]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from domino_env.distinct import distinct_rows
-from optimize.ascent import Ascent
+from optimize.ascent import Ascent, climb
 from optimize.budget import Budget
 from optimize.problem import Floats, Problem
 from optimize.starts import starts
@@ -52,17 +52,10 @@ def _improve(budget: Budget, start: Floats, rng: np.random.Generator) -> None:
 
 
 def _climb(budget: Budget, begins: Floats, gradients: int) -> tuple[float, Floats]:
-    """The best of some rows after a climb each, in lockstep."""
+    """The best of some rows after a climb each."""
     project = budget.problem.project if budget.problem.coupled else None
     arms = [Ascent(begin, project) for begin in begins]
-    for _ in range(gradients):
-        climbing = [arm for arm in arms if not arm.done]
-        if not climbing:
-            break
-        wanted = np.array([arm.wanted for arm in climbing])
-        scores, slopes = budget.scores_and_gradients(wanted, of_dying=False)
-        for arm, score, slope in zip(climbing, scores, slopes, strict=True):
-            arm.tell(float(score), slope)
+    climb(budget, arms, gradients)
     best = max(arms, key=lambda arm: arm.score)
     return best.score, best.design
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from domino_env.distinct import distinct_rows
-from optimize.ascent import Refined
+from optimize.ascent import Refined, climb
 from optimize.budget import Budget
 from optimize.methods import assignment
 from optimize.moves import MOVES, TIGHT_AT_MOST, bend, free_the_end, tight_end
@@ -137,7 +137,7 @@ def _race(budget: Budget, elite: _Elite, designs: Floats) -> None:
     arms = [Refined(designs[i], *levels) for i in order if scores[i] > 0.0]
     gradients = FIRST
     while arms:
-        _climb(budget, arms, gradients)
+        climb(budget, arms, gradients)
         arms.sort(key=lambda arm: -arm.score)
         for arm in arms:
             elite.add(arm.score, arm.design)
@@ -166,31 +166,18 @@ def _generation(budget: Budget, elite: _Elite, rng: np.random.Generator) -> None
         elite.add(float(scores[i]), designs[i])
     levels = _levels(budget.problem, COARSE[1:])
     arms = {int(i): Refined(designs[i], *levels) for i in chosen if scores[i] > 0.0}
-    _climb(budget, list(arms.values()), SHORT)
+    climb(budget, list(arms.values()), SHORT)
     near = [i for i, arm in arms.items() if arm.score > before - NEAR * abs(before)]
     near.sort(key=lambda i: -arms[i].score)
-    _climb(budget, [arms[i] for i in near[: WIDE // 2]], MORE)
+    climb(budget, [arms[i] for i in near[: WIDE // 2]], MORE)
     best = max((arm.score for arm in arms.values()), default=-np.inf)
     for i, arm in arms.items():
         elite.add(arm.score, arm.design)
         gained = arm.score == best and best > before * (1.0 + 1e-6)
         elite.learn(drawn[i][1], gained=gained)
         if gained:
-            _climb(budget, [arm], 4 * MORE)
+            climb(budget, [arm], 4 * MORE)
             elite.add(arm.score, arm.design)
-
-
-def _climb(budget: Budget, arms: list[Refined], gradients: int) -> None:
-    """All in lockstep, each at most so many gradients further."""
-    until = {id(arm): arm.told + gradients for arm in arms}
-    while True:
-        live = [arm for arm in arms if not arm.done and arm.told < until[id(arm)]]
-        if not live:
-            return
-        asked = np.array([arm.wanted for arm in live])
-        scores, slopes = budget.scores_and_gradients(asked, of_dying=False)
-        for arm, score, slope in zip(live, scores, slopes, strict=True):
-            arm.tell(float(score), slope)
 
 
 def _levels(
