@@ -232,7 +232,7 @@ class _Teaching:
         write_csv(self.home / "progress.csv", COLUMNS, rows)
 
     def _begin(self) -> None:
-        from optimize.runs import versions
+        from domino_env.support.provenance import versions
 
         self.home.mkdir(parents=True, exist_ok=True)
         document = {

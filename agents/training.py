@@ -315,7 +315,7 @@ class _Training:
 
     def _begin(self, cloned: Cloned | None) -> None:
         self.home.mkdir(parents=True, exist_ok=True)
-        from optimize.runs import versions
+        from domino_env.support.provenance import versions
 
         document = {
             "algorithm": self.algorithm,

@@ -9,12 +9,12 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from optimize.bulk import scores_elsewhere, tasks_of
+from optimize.evaluation.bulk import scores_elsewhere, tasks_of
 from optimize.problem import Floats, Problem
 
 PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
 MOST_ROWS = 256  # between two looks, so that enough of the good ones become finalists
-BULK = 2_000_000  # dominoes that fill an engine, some 3 s of one core
+BULK = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 GRADIENT_COST = 4  # waves that a gradient takes as long as
 KEPT = 8  # best designs kept for a closer look at the end
 
@@ -45,7 +45,8 @@ class Budget:
     finalists: the last improvements, (score, design) each, the best last.
     watch: called with the budget after every batch.
     clock: what tells the seconds; processor time where the machine has other things to do.
-    executor: what scores batches of several pieces, see `optimize.bulk`; None: this process.
+    executor: what scores batches of several pieces, see `optimize.evaluation.bulk`; None:
+        this process.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class Budget:
 
     @property
     def bulk(self) -> int:
-        """How many designs fill an engine: so many may be asked for at once where any number may.
+        """How many designs fill an executor: so many may be asked for at once where any number may.
 
         A multiple of what is scored between two looks at the clock.
         """

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from optimize.engine_options import add_engine_options, asked_engine
+from optimize.executors.choice import add_executor_options, asked_executor
 
 if TYPE_CHECKING:
     from domino_env.scene import Scene
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on with the search in the folder; its seconds so far count",
     )
-    add_engine_options(parser)
+    add_executor_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}")
     print(f"best uniform row: {_uniform(scene)}", flush=True)
-    with asked_engine(arguments) as executor:
+    with asked_executor(arguments) as executor:
         result = search(
             scene,
             arguments.method,

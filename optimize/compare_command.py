@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from optimize.engine_options import add_engine_options, asked_engine, require_engine
+from optimize.executors.choice import add_executor_options, asked_executor, require_executor
 from optimize.studies.options import add_study_options, asked_study
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--evaluations", type=int, help="rows that each run may simulate")
     parser.add_argument("--out", metavar="FOLDER", default="runs/comparison", help="%(default)s")
-    add_engine_options(parser)
+    add_executor_options(parser)
     add_study_options(parser)
     parser.add_argument(
         "--update-best",
@@ -84,19 +84,21 @@ def run(arguments: argparse.Namespace) -> int:
         "evaluations": evaluations,
     }  # fmt: skip
     default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
-    require_engine(arguments)
+    require_executor(arguments)
     study = asked_study(arguments, "comparison", default, tasks, settings)
     folder = Path(arguments.out)
     require_room(folder)
     left = len(tasks) - study.tasks
     go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
     try:
-        with asked_engine(arguments) as executor:
+        with asked_executor(arguments) as executor:
             print(_announced(left, seconds, evaluations, executor), flush=True)
             comparison = compare(
                 scenes, chosen, seeds, seconds, _tell, evaluations=evaluations, executor=executor,
                 study=study, progress=None,
             )  # fmt: skip
+            if comparison.interrupted and executor is not None:
+                executor.kill()
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before any run was complete") from None
     except OSError as error:

@@ -13,19 +13,18 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import secrets
 import shutil
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from domino_env.files import require_room, write_text
 from domino_env.layout import Layout
 from domino_env.scene import Scene
+from domino_env.support.provenance import versions
 from domino_env.support.tables import write_csv
 from optimize.budget import Budget, Step
 from optimize.journal import Journal
@@ -204,12 +203,3 @@ def summary(result: SearchResult) -> dict[str, Any]:
         "largest_flush_loss": wave.largest_flush_loss,
         "versions": versions(),
     }
-
-
-def versions() -> dict[str, str]:
-    """Of everything a result may depend on."""
-    found = {"python": platform.python_version()}
-    for name in ("domino-chains", "numpy", "scipy", "numba", "cma"):
-        with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found

@@ -47,8 +47,8 @@ def search(
     progress: whether to show a line with the best so far; None: on a terminal.
     folder: where to write the run, see `optimize.runs`; None: nowhere.
     watch: called with the Budget after every batch.
-    executor: what scores batches of thousands of rows, see `optimize.engines`; smaller ones are not
-        worth sending.  None: threads of this process.  The result is the same to the bit.
+    executor: what scores batches of thousands of rows, see `optimize.executors`; smaller ones are
+        not worth sending.  None: threads of this process.  The result is the same to the bit.
 
     resume: go on with the search in the folder, from where its journal ends (from the start where
         there is none), or further with a larger budget.  The result is the same to the bit as that

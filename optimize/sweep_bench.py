@@ -7,8 +7,8 @@ that all of them find the same bits, and prints for each: seconds, how many of t
 computed, what the coordinating process (scheduler and store included) computed, and the speed
 against the first.  --kill: once more, while a worker is killed every so many seconds.
 
-On a machine that has other things to do, seconds say little; `busy` says what the engine alone does
-to them: with cores for all, n workers that are busy all the time are n times as fast as one.
+On a machine that has other things to do, seconds say little; `busy` says what the executor alone
+does to them: with cores for all, n workers that are busy all the time are n times as fast as one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from domino_env.scene import load_scene
-from optimize.cluster import Cluster
+from optimize.executors.cluster import DaskExecutor
 from optimize.studies import open_store
 from optimize.sweeping import run_sweep, sweep_tasks
 
@@ -61,7 +61,7 @@ def main() -> None:
 
 def _measured(tasks: list[Task], workers: int, kill: float | None) -> tuple[float, Bits]:
     """Seconds of one sweep into a store of its own, and what it found."""
-    with tempfile.TemporaryDirectory() as folder, Cluster("local", workers) as cluster:
+    with tempfile.TemporaryDirectory() as folder, DaskExecutor("local", workers) as cluster:
         study = open_store(Path(folder) / "studies.sqlite").begin("bench", "sweep", {})
         # loading and compiling is paid once, whatever the number of tasks
         for warm in [cluster.submit(_warm, tasks[0]) for _ in range(4 * workers)]:
@@ -98,7 +98,7 @@ def _bits(result: TaskResult) -> tuple[float, bytes, int]:
     return result.score, result.spacing.tobytes(), result.falls
 
 
-def _computed(cluster: Cluster) -> dict[int, float]:
+def _computed(cluster: DaskExecutor) -> dict[int, float]:
     """Processor time of each worker so far [s], by its process."""
     found = cluster._client.run(_clock)
     return dict(found.values())
@@ -108,7 +108,7 @@ def _clock() -> tuple[int, float]:
     return os.getpid(), time.process_time()
 
 
-def _kill(cluster: Cluster, pause: float, over: threading.Event, deaths: list[int]) -> None:
+def _kill(cluster: DaskExecutor, pause: float, over: threading.Event, deaths: list[int]) -> None:
     rng = random.Random(0)
     while not over.wait(pause):
         with suppress(OSError, IndexError):

@@ -16,7 +16,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from optimize.engine_options import add_engine_options, asked_engine, require_engine
+from optimize.executors.choice import add_executor_options, asked_executor, require_executor
 from optimize.studies.options import add_study_options, asked_study
 
 SUMMARY = "search many variations of a scene, on one machine or many"
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--evaluations", type=int, help="rows that each search may simulate (2000)")
     parser.add_argument("--seconds", type=float, help="time of each search; not repeatable")
     parser.add_argument("--out", metavar="FOLDER", help="for page, table, picture (runs/NAME)")
-    add_engine_options(parser)
+    add_executor_options(parser)
     add_study_options(parser)
 
 
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
         "seed": arguments.seed, "methods": methods, "seeds": arguments.seeds,
         "evaluations": tasks[0].evaluations, "seconds": arguments.seconds,
     }  # fmt: skip
-    require_engine(arguments)
+    require_executor(arguments)
     study = asked_study(arguments, "sweep", f"sweep-{scene.name}", tasks, settings)
     folder = Path(arguments.out or f"runs/{study.name}")
     require_room(folder)
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     lines = TaskLines(len({task.key for task in tasks}), study.name, plain=True)
     go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
     try:
-        with asked_engine(arguments) as executor:
+        with asked_executor(arguments) as executor:
             found = run_sweep(scene, tasks, executor=executor, study=study, lines=lines)
             if found.interrupted:
                 raise KeyboardInterrupt

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from domino_env.scene import Scene
 from domino_env.scenes.files import parse_scene
+from domino_env.support.provenance import versions
 from optimize.budget import Budget, Step
 from optimize.result import SearchResult
-from optimize.runs import versions
 from optimize.searching import search
 
 Floats = NDArray[np.float64]

@@ -1,9 +1,8 @@
-"""What is seen of many tasks: how many are done, how long the rest may take, a line a search."""
+"""What is seen of many tasks: how many are done, how long the rest may take."""
 
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,17 +11,22 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from optimize.task import Task, TaskResult
 
-ALL = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, about {remaining} left"
-ONE = "  {desc} {percentage:3.0f}%|{bar:20}|{postfix}"
-MOST_LINES = 16  # searches shown at a time
+FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, about {remaining} left{postfix}"
 
 
 class TaskLines:
     """Progress of many tasks on standard error, for use as a context.
 
-    total: how many there are.  name: what they are called together.
-    shown: whether lines move on a terminal; None: where standard error is one.
-    plain: where they do not, whether each finished task leaves a line.
+    Parameters
+    ----------
+    total : int
+        How many there are.
+    name : str
+        What they are called together.
+    shown : bool, optional
+        Whether a line moves on a terminal; None: where standard error is one.
+    plain : bool
+        Where none does, whether each finished task leaves a line.
     """
 
     def __init__(
@@ -33,23 +37,15 @@ class TaskLines:
         self._plain = plain and not self.shown
         self._done = self._kept = 0
         self._parts: dict[str, float] = {}  # of running tasks, by key
-        self._over: set[str] = set()  # what they may still say comes late
-        self._slots: dict[str, int] = {}
-        self._bars: dict[int, Any] = {}
-        self._gate = threading.RLock()  # tasks elsewhere are heard in threads of their engine
-        self._all: Any = None
+        self._line: Any = None
         self._began = time.monotonic()
 
     def __enter__(self) -> TaskLines:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with self._gate:
-            for bar in self._bars.values():
-                bar.close()
-            if self._all is not None:
-                self._all.close()
-            self._all = None  # who speaks later is not heard
+        if self._line is not None:
+            self._line.close()
 
     def begin(self, kept: int) -> None:
         """The tasks begin, of which so many are done already."""
@@ -58,8 +54,8 @@ class TaskLines:
         if self.shown:
             from tqdm import tqdm
 
-            self._all = tqdm(
-                total=self.total, initial=kept, bar_format=ALL, smoothing=0.0, leave=False,
+            self._line = tqdm(
+                total=self.total, initial=kept, bar_format=FORMAT, smoothing=0.0, leave=False,
                 dynamic_ncols=True, desc=self._counted(),
             )  # fmt: skip
 
@@ -72,85 +68,55 @@ class TaskLines:
         rest = self.total - self._kept - done
         return (time.monotonic() - self._began) * rest / done
 
-    def heard(self, news: object) -> None:
-        """What a task elsewhere says of itself: (key, name, part, best score)."""
-        if isinstance(news, tuple | list) and len(news) == 4:
-            key, name, part, score = news
-            self.running(str(key), str(name), float(part), float(score))
-
-    def running(self, key: str, name: str, part: float, score: float) -> None:
-        """A task has come so far, 0 to 1."""
-        with self._gate:
-            if self._all is None or key in self._over:
-                return
-            self._parts[key] = part
-            bar = self._bar(key)
-            if bar is not None:
-                bar.set_description_str(name, refresh=False)
-                bar.set_postfix_str(f" best {score:.5f}" if score > 0.0 else "", refresh=False)
-                bar.n = part
-                bar.refresh()
-            self.tick()
+    def running(self, task: Task, part: float, score: float) -> None:
+        """A task has come so far, 0 to 1, with this best score."""
+        self._parts[task.key] = part
+        best = f": best {score:.5f}" if score > 0.0 else ""
+        self._show(f"; {task.name}{best}")
 
     def finished(self, task: Task, result: TaskResult) -> None:
         """A task is done."""
-        self._end(task.key)
+        self._end(task)
         gain = "" if result.gain is None else f", {result.gain:+.2%}"
-        self._tell(f"{task.name}: {result.score:.6f}{gain}")
+        if self._plain:
+            self._print(f"{task.name}: {result.score:.6f}{gain}")
 
     def failed(self, task: Task, reason: str) -> None:
         """A task has no result."""
-        self._end(task.key)
-        self._tell(f"{task.name}: failed: {reason}", always=True)
+        self._end(task)
+        self._print(f"{task.name}: failed: {reason}")
 
     def tick(self) -> None:
         """Show the time that has passed."""
-        with self._gate:
-            if self._all is None:
-                return
-            self._all.n = self._done + sum(self._parts.values())
-            self._all.set_description_str(self._counted(), refresh=False)
-            self._all.refresh()
+        self._show()
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """While something else is printed, the lines make room."""
-        if self._all is None:
+        """While something else is printed, the line makes room."""
+        if self._line is None:
             yield
         else:
-            with self._all.external_write_mode():
+            with self._line.external_write_mode():
                 yield
+
+    def _show(self, of_one: str | None = None) -> None:
+        if self._line is None:
+            return
+        self._line.n = self._done + sum(self._parts.values())
+        self._line.set_description_str(self._counted(), refresh=False)
+        if of_one is not None:
+            self._line.set_postfix_str(of_one, refresh=False)
+        self._line.refresh()
 
     def _counted(self) -> str:
         return f"{self.name}, {self._done} of {self.total}"
 
-    def _end(self, key: str) -> None:
-        with self._gate:
-            self._done += 1
-            self._over.add(key)
-            self._parts.pop(key, None)
-            slot = self._slots.pop(key, None)
-            if slot is not None:
-                self._bars.pop(slot).close()
-            self.tick()
+    def _end(self, task: Task) -> None:
+        self._done += 1
+        self._parts.pop(task.key, None)
+        self._show()
 
-    def _bar(self, key: str) -> Any:
-        """The line of a task; None where there are too many."""
-        from tqdm import tqdm
-
-        if key not in self._slots:
-            free = [i for i in range(1, MOST_LINES + 1) if i not in self._bars]
-            if not free:
-                return None
-            self._slots[key] = free[0]
-            self._bars[free[0]] = tqdm(
-                total=1.0, bar_format=ONE, leave=False, position=free[0], dynamic_ncols=True
-            )
-        return self._bars[self._slots[key]]
-
-    def _tell(self, text: str, *, always: bool = False) -> None:
-        if not (self._plain or always):
-            return
+    def _print(self, text: str) -> None:
         left = self.seconds_left
         rest = "" if not self._plain or left is None else f" (about {in_words(left)} left)"
         with self.aside():

@@ -1,21 +1,23 @@
-"""Run many tasks on an engine: what a study has is not run again, what comes is kept at once."""
+"""Run many tasks on an executor: what a study has is not run again, what comes is kept at once."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Protocol
+from typing import Any, Protocol
 
 from optimize.budget import Budget
-from optimize.engines import EngineLost
-from optimize.reports import say
+from optimize.executors.base import ExecutorLost, WorkersExecutor, telling_loss
+from optimize.executors.reports import say
 from optimize.task import Task, TaskResult, run_task
 from optimize.task_lines import TaskLines
 
-MOST_WAITING = 1000  # tasks handed to an engine at a time
+MOST_WAITING = 1000  # tasks handed to an executor at a time
 PAUSE = 0.5  # [s] between two reports of a running task, and two looks at the clock
 
 Told = Callable[[Task, TaskResult], None]
@@ -48,107 +50,132 @@ def run_tasks(
 ) -> list[Failure]:
     """Run the tasks, in any order, and return those that failed.
 
-    executor: who runs them; None: this process, one after the other.
-    study: keeps every result as it comes; what it has already is told first, and not run again.
-    told: called in this thread with every task and its result.
-    lines: what shows how far they are.
-    Ctrl-C is raised once nothing waits any more; what is finished has been kept and told.  Raises
-    EngineLost where the engine itself is gone, and what `study` and `told` raise.
+    Ctrl-C is raised once nothing waits any more; what is finished has been kept and told.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        Each once.
+    executor : concurrent.futures.Executor, optional
+        Who runs them; None: this process, one after the other.
+    study : Keeper, optional
+        Keeps every result as it comes; what it has already is told first, and not run again.
+    told : callable, optional
+        Called in this thread with every task and its result.
+    lines : TaskLines, optional
+        What shows how far they are.
+
+    Returns
+    -------
+    list of Failure
+        The tasks that raised an error, or took three workers along.
+
+    Raises
+    ------
+    ExecutorLost
+        Where the executor itself is gone; and what `study` and `told` raise.
     """
     lines = lines or TaskLines(len(tasks), "tasks", shown=False)
-    done = {} if study is None else study.done()
-    waiting: list[Task] = []
+    known = {} if study is None else study.done()
+    kept = [task for task in tasks if task.key in known]
+    missing = [task for task in tasks if task.key not in known]
+    failures: list[Failure] = []
     with lines:
-        for task in tasks:
-            kept = done.get(task.key)
-            if kept is None:
-                waiting.append(task)
-            elif told is not None:
-                told(task, replace(kept, labels=task.labels))
-        lines.begin(len(tasks) - len(waiting))
-
-        def keep(task: Task, result: TaskResult) -> None:
-            if study is not None:
-                study.add(result)
-            lines.finished(task, result)
-            if told is not None:
-                with lines.aside():
-                    told(task, result)
-
+        if told is not None:
+            for task in kept:
+                told(task, replace(known[task.key], labels=task.labels))
+        lines.begin(len(kept))
         if executor is None:
-            return _run_here(waiting, keep, lines)
-        return _run_there(waiting, executor, keep, lines)
+            outcomes = _outcomes_here(missing, lines)
+        else:
+            outcomes = _outcomes_there(missing, executor, lines)
+        with closing(outcomes):
+            for task, outcome in outcomes:
+                try:
+                    result = outcome()
+                except ExecutorLost:
+                    raise
+                except Exception as error:
+                    failures.append(Failure(task, _reason(error)))
+                    lines.failed(task, failures[-1].reason)
+                    continue
+                if study is not None:
+                    study.add(result)
+                lines.finished(task, result)
+                if told is not None:
+                    with lines.aside():
+                        told(task, result)
+    return failures
 
 
 def run_and_say(task: Task) -> TaskResult:
-    """`run_task` that says now and then how far it is."""
+    """`run_task` that says now and then how far it is: (key, part, best score)."""
     last = 0.0
 
     def watch(budget: Budget) -> None:
         nonlocal last
         if time.monotonic() - last > PAUSE:
             last = time.monotonic()
-            say((task.key, task.name, float(budget.part), float(budget.best_score)))
+            say((task.key, float(budget.part), float(budget.best_score)))
 
     return run_task(task, watch)
 
 
-def _run_here(tasks: list[Task], keep: Told, lines: TaskLines) -> list[Failure]:
-    failures = []
+# A task, and what returns its result or raises what it raised.
+_Outcomes = Generator[tuple[Task, Callable[[], TaskResult]], None, None]
+
+
+def _outcomes_here(tasks: list[Task], lines: TaskLines) -> _Outcomes:
+    """Each task runs when its result is asked for."""
     for task in tasks:
 
         def watch(budget: Budget, task: Task = task) -> None:
-            lines.running(task.key, task.name, budget.part, budget.best_score)
+            lines.running(task, budget.part, budget.best_score)
 
-        try:
-            result = run_task(task, watch if lines.shown else None)
-        except Exception as error:
-            failures.append(_failure(task, error, lines))
-        else:
-            keep(task, result)
-    return failures
+        yield task, partial(run_task, task, watch if lines.shown else None)
 
 
-def _run_there(
-    tasks: list[Task], executor: Executor, keep: Told, lines: TaskLines
-) -> list[Failure]:
-    failures: list[Failure] = []
-    arrived: SimpleQueue[Future[TaskResult]] = SimpleQueue()
+def _outcomes_there(tasks: list[Task], executor: Executor, lines: TaskLines) -> _Outcomes:
+    """What an executor makes of the tasks, as it comes."""
+    arrived: SimpleQueue[Any] = SimpleQueue()  # finished futures, and what running tasks say
     pending: dict[Future[TaskResult], Task] = {}
+    running: dict[str, Task] = {}
+    if lines.shown and isinstance(executor, WorkersExecutor):
+        executor.hear = arrived.put
     ahead = iter(tasks)
-    if lines.shown and hasattr(executor, "hear"):
-        executor.hear = lines.heard
     try:
         while True:
             while len(pending) < MOST_WAITING and (task := next(ahead, None)) is not None:
                 future = executor.submit(run_and_say if lines.shown else run_task, task)
-                pending[future] = task
+                pending[future], running[task.key] = task, task
                 future.add_done_callback(arrived.put)
+                del future  # Dask keeps a result for as long as its future is there
             if not pending:
-                return failures
+                return
             try:
-                future = arrived.get(timeout=PAUSE)
+                news = arrived.get(timeout=PAUSE)
             except Empty:
                 lines.tick()
                 continue
-            task = pending.pop(future)
-            try:
-                result = future.result()
-            except EngineLost:
-                raise
-            except (BrokenExecutor, CancelledError) as error:
-                raise EngineLost(f"the engine ended before its tasks: {error!r}") from None
-            except Exception as error:
-                failures.append(_failure(task, error, lines))
+            if isinstance(news, Future):
+                task = pending.pop(news)
+                del running[task.key]
+                yield task, partial(_result, news, executor)
             else:
-                keep(task, result)
+                key, part, score = news
+                if key in running:  # some of it comes late
+                    lines.running(running[key], part, score)
+            del news
     finally:
         for future in pending:
             future.cancel()
 
 
-def _failure(task: Task, error: Exception, lines: TaskLines) -> Failure:
-    reason = f"{error}" if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
-    failure = Failure(task, " ".join(reason.split()))
-    lines.failed(task, failure.reason)
-    return failure
+def _result(future: Future[TaskResult], executor: Executor) -> TaskResult:
+    with telling_loss(executor):
+        return future.result()
+
+
+def _reason(error: Exception) -> str:
+    said = f"{error}" if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+    return " ".join(said.split())

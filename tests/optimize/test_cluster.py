@@ -1,4 +1,4 @@
-"""A Dask cluster as an engine, with real processes on the loopback address, and its faults."""
+"""A Dask cluster as an executor, with real processes on the loopback address, and its faults."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ import pytest
 
 pytest.importorskip("distributed")
 
+from domino_env.support.provenance import versions
 from optimize import search
-from optimize.cluster import Cluster
-from optimize.engines import EngineLost, WorkerLost, engine
-from optimize.reports import say
+from optimize.executors import ExecutorLost, open_executor
+from optimize.executors.cluster import DaskExecutor
+from optimize.executors.reports import say
 from optimize.studies import open_store
-from optimize.task import Task, TaskResult, run_task
+from optimize.task import Task, TaskResult
 from optimize.task_runner import run_tasks
 
 ROOT = Path(__file__).parents[2]
@@ -52,9 +53,9 @@ def expected(tasks) -> dict[str, tuple]:
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Cluster]:
+def cluster() -> Iterator[DaskExecutor]:
     """Two workers on this machine."""
-    with engine(workers=2, dask="local") as cluster:
+    with open_executor(workers=2, dask="local") as cluster:
         yield cluster
 
 
@@ -80,22 +81,22 @@ def refuse(what: str) -> None:
     raise ValueError(f"no {what}")
 
 
-def test_two_workers_give_the_same_bits(tasks, expected, cluster: Cluster) -> None:
+def test_two_workers_give_the_same_bits(tasks, expected, cluster: DaskExecutor) -> None:
     assert cluster.workers == 2
     assert cluster.address.startswith("tcp://127.0.0.1:")
     assert results_of(tasks, cluster) == expected
 
 
-def test_bulk_scoring_gives_the_same_bits(scenes, cluster: Cluster, monkeypatch) -> None:
+def test_bulk_scoring_gives_the_same_bits(scenes, cluster: DaskExecutor, monkeypatch) -> None:
     alone = search(scenes["spacing"], "random", budget=1000)
-    monkeypatch.setattr("optimize.bulk.TASK", 2000)
+    monkeypatch.setattr("optimize.evaluation.bulk.TASK", 2000)
     spread = search(scenes["spacing"], "random", budget=1000, executor=cluster)
     steps = [[(n, f, s) for n, f, _, s in one.trace] for one in (spread, alone)]
     assert steps[0] == steps[1]
     assert spread.score == alone.score
 
 
-def test_workers_have_one_thread_each_and_are_heard(cluster: Cluster) -> None:
+def test_workers_have_one_thread_each_and_are_heard(cluster: DaskExecutor) -> None:
     assert cluster.submit(surroundings).result() == (1, "1")
     heard: list[object] = []
     cluster.hear = heard.append
@@ -108,41 +109,42 @@ def test_workers_have_one_thread_each_and_are_heard(cluster: Cluster) -> None:
     assert [tuple(news) for news in heard] == [("words", 1)]
 
 
-def test_an_error_of_a_task_is_the_tasks_alone(cluster: Cluster) -> None:
+def test_an_error_of_a_task_is_the_tasks_alone(cluster: DaskExecutor) -> None:
     with pytest.raises(ValueError, match="no luck"):
         cluster.submit(refuse, "luck").result()
 
 
 def test_a_worker_killed_in_the_middle_changes_nothing(
-    tasks, expected, cluster: Cluster, tmp_path: Path
+    tasks, expected, cluster: DaskExecutor, tmp_path: Path
 ) -> None:
     mark = cluster.submit(kill_once, str(tmp_path / "mark"))
     assert results_of(tasks, cluster) == expected
     assert mark.result() == "done"
 
 
-def test_a_task_that_kills_its_workers_fails_and_the_others_do_not(cluster: Cluster) -> None:
+def test_a_task_that_kills_its_workers_fails_and_the_others_do_not(cluster: DaskExecutor) -> None:
     bad, good = cluster.submit(kill_worker), cluster.submit(os.getpid)
-    with pytest.raises(WorkerLost, match="its worker died 3 times"):
+    with pytest.raises(Exception, match="on 3 different workers, but all those workers died"):
         bad.result()
     assert good.result() > 0
 
 
-def tasks_known(dask_scheduler) -> int:
-    return len(dask_scheduler.tasks)
+def tasks_in_memory(dask_scheduler) -> int:
+    return sum(task.state == "memory" for task in dask_scheduler.tasks.values())
 
 
-def test_what_is_known_here_is_kept_by_no_worker(cluster: Cluster) -> None:
+def test_what_is_known_here_is_kept_by_no_worker(cluster: DaskExecutor) -> None:
     """A result that a worker still keeps is computed again when that worker dies."""
+    before = cluster._client.run_on_scheduler(tasks_in_memory)
     assert [cluster.submit(abs, -n).result() for n in range(20)] == list(range(20))
     for _ in range(100):
-        if (known := cluster._client.run_on_scheduler(tasks_known)) == 0:
+        if (kept := cluster._client.run_on_scheduler(tasks_in_memory)) <= before:
             break
         time.sleep(0.05)
-    assert known == 0
+    assert kept <= before
 
 
-def test_a_worker_that_dies_for_good_is_replaced(cluster: Cluster) -> None:
+def test_a_worker_that_dies_for_good_is_replaced(cluster: DaskExecutor) -> None:
     """As happens to one that is killed while it starts: its nanny gives up."""
     local = cluster._local
     assert local is not None
@@ -155,11 +157,14 @@ def test_a_worker_that_dies_for_good_is_replaced(cluster: Cluster) -> None:
     assert cluster.workers == 2
 
 
-def test_workers_that_do_not_come_back_are_not_waited_for(cluster: Cluster, monkeypatch) -> None:
-    monkeypatch.setattr("optimize.cluster.ABANDONED", 0.0)
-    monkeypatch.setattr(cluster._client, "nthreads", dict)
-    with pytest.raises(EngineLost, match="has no workers any more"):
-        cluster.submit(time.sleep, 6.0).result()
+def test_workers_that_do_not_come_back_are_not_waited_for(
+    cluster: DaskExecutor, monkeypatch
+) -> None:
+    with DaskExecutor(cluster.address) as second:
+        second._patience = 0.0
+        monkeypatch.setattr(second._client, "nthreads", dict)
+        with pytest.raises(ExecutorLost, match="has no workers any more"):
+            second.submit(time.sleep, 6.0).result()
 
 
 # a scheduler and a worker of their own ----------------------------------------------------------
@@ -182,7 +187,7 @@ def started(*words: str) -> Iterator[subprocess.Popen[bytes]]:
 def test_a_scheduler_killed_loses_nothing_that_is_done(
     tasks, expected, tmp_path: Path, monkeypatch
 ) -> None:
-    monkeypatch.setattr("optimize.cluster.FIRST_WORKER", 60.0)
+    monkeypatch.setattr("optimize.executors.cluster.FIRST_WORKER", 60.0)
     file = tmp_path / "scheduler.json"
     more = [Task(t.scene, t.method, seed, 1000) for t in tasks[:1] for seed in range(20)]
     study = open_store(tmp_path / "studies.sqlite").begin("mine", "sweep", {})
@@ -206,10 +211,10 @@ def test_a_scheduler_killed_loses_nothing_that_is_done(
                 scheduler.kill()
 
         with pytest.raises(ValueError, match="its workers are its own"):
-            Cluster(address, workers=2)
+            DaskExecutor(address, workers=2)
         with (
-            pytest.raises(EngineLost, match=f"the Dask scheduler at {address} is gone"),
-            engine(dask=address) as cluster,
+            pytest.raises(ExecutorLost, match=f"the Dask scheduler at {address} is gone"),
+            open_executor(dask=address) as cluster,
         ):
             run_tasks([*tasks, *more], cluster, study, kill_after_three)
     kept = study.done()
@@ -219,32 +224,35 @@ def test_a_scheduler_killed_loses_nothing_that_is_done(
     assert results_of(tasks, None, study) == expected  # what is missing, and only that
     assert {key: bits(result) for key, result in study.done().items()} == expected
     # and nobody answers there any more
-    monkeypatch.setattr("optimize.cluster.ANSWER", 0.5)
-    with pytest.raises(EngineLost, match=f"no Dask scheduler answers at {address}"):
-        Cluster(address)
+    monkeypatch.setattr("optimize.executors.cluster.ANSWER", 0.5)
+    with pytest.raises(ExecutorLost, match=f"no Dask scheduler answers at {address}"):
+        DaskExecutor(address)
 
 
 @pytest.mark.parametrize("address", ["nonsense", "tcp://", "localhost", "tcp://a b:1"])
 def test_an_address_that_is_none(address: str) -> None:
     with pytest.raises(ValueError, match=f"--dask {address}: give the address of a scheduler"):
-        Cluster(address)
+        DaskExecutor(address)
 
 
 def test_without_the_extra_it_says_what_installs_it(monkeypatch) -> None:
-    monkeypatch.setattr("optimize.engines.find_spec", lambda name: None)
+    monkeypatch.setattr("optimize.executors.choice.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r'pip install "domino-chains\[dist\]"'):
-        Cluster("local")
+        DaskExecutor("local")
 
 
-def test_workers_with_other_versions_are_refused(cluster: Cluster, monkeypatch) -> None:
-    ours = run_task.__globals__["versions"]()
-    monkeypatch.setattr("optimize.runs.versions", lambda: {**ours, "numba": "0.1"})
+def test_workers_with_other_versions_are_refused(cluster: DaskExecutor, monkeypatch) -> None:
+    ours = versions()
+    monkeypatch.setattr("optimize.executors.cluster.versions", lambda: {**ours, "numba": "0.1"})
     monkeypatch.setattr(
-        cluster._client, "run", lambda call, on_error: {"tcp://worker": {**ours, "numba": "0.2"}}
+        cluster._client, "run", lambda call: {"tcp://worker": {**ours, "numba": "0.2"}}
     )
     with pytest.raises(ValueError, match=r"tcp://worker has numba 0\.2, and here it is 0\.1"):
         cluster._require_same_versions()
-    lacking = ModuleNotFoundError("none", name="optimize")
-    monkeypatch.setattr(cluster._client, "run", lambda call, on_error: {"tcp://worker": lacking})
+
+    def lacking(call: object) -> None:
+        raise ModuleNotFoundError("none", name="optimize")
+
+    monkeypatch.setattr(cluster._client, "run", lacking)
     with pytest.raises(ValueError, match="cannot import optimize: install domino-chains there"):
         cluster._require_same_versions()

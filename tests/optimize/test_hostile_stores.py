@@ -14,8 +14,8 @@ from hostile import entered, mutated
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from domino_env.support.provenance import versions
 from optimize.journal import Journal, _packed
-from optimize.runs import versions
 
 FUZZ = settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "60")), derandomize=True)
 if "FUZZ_EXAMPLES" in os.environ:

@@ -213,7 +213,7 @@ def test_seconds_go_on_from_where_they_were(problems, tmp_path: Path) -> None:
 def test_an_executor_changes_nothing(problems, tmp_path: Path, monkeypatch) -> None:
     words = (problems["both"], "random", 60_000, 1)
     whole = search(*words)
-    monkeypatch.setattr("optimize.bulk.TASK", 6_000)
+    monkeypatch.setattr("optimize.evaluation.bulk.TASK", 6_000)
     with ThreadPoolExecutor(2) as pool:
         cut = search(*words, folder=tmp_path, executor=pool, watch=stopped_after(100))
         assert cut.evaluations < 60_000

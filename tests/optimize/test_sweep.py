@@ -271,12 +271,12 @@ def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
     assert "2 of them done before" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("engine", [("--workers", "0"), ("--dask", "nowhere")])
-def test_an_engine_that_cannot_be_leaves_no_study_behind(here: Path, engine: tuple) -> None:
-    if "--dask" in engine:
+@pytest.mark.parametrize("words", [("--workers", "0"), ("--dask", "nowhere")])
+def test_an_executor_that_cannot_be_leaves_no_study_behind(here: Path, words: tuple) -> None:
+    if "--dask" in words:
         pytest.importorskip("distributed")
     with pytest.raises(ValueError, match=r"give 1 to|give the address of a scheduler"):
-        run_command(*WORDS, *engine)
+        run_command(*WORDS, *words)
     assert not (here / "runs").exists()
 
 
@@ -388,7 +388,7 @@ def test_lines_on_a_terminal(scenes, monkeypatch) -> None:
     sweep(scenes["spacing"], axes, ["random"], evaluations=4000, lines=lines)
     assert "mine, 0 of 2" in screen.text
     assert "mine, 2 of 2" in screen.text
-    assert "physics.push = 8.0, random, seed 0" in screen.text  # a line for the search that runs
+    assert "physics.push = 8.0, random, seed 0" in screen.text  # the search that runs
     assert " left" in screen.text
 
 

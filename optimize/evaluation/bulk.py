@@ -5,10 +5,10 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from concurrent.futures import Executor
 from functools import lru_cache
 
-from optimize.engines import EngineLost
+from optimize.executors.base import telling_loss
 from optimize.problem import Floats, Problem
 
 # Dominoes in a task: some 0.1 s of one core; sending takes some 1 ms to a pool, 10 ms with Dask.
@@ -36,7 +36,7 @@ def scores_elsewhere(
     """The scores of each piece of designs of all tasks, in order; `problem` counts none of them.
 
     Every piece is scored as a whole, as `problem` itself would do it, so that no bit depends on who
-    does it.  EngineLost where the executor is gone.
+    does it.  ExecutorLost where the executor is gone.
     """
     blank = copy.copy(problem)
     blank.journal = None
@@ -45,9 +45,9 @@ def scores_elsewhere(
     futures = [executor.submit(score_pieces, words, task, rtol) for task in tasks]
     try:
         for future in futures:
-            yield from future.result()
-    except (BrokenExecutor, CancelledError) as error:
-        raise EngineLost(f"the engine ended before its tasks: {error!r}") from None
+            with telling_loss(executor):
+                parts = future.result()
+            yield from parts
     finally:
         for future in futures:
             future.cancel()

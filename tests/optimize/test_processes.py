@@ -1,4 +1,4 @@
-"""Engines of this machine: the same bits from all of them, and what becomes of workers that die."""
+"""Processes as an executor: the same bits as from one, and what becomes of workers that die."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import signal
 import time
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from contextlib import suppress
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +16,11 @@ import pytest
 
 from optimize import search
 from optimize.comparison import compare
-from optimize.engines import EngineLost, WorkerLost, engine
-from optimize.reports import say
+from optimize.executors import ExecutorLost, WorkerLost, open_executor
+from optimize.executors.processes import ProcessExecutor
+from optimize.executors.reports import say
 from optimize.task import Task, TaskResult, run_task
 from optimize.task_runner import run_tasks
-from optimize.worker_pool import WorkerPool
 
 
 class Shuffled(Executor):
@@ -83,7 +83,7 @@ def expected(tasks) -> list[tuple]:
 
 @pytest.fixture(scope="module")
 def pool():
-    with WorkerPool(2) as pool:
+    with ProcessExecutor(2) as pool:
         yield pool
 
 
@@ -112,6 +112,22 @@ def refuse(what: str) -> None:
     raise ValueError(f"no {what}")
 
 
+def unsendable() -> object:
+    return lambda: None
+
+
+class Unsendable(Exception):  # noqa: N818
+    """Holds what no other process can have."""
+
+    def __init__(self) -> None:
+        super().__init__("held")
+        self.held = lambda: None
+
+
+def raise_unsendable() -> None:
+    raise Unsendable
+
+
 def surroundings() -> tuple[int, str | None]:
     import numba
 
@@ -126,7 +142,7 @@ def test_a_pool_of_two_gives_the_same_bits(tasks, expected, pool) -> None:
 
 
 def test_a_pool_of_one_gives_the_same_bits(tasks, expected) -> None:
-    with engine(workers=1) as executor:
+    with open_executor(workers=1) as executor:
         assert [bits(r) for r in results_of(tasks[::3], executor)] == expected[::3]
 
 
@@ -150,12 +166,12 @@ def test_what_a_study_has_is_not_run_again(tasks, expected, monkeypatch) -> None
 @pytest.mark.parametrize("kind", ["spacing", "both"])
 def test_bulk_scoring_gives_the_same_bits(scenes, kind: str, pool, monkeypatch) -> None:
     monkeypatch.setattr("optimize.budget.PIECE", 200)  # so that little work is many pieces
-    monkeypatch.setattr("optimize.bulk.TASK", 300)
+    monkeypatch.setattr("optimize.evaluation.bulk.TASK", 300)
     alone = search(scenes[kind], "random", budget=2013)
     sent = []
-    counted = WorkerPool.submit
+    counted = ProcessExecutor.submit
     monkeypatch.setattr(
-        WorkerPool, "submit", lambda self, *words: sent.append(words) or counted(self, *words)
+        ProcessExecutor, "submit", lambda self, *words: sent.append(words) or counted(self, *words)
     )
     for executor in (pool, Shuffled(3, 1)):
         spread = search(scenes[kind], "random", budget=2013, executor=executor)
@@ -208,13 +224,13 @@ def test_a_worker_killed_in_the_middle_of_searches_changes_nothing(tasks, expect
     def told(task: Task, result: TaskResult) -> None:
         found[task.key] = bits(result)
         if not killed:
-            killed.extend(pool.pids()[:1])
+            killed.append(active_children()[0].pid)
             os.kill(killed[0], signal.SIGKILL)
 
     assert run_tasks(tasks, pool, None, told) == []
     assert [found[task.key] for task in tasks] == expected
     assert killed
-    assert killed[0] not in pool.pids()
+    assert killed[0] not in [child.pid for child in active_children()]
 
 
 def test_a_task_that_kills_its_workers_fails_and_the_others_do_not(pool) -> None:
@@ -236,6 +252,15 @@ def test_an_error_of_a_task_is_the_tasks_alone(scenes, tasks, pool) -> None:
     assert failures[0].reason == "budget = 0: give at least one evaluation"
 
 
+def test_what_cannot_be_sent_back_is_an_error_and_costs_no_worker(pool) -> None:
+    workers = {child.pid for child in active_children()}
+    with pytest.raises(Exception, match="pickle"):
+        pool.submit(unsendable).result()
+    with pytest.raises(RuntimeError, match="Unsendable: held"):
+        pool.submit(raise_unsendable).result()
+    assert workers <= {child.pid for child in active_children()}
+
+
 def test_what_a_task_says_is_heard(pool) -> None:
     heard: list[object] = []
     pool.hear = heard.append
@@ -246,20 +271,20 @@ def test_what_a_task_says_is_heard(pool) -> None:
 
 def test_a_context_that_ends_by_an_exception_ends_its_workers(tmp_path: Path) -> None:
     began = time.monotonic()
-    with suppress(KeyError), engine(workers=1) as executor:
+    with suppress(KeyError), open_executor(workers=1) as executor:
         running = executor.submit(linger, tmp_path / "pid", 60.0)
         waiting = executor.submit(os.getpid)
         while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
             time.sleep(0.01)
         raise KeyError
     assert time.monotonic() - began < 30.0
-    with pytest.raises(EngineLost, match="the pool was ended"):
+    with pytest.raises(ExecutorLost, match="the executor was ended"):
         running.result()
     with pytest.raises(CancelledError):
         waiting.result()
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
-    with pytest.raises(RuntimeError, match="closed"):
+    with pytest.raises(RuntimeError, match="after shutdown"):
         executor.submit(os.getpid)
 
 
@@ -279,7 +304,7 @@ def test_an_executor_that_breaks_is_told_and_what_is_done_stays(tasks, expected)
     study = Memory()
     with (
         Fragile(1, mp_context=get_context("spawn")) as executor,
-        pytest.raises(EngineLost, match="the engine ended before its tasks"),
+        pytest.raises(ExecutorLost, match="the executor ended before its tasks"),
     ):
         run_tasks(tasks, executor, study)
     assert [bits(r) for r in study.kept.values()] == expected[: len(study.kept)]
@@ -289,5 +314,5 @@ def test_an_executor_that_breaks_is_told_and_what_is_done_stays(tasks, expected)
 
 @pytest.mark.parametrize("workers", [0, -1, 5000])
 def test_a_number_of_workers_that_makes_no_sense(workers: int) -> None:
-    with pytest.raises(ValueError, match=f"--workers {workers}: give 1 to"), engine(workers):
+    with pytest.raises(ValueError, match=f"--workers {workers}: give 1 to"), open_executor(workers):
         pass

@@ -8,11 +8,10 @@ from contextlib import suppress
 
 TOPIC = "domino"  # of events in a Dask cluster
 
-Hear = Callable[[object], None]
-_ears: list[Hear] = []  # of this process
+_ears: list[Callable[[object], None]] = []  # of this process
 
 
-def listen(hear: Hear) -> None:
+def listen(hear: Callable[[object], None]) -> None:
     """From now on, pass what the tasks of this process say to `hear`."""
     _ears[:] = [hear]
 

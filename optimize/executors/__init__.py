@@ -1,0 +1,13 @@
+"""Who does the work of many tasks: a `concurrent.futures.Executor` each.
+
+None               this process, one task after the other, rows of a batch shared among its threads
+ProcessExecutor    processes of this machine
+DaskExecutor       Dask workers, of this machine or many
+
+Results are the same to the bit whoever works: a task carries all that decides them.
+"""
+
+from optimize.executors.base import ExecutorLost, WorkerLost
+from optimize.executors.choice import open_executor
+
+__all__ = ["ExecutorLost", "WorkerLost", "open_executor"]
