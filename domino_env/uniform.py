@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.distinct import distinct_rows
 from domino_env.rules import ON_LIST, nearest_of
+from domino_env.support.distinct import distinct_rows
 
 if TYPE_CHECKING:
     from domino_env.layout import Layout

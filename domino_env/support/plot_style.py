@@ -119,13 +119,13 @@ def escaped(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def png(figure: Figure, dpi: int = 140) -> bytes:
+def png(figure: Figure) -> bytes:
     """The figure as a PNG file; the same figure gives the same bytes."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=140, metadata={"Software": None})
     return buffer.getvalue()
 
 
-def write_png(figure: Figure, path: Path, dpi: int = 140) -> None:
+def write_png(figure: Figure, path: Path) -> None:
     """Write the figure whole."""
-    write_bytes(path, lambda file: file.write(png(figure, dpi)))
+    write_bytes(path, lambda file: file.write(png(figure)))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from domino_env.distinct import distinct_rows
+from domino_env.support.distinct import distinct_rows
 from optimize.ascent import Ascent, climb
 from optimize.budget import Budget
 from optimize.problem import Floats, Problem

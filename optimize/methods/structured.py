@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from domino_env.distinct import distinct_rows
+from domino_env.support.distinct import distinct_rows
 from optimize.ascent import Refined, climb
 from optimize.budget import Budget
 from optimize.methods import assignment
