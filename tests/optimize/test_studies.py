@@ -158,6 +158,22 @@ def test_version_0_1_0_can_read_what_is_written_now(old: Path, tmp_path: Path) -
     assert schema_of(tmp_path / "a.sqlite") == schema_of(old)
 
 
+def test_a_server_gets_the_same_tables() -> None:
+    """As PostgreSQL says them; no server is asked."""
+    from sqlalchemy.dialects import postgresql
+    from sqlalchemy.schema import CreateTable
+
+    from optimize.studies.models import Base
+
+    tables = Base.metadata.tables.values()
+    said = {t.name: str(CreateTable(t).compile(dialect=postgresql.dialect())) for t in tables}
+    assert "number BIGSERIAL NOT NULL" in said["results"]
+    assert "score DOUBLE PRECISION NOT NULL" in said["results"]
+    assert "gain DOUBLE PRECISION, " in said["results"]
+    assert "spacing TEXT NOT NULL" in said["results"]
+    assert "settings TEXT NOT NULL" in said["studies"]
+
+
 # several processes ------------------------------------------------------------------------------
 
 
