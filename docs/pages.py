@@ -16,6 +16,7 @@ import numpy as np
 import domino_env as de
 from domino_env.look.verified import known_verification, markdown, read_verified
 from domino_env.motion import Motion, outlines
+from domino_env.scenes.schema import scene_schema
 from domino_env.support.tables import markdown_table
 from optimize.best_known import BestKnown, best_known
 from optimize.methods import METHODS, PEERS
@@ -81,7 +82,23 @@ def scenes_page(records: dict[str, BestKnown]) -> str:
         uniform = scene.in_words(mark.score, mark.wave)
         rows.append((f"[`{name}`]({name}.md)", scene.title, uniform, best))
     lines += markdown_table(("scene", "what", "best uniform row", "best row known"), rows)
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, "", "## What a scene's file holds", "", *keys()]) + "\n"
+
+
+def keys() -> list[str]:
+    """The keys of a scene's file, from its schema."""
+    schema = scene_schema()
+    rows = []
+    for table, told in schema["properties"].items():
+        inside = schema["$defs"].get(told.get("$ref", "").rpartition("/")[2])
+        fields = inside["properties"] if inside else {table: told}
+        for key, field in fields.items():
+            default = field.get("default")
+            shown = "" if default is None else f"`{default}`"
+            where = f"[{table}]" if inside else ""
+            choice = ": " + ", ".join(field["enum"]) if len(field.get("enum", ())) > 1 else ""
+            rows.append((where, f"`{key}`", field["description"] + choice, shown))
+    return list(markdown_table(("table", "key", "what it is", "default"), rows))
 
 
 def scene_page(name: str, record: BestKnown | None) -> str:
