@@ -31,6 +31,7 @@ from optimize.task import TaskResult
 SCHEMA = 1
 
 Floats = NDArray[np.float64]
+Named = dict[str, Any]
 Labels = tuple[tuple[str, float | int | str], ...]
 Trace = list[tuple[int, int, float, float]]
 
@@ -135,7 +136,7 @@ class Base(DeclarativeBase):
         Floats: SizesColumn,
         Labels: LabelsColumn,
         Trace: TraceColumn,
-        dict[str, Any]: ObjectColumn,
+        Named: ObjectColumn,
     }
 
 
@@ -152,7 +153,7 @@ class Study(Base):
     number: Mapped[int] = mapped_column(Number, primary_key=True)
     name: Mapped[str] = mapped_column(unique=True)
     kind: Mapped[str]
-    settings: Mapped[dict[str, Any]]
+    settings: Mapped[Named]
     begun: Mapped[str]
 
 
@@ -191,7 +192,7 @@ class Result(Base):
     falls: Mapped[int]
     seconds: Mapped[float]
     trace: Mapped[Trace]
-    versions: Mapped[dict[str, Any]]
+    versions: Mapped[Named]
 
 
 _SHARED = [field.name for field in fields(TaskResult) if field.name != "scene"]
