@@ -135,10 +135,11 @@ def _inside(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
 
 def _wanted(type_: Any) -> str:
     """What a type allows, as an instruction."""
+    while isinstance(type_, inspect.Metadata):
+        type_ = type_.type
     if isinstance(type_, inspect.UnionType):
         kinds = [t for t in type_.types if not isinstance(t, inspect.NoneType)]
         return " or ".join(dict.fromkeys(_wanted(t) for t in kinds)).replace(" or give", " or")
-    type_, _ = _plain(type_)
     if isinstance(type_, inspect.LiteralType):
         return f"choose {', '.join(map(str, type_.values))}"
     if isinstance(type_, inspect.IntType):
