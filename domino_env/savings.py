@@ -16,7 +16,7 @@ import numpy as np
 from domino_env.forces import diagnose
 from domino_env.layout import Layout
 from domino_env.physics import Physics
-from domino_env.support.tables import csv_table
+from domino_env.support.tables import csv_table, text_table
 from domino_env.wave import simulate, simulate_batch
 
 Task = Callable[[], object]
@@ -111,14 +111,15 @@ def _pairs() -> Iterator[tuple[str, str, Task, Task]]:
         )
 
 
-def as_table(savings: Iterable[Saving]) -> Iterator[str]:
+def as_table(savings: Iterable[Saving]) -> list[str]:
     """Lines to print."""
-    yield f"{'left out':30}{'row':36}{'with':>12}{'without':>12}{'times faster':>14}"
-    what = ""
+    names = ("left out", "row", "with", "without", "times faster")
+    rows, what = [], ""
     for s in savings:
-        head = s.what if s.what != what else ""
+        times = f"{s.full * 1e3:.4f} ms", f"{s.lean * 1e3:.4f} ms", f"{s.ratio:.2f}"
+        rows.append((s.what if s.what != what else "", s.row, *times))
         what = s.what
-        yield (f"{head:30}{s.row:36}{s.full * 1e3:9.4f} ms{s.lean * 1e3:9.4f} ms{s.ratio:14.2f}")
+    return text_table(names, rows, right=names[2:])
 
 
 def as_csv(savings: Iterable[Saving]) -> str:

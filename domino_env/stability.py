@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 
@@ -14,7 +14,7 @@ from domino_env.accuracy import error_of
 from domino_env.extremes import Extreme, extremes
 from domino_env.layout import Layout
 from domino_env.physics import Physics
-from domino_env.support.tables import csv_table
+from domino_env.support.tables import csv_table, text_table
 from domino_env.wave import TIGHTEST, Outcome, Wave, simulate
 
 Progress = Callable[[str], object]
@@ -164,22 +164,22 @@ def stability(quick: bool = False, progress: Progress | None = None) -> Iterator
     yield from similar_rows()
 
 
-def as_table(verdicts: Iterable[Verdict]) -> Iterator[str]:
+def as_table(verdicts: Sequence[Verdict]) -> Iterator[str]:
     """Lines to print: a line a row, complaints below it."""
-    yield (
-        f"{'':22}{'':48}{'outcome':>16}  {'true error':>10}  {'estimate':>9}  {'conv.':5}  "
-        f"{'time':>9}  against"
-    )
-    group = ""
+    names = ("", "row", "outcome", "true error", "estimate", "converged", "time", "against")
+    rows, group = [], ""
     for v in verdicts:
-        head = v.group if v.group != group else ""
+        rows.append((
+            v.group if v.group != group else "", v.name, v.outcome, f"{v.error:.1e}",
+            f"{v.estimate:.1e}", "yes" if v.converged else "no", f"{v.seconds * 1e3:.2f} ms",
+            v.against,
+        ))  # fmt: skip
         group = v.group
-        yield (
-            f"{head:22}{v.name:48}{v.outcome:>16}  {v.error:10.1e}  {v.estimate:9.1e}  "
-            f"{'yes' if v.converged else 'no':5}  {v.seconds * 1e3:6.2f} ms  {v.against}"
-        )
-        for complaint in v.complaints:
-            yield f"{'':22}!! {complaint}"
+    head, *lines = text_table(names, rows, right=("true error", "estimate", "time"))
+    yield head
+    for line, v in zip(lines, verdicts, strict=True):
+        yield line
+        yield from (f"  !! {complaint}" for complaint in v.complaints)
 
 
 def as_csv(verdicts: Iterable[Verdict]) -> str:
