@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from domino_env.scene import Scene, scene_names
+from domino_env.scenes.clashes import first_clash
 from domino_env.scenes.tables import Bounds, SceneFile, Values, steps
 from domino_env.support.models import model_of
 from domino_env.support.reading import naming, one_line, read_bytes, refuse
@@ -69,6 +70,9 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
     """A scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
     with naming(file):
         asked = model_of(SceneFile, {"name": name} | document)
+        clash = first_clash(asked)
+        if clash is not None:
+            raise ValueError(clash)
         spacing, spacing_values = asked.spacing.allowed()
         thickness, thickness_values = asked.thickness_allowed()
         return Scene(

@@ -1,4 +1,4 @@
-"""The tables of a scene's file: their keys, units, ranges, and what they owe each other.
+"""The tables of a scene's file: keys, units, ranges, and what the keys of a table owe each other.
 
 Said once, here: `domino_env.scenes.files` reads scenes by them, and editors check them by the
 schema that `domino_env.scenes.schema` makes of them.
@@ -7,7 +7,6 @@ schema that `domino_env.scenes.schema` makes of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -27,8 +26,6 @@ Values = tuple[float, ...]
 MOST_DOMINOES = 100_000  # the best uniform row takes some 3 ms a domino
 MOST_KINDS = 1_000  # of dominoes in a stock
 MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the best uniform row
-MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
-TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
 ALIKE = 1e-8  # [m] values closer than this are the same
 
 # begins with a letter or a digit of any language; what paths and shells give a meaning is left out
@@ -265,10 +262,6 @@ class SceneFile(Table, kw_only=True):
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
 
-    def __post_init__(self) -> None:
-        for sentence in self._clashes():
-            raise ValueError(sentence)
-
     @property
     def in_heights(self) -> bool:
         """Whether gaps and thicknesses count in heights."""
@@ -299,129 +292,6 @@ class SceneFile(Table, kw_only=True):
         rest = self.stock.stock().without(self.first_thickness()).dominoes
         values = tuple(sorted({float(d) for d in rest}))
         return (values[0], values[-1]), values
-
-    # what the tables owe each other; a sentence for each thing that clashes ----------------------
-
-    def _clashes(self) -> Iterator[str]:
-        if self.thickness is None and self.stock is None:
-            keys = ", ".join(ThicknessTable.__struct_fields__)
-            yield f"thickness is missing: give a table of {keys}"
-        if self.thickness is not None and self.stock is not None:
-            yield "[thickness] stands beside [stock]: give one or the other"
-        yield from self._clashes_of_heights()
-        yield from self._clashes_of_objective()
-        yield from self._clashes_of_first()
-        yield from self._too_many()
-        yield from self._clashes_of_length()
-
-    def _clashes_of_heights(self) -> Iterator[str]:
-        thick = self.thickness is not None and self.thickness.of is not None
-        if self.in_heights != thick and self.thickness is not None:
-            here, there = ("spacing", "thickness") if self.in_heights else ("thickness", "spacing")
-            yield f'{here}.of = "height" but {there} is in metres: give both in heights'
-        if self.growth is not None and not self.in_heights:
-            yield '[growth] needs spacing and thickness in heights: write of = "height" in both'
-        if not self.in_heights:
-            return
-        metres = {
-            "row.length": self.row.length,
-            "spacing.step or values": self.spacing.allowed()[1],
-            "thickness.step or values": self.thickness and self.thickness.allowed()[1],
-            "[stock]": self.stock,
-            "spacing.largest_change": self.spacing.largest_change,
-        }
-        for name, value in metres.items():
-            if value is not None:
-                yield f'{name} is in metres: not with of = "height"'
-
-    def _clashes_of_objective(self) -> Iterator[str]:
-        for objective in ("tempo", "robust"):
-            there = getattr(self, objective) is not None
-            if (self.objective == objective) != there:
-                what = "stands there" if there else "is missing"
-                yield (
-                    f"the table [{objective}] {what} and objective = {self.objective!r}: "
-                    f"[{objective}] and objective = {objective!r} go together"
-                )
-        if self.objective == "time" and self.row.length is None:
-            yield "row.length is missing: objective = 'time' needs a course"
-        if self.objective == "magnify" and self.growth is None:
-            yield "the table [growth] is missing: objective = 'magnify' needs free heights"
-        if self.objective == "toppled" and self.limits is not None:
-            yield "[limits] judge waves that run through: not with objective = 'toppled'"
-        if self.tempo is not None:
-            try:
-                self.tempo.tempo().schedule(self.row.count)
-            except ValueError as error:
-                yield f"tempo.{error}"
-
-    def _clashes_of_first(self) -> Iterator[str]:
-        """Of domino 0, its height, and those that may follow it."""
-        row = self.row
-        if row.first_thickness is None:
-            low, high = self.thickness.allowed()[0] if self.thickness else (0.0, 1.0)
-            if low < high:
-                yield (
-                    "row.first_thickness is missing: give the thickness of domino 0 [m], as that "
-                    "of the others is free"
-                )
-        if self.stock is not None:
-            box = self.stock.stock()
-            if sum(box.count) < row.count:
-                yield (
-                    f"stock.count adds up to {sum(box.count)} dominoes: row.count = {row.count} "
-                    "needs as many"
-                )
-            try:
-                box.without(self.first_thickness())
-            except ValueError as error:
-                yield f"row.first_thickness = {row.first_thickness}: {error}"
-        if self.growth is not None:
-            tallest = math.log(row.height) + (row.count - 1) * math.log(self.growth.max)
-            if tallest > math.log(TALLEST):
-                yield (
-                    f"growth.max = {self.growth.max}: {row.count} dominoes could grow to "
-                    f"10^{tallest / math.log(10.0):.0f} m; let them grow less, or ask for fewer"
-                )
-
-    def _too_many(self) -> Iterator[str]:
-        count = self.row.count
-        if self.robust is not None and count * self.robust.draws > MOST_DRAWN:
-            yield (
-                f"robust.draws = {self.robust.draws} of {count} dominoes are "
-                f"{count * self.robust.draws:,}: draw at most {MOST_DRAWN // count} rows"
-            )
-        listed = len(self.spacing.allowed()[1] or "1") * len(self.thickness_allowed()[1] or "1")
-        if listed > MOST_PAIRS:
-            yield (
-                f"spacing and thickness have {listed:,} pairs of listed values, and each is tried "
-                f"for the best uniform row: list at most {MOST_PAIRS:,}"
-            )
-
-    def _clashes_of_length(self) -> Iterator[str]:
-        """Whether any row within the bounds meets it; lists and steps: `optimize.feasible`."""
-        length, count = self.row.length, self.row.count
-        if length is None:
-            return
-        pairs = count - 1
-        (low, high), _ = self.spacing.allowed()
-        if self.stock is None:
-            (thin, thick), _ = self.thickness_allowed()
-            least, most = pairs * (low + thin), pairs * (high + thick)
-        else:
-            box = self.stock.stock()
-            if sum(box.count) != count:
-                yield (
-                    f"stock.count adds up to {sum(box.count)}: with row.length, give exactly "
-                    f"row.count = {count}"
-                )
-            bodies = float(box.without(self.first_thickness()).dominoes.sum())
-            least, most = pairs * low + bodies, pairs * high + bodies
-        if not least - 1e-12 <= length <= most + 1e-12:
-            yield (
-                f"row.length = {length} m cannot be met: {count} dominoes within the bounds cover "
-                f"{least:.6g} to {most:.6g} m"
-            )
 
 
 def steps(low: float, high: float, step: float) -> Values:
