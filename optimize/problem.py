@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,9 @@ from domino_env.scene import Scene
 from domino_env.wave import Outcome, simulate
 from optimize.allowed import Allowed
 from optimize.feasible import require_feasible
-from optimize.journal import Journal
+
+if TYPE_CHECKING:
+    from optimize.evaluation.journal import Journal
 
 Floats = NDArray[np.float64]
 

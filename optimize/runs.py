@@ -6,7 +6,8 @@ trace.csv      evaluations, simulated falls, seconds, best score and steepest sl
                method asks for gradients) at every improvement
 summary.json   what came out, SI units
 result.png     the picture
-journal.bin    what the search was told, so that it can go on; see `optimize.journal`
+journal.sqlite what the search was told, so that it can go on; see
+               `optimize.evaluation.journal`
 """
 
 from __future__ import annotations
@@ -27,17 +28,18 @@ from domino_env.scene import Scene
 from domino_env.support.provenance import versions
 from domino_env.support.tables import write_csv
 from optimize.budget import Budget, Step
-from optimize.journal import Journal
+from optimize.evaluation.journal import Journal
 from optimize.result import SearchResult
 
 PAUSE = 2.0  # [s] between two savings of the best so far
 SUMMARY = "summary.json"
 FILES = ("scene.toml", "layout.csv", "layout.json", "trace.csv", SUMMARY, "result.png")
-JOURNAL = "journal.bin"
+JOURNAL = "journal.sqlite"
+OLD_JOURNAL = "journal.bin"  # of version 0.1.0
 JOURNAL_KEPT = 128 * 2**20  # [bytes]; a larger one goes when its search has finished
 STAGE = ".new-"  # how the folder begins in which files wait for each other
 # what other commands make of a run, and would be stale beside the next one
-DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav")
+DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav", OLD_JOURNAL)
 
 
 class RunFolder:
@@ -68,6 +70,11 @@ class RunFolder:
             _require_a_run(path)
         require_room(path)
         where = path / JOURNAL
+        if resume and (path / OLD_JOURNAL).exists() and not where.exists():
+            raise ValueError(
+                f"{path / OLD_JOURNAL} was written by version 0.1.0, and only that can go on with "
+                "its search: begin anew, without --resume"
+            )
         self.journal = Journal(where, scene, method, seed, versions(), resume=resume)
 
     def save(self, budget: Budget) -> None:
@@ -163,9 +170,11 @@ class RunFolder:
 def _require_a_run(path: Path) -> None:
     """Refuse a folder whose files are not all those of an earlier run."""
     names = sorted(f.name for f in path.iterdir() if not f.name.startswith("."))
-    others = [name for name in names if name not in (*FILES, *DERIVED, JOURNAL)]
+    # with those that a kill leaves beside it
+    journals = [name for name in names if name.startswith(JOURNAL) or name == OLD_JOURNAL]
+    others = [name for name in names if name not in (*FILES, *DERIVED, *journals)]
     # one that was killed at its very beginning has nothing but a journal
-    if names and (others or not {SUMMARY, JOURNAL} & set(names)):
+    if names and (others or not (journals or SUMMARY in names)):
         raise ValueError(
             f"{path} holds {(others or names)[0]} and is no run's folder: name another one"
         )

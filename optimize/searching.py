@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from contextlib import closing, nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -73,18 +73,21 @@ def search(
         raise ValueError("resume: name the folder of the search to go on with")
     problem = Problem(scene)
     files = None
-    if folder is not None:
-        files = RunFolder(Path(folder), scene, method, seed, resume=resume)
-        problem.journal = files.journal
-    uniform = scene.uniform()
-    warmed = Problem(scene)
-    warm = Budget(warmed)
-    mark = warmed.design(uniform.layout)[None]
-    warm.scores(mark)  # compiles what is not compiled yet, and so do gradients
-    warm.scores_and_gradients(mark, of_dying=False)
     interrupted = False
-    line = progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
-    with line as show, nullcontext() if files is None else closing(files.journal):
+    with ExitStack() as stack:
+        if folder is not None:
+            files = RunFolder(Path(folder), scene, method, seed, resume=resume)
+            problem.journal = files.journal
+            stack.callback(files.journal.close)
+        uniform = scene.uniform()
+        warmed = Problem(scene)
+        warm = Budget(warmed)
+        mark = warmed.design(uniform.layout)[None]
+        warm.scores(mark)  # compiles what is not compiled yet, and so do gradients
+        warm.scores_and_gradients(mark, of_dying=False)
+        show = stack.enter_context(
+            progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
+        )
 
         def look(meter: Budget) -> None:
             show(meter)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +12,13 @@ import numpy as np
 import pytest
 
 import domino_env as de
+from domino_env.support.provenance import versions
 from optimize import METHODS, search
 from optimize.budget import Budget
-from optimize.journal import Journal
+from optimize.evaluation.journal import PAGE, Journal
 from optimize.problem import Problem
 from optimize.result import SearchResult
-from optimize.runs import JOURNAL, versions
+from optimize.runs import JOURNAL
 
 FEW = 60  # evaluations
 
@@ -128,71 +131,88 @@ def test_a_larger_budget_goes_on_with_a_finished_search(
     assert sum(found) < 300 - 123 + 130  # at most the batch that the first budget cut short again
 
 
-def test_a_torn_or_damaged_journal_goes_on_from_its_last_whole_record(
-    problems, tmp_path: Path
+def test_a_journal_torn_by_a_kill_goes_on_from_its_last_whole_answers(
+    problems, monkeypatch, tmp_path: Path
 ) -> None:
+    """The files as they are in the middle of a search, the end of the log half written."""
+    monkeypatch.setattr("optimize.evaluation.journal.PAUSE", 0.0)
     words = (problems["both"], "l-bfgs", 40, 0)
-    whole = search(*words, folder=tmp_path)
-    path = tmp_path / JOURNAL
-    data = path.read_bytes()
     rng = np.random.default_rng(0)
-    for round_ in range(12):
-        torn = bytearray(data)
-        if round_ % 3 == 0:
-            torn[int(rng.integers(600, len(data)))] ^= 1 << int(rng.integers(8))
-        elif round_ % 3 == 1:
-            torn = torn[: int(rng.integers(600, len(data)))]
-        else:
-            torn += rng.bytes(int(rng.integers(1, 2000)))
-        path.write_bytes(torn)
-        assert same(search(*words, folder=tmp_path, resume=True), whole)
-        assert len(path.read_bytes()) == len(data)
+    copies: list[Path] = []
+
+    def watch(budget: Budget) -> None:
+        copy = tmp_path / f"copy{len(copies)}"
+        copy.mkdir()
+        for file in (tmp_path / "whole").glob(f"{JOURNAL}*"):
+            data = file.read_bytes()
+            torn = file.name.endswith("-wal") and len(copies) % 2
+            (copy / file.name).write_bytes(
+                data[: int(rng.integers(len(data) + 1)) if torn else None]
+            )
+        copies.append(copy)
+
+    whole = search(*words, folder=tmp_path / "whole", watch=watch)
+    for copy in copies[::3]:
+        assert sorted(f.name for f in copy.iterdir()) == [JOURNAL, f"{JOURNAL}-wal"]
+        assert same(search(*words, folder=copy, resume=True), whole)
+        assert not (copy / f"{JOURNAL}-wal").exists()
 
 
-def test_a_journal_that_may_not_grow_still_leads_to_the_same_bits(
-    problems, monkeypatch, tmp_path: Path
-) -> None:
-    words = (problems["both"], "auto", 300, 1)
-    whole = search(*words)
-    monkeypatch.setattr("optimize.journal.LARGEST", 9000)
-    search(*words, folder=tmp_path, watch=stopped_after(30))
-    assert 4000 < (tmp_path / JOURNAL).stat().st_size <= 9000
-    assert same(search(*words, folder=tmp_path, resume=True), whole)
-
-
-def test_a_disk_that_fills_up_costs_the_journal_and_not_the_search(
-    problems, monkeypatch, tmp_path: Path
-) -> None:
-    words = (problems["both"], "auto", 300, 1)
-    whole = search(*words)
-    monkeypatch.setattr("optimize.journal.PAUSE", 0.0)
-    kept = Journal._flush
-
-    class Full:
-        """A file on a disk with little room: it takes half of what it is given, then nothing."""
-
-        def __init__(self, file) -> None:
-            self.file = file
-
-        def write(self, data) -> int:
-            if self.file.tell() > 8000:
-                self.file.write(bytes(data[:10]))
-                raise OSError(28, "No space left on device")
-            return self.file.write(bytes(data[: max(1, len(data) // 2)]))
-
-        def __getattr__(self, name: str):
-            return getattr(self.file, name)
-
-    def flush(journal: Journal) -> None:
-        if journal._file is not None and not isinstance(journal._file, Full):
-            journal._file = Full(journal._file)
-        kept(journal)
-
-    monkeypatch.setattr(Journal, "_flush", flush)
+def test_half_a_journal_and_a_damaged_one_are_followed_or_refused(problems, tmp_path: Path) -> None:
+    words = (problems["both"], "l-bfgs", 400, 0)
+    whole = search(*words, folder=tmp_path)
+    data = (tmp_path / JOURNAL).read_bytes()
+    rng = np.random.default_rng(0)
+    damaged = [data[:end] for end in (*range(1, len(data), len(data) // 9), len(data) - 100)]
+    for place in rng.integers(100, len(data), 20):
+        damaged.append(bytearray(data))
+        damaged[-1][place] ^= 1 << int(rng.integers(8))
+    refused = 0
+    for wrong in damaged:
+        (tmp_path / JOURNAL).write_bytes(wrong)
+        try:
+            assert same(search(*words, folder=tmp_path, resume=True), whole)
+        except ValueError as error:
+            assert str(error).endswith("begin anew, without --resume")  # noqa: PT017
+            refused += 1
+    assert refused
     assert same(search(*words, folder=tmp_path), whole)
-    monkeypatch.setattr(Journal, "_flush", kept)
-    assert (tmp_path / JOURNAL).stat().st_size > 8000
+
+
+def test_a_full_disk_costs_the_journal_and_not_the_search(
+    problems, monkeypatch, tmp_path: Path, capsys
+) -> None:
+    """A database that may not grow is told what it is told by a disk that is full."""
+    words = (problems["both"], "auto", 300, 1)
+    whole = search(*words)
+    monkeypatch.setattr("optimize.evaluation.journal.PAUSE", 0.0)
+    monkeypatch.setattr("optimize.evaluation.journal.LARGEST", 4 * PAGE)
+    assert same(search(*words, folder=tmp_path), whole)
+    said = capsys.readouterr().err
+    assert f"{JOURNAL} ends here (database or disk is full): the search goes on without" in said
+    assert said.count("\n") == 1
+    assert (tmp_path / JOURNAL).stat().st_size <= 4 * PAGE
+    monkeypatch.setattr("optimize.evaluation.journal.LARGEST", 2**30)
     assert same(search(*words, folder=tmp_path, resume=True), whole)
+    assert (tmp_path / JOURNAL).stat().st_size > 4 * PAGE
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_folder_that_cannot_have_a_journal_does_without(
+    problems, monkeypatch, tmp_path: Path, capsys, resume: bool
+) -> None:
+    words = (problems["both"], "auto", 300, 1)
+    whole = search(*words)
+
+    def connect(path: Path, **_: object) -> None:
+        raise sqlite3.OperationalError("locking protocol")
+
+    monkeypatch.setattr("sqlite3.connect", connect)
+    assert same(search(*words, folder=tmp_path, resume=resume), whole)
+    said = capsys.readouterr().err
+    assert "cannot be written (locking protocol): the search goes without a journal" in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / JOURNAL).exists()
 
 
 def test_seconds_go_on_from_where_they_were(problems, tmp_path: Path) -> None:
@@ -259,18 +279,47 @@ def test_a_method_that_asks_something_else_is_an_error(
     assert (tmp_path / JOURNAL).read_bytes() == before
 
 
-@pytest.mark.parametrize(("data", "message"), [
-    (b"", "is no journal of a search"), (b"PK\3\4" * 99, "is no journal of a search"),
-    (b"DOMINOJ9" + b"\0" * 99, "is a journal of another version"),
-    (b"DOMINOJ1" + b"\xff" * 99, "is damaged at its start"),
-    (b"DOMINOJ1\0\0", "is damaged at its start"),
-], ids=range(5))  # fmt: skip
-def test_what_is_no_journal_is_refused(problems, tmp_path: Path, data: bytes, message: str) -> None:
-    (tmp_path / JOURNAL).write_bytes(data)
-    with pytest.raises(ValueError, match=message):
+def test_what_is_no_journal_is_refused(problems, tmp_path: Path) -> None:
+    path = tmp_path / JOURNAL
+    other = sqlite3.connect(tmp_path / "other")
+    other.execute("CREATE TABLE mine (a)")
+    other.commit()
+    other.close()
+    for data in (b"PK\3\4" * 99, (tmp_path / "other").read_bytes()):
+        (tmp_path / "other").unlink(missing_ok=True)
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match="is no journal of a search: begin anew, without"):
+            search(problems["both"], "random", 30, folder=tmp_path, resume=True)
+        assert search(problems["both"], "random", 30, folder=tmp_path).evaluations == 30  # anew
+        assert search(problems["both"], "random", 30, folder=tmp_path, resume=True)
+    later = sqlite3.connect(path)
+    later.execute("PRAGMA user_version = 9")
+    later.close()
+    with pytest.raises(ValueError, match="is a journal of another version: begin anew"):
         search(problems["both"], "random", 30, folder=tmp_path, resume=True)
-    assert (tmp_path / JOURNAL).read_bytes() == data
-    assert search(problems["both"], "random", 30, folder=tmp_path).evaluations == 30  # anew
+
+
+def test_the_journal_of_version_0_1_0_is_refused_with_what_to_do(problems, tmp_path: Path) -> None:
+    search(problems["both"], "random", 30, folder=tmp_path)
+    (tmp_path / JOURNAL).rename(tmp_path / "journal.bin")
+    with pytest.raises(ValueError, match=r"journal\.bin was written by .*: begin anew"):
+        search(problems["both"], "random", 30, folder=tmp_path, resume=True)
+    assert search(problems["both"], "random", 30, folder=tmp_path).evaluations == 30
+    assert not (tmp_path / "journal.bin").exists()
+
+
+def test_answers_of_other_shapes_are_refused(problems, tmp_path: Path) -> None:
+    words = (problems["both"], "random", 30)
+    search(*words, folder=tmp_path)
+    for change in ("zeroblob(length(answer) + 8)", "zeroblob(1)", "zeroblob(0)"):
+        database = sqlite3.connect(tmp_path / JOURNAL)
+        database.create_function("crc32", 2, zlib.crc32)
+        database.execute(f"UPDATE answers SET answer = {change}")
+        database.execute("UPDATE answers SET crc = crc32(answer, question)")
+        database.commit()
+        database.close()
+        with pytest.raises(ValueError, match="is damaged: begin anew, without --resume"):
+            search(*words, folder=tmp_path, resume=True)
 
 
 def test_other_versions_are_refused_by_name(problems, monkeypatch, tmp_path: Path) -> None:

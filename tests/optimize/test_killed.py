@@ -62,7 +62,7 @@ def require_whole(folder: Path) -> None:
             assert all(row.count(",") == head.count(",") for row in rows)
             assert file.read_bytes().endswith(b"\n")
         else:
-            assert file.name in (JOURNAL, "comparison.md", "sweep.md"), file
+            assert file.name.startswith(JOURNAL) or file.name in ("comparison.md", "sweep.md"), file
 
 
 def turned(round_: int) -> list[signal.Signals]:
@@ -227,7 +227,7 @@ def test_a_disk_that_is_full_at_the_end_leaves_the_earlier_run_as_it_was(
     scene.write_text(scenes["both"].to_toml())
     words = ["optimize", str(scene), "--evaluations", "200", "--out", str(tmp_path / "run")]
     assert main([*words, "--method", "cma"]) == 0
-    before = {f.name: f.read_bytes() for f in (tmp_path / "run").iterdir()}
+    before = {f.name: f.read_bytes() for f in (tmp_path / "run").iterdir() if f.name != JOURNAL}
     monkeypatch.setattr("os.fsync", full)  # where a disk that is full is told at the latest
     monkeypatch.setattr("optimize.runs.require_room", lambda folder: None)  # it filled up later
     capsys.readouterr()
@@ -236,9 +236,10 @@ def test_a_disk_that_is_full_at_the_end_leaves_the_earlier_run_as_it_was(
     assert said.startswith(f"domino: {tmp_path / 'run'}: the result cannot be written: No space")
     assert "make room, and go on with --resume" in said
     assert said.count("\n") == 1
-    assert {f.name: f.read_bytes() for f in (tmp_path / "run").iterdir()} == before
+    after = {f.name: f.read_bytes() for f in (tmp_path / "run").iterdir() if f.name != JOURNAL}
+    assert after == before
     monkeypatch.undo()
-    assert main([*words, "--method", "cma", "--resume"]) == 0
+    assert main([*words, "--method", "random", "--resume"]) == 0
 
 
 def test_a_place_that_cannot_be_written_is_told_before_any_time_is_spent(
