@@ -50,6 +50,13 @@ def test_long_rows_are_drawn_by_their_ends() -> None:
     assert f"{200 - 2 * made().ENDS} more" in drawn
 
 
+def test_every_key_of_a_scene_s_file_is_explained() -> None:
+    lines = made().keys()
+    assert "| [row] | `count` | number of dominoes |  |" in lines
+    assert any(line.startswith("| [tempo] | `tolerance` | ") for line in lines)
+    assert all(line.split(" | ")[2].strip() for line in lines)
+
+
 def test_every_method_has_a_section() -> None:
     text = made().methods_page()
     assert all(f"## `{name}`\n\n" in text for name in METHODS)
