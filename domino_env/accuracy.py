@@ -35,7 +35,19 @@ GROWTH = {"step": 2.2, "tolerance": 4.0}  # how much longer the next finer setti
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A row to be measured on, and what makes it worth it."""
+    """A row to be measured on.
+
+    Attributes
+    ----------
+    name
+        A short one, for tables and files.
+    title
+        What makes it worth measuring on.
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    """
 
     name: str
     title: str
@@ -47,9 +59,25 @@ class Row:
 class Measurement:
     """One run.
 
-    setting: step [s] or relative tolerance.  error: inf where the wave ended otherwise than the
-    exact one.  estimate: what our solver says its error is, nan for steppers, which do not say.
-    evaluations: of the stack's acceleration, 0 for ours, which has none.
+    Attributes
+    ----------
+    row
+        Name of the row.
+    solver
+        One of `SOLVERS`.
+    setting
+        Step [s] or relative tolerance.
+    error
+        Largest relative error of the arrival times; inf where the wave ended otherwise than the
+        exact one.
+    estimate
+        What our solver says its error is; nan for steppers, which do not say.
+    seconds
+        Run time of one call, the best of several.
+    evaluations
+        Of the stack's acceleration; 0 for ours, which has none.
+    outcome
+        Name of the wave's `Outcome`; UNFINISHED where a stepper did not get there.
     """
 
     row: str
@@ -63,7 +91,7 @@ class Measurement:
 
 
 def standard_rows() -> list[Row]:
-    """The classic row, a random one with flushes, one that nearly stalls and a stiff one."""
+    """List the classic row, a random one with flushes, one that nearly stalls and a stiff one."""
     rng = np.random.default_rng(3)
     hesitant = Layout([0.02, 0.012, 0.004, *[0.015] * 36], 0.0075)
     push = dipping_push(hesitant, Physics(), 1e-3)
@@ -96,7 +124,7 @@ def standard_rows() -> list[Row]:
 
 
 def scene_rows(scene: Scene) -> list[Row]:
-    """A scene's best uniform row and, where gaps are free, a random row that propagates."""
+    """List a scene's best uniform row and, where gaps are free, a random row that propagates."""
     best = scene.uniform().layout
     rows = [Row("uniform", f"{scene.name}: the best uniform row", best, scene.physics)]
     rng = np.random.default_rng(0)
@@ -111,7 +139,7 @@ def scene_rows(scene: Scene) -> list[Row]:
 
 
 def error_of(arrival_times: Floats, exact: Floats) -> float:
-    """Largest relative error; inf where other dominoes are struck."""
+    """Return the largest relative error; inf where other dominoes are struck."""
     struck = np.isfinite(exact)
     if not np.array_equal(np.isfinite(arrival_times), struck):
         return math.inf
@@ -120,7 +148,7 @@ def error_of(arrival_times: Floats, exact: Floats) -> float:
 
 
 def settings(solver: str, row: Row, quick: bool = False) -> tuple[float, ...]:
-    """Steps or tolerances of a solver, coarse to fine.
+    """List the steps or tolerances of a solver, coarse to fine.
 
     Steps are 0.1 ms times powers of two for a standard domino on Earth, in units of √(L/g) for
     others.
@@ -142,7 +170,16 @@ def measure(
 ) -> Iterator[Measurement]:
     """Measure every solver on every row.
 
-    budget: [s] for one solver on one row; finer settings that would not fit are left out.
+    Parameters
+    ----------
+    rows
+        What is toppled.
+    budget
+        Time for one solver on one row [s]; finer settings that would not fit are left out.
+    quick
+        Few settings, each measured once.
+    progress
+        Called with a line of text before every run.
     """
     for row in rows:
         wave = simulate(row.layout, row.physics, rtol=TIGHTEST)
@@ -154,8 +191,11 @@ def measure(
 def _curve(
     row: Row, exact: Wave, solver: str, budget: float, quick: bool, progress: Progress | None
 ) -> list[Measurement]:
-    """One solver on one row.  What is quick is measured again in later turns: other programs may
-    keep the machine busy for a while."""
+    """Measure one solver on one row.
+
+    What is quick is measured again in later turns: other programs may keep the machine busy for a
+    while.
+    """
     found: dict[float, Measurement] = {}
     spent, growth = 0.0, GROWTH["step" if solver in FIXED else "tolerance"]
     for setting in settings(solver, row, quick):
@@ -212,7 +252,7 @@ def _measure(row: Row, exact: Wave, solver: str, setting: float) -> Measurement:
 
 
 def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
-    """Seconds of the fastest way to an error of `level`; nan where no run came so close.
+    """Return the seconds of the fastest way to an error of `level`; nan where no run came so close.
 
     Between the settings measured, along the line in the logarithms.
     """
@@ -231,7 +271,7 @@ def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
 
 
 def compare(measurements: list[Measurement]) -> list[str]:
-    """A table: run time to reach each level of error, and how many times ours."""
+    """Tabulate the run time to reach each level of error, and how many times ours it is."""
     lines = []
     for row in dict.fromkeys(m.row for m in measurements):
         lines += ["", f"{row}: seconds to an error of (times ours)"]
@@ -254,7 +294,7 @@ def compare(measurements: list[Measurement]) -> list[str]:
 
 
 def as_csv(measurements: list[Measurement]) -> str:
-    """The table of all runs; SI units."""
+    """Write all runs as a table in CSV; SI units."""
     names = ("row", "solver", "setting", "error", "estimate", "seconds", "evaluations", "outcome")
     rows = (
         (

@@ -47,7 +47,7 @@ LOOKS = {
 
 
 def draw_accuracy(rows: Sequence[Row], measurements: Sequence[Measurement], path: Path) -> None:
-    """A panel a row: the lower left corner is where one wants to be."""
+    """Draw run time against error, a panel a row; best is the lower left corner."""
     across = 2
     figure, panels = new_panels(len(rows), across, (5.6, 4.1), (0.0, 0.9), sharex=True, sharey=True)
     for panel, row in zip(panels, rows, strict=True):
@@ -146,7 +146,7 @@ OUTCOMES = {
 
 
 def draw_stability(verdicts: Sequence[Verdict], path: Path) -> None:
-    """A column a row at the edge: dot, the true error; bar above it, what the run said it is."""
+    """Draw every row at the edge as a column: a dot for the true error, a bar for its estimate."""
     figure = new_figure(13.0, 5.8)
     axes = figure.add_subplot()
     axes.set_yscale("log")

@@ -23,7 +23,15 @@ REST = 0.08  # [s] of stillness before the push and after the end, in the time o
 
 @dataclass(frozen=True)
 class Runner:
-    """One row of a race.  name: what it is called.  wave: how it topples."""
+    """One row of a race.
+
+    Attributes
+    ----------
+    name
+        What it is called.
+    wave
+        How it topples.
+    """
 
     name: str
     wave: Wave
@@ -32,11 +40,29 @@ class Runner:
 def frames(
     runners: Sequence[Runner], rate: float = 30.0, slow: float = 5.0, width: int = 1000
 ) -> Iterator[Image.Image]:
-    """Images of all rows toppling at once, one below the other, until all lie.
+    """Draw all rows toppling at once, one below the other, until all lie.
 
-    rate: images a second.  slow: how many times slower than nature.  width: [px].
-    ValueError for a rate, a slowness or a width that is not positive, and for rows that are longer
-    or take longer than `MOST_DOMINOES` and `MOST_IMAGES`.
+    Parameters
+    ----------
+    runners
+        The rows.
+    rate
+        Images a second.
+    slow
+        How many times slower than nature.
+    width
+        Of an image [px], even.
+
+    Yields
+    ------
+    Image
+        Frame after frame.
+
+    Raises
+    ------
+    ValueError
+        For a rate, a slowness or a width that is not positive, and for rows that are longer or
+        take longer than `MOST_DOMINOES` and `MOST_IMAGES`.
     """
     for name, value in (("rate", rate), ("slow", slow), ("width", width)):
         if not 0.0 < value < np.inf:
@@ -67,7 +93,13 @@ def frames(
 
 
 def require_drawable(name: str, count: int) -> None:
-    """Refuse a row too long to be drawn domino by domino, with a ValueError that names it."""
+    """Refuse a row too long to be drawn domino by domino.
+
+    Raises
+    ------
+    ValueError
+        With its name and its number of dominoes.
+    """
     if count > MOST_DOMINOES:
         raise ValueError(
             f"{name}: it has {count:,} dominoes, where rows of at most {MOST_DOMINOES:,} are drawn"
@@ -75,7 +107,7 @@ def require_drawable(name: str, count: int) -> None:
 
 
 def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
-    """Write an animated GIF whole; returns the number of images."""
+    """Write an animated GIF whole, and return the number of images."""
     few = [image.quantize(palette=palette(), dither=Image.Dither.NONE) for image in images]
 
     def fill(file: BinaryIO) -> None:
@@ -89,7 +121,13 @@ def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
 
 
 def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
-    """Write a film whole; returns the number of images.  ImportError says what to install."""
+    """Write a film whole, and return the number of images.
+
+    Raises
+    ------
+    ImportError
+        Without imageio-ffmpeg; says what to install.
+    """
     try:
         import imageio_ffmpeg
     except ImportError:

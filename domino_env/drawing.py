@@ -25,7 +25,16 @@ FINER = 2  # drawn so much larger, then scaled down
 class Scale:
     """How a row fits a picture.
 
-    width, height: of the strip [px].  pixels: per metre.  floor: height of the floor line [px].
+    Attributes
+    ----------
+    width
+        Of the strip [px].
+    height
+        Of the strip [px].
+    pixels
+        Per metre.
+    floor
+        Height of the floor line [px].
     """
 
     width: int
@@ -35,7 +44,7 @@ class Scale:
 
     @classmethod
     def fitting(cls, length: float, tallest: float, width: int, height: int) -> Scale:
-        """The whole length [m] in the width, the tallest no lower than a fifth of the height."""
+        """Fit a length [m] into the width; the tallest takes a fifth of the height or more."""
         margin = 2.0 * tallest
         pixels = min((width - 40) / (length + margin), 0.62 * height / tallest)
         pixels = max(pixels, height / 5.0 / tallest)
@@ -45,10 +54,22 @@ class Scale:
 def strip(
     layout: Layout, leans: Floats, leader: int, scale: Scale, line: str, ghost: float | None = None
 ) -> Image.Image:
-    """One row as it is at one instant.
+    """Draw one row as it is at one instant.
 
-    leans: (N,) [rad].  leader: who leads, drawn in its own colour.  line: what is said above it.
-    ghost: where another wave's front is [m], marked below the floor.
+    Parameters
+    ----------
+    layout
+        The row.
+    leans
+        (N,) angles from upright [rad].
+    leader
+        Who leads, drawn in its own colour.
+    scale
+        How the row fits the picture.
+    line
+        What is said above it.
+    ghost
+        Where another wave's front is [m], marked below the floor.
     """
     w, h, k = scale.width * FINER, scale.height * FINER, scale.pixels * FINER
     image = Image.new("RGB", (w, h), PAPER)
@@ -78,7 +99,7 @@ def strip(
 
 
 def stacked(strips: list[Image.Image]) -> Image.Image:
-    """Strips below each other."""
+    """Put strips below each other."""
     image = Image.new("RGB", (strips[0].width, sum(s.height for s in strips)), PAPER)
     at = 0
     for one in strips:
@@ -89,7 +110,7 @@ def stacked(strips: list[Image.Image]) -> Image.Image:
 
 @cache
 def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Pillow's own."""
+    """Load Pillow's own font."""
     return ImageFont.load_default(size)
 
 

@@ -25,9 +25,21 @@ RAN = frozenset({Outcome.PROPAGATED})
 class Extreme:
     """One row at the edge.
 
-    group: what is extreme.  name: how much.  expected: outcomes that are right, where the case is
-        built for one; None where another way of solving has to tell.
-    exact: short and ill-conditioned enough to be held against sixty digits.
+    Attributes
+    ----------
+    group
+        What is extreme.
+    name
+        How much.
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    expected
+        Outcomes that are right, where the case is built for one; None where another way of
+        solving has to tell.
+    exact
+        Short and ill-conditioned enough to be held against sixty digits.
     """
 
     group: str
@@ -64,9 +76,23 @@ def hesitant_row() -> Layout:
 
 
 def dipping_push(layout: Layout, physics: Physics, dip: float) -> float:
-    """The push at which the lowest u of all falls is `dip` of its value at release.
+    """Find the push at which the lowest u of all falls is `dip` of its value at release.
 
     Bisection: the harder the push, the less the leader slows down.
+
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        Friction and gravity; its push plays no part.
+    dip
+        Stall margin to meet, 0 to 1.
+
+    Returns
+    -------
+    float
+        The push [rad/s].
     """
     low = smallest_push(layout, physics)
     high = 4.0 * low

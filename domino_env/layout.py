@@ -18,15 +18,27 @@ HEIGHT, WIDTH, DENSITY = 0.048, 0.024, 1040.0  # the standard domino [m], [m], [
 class Layout:
     """A row of N dominoes that topples towards +x.
 
-    spacing: (N-1,) free gaps between the front of each domino and the back of the next [m].
-    thickness: (N,) size along the fall [m]; a single number serves all.
-    height: scalar or (N,) [m].
-    width: size across the fall [m]; it changes no time.
-    density: scalar or (N,) [kg/m³].
+    Every array is kept as a read-only float64 copy of full length.
 
-    Every array is kept as a read-only float64 copy of full length.  Raises ValueError naming the
-    element, its value and what to do, for what cannot stand: lengths that do not match, values that
-    are not positive and finite, and a tip that would strike above the next domino's top.
+    Parameters
+    ----------
+    spacing
+        (N-1,) free gaps between the front of each domino and the back of the next [m].
+    thickness
+        (N,) size along the fall [m]; a single number serves all.
+    height
+        Scalar or (N,) [m].
+    width
+        Size across the fall [m]; it changes no time.
+    density
+        Scalar or (N,) [kg/m³].
+
+    Raises
+    ------
+    ValueError
+        For what cannot stand: lengths that do not match, values that are not positive and finite,
+        a tip that would strike above the next domino's top. Names the element, its value and what
+        to do.
     """
 
     spacing: Floats
@@ -90,7 +102,21 @@ class Layout:
         width: float = WIDTH,
         density: float = DENSITY,
     ) -> Layout:
-        """`count` equal dominoes at one pitch (pivot to pivot) or one free gap [m]."""
+        """Stand `count` equal dominoes in a row.
+
+        Parameters
+        ----------
+        count
+            Number of dominoes N.
+        pitch
+            Pivot to pivot [m]; give either this or `spacing`.
+        spacing
+            Free gap [m].
+        thickness, height, width
+            Of every domino [m].
+        density
+            Of every domino [kg/m³].
+        """
         if count < 1:
             raise ValueError(f"count = {count}: a row has at least one domino")
         if (pitch is None) == (spacing is None):
@@ -144,7 +170,7 @@ class Layout:
 
     @classmethod
     def from_csv(cls, path: str | Path) -> Layout:
-        """Read a table with a row a domino: see `domino_env.layout_files.read_csv`."""
+        """Read a table with a row a domino, as `domino_env.layout_files.read_csv` does."""
         from domino_env.layout_files import read_csv
 
         return read_csv(Path(path))
@@ -158,7 +184,13 @@ class Layout:
 
     @classmethod
     def read(cls, path: str | Path) -> Layout:
-        """Read a `.csv` or `.json` file."""
+        """Read a `.csv` or `.json` file.
+
+        Raises
+        ------
+        ValueError
+            For another ending of the name, and for what `from_csv` and `from_json` refuse.
+        """
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
             return cls.from_csv(path)

@@ -36,9 +36,18 @@ TOGETHER = mp.mpf(10) ** -9  # [rad] links flush within this switch in one impac
 
 @dataclass(frozen=True)
 class TrueWave:
-    """Arrival times [s] of the dominoes that are struck, and why the wave ended.
+    """Arrival times of a wave to many digits, and why it ended.
 
-    lowest: the smallest u over its value at release that was met, over all falls.
+    Attributes
+    ----------
+    outcome
+        As `Wave.outcome`.
+    arrival_times
+        Of the dominoes that are struck [s], numbers of mpmath.
+    flushes
+        Links that turned from tip to corner contact.
+    lowest
+        The smallest u over its value at release that was met, over all falls.
     """
 
     outcome: Outcome
@@ -57,16 +66,25 @@ class TrueWave:
 
 
 def true_wave(layout: Layout, physics: Physics, digits: int = DIGITS) -> TrueWave:
-    """The wave of a row whose numbers are taken to be exact.  Seconds for half a dozen dominoes.
+    """Solve for the wave of a row whose numbers are taken to be exact.
 
-    digits: carried along; more than 60 are needed where a gap is a hair from out of reach.
+    Takes seconds for half a dozen dominoes.
+
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    digits
+        Carried along; more than 60 are needed where a gap is a hair from out of reach.
     """
     with mp.workdps(digits):
         return _Row(layout, physics, digits).topple()
 
 
 def _solved(matrix: list[list[Number]], columns: list[list[Number]]) -> list[list[Number]]:
-    """x of matrix x = column, for each column: elimination with pivots."""
+    """Solve matrix x = column for each column: elimination with pivots."""
     rows = [[*line, *(c[i] for c in columns)] for i, line in enumerate(matrix)]
     size = len(rows)
     for i in range(size):
@@ -169,7 +187,7 @@ class _Row:
     def solve(
         self, n: int, lean: Leans, rate: Leans, rhs: list[Leans], sliding: Leans | None = None
     ) -> list[Number]:
-        """x with I_k J_k x = rhs_k + torques of the contacts, for each right-hand side.
+        """Find x with I_k J_k x = rhs_k + torques of the contacts, for each right-hand side.
 
         sliding: rates of motion that friction opposes, where they are not `rate`.
         """
@@ -195,7 +213,7 @@ class _Row:
 
     # one interval ----------------------------------------------------------------------------
     def panel(self, n: int, a: Number, b: Number, u: Number) -> list[Number]:
-        """u at the nodes and at b, by collocation."""
+        """Find u at the nodes and at b, by collocation."""
         x, w, running = _rule()
         h = b - a
         pq = [self.forces(n, a + h * xi) for xi in x]
@@ -211,7 +229,7 @@ class _Row:
         return [*at, end]
 
     def interval(self, n: int, a: Number, b: Number, u: Number, depth: int = 0) -> Ride | None:
-        """u at b, the time, the least u; halved until the halves agree with the whole.
+        """Find u at b, the time, the least u; halved until the halves agree with the whole.
 
         None where the leader stops.
         """

@@ -10,11 +10,19 @@ from dataclasses import dataclass
 class Physics:
     """Gravity, friction and push.
 
-    friction: Coulomb coefficient between dominoes, 0 or more; 0 leaves all friction terms out.
-    gravity: [m/s²].
-    push: angular velocity of domino 0 at t = 0 [rad/s].
+    Parameters
+    ----------
+    friction
+        Coulomb coefficient between dominoes, 0 or more; 0 leaves all friction terms out.
+    gravity
+        [m/s²]
+    push
+        Angular velocity of domino 0 at t = 0 [rad/s].
 
-    Raises ValueError, with the value and what to do, for anything that is no physics.
+    Raises
+    ------
+    ValueError
+        For a number that is not finite or out of its range; says the value and what to do.
     """
 
     friction: float = 0.25

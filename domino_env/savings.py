@@ -25,7 +25,19 @@ Progress = Callable[[str], object]
 
 @dataclass(frozen=True)
 class Saving:
-    """One omission: seconds with what is left out, and without it."""
+    """What leaving out one thing saves.
+
+    Attributes
+    ----------
+    what
+        What is left out.
+    row
+        What is toppled.
+    full
+        Run time with it [s].
+    lean
+        Run time without it [s].
+    """
 
     what: str
     row: str
@@ -54,7 +66,7 @@ def in_turns(full: Task, lean: Task, seconds: float = 0.3) -> tuple[float, float
 
 
 def nearly(layout: Layout) -> Layout:
-    """The same row, not recognised as uniform: one density off by its last digit."""
+    """Return the same row, not recognised as uniform: one density off by its last digit."""
     density = layout.density.copy()
     density[-1] = np.nextafter(density[-1], np.inf)
     return Layout(layout.spacing, layout.thickness, layout.height, layout.width, density)
@@ -112,7 +124,7 @@ def _pairs() -> Iterator[tuple[str, str, Task, Task]]:
 
 
 def as_table(savings: Iterable[Saving]) -> list[str]:
-    """Lines to print."""
+    """Tabulate the savings; returns lines."""
     names = ("left out", "row", "with", "without", "times faster")
     rows, what = [], ""
     for s in savings:
@@ -123,6 +135,6 @@ def as_table(savings: Iterable[Saving]) -> list[str]:
 
 
 def as_csv(savings: Iterable[Saving]) -> str:
-    """The same for other programs; seconds."""
+    """Write the savings as a table in CSV; seconds."""
     rows = ((s.what, s.row, f"{s.full:.4e}", f"{s.lean:.4e}", f"{s.ratio:.3f}") for s in savings)
     return csv_table(("left_out", "row", "with", "without", "ratio"), rows)

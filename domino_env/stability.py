@@ -1,4 +1,7 @@
-"""Rows at the edge, run and judged: is the answer right, and does the run say how right it is?"""
+"""Rows at the edge, run and judged.
+
+Is the answer right, and does the run say how right it is?
+"""
 
 from __future__ import annotations
 
@@ -28,9 +31,26 @@ SAME = 1e-12  # dimensionless answers of similar rows agree to this
 class Verdict:
     """How one row at the edge went.
 
-    error: true relative error of the arrival times; estimate: what the run said it is.
-    against: what the error was taken against, "60 digits" or "tightest run" or "similar row".
-    complaints: all that is not as it should be, in words; empty where the answer is right.
+    Attributes
+    ----------
+    group
+        What is extreme.
+    name
+        How much.
+    outcome
+        Name of the wave's `Outcome`.
+    error
+        True relative error of the arrival times.
+    estimate
+        What the run said it is.
+    converged
+        As `Wave.converged`.
+    against
+        What the error was taken against: "60 digits", "tightest run" or "similar row".
+    seconds
+        Run time.
+    complaints
+        All that is not as it should be, in words; empty where the answer is right.
     """
 
     group: str
@@ -90,7 +110,7 @@ def _lowest(wave: Wave) -> float:
 
 
 def of_itself(wave: Wave) -> list[str]:
-    """What is wrong with a wave whatever the truth."""
+    """List what is wrong with a wave whatever the truth."""
     complaints = []
     times = wave.arrival_times
     struck = np.isfinite(times)
@@ -109,7 +129,7 @@ def of_itself(wave: Wave) -> list[str]:
 
 
 def similar_rows() -> Iterator[Verdict]:
-    """One random row at sizes from micrometres to kilometres, gravity from 1e-6 to 1e3.
+    """Judge one random row at sizes from micrometres to kilometres, gravity from 1e-6 to 1e3.
 
     Times in units of √(L/g) are the same for all; densities may be anything, too.
     """
@@ -155,7 +175,12 @@ def _dimensionless(
 def stability(quick: bool = False, progress: Progress | None = None) -> Iterator[Verdict]:
     """Judge every row at the edge, then the same row at many sizes.
 
-    quick: long rows shortened, and all held against the tightest run only.
+    Parameters
+    ----------
+    quick
+        Long rows shortened, and all held against the tightest run only.
+    progress
+        Called with a line of text before every row.
     """
     for case in extremes(million=not quick):
         if progress is not None:
@@ -165,7 +190,7 @@ def stability(quick: bool = False, progress: Progress | None = None) -> Iterator
 
 
 def as_table(verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """Lines to print: a line a row, complaints below it."""
+    """Tabulate the verdicts, each with its complaints below it; yields lines."""
     names = ("", "row", "outcome", "true error", "estimate", "converged", "time", "against")
     rows, group = [], ""
     for v in verdicts:
@@ -183,7 +208,7 @@ def as_table(verdicts: Sequence[Verdict]) -> Iterator[str]:
 
 
 def as_csv(verdicts: Iterable[Verdict]) -> str:
-    """The same for other programs."""
+    """Write the verdicts as a table in CSV."""
     names = (
         "group", "name", "outcome", "error", "estimate", "converged", "against", "seconds",
         "complaints",

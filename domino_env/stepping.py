@@ -33,9 +33,14 @@ ADAPTIVE = ("RK45", "DOP853", "Radau", "LSODA")
 class SteppedWave:
     """A wave as a stepper sees it.
 
-    outcome: as `Wave.outcome`; None where the evaluations allowed did not reach the end.
-    arrival_times: (N,) [s], inf where the wave did not come.
-    evaluations: how often the acceleration of the stack was computed.
+    Attributes
+    ----------
+    outcome
+        As `Wave.outcome`; None where the evaluations allowed did not reach the end.
+    arrival_times
+        (N,) [s], inf where the wave did not come.
+    evaluations
+        How often the acceleration of the stack was computed.
     """
 
     outcome: Outcome | None
@@ -48,9 +53,23 @@ def step_row(
 ) -> SteppedWave:
     """Topple a row with a stepper.
 
-    method: one of `FIXED`, with the step [s] as its setting, or one of `ADAPTIVE`, with the
-    relative tolerance.  most: evaluations of the stack allowed.
-    ValueError for an unknown method or a setting that is not positive and finite.
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    method
+        One of `FIXED` or `ADAPTIVE`.
+    setting
+        The step [s] of a fixed method, the relative tolerance of an adaptive one.
+    most
+        Evaluations of the stack's acceleration that are allowed.
+
+    Raises
+    ------
+    ValueError
+        For an unknown method, or a setting that is not positive and finite.
     """
     if method not in FIXED + ADAPTIVE:
         raise ValueError(f"method = {method!r}: choose one of {', '.join(FIXED + ADAPTIVE)}")
@@ -78,7 +97,7 @@ class _SpentError(Exception):
 def _adaptive(
     rows: Floats, physics: Physics, method: str, rtol: float, most: int, arrival: Floats
 ) -> tuple[int, int]:
-    """A row by solve_ivp, one call from event to event.  Returns (outcome, evaluations).
+    """Topple a row by solve_ivp, one call from event to event; return (outcome, evaluations).
 
     Events end a call: the leader reaches the next domino (or tips), a link switches, the leader
     stops.

@@ -37,7 +37,7 @@ COLUMNS = 9
 
 @numba.njit(**_JIT)
 def table(spacing, thickness, height, density):
-    """(N, COLUMNS) what the equations need of a row, per unit of width; all links as tips."""
+    """Return (N, COLUMNS) what the equations need of a row, per unit of width; all tips."""
     rows = np.zeros((len(thickness), COLUMNS))
     for i in range(len(thickness)):
         length, d = height[i], thickness[i]
@@ -80,8 +80,11 @@ def link(row, state, s, c, mu):
 
 @numba.njit(**_JIT)
 def stack(rows, n, back, angle, mu):
-    """Sums over the stack that n leads: Σ w I J, Σ w (G/g), Σ w I D; and the least cos θ_{i+1}
-    minus the one at which link i switches."""
+    """Sum over the stack that n leads.
+
+    Returns Σ w I J, Σ w (G/g), Σ w I D, and the least cos θ_{i+1} minus the one at which link i
+    switches.
+    """
     s, c = math.sin(angle), math.cos(angle)
     lead = rows[n]
     w, jac, drv, margin = 1.0, 1.0, 0.0, np.inf
@@ -118,9 +121,13 @@ def acceleration(rows, n, back, angle, speed2, mu, gravity):
 # --- Hits and switches ----------------------------------------------------------------------------
 @numba.njit(**_JIT)
 def hit(rows, n, sum_m, mu):
-    """ω⁺/ω⁻ where leader n, upon a stack of Σ w I J, strikes n+1: eqs. 8-9 with friction.
+    """ω⁺/ω⁻ where leader n, upon a stack of Σ w I J, strikes n+1, with friction.
 
     Not within (0, 1) where friction passes no push on.
+
+    References
+    ----------
+    Chapman, The physics of toppling dominoes, eqs. 8-9.
     """
     m = link(rows[n], TIP, 0.0, 1.0, mu)[4] * sum_m
     return m / (m + rows[n + 1, INERTIA])
@@ -130,8 +137,19 @@ def hit(rows, n, sum_m, mu):
 def switch(rows, n, back, angle, mu, slack):
     """Switch every link that is due at the leader's angle, those flush together in one impact.
 
-    slack: by how much [rad of Δ] a flush may still be ahead.  Returns (ω⁺/ω⁻, the last domino
-    still in contact).
+    Parameters
+    ----------
+    rows, n, back, angle, mu
+        As of `stack`.
+    slack
+        By how much a flush may still be ahead [rad of Δ].
+
+    Returns
+    -------
+    float
+        ω⁺/ω⁻.
+    int
+        The last domino still in contact.
     """
     s, c = math.sin(angle), math.cos(angle)  # with the old states; below with the new ones
     s_new, c_new = s, c
@@ -160,8 +178,7 @@ def switch(rows, n, back, angle, mu, slack):
 
 @numba.njit(**_JIT)
 def lead_by(rows, n, i, angle):
-    """Lean of leader n at which domino i leans by `angle`, from contact to contact in closed
-    form."""
+    """Lean of leader n at which domino i leans by `angle`, from contact to contact, closed form."""
     for k in range(i, n):
         row = rows[k]
         p, d = row[PITCH], row[THICK_NEXT]
@@ -204,10 +221,14 @@ def rk4_step(rows, n, back, angle, speed, a1, h, mu, gravity):
 
 @numba.njit(**_JIT)
 def rk4_to_angle(rows, n, back, angle, speed, a1, end, sums, mu, gravity):
-    """(time, speed) of one Runge-Kutta step in the angle that ends exactly at `end`, where the
-    stack has these sums (Hénon 1982).
+    """(time, speed) of one Runge-Kutta step in the angle that ends exactly at `end`.
 
-    The speed comes out as nan where the leader stops, or nearly does, on the way.
+    The stack has the given sums there. The speed comes out as nan where the leader stops, or nearly
+    does, on the way.
+
+    References
+    ----------
+    M. Hénon, On the numerical computation of Poincaré maps, Physica D 5 (1982) 412.
     """
     x = end - angle
     u1 = speed * speed
@@ -226,8 +247,10 @@ def rk4_to_angle(rows, n, back, angle, speed, a1, end, sums, mu, gravity):
 
 @numba.njit(**_JIT)
 def rk4_until(rows, n, back, angle, speed, a1, end, h, mu, gravity):
-    """(time, speed) at which the step in time reaches `end`, by bisection: for a leader that has
-    nearly stopped.  Where it does not within h, (h, speed there)."""
+    """(time, speed) at which the step in time reaches `end`, by bisection.
+
+    For a leader that has nearly stopped. Where it does not get there within h, (h, speed there).
+    """
     low, high = 0.0, h
     new, v = rk4_step(rows, n, back, angle, speed, a1, h, mu, gravity)
     if not new >= end:
@@ -255,10 +278,17 @@ def goal(rows, n):
 
 @numba.njit(**_JIT)
 def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
-    """A row in fixed steps; a hit or switch takes place at the end of the step that passed it.
+    """Topple a row in fixed steps; what happens in a step takes place at its end.
 
-    Returns (outcome, evaluations).  The next leader starts upright: what the last step had gone
-    too far is lost, as in the seed's program.
+    The next leader starts upright: what the last step had gone too far is lost, as in the program
+    of the article. Arrival times are written into `arrival`.
+
+    Returns
+    -------
+    int
+        The outcome.
+    int
+        Evaluations of the stack's acceleration.
     """
     angle, speed, now, n, back, used = 0.0, push, 0.0, 0, 0, 0
     end, strikes = goal(rows, 0)
@@ -298,9 +328,17 @@ def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
 
 @numba.njit(**_JIT)
 def located(rows, mu, gravity, push, h, most, arrival):
-    """A row in RK4 steps of h that end exactly at hits and switches: order four.
+    """Topple a row in RK4 steps of h that end exactly at hits and switches: order four.
 
-    Returns (outcome, evaluations).  The sums at the end of a step serve the start of the next.
+    The sums at the end of a step serve the start of the next. Arrival times are written into
+    `arrival`.
+
+    Returns
+    -------
+    int
+        The outcome.
+    int
+        Evaluations of the stack's acceleration.
     """
     angle, speed, now, n, back, used = 0.0, push, 0.0, 0, 0, 0
     end, strikes = goal(rows, 0)
