@@ -17,11 +17,29 @@ Floats = NDArray[np.float64]
 class Allowed:
     """The rules on the free values of a row: gaps first, then thicknesses (or growths).
 
-    low, high: (n,) bounds.  gaps: how many of the n are gaps.  total: what all add up to [m], None
-    for any.
-    discrete: whether some values are from a list or the stock.
+    Parameters
+    ----------
+    scene
+        Whose rules.
+    low, high
+        (n,) bounds [m], or what the scene gives in heights.
+    gaps
+        How many of the n values are gaps.
+    total
+        What all values add up to [m]; None for any.
 
-    Nearest means least sum of squares [m²].  Where values from a list or the stock and others share
+    Attributes
+    ----------
+    discrete
+        Whether some values are from a list or the stock.
+    stepped
+        (n,) which of them are.
+    coupled
+        Whether neighbouring gaps may differ by so much only.
+
+    Notes
+    -----
+    Nearest means least sum of squares [m²]. Where values from a list or the stock and others share
     a length, the former are chosen first, so that the others can still meet it.
     """
 
@@ -66,7 +84,7 @@ class Allowed:
         )
 
     def nearest(self, values: Floats) -> Floats:
-        """The nearest allowed values to each row of `values` (B, n)."""
+        """Find the nearest allowed values to each row of `values` (B, n)."""
         if not self.discrete:
             return self._nearest(values, np.ones(len(self.low), dtype=bool), self.total)
         values = np.clip(values, self.low, self.high)
@@ -96,7 +114,7 @@ class Allowed:
         return values if total is None else nearest_with_sum(values, low, high, total)
 
     def linear(self) -> tuple[Floats, Floats] | None:
-        """A (m, n) and b (m,) of the changes allowed, A v ≤ b for values v; None for any."""
+        """Give A (m, n) and b (m,) of the rule A v ≤ b on values v; None where there is none."""
         if not self.coupled:
             return None
         ties = np.flatnonzero(np.isfinite(self.change))
@@ -108,13 +126,28 @@ class Allowed:
     def tangent(
         self, slopes: Floats, wanted: Floats, values: Floats, at_will: bool = False
     ) -> Floats:
-        """Slopes (B, n) by the values wanted, from those by the nearest allowed `values`.
+        """Turn gradients by the nearest allowed values into gradients by the values wanted.
 
         Values bound together move together: all where a length is asked, neighbours whose
-        difference is at its largest, and those held at a bound not at all.  Where what is wanted is
-        allowed, only the length counts, so that every way out of a corner is seen.  Values from a
-        list or the stock keep theirs when what is wanted changes a little: their slope is 0,
-        or, `at_will`, the one given.
+        difference is at its largest, and those held at a bound not at all. Where what is wanted is
+        allowed, only the length counts, so that every way out of a corner is seen. Values from a
+        list or the stock keep theirs when what is wanted changes a little: their slope is 0.
+
+        Parameters
+        ----------
+        slopes
+            (B, n) gradients by the allowed values.
+        wanted
+            (B, n) values before the rules are applied.
+        values
+            (B, n) allowed values nearest to them.
+        at_will
+            Leave the gradients as they are where some values are discrete, as if all could move.
+
+        Returns
+        -------
+        ndarray
+            (B, n) gradients by `wanted`.
         """
         if at_will and self.discrete:
             return slopes

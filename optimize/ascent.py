@@ -1,10 +1,15 @@
 """A local search that copes with kinks and can be paused: BFGS within the box.
 
-The onset of a flush is a kink of the score, and good rows sit on several of them at once.  There a
+The onset of a flush is a kink of the score, and good rows sit on several of them at once. There a
 line search that asks for a large slope to vanish shrinks its steps to nothing; one that asks only
 for a rise and a turned slope (Armijo and weak Wolfe) goes past the kink, and the curvature learns
-the ridge from it (Lewis, Overton 2013, "Nonsmooth optimization via quasi-Newton methods").
-Variables at a face of the box that the slope holds there are left out of the step.
+the ridge from it. Variables at a face of the box that the slope holds there are left out of the
+step.
+
+References
+----------
+Lewis, A. S., Overton, M. L. (2013). Nonsmooth optimization via quasi-Newton methods. Mathematical
+Programming 141, 135-163.
 """
 
 from __future__ import annotations
@@ -33,9 +38,23 @@ ENOUGH = 1e-7  # a smaller relative gain over them ends it
 class Ascent:
     """One climb from one start, on ask and tell, so that many can share a batch.
 
-    wanted: the design whose score and slope it wants to be told next.
-    design, score, gradient: where it stands; -inf and zeros before it was told anything.
-    told: how often it was told.  done: whether nothing more can be gained.
+    Parameters
+    ----------
+    start
+        (n,) design to begin at; what lies outside the box is clipped.
+    project
+        Maps designs (B, n) to the nearest that keep the rules; None where the box is the only rule.
+
+    Attributes
+    ----------
+    wanted
+        (n,) the design whose score and gradient it asks for next.
+    design, score, gradient
+        The best so far; -inf and zeros before the first evaluation.
+    told
+        Evaluations so far.
+    done
+        Whether nothing more can be gained.
     """
 
     def __init__(
@@ -55,7 +74,7 @@ class Ascent:
         next(self._answers)
 
     def tell(self, score: float, gradient: Floats) -> None:
-        """Score and slope of `wanted`."""
+        """Take the score and gradient (n,) of `wanted`."""
         self.told += 1
         try:
             self._answers.send((score, gradient))
@@ -137,8 +156,16 @@ class Ascent:
 class Refined:
     """An ascent on a coarse schedule, then on finer ones, then on the design itself.
 
-    Told and asked as an `Ascent` is.  matrices: from the numbers of each schedule to a design,
-    the coarsest first.
+    It is asked and told as an `Ascent` is.
+
+    Parameters
+    ----------
+    start
+        (n,) design to begin at.
+    matrices
+        (n, m) each: from the numbers of a schedule to a design, the coarsest first.
+    project
+        As of `Ascent`.
     """
 
     def __init__(
@@ -164,14 +191,14 @@ class Refined:
 
     @property
     def wanted(self) -> Floats:
-        """The design whose score and slope it wants to be told next."""
+        """The design (n,) whose score and gradient it asks for next."""
         if self._matrix is None:
             return self._ascent.wanted
         design = np.clip(self._matrix @ self._ascent.wanted, 0.0, 1.0)
         return design if self._project is None else self._project(design[None])[0]
 
     def tell(self, score: float, gradient: Floats) -> None:
-        """Score and slope of `wanted`."""
+        """Take the score and gradient (n,) of `wanted`."""
         self.told += 1
         if score > self.score:
             self.score, self.design = score, self.wanted
@@ -185,7 +212,16 @@ class Refined:
 
 
 def climb(budget: Budget, arms: Sequence[Ascent | Refined], gradients: int) -> None:
-    """Go on with all in lockstep, so that they share batches, each at most so many gradients.
+    """Go on with all in lockstep, so that they share batches.
+
+    Parameters
+    ----------
+    budget
+        Pays for the evaluations.
+    arms
+        The climbs.
+    gradients
+        Most evaluations with gradient of each.
 
     Raises
     ------

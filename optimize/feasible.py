@@ -40,9 +40,14 @@ def _plainly_feasible(scene: Scene) -> bool:
 
 
 def clashing_rules(scene: Scene) -> list[str]:
-    """Rules none of which can be left out without the others getting along; empty if all do.
+    """List rules none of which can be left out without the others getting along; empty if all do.
 
     Every rule in turn is left out for good if the others clash without it.
+
+    Raises
+    ------
+    RuntimeError
+        Where the solver gives no answer.
     """
     rules = _rules(scene)
     if _feasible(rules.values()):

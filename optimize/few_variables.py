@@ -10,9 +10,19 @@ from optimize.schedules import schedule
 
 
 class FewVariables:
-    """A budget's problem in at most `most` variables: the design itself, or a schedule's knots.
+    """A budget's problem in few variables: the design itself, or the knots of a schedule.
 
-    dimension: how many there are.
+    Parameters
+    ----------
+    budget
+        Whose problem it is, and who pays for scores.
+    most
+        Most variables.
+
+    Attributes
+    ----------
+    dimension
+        How many there are.
     """
 
     def __init__(self, budget: Budget, most: int) -> None:
@@ -22,17 +32,17 @@ class FewVariables:
         self.dimension = n if self._matrix is None else self._matrix.shape[1]
 
     def design(self, x: Floats) -> Floats:
-        """The design that x stands for."""
+        """Give the design (n,) that x stands for."""
         x = np.clip(x, 0.0, 1.0)
         return x if self._matrix is None else np.clip(self._matrix @ x, 0.0, 1.0)
 
     def nearest(self, design: Floats) -> Floats:
-        """The x whose design is nearest to this one, within the box."""
+        """Find the x whose design is nearest to this one, within the box."""
         if self._matrix is None:
             return design
         found = np.linalg.lstsq(self._matrix, design, rcond=None)[0]
         return np.asarray(np.clip(found, 0.0, 1.0))
 
     def cost(self, x: Floats) -> float:
-        """Minus the score."""
+        """Evaluate what a method that minimises makes small: minus the score."""
         return -self._budget.score(self.design(x))

@@ -26,10 +26,19 @@ SLACK = 1e-12  # [m] of a largest change
 class Lists:
     """The lists of the n places of a row.
 
-    values: for each place, what it may be, rising [m].  change: (n-1,) largest change from a place
-    to the next [m], inf for any.  total: (least, largest) sum of all places [m]; None for any.
+    Parameters
+    ----------
+    values
+        For each place, what it may be, rising [m].
+    change
+        (n-1,) largest change from a place to the next [m], inf for any.
+    total
+        Least and largest sum of all places [m]; None for any.
 
-    Raises ValueError for a length that the lists are too fine for.
+    Raises
+    ------
+    ValueError
+        For a length that the lists are too fine for.
     """
 
     def __init__(
@@ -77,9 +86,12 @@ class Lists:
             )
 
     def nearest(self, wanted: Floats) -> Floats:
-        """The nearest allowed row to each of `wanted` (B, n) [m].
+        """Find the nearest allowed row to each of `wanted` (B, n) [m].
 
-        ValueError where there is none; `optimize.feasible` says why.
+        Raises
+        ------
+        ValueError
+            Where there is none; `optimize.feasible` says why.
         """
         wanted = np.ascontiguousarray(wanted, dtype=np.float64)
         if self.total is None and not self.coupled:

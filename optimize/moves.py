@@ -23,7 +23,7 @@ NEAR = 1e-3  # of a face of the box, counts as on it
 
 
 def tight_end(design: Floats, count: int) -> Floats:
-    """The design with exactly `count` tight gaps at its end, what stood before moved along."""
+    """Give a design exactly `count` tight gaps at its end; what stood before moves along."""
     now = ends_tight(design)
     moved = shifted(design, count - now) if now else design.copy()
     if count:
@@ -34,13 +34,13 @@ def tight_end(design: Floats, count: int) -> Floats:
 
 
 def ends_tight(design: Floats) -> int:
-    """How many gaps at the end are at their lower bound."""
+    """Count the gaps at the end that are at their lower bound."""
     wide = np.flatnonzero(design[0] > NEAR)
     return int(design.shape[1] - 1 - wide[-1]) if len(wide) else int(design.shape[1])
 
 
 def shifted(design: Floats, by: int) -> Floats:
-    """The second half moved `by` places towards the start; the plateau in the middle gives way."""
+    """Move the second half `by` places towards the start; the plateau in the middle gives way."""
     pairs = design.shape[1]
     middle = pairs // 2
     at = np.arange(pairs)
@@ -57,14 +57,14 @@ def _last_wide(design: Floats) -> float:
 
 
 def another_tight_gap(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """One tight gap more at the end, or one fewer."""
+    """Add a tight gap at the end, or take one away."""
     now = ends_tight(design)
     change = 1 if now == 0 or rng.random() < 0.5 else -1
     return tight_end(design, min(now + change, design.shape[1] - 1, TIGHT_AT_MOST))
 
 
 def shift_the_end(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """What stands before the tight end goes one or two places on or back; the end stays."""
+    """Move what stands before the tight end one or two places on or back; the end stays."""
     tight = ends_tight(design)
     by = int(rng.choice([-2, -1, 1, 2]))
     moved = shifted(design, by)
@@ -74,7 +74,7 @@ def shift_the_end(design: Floats, other: Floats, rng: np.random.Generator) -> Fl
 
 
 def smooth(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """Ripples taken out of a stretch, or of all but the tight end."""
+    """Take ripples out of a stretch, or of all but the tight end."""
     pairs = design.shape[1]
     free = pairs - ends_tight(design)
     if free < 4:
@@ -89,7 +89,7 @@ def smooth(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
 
 
 def kick(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """A random step on everything that is not held at a face of the box."""
+    """Take a random step on everything that is not held at a face of the box."""
     size = 10.0 ** rng.uniform(-2.5, -0.8)
     inside = (design > NEAR) & (design < 1.0 - NEAR)
     step = size * rng.standard_normal(design.shape)
@@ -97,7 +97,7 @@ def kick(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
 
 
 def kick_a_stretch(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """A random step on a few neighbours."""
+    """Take a random step on a few neighbours."""
     a, b = _stretch(design.shape[1], rng)
     moved = design.copy()
     moved[:, a:b] += 10.0 ** rng.uniform(-2.0, -0.5) * rng.standard_normal((len(design), b - a))
@@ -105,7 +105,7 @@ def kick_a_stretch(design: Floats, other: Floats, rng: np.random.Generator) -> F
 
 
 def bend(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """A smooth hill or hollow added somewhere, the same sign throughout."""
+    """Add a smooth hill or hollow somewhere, the same sign throughout."""
     pairs = design.shape[1]
     at = np.arange(pairs)
     width = rng.uniform(1.0, max(0.25 * pairs, 2.0))
@@ -116,14 +116,14 @@ def bend(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
 
 
 def join(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """The start of one good row and the end of another."""
+    """Join the start of one good row to the end of another."""
     at = int(rng.integers(1, max(design.shape[1], 2)))
     first, last = (design, other) if rng.random() < 0.5 else (other, design)
     return np.concatenate([first[:, :at], last[:, at:]], axis=1)
 
 
 def free_the_end(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """A value at the end is set anew: to a face of the box or anywhere."""
+    """Set a value at the end anew: to a face of the box or anywhere."""
     moved = design.copy()
     part = int(rng.integers(len(design)))
     place = int(rng.integers(1, min(6, design.shape[1]) + 1))
@@ -132,7 +132,7 @@ def free_the_end(design: Floats, other: Floats, rng: np.random.Generator) -> Flo
 
 
 def swap(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
-    """Two places, near each other, exchange what they have."""
+    """Exchange two places near each other."""
     pairs = design.shape[1]
     moved = design.copy()
     i = int(rng.integers(pairs))

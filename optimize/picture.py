@@ -70,7 +70,7 @@ def draw(result: SearchResult, path: Path) -> None:
 
 
 def picture(result: SearchResult) -> Figure:
-    """The figure, from top to bottom; Matplotlib's global state is not touched."""
+    """Draw the figure, from top to bottom; Matplotlib's global state is not touched."""
     windows, scale, tall = _windows(result)
     panels: list[Callable[[Axes, SearchResult, _Window], None]] = [_spacing, _speed]
     if result.scene.free_thickness:
@@ -211,7 +211,7 @@ def _row(axes: Axes, layout: Layout, wave: Wave, colour: str, window: _Window, r
 
 
 def local_speed(layout: Layout, wave: Wave) -> Floats:
-    """(N-1,) pitch over the time between two arrivals [m/s]; nan where the wave did not come."""
+    """Divide pitch by the time between arrivals, (N-1,) [m/s]; nan where the wave did not come."""
     times = np.where(np.isfinite(wave.arrival_times), wave.arrival_times, np.nan)
     return np.asarray(layout.pitch / np.diff(times))
 

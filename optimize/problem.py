@@ -31,18 +31,34 @@ class Problem:
 
     A design x has one entry in [0, 1] for each free gap, then one for each free thickness, then one
     for each free height (over that of the domino before), running from its least to its largest
-    value.  Any design stands for the nearest one (in metres) that keeps the scene's rules: length,
+    value. Any design stands for the nearest one (in metres) that keeps the scene's rules: length,
     largest change, lists of allowed values, stock; no layout outside them is ever simulated.
 
-    scene: the scene.  dimension: n, length of x.  rtol: how closely the waves are simulated.
-    low, high: (n,) what 0 and 1 stand for [m], or what the scene gives in heights.
-    discrete: whether some values come from a list or the stock, so that scores have steps.
-    evaluations, falls: layouts and single falls simulated so far; an evaluation of a "robust" scene
-        topples hundreds of rows.
-    journal: remembers what was found, and answers from what is remembered; None for neither.
+    Parameters
+    ----------
+    scene
+        What is searched.
+    rtol
+        How closely the waves are simulated.
 
-    Raises ValueError for a scene that leaves nothing free, and for one whose rules clash, with
-    their names.
+    Attributes
+    ----------
+    dimension
+        n, length of a design.
+    low, high
+        (n,) what 0 and 1 stand for [m], or what the scene gives in heights.
+    discrete
+        Whether some values come from a list or the stock, so that scores have steps.
+    evaluations, falls
+        Layouts and single falls simulated so far; an evaluation of a "robust" scene topples
+        hundreds of rows.
+    journal
+        Remembers what was found, and answers from what is remembered; None for neither.
+
+    Raises
+    ------
+    ValueError
+        For a scene that leaves nothing free, and for one whose rules clash, with their names.
     """
 
     def __init__(self, scene: Scene, rtol: float = 1e-6) -> None:
@@ -99,15 +115,15 @@ class Problem:
         return scene.length - (scene.count - 1) * fixed
 
     def values(self, designs: Floats) -> Floats:
-        """The free gaps, thicknesses and growths that designs (B, n) stand for, (B, n) [m]."""
+        """Find the free gaps, thicknesses and growths (B, n) [m] that designs (B, n) stand for."""
         return self._allowed.nearest(self._wanted(designs))
 
     def project(self, designs: Floats) -> Floats:
-        """The nearest designs (in metres) that keep the scene's rules, (B, n)."""
+        """Find the nearest designs (in metres) that keep the scene's rules, (B, n)."""
         return self._scaled(self.values(designs))
 
     def layout(self, design: Floats) -> Layout:
-        """The layout of one design (n,)."""
+        """Give the layout of one design (n,)."""
         spacing, thickness, height = self._parts(np.asarray(design, dtype=np.float64)[None])
         return self.scene.layout(
             spacing[0],
@@ -116,7 +132,7 @@ class Problem:
         )
 
     def design(self, layout: Layout) -> Floats:
-        """The design of a layout of this scene, (n,)."""
+        """Give the design (n,) of a layout of this scene."""
         scene = self.scene
         gaps, thick, tall = layout.spacing, layout.thickness[1:], layout.height
         if scene.in_heights:
@@ -127,9 +143,24 @@ class Problem:
         return self._scaled(np.concatenate(values))
 
     def scores(self, designs: Floats, rtol: float | None = None) -> Floats:
-        """(B,) scores of designs (B, n), higher is better; see `Scene.score`.
+        """Simulate designs and score them, higher is better; see `Scene.score`.
 
-        rtol: how closely to simulate, the problem's own where None.
+        Parameters
+        ----------
+        designs
+            (B, n) designs.
+        rtol
+            How closely to simulate; the problem's own where None.
+
+        Returns
+        -------
+        ndarray
+            (B,) scores.
+
+        Raises
+        ------
+        ValueError
+            For designs of another shape, or with entries that are not finite.
         """
         designs, rtol = self._checked(designs), rtol or self.rtol
 
@@ -154,11 +185,11 @@ class Problem:
         self.falls += self.scene.falls(scores)
 
     def score(self, design: Floats) -> float:
-        """The score of one design (n,)."""
+        """Score one design (n,)."""
         return float(self.scores(np.asarray(design)[None])[0])
 
     def score_and_gradient(self, design: Floats) -> tuple[float, Floats]:
-        """The score of one design (n,) and its gradient (n,); see `scores_and_gradients`."""
+        """Score one design (n,), with its gradient (n,); see `scores_and_gradients`."""
         designs = np.asarray(design, dtype=np.float64)[None]
         found, gradients = self.scores_and_gradients(designs)
         return float(found[0]), gradients[0]
@@ -170,15 +201,35 @@ class Problem:
         *,
         at_will: bool = False,
     ) -> tuple[Floats, Floats]:
-        """Scores (B,) of designs (B, n) and their gradients (B, n).
+        """Score designs, with the exact gradient of each.
 
-        Exact, at the cost of some four waves each, whatever n; an evaluation counts as one.  At an
-        edge of the rules (a face of the box, the length that is asked for) it is that of the
-        nearest layout within them.  Values from a list or the stock stay where they are when a
-        design changes a little, so their gradient is 0; `at_will` gives them the one they would
-        have if they could.  Where a row is no success the score is how far the wave came or how
-        much a limit is broken, and its gradient is taken by differences.
-        scores: takes designs and a tolerance, `self.scores` where None (a meter may stand between).
+        The cost is some four waves for each design, whatever n; an evaluation counts as one. At an
+        edge of the rules (a face of the box, the length that is asked for) the gradient is that of
+        the nearest layout within them. Where a row is no success the score is how far the wave came
+        or how much a limit is broken, and its gradient is taken by differences.
+
+        Parameters
+        ----------
+        designs
+            (B, n) designs.
+        scores
+            Takes designs and a tolerance, for the differences; `self.scores` where None (a budget
+            may stand between).
+        at_will
+            Give values from a list or the stock the gradient that they would have if they could
+            move; otherwise it is 0, since they stay where they are when a design changes a little.
+
+        Returns
+        -------
+        scores : ndarray
+            (B,) scores.
+        gradients : ndarray
+            (B, n) gradients by the designs.
+
+        Raises
+        ------
+        ValueError
+            For designs of another shape, or with entries that are not finite.
         """
         designs = np.clip(self._checked(designs), 0.0, 1.0)
 
@@ -201,11 +252,28 @@ class Problem:
         return found, gradients
 
     def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
-        """How late each domino of one design (n,) is hit, with its slopes: for least squares.
+        """Find how late each domino of one design is hit, with its gradient: for least squares.
 
-        Returns the score, (N-1,) arrival minus schedule of dominoes 1 … N-1 [s], and its derivative
-        by the design, (N-1, n) [s]; both empty for a wave that dies.  One evaluation, at the cost
-        of N gradients.  ValueError where the scene has no schedule.
+        It counts as one evaluation, at the cost of N gradients.
+
+        Parameters
+        ----------
+        design
+            (n,) a design.
+
+        Returns
+        -------
+        score : float
+            As of `score`.
+        late : ndarray
+            (N-1,) arrival minus schedule of dominoes 1 … N-1 [s]; empty for a wave that dies.
+        gradient : ndarray
+            (N-1, n) its derivative by the design [s]; empty for a wave that dies.
+
+        Raises
+        ------
+        ValueError
+            Where the scene has no schedule.
         """
         tempo, pairs = self.scene.tempo, self.scene.count - 1
         if tempo is None:

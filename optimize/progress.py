@@ -16,7 +16,7 @@ FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
 
 
 class Watch(Protocol):
-    """What is told of a search after every batch."""
+    """What is called with the budget after every batch of a search."""
 
     def __call__(self, budget: Budget, /) -> None:
         """Look at the budget."""
@@ -24,10 +24,18 @@ class Watch(Protocol):
 
 @contextmanager
 def progress_line(name: str, mark: float, shown: bool | None, unit: str = "m/s") -> Iterator[Watch]:
-    """A watch that keeps the line.
+    """Keep a line on the terminal, and yield what moves it.
 
-    name: what to call the search.  mark: the uniform score.  shown: None for where standard error
-    is a terminal.  unit: of the scores.
+    Parameters
+    ----------
+    name
+        What to call the search.
+    mark
+        Score of the best uniform row, the baseline.
+    shown
+        Whether there is a line; None: where standard error is a terminal.
+    unit
+        Of the scores.
     """
     if not (sys.stderr.isatty() if shown is None else shown):
         yield lambda budget: None
@@ -44,7 +52,7 @@ def progress_line(name: str, mark: float, shown: bool | None, unit: str = "m/s")
 
 
 def best_so_far(score: float, mark: float, unit: str = "m/s") -> str:
-    """The best score and its gain over uniform, in words."""
+    """Say the best score and its gain over uniform."""
     if score <= 0.0:
         return f"no row runs through yet, the best to {1.0 + score:.0%}"
     lead = gain(score, mark)

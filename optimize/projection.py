@@ -9,12 +9,25 @@ Floats = NDArray[np.float64]
 
 
 def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """The point of {low ≤ x ≤ high, Σ x = total} nearest to each row of `values`.
+    """Find the point of {low ≤ x ≤ high, Σ x = total} nearest to each row of `values`.
 
-    values: (B, n).  low, high: (n,), low < high.  total: between Σ low and Σ high; beyond them the
-    corner low or high is returned.
+    Parameters
+    ----------
+    values
+        (B, n) points.
+    low, high
+        (n,) bounds, low < high.
+    total
+        Between Σ low and Σ high; beyond them the corner low or high is returned.
 
-    The projection shifts all entries alike and clips them.  The sum is piecewise linear in the
+    Returns
+    -------
+    ndarray
+        (B, n) nearest points.
+
+    Notes
+    -----
+    The projection shifts all entries alike and clips them. The sum is piecewise linear in the
     shift, with a corner wherever an entry meets or leaves a bound, so sorting the corners gives the
     shift exactly.
     """

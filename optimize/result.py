@@ -16,16 +16,24 @@ Trace = tuple[tuple[int, int, float, float], ...]
 class SearchResult:
     """The best layout of a search, simulated closely, beside the best uniform pitch.
 
-    scene, method, seed: what was asked.
-    layout, wave, score: the best found; `score` as the scene judges it, at a relative error of
-        1e-10.
-    uniform: the best uniform layout, its wave and score.
-    trace: (evaluations, simulated falls, seconds, best score) at every improvement, and at the end;
+    Attributes
+    ----------
+    scene, method, seed
+        What was asked.
+    layout, wave, score
+        The best found; `score` as the scene judges it, at a relative error of 1e-10.
+    uniform
+        The best uniform layout, its wave and score: the baseline.
+    trace
+        (evaluations, simulated falls, seconds, best score) at every improvement, and at the end;
         its scores are the search's own, at a relative error of 1e-6.
-    slopes: at each of these the steepest slope left within the box, in score over the whole range
-        of a variable; None where the method asked for no gradient there.
-    evaluations, falls, seconds: spent in all.
-    interrupted: whether it was ended by hand.
+    slopes
+        At each of these the steepest slope left within the box, in score over the whole range of a
+        variable; None where the method asked for no gradient there.
+    evaluations, falls, seconds
+        Spent in all.
+    interrupted
+        Whether it was ended by hand.
     """
 
     scene: Scene
@@ -44,5 +52,5 @@ class SearchResult:
 
     @property
     def gain(self) -> float | None:
-        """score / uniform score - 1; None where one of the two rows does not run through."""
+        """Score over the uniform one, minus 1; None where one of the rows dies."""
         return gain(self.score, self.uniform.score)

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 def knots(pairs: int, most: int) -> NDArray[np.int64]:
-    """Places 0 … pairs-1 of at most `most` knots, both ends among them, as dense as that allows."""
+    """Place at most `most` knots among 0 … pairs-1, both ends among them, as dense as can be."""
     if pairs <= most:
         return np.arange(pairs)
     growth = 1.02  # of the distance from the end, from knot to knot
@@ -29,7 +29,7 @@ def knots(pairs: int, most: int) -> NDArray[np.int64]:
 
 
 def schedule(parts: int, pairs: int, most: int) -> Floats:
-    """(parts pairs, m) matrix from the values at the knots of each part to a design."""
+    """Build the (parts pairs, m) matrix from the values at the knots of each part to a design."""
     places = knots(pairs, max(2, most // parts))
     one = np.stack([np.interp(np.arange(pairs), places, e) for e in np.eye(len(places))], axis=1)
     return np.asarray(np.kron(np.eye(parts), one))

@@ -1,10 +1,14 @@
 """The nearest row whose neighbouring gaps differ by no more than is allowed.
 
-A dynamic programme over the row (after Johnson 2013, the fused lasso): the price of the best
-beginning of a row, as a function of its last gap, is convex, and its slope is piecewise linear.
-Letting the next gap move freely within ± the largest change pulls the falling part of the slope to
-the left and the rising part to the right; the next gap's own price adds a line.  Cost n² at worst,
-a millisecond for a thousand gaps.
+A dynamic programme over the row: the price of the best beginning of a row, as a function of its
+last gap, is convex, and its slope is piecewise linear. Letting the next gap move freely within ±
+the largest change pulls the falling part of the slope to the left and the rising part to the right;
+the next gap's own price adds a line. Cost n² at worst, a millisecond for a thousand gaps.
+
+References
+----------
+Johnson, N. A. (2013). A dynamic programming algorithm for the fused lasso and L0-segmentation.
+Journal of Computational and Graphical Statistics 22, 246-260.
 """
 
 from __future__ import annotations
@@ -21,10 +25,24 @@ ROUNDS = 100  # of the search for the shift; some ten are used
 def nearest_smooth(
     values: Floats, low: Floats, high: Floats, change: Floats, total: float | None = None
 ) -> Floats:
-    """The point of {low ≤ x ≤ high, |x_{i+1} - x_i| ≤ change_i, Σ x = total} nearest to each row.
+    """Find the nearest point of {low ≤ x ≤ high, |x_{i+1} - x_i| ≤ change_i, Σ x = total}.
 
-    values: (B, n).  low, high: (n,).  change: (n-1,), inf between two that may differ at will;
-    where it is finite, both have the same bounds.  total: between Σ low and Σ high; None for any.
+    Parameters
+    ----------
+    values
+        (B, n) points.
+    low, high
+        (n,) bounds.
+    change
+        (n-1,) largest changes; inf between two that may differ at will. Where it is finite, both
+        have the same bounds.
+    total
+        Between Σ low and Σ high; None for any.
+
+    Returns
+    -------
+    ndarray
+        (B, n) nearest points.
     """
     values = np.ascontiguousarray(values, dtype=np.float64)
     found = np.empty_like(values)

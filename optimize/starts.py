@@ -13,7 +13,7 @@ KICK = 0.1  # standard deviation of a perturbation, as a part of the box
 
 
 def starts(budget: Budget, rng: np.random.Generator) -> Iterator[Floats]:
-    """The uniform row, then for ever: the best so far a random step away, or anywhere.
+    """Yield the uniform row, then for ever: the best so far a random step away, or anywhere.
 
     The onset of a flush is a kink at which the steps of a smooth method shrink to nothing, so one
     descent is not enough.
@@ -29,6 +29,6 @@ def starts(budget: Budget, rng: np.random.Generator) -> Iterator[Floats]:
 
 
 def cost(budget: Budget, design: Floats) -> tuple[float, Floats]:
-    """What SciPy's methods make small: minus the score, with its gradient."""
+    """Evaluate what SciPy's methods make small: minus the score, with its gradient (n,)."""
     score, gradient = budget.score_and_gradient(design)
     return -score, -gradient

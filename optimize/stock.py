@@ -19,11 +19,28 @@ Ints = NDArray[np.int64]
 def assign(
     prices: Floats, count: Ints, current: Ints | None = None, changes: int | None = None
 ) -> Ints:
-    """(n,) the kind for each place that makes the sum of prices (n, kinds) least.
+    """Choose the kind for each place that makes the sum of prices least.
 
-    count: (kinds,) how many there are of each, n or more in all.
-    current, changes: (n,) what stands there, and at how many places another may; None for any.
-    ValueError where there are less than n.
+    Parameters
+    ----------
+    prices
+        (n, kinds) of each kind at each place.
+    count
+        (kinds,) how many there are of each, n or more in all.
+    current, changes
+        (n,) what stands there, and at how many places another may; None for any.
+
+    Returns
+    -------
+    ndarray
+        (n,) index of the kind for each place.
+
+    Raises
+    ------
+    ValueError
+        Where there are less than n.
+    RuntimeError
+        Where the solver finds no answer.
     """
     import cvxpy as cp
 
@@ -48,11 +65,24 @@ def assign(
 
 
 def nearest_from_stock(wanted: Floats, stock: Stock) -> Floats:
-    """The dominoes (B, n) of the box nearest to the thicknesses wanted (B, n) [m].
+    """Choose dominoes of the box, nearest to the thicknesses wanted in the sum of squares.
 
-    stock: what is left for these places, n or more.  Nearest in the sum of squares.  The order of
-    what is taken follows that of what is wanted, so only which are left in the box is to be found:
-    a dynamic programme over the sorted box.
+    Parameters
+    ----------
+    wanted
+        (B, n) thicknesses [m].
+    stock
+        What is left for these places, n or more.
+
+    Returns
+    -------
+    ndarray
+        (B, n) thicknesses of dominoes of the box [m].
+
+    Notes
+    -----
+    The order of what is taken follows that of what is wanted, so only which are left in the box is
+    to be found: a dynamic programme over the sorted box.
     """
     box = np.sort(stock.dominoes)
     rows, n = wanted.shape

@@ -56,20 +56,24 @@ PEERS = {"ngopt": ("ngopt", "nevergrad"), "tpe": ("parzen", "optuna")}
 
 
 def installed_peers() -> list[str]:
-    """Names of the peers that can run here."""
+    """List the names of the peers that can run here."""
     return [name for name, (_, needed) in PEERS.items() if find_spec(needed) is not None]
 
 
 def of_others() -> dict[str, EntryPoint]:
-    """Methods that installed packages bring, learned ones among them, by name."""
+    """List methods that installed packages bring, learned ones among them, by name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
 def load(name: str) -> Method:
-    """The method of that name.
+    """Import the method of that name.
 
-    ValueError with a suggestion where there is none; ImportError, with what to install, where what
-    it needs is missing.
+    Raises
+    ------
+    ValueError
+        Where there is none; it suggests a name.
+    ImportError
+        Where what it needs is missing; it says what to install.
     """
     word, colon, what = name.partition(":")
     others = {} if name in METHODS else of_others()

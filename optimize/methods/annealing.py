@@ -1,4 +1,10 @@
-"""Dual annealing (Xiang et al. 1997): random leaps that cool, descents after good ones."""
+"""Dual annealing (Xiang et al. 1997): random leaps that cool, descents after good ones.
+
+References
+----------
+Xiang, Y., Sun, D. Y., Fan, W., Gong, X. G. (1997). Generalized simulated annealing algorithm and
+its application to the Thomson model. Physics Letters A 233, 216-220.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +16,7 @@ from optimize.problem import Floats
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One annealing after the other until the budget is spent, the first from the uniform row."""
+    """Anneal again and again until the budget is spent, at first from the uniform row."""
     problem = budget.problem
     bounds = [(0.0, 1.0)] * problem.dimension
     start = problem.design(problem.scene.uniform().layout)

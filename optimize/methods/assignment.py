@@ -27,7 +27,7 @@ IDLE = 3  # rounds without gain that end a start
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One start after the other until the budget is spent."""
+    """Improve one start after the other until the budget is spent."""
     for start in starts(budget, rng):
         _improve(budget, start, rng)
 

@@ -25,14 +25,20 @@ AROUND = 4.0  # radii within which planes are kept
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One climb after the other until the budget is spent."""
+    """Climb from one start after the other until the budget is spent."""
     step = Step(budget.problem)
     for start in starts(budget, rng):
         _climb(budget, step, start)
 
 
 class Step:
-    """The best step of a model of planes within a trust region and all linear rules."""
+    """The best step of a model of planes within a trust region and all linear rules.
+
+    Parameters
+    ----------
+    problem
+        Whose linear rules the steps keep.
+    """
 
     def __init__(self, problem: Problem) -> None:
         n = problem.dimension
@@ -59,7 +65,23 @@ class Step:
     def best(
         self, design: Floats, slopes: Floats, heights: Floats, radius: float
     ) -> tuple[Floats, float] | None:
-        """The step (n,) and the rise the model promises; None where the solver finds none."""
+        """Find the step that promises most.
+
+        Parameters
+        ----------
+        design
+            (n,) where the step begins.
+        slopes, heights
+            (PLANES, n) gradients of the planes, and (PLANES,) how far each lies above the score at
+            `design`.
+        radius
+            Largest change of a variable.
+
+        Returns
+        -------
+        tuple of (ndarray, float), or None
+            The step (n,) and the rise that the model promises; None where the solver finds none.
+        """
         self._slopes.value, self._heights.value = slopes, heights
         self._low.value = -np.minimum(design, radius)
         self._high.value = np.minimum(1.0 - design, radius)

@@ -1,4 +1,10 @@
-"""Differential evolution (Storn, Price 1997): a population that moves along its own differences."""
+"""Differential evolution (Storn, Price 1997): a population that moves along its own differences.
+
+References
+----------
+Storn, R., Price, K. (1997). Differential evolution: a simple and efficient heuristic for global
+optimization over continuous spaces. Journal of Global Optimization 11, 341-359.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +18,10 @@ MEMBERS_A_VARIABLE, MOST_MEMBERS = 3, 256
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One population after the other until the budget is spent; each has the uniform row in it."""
+    """Evolve one population after the other until the budget is spent.
+
+    Each has the uniform row in it.
+    """
     problem = budget.problem
     n = problem.dimension
     mark = problem.design(problem.scene.uniform().layout)

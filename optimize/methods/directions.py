@@ -1,4 +1,10 @@
-"""Powell's conjugate directions (1964): one line search after the other, without slopes."""
+"""Powell's conjugate directions (1964): one line search after the other, without slopes.
+
+References
+----------
+Powell, M. J. D. (1964). An efficient method for finding the minimum of a function of several
+variables without calculating derivatives. The Computer Journal 7, 155-162.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +19,7 @@ MOST = 200  # variables; the set of directions is a matrix
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One set of directions after the other until the budget is spent."""
+    """Try one set of directions after the other until the budget is spent."""
     few = FewVariables(budget, MOST)
     for start in starts(budget, rng):
         minimize(

@@ -1,9 +1,16 @@
-"""CMA-ES with restarts (Hansen 2016, arXiv 1604.00772; BIPOP: Hansen 2009), on ask and tell.
+"""CMA-ES with restarts (BIPOP), on ask and tell.
 
 A run starts at the best uniform layout with a step as wide as the box: on the scenes here that ends
 in a good basin more often than a careful start, one in the middle of the box, or one from anywhere.
 Restarts alternate between populations that double and small ones, some of which start elsewhere,
 each kind given about the same number of evaluations.
+
+References
+----------
+Hansen, N. (2016). The CMA evolution strategy: a tutorial. arXiv:1604.00772.
+
+Hansen, N. (2009). Benchmarking a BI-population CMA-ES on the BBOB-2009 function testbed. GECCO
+Companion, 2389-2396.
 """
 
 from __future__ import annotations
@@ -26,7 +33,7 @@ ASTRAY = 100.0  # price of the mean square distance, over the score
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One CMA-ES after the other until the budget is spent."""
+    """Run one CMA-ES after the other until the budget is spent."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="cma")  # of steps that it then limits itself
         _restart(budget, rng)

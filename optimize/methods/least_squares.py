@@ -1,13 +1,20 @@
 """Levenberg–Marquardt within the box, for schedules (Moré 1978).
 
 The arrival times are what a schedule is about, and the exact slope of each is known: so all of them
-are met at once by least squares, where a method that sees only their mean square error creeps.
-With more to choose than times to meet, the damped step is the shortest one that helps, and rows
-stay near where the search began.  Then again from elsewhere, for some starts end at a row that
-cannot follow, or at a kink.
+are met at once by least squares, where a method that sees only their mean square error creeps. With
+more to choose than times to meet, the damped step is the shortest one that helps, and rows stay
+near where the search began. Then again from elsewhere, for some starts end at a row that cannot
+follow, or at a kink.
 
-Without a schedule the score is the only thing to meet: the mark to meet is a little above the best
+Without a schedule the score is the only thing to meet: the level to meet is a little above the best
 so far, and rises or falls with success (Polyak 1987, a level that is estimated).
+
+References
+----------
+Moré, J. J. (1978). The Levenberg-Marquardt algorithm: implementation and theory. Lecture Notes in
+Mathematics 630, 105-116.
+
+Polyak, B. T. (1987). Introduction to Optimization. Optimization Software, New York.
 """
 
 from __future__ import annotations
@@ -28,7 +35,7 @@ LEVEL = 0.02  # relative rise asked for at first, where there is no schedule
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One descent after the other until the budget is spent; a row on time ends it."""
+    """Descend from one start after the other until the budget is spent; a row on time ends it."""
     descend = _level if budget.problem.scene.tempo is None else _least_squares
     for start in starts(budget, rng):
         if descend(budget, start):

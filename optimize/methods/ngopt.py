@@ -1,4 +1,10 @@
-"""NGOpt (Meunier et al. 2021), Nevergrad's own choice among its many methods: an optional peer."""
+"""NGOpt (Meunier et al. 2021), Nevergrad's own choice among its many methods: an optional peer.
+
+References
+----------
+Meunier, L., et al. (2021). Black-box optimization revisited: improving algorithm selection wizards
+through massive benchmarking. arXiv:2010.04542.
+"""
 
 from __future__ import annotations
 

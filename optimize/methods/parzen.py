@@ -1,4 +1,10 @@
-"""Tree-structured Parzen estimators (Bergstra et al. 2011), Optuna's default: an optional peer."""
+"""Tree-structured Parzen estimators (Bergstra et al. 2011), Optuna's default: an optional peer.
+
+References
+----------
+Bergstra, J., Bardenet, R., Bengio, Y., Kégl, B. (2011). Algorithms for hyper-parameter
+optimization. Advances in Neural Information Processing Systems 24.
+"""
 
 from __future__ import annotations
 

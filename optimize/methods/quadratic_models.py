@@ -1,6 +1,11 @@
 """COBYQA (Ragonneau 2022): quadratic models through known scores, in a trust region, no slopes.
 
 A step costs the cube of the number of variables: longer rows are searched as schedules.
+
+References
+----------
+Ragonneau, T. M. (2022). Model-based derivative-free optimization methods and software. PhD thesis,
+The Hong Kong Polytechnic University.
 """
 
 from __future__ import annotations
@@ -16,7 +21,7 @@ MOST = 45
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One trust region after the other until the budget is spent."""
+    """Search one trust region after the other until the budget is spent."""
     few = FewVariables(budget, MOST)
     for start in starts(budget, rng):
         minimize(

@@ -1,8 +1,11 @@
-"""SLSQP (Kraft 1988) on exact gradients: a quadratic program a step, from one start after the
-other.
+"""SLSQP (Kraft 1988) on exact gradients: a quadratic program a step, from many starts.
 
-Where the scene asks for a length, it is a constraint of the program.  Each step costs the cube of
+Where the scene asks for a length, it is a constraint of the program. Each step costs the cube of
 the number of variables.
+
+References
+----------
+Kraft, D. (1988). A software package for sequential quadratic programming. DFVLR-FB 88-28, Cologne.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from optimize.starts import cost, starts
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One descent after the other until the budget is spent."""
+    """Descend from one start after the other until the budget is spent."""
     constraints = []
     if budget.problem.equality is not None:
         row, total = budget.problem.equality

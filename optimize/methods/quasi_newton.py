@@ -1,4 +1,10 @@
-"""L-BFGS-B (Byrd, Lu, Nocedal, Zhu 1995) on exact gradients, from one start after the other."""
+"""L-BFGS-B (Byrd et al. 1995) on exact gradients, from one start after the other.
+
+References
+----------
+Byrd, R. H., Lu, P., Nocedal, J., Zhu, C. (1995). A limited memory algorithm for bound constrained
+optimization. SIAM Journal on Scientific Computing 16, 1190-1208.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +18,7 @@ from optimize.starts import cost, starts
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One descent after the other until the budget is spent."""
+    """Descend from one start after the other until the budget is spent."""
     for start in starts(budget, rng):
         minimize(
             partial(cost, budget),

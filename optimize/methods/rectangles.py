@@ -1,7 +1,15 @@
 """DIRECT (Jones et al. 1993; biased to the local, Gablonsky 2001): the box in ever finer thirds.
 
-Rows of many places are searched as schedules; when a box is divided
-finely enough, a smaller one around the best so far is next.
+Rows of many places are searched as schedules; when a box is divided finely enough, a smaller one
+around the best so far is next.
+
+References
+----------
+Jones, D. R., Perttunen, C. D., Stuckman, B. E. (1993). Lipschitzian optimization without the
+Lipschitz constant. Journal of Optimization Theory and Applications 79, 157-181.
+
+Gablonsky, J. M., Kelley, C. T. (2001). A locally-biased form of the DIRECT algorithm. Journal of
+Global Optimization 21, 27-37.
 """
 
 from __future__ import annotations
@@ -17,7 +25,7 @@ LOOKS = 100  # a variable and box
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One box after the other until the budget is spent."""
+    """Divide one box after the other until the budget is spent."""
     few = FewVariables(budget, MOST)
     problem = budget.problem
     budget.score(problem.design(problem.scene.uniform().layout))

@@ -1,6 +1,14 @@
 """Nelder–Mead (1965) with the step sizes of Gao and Han (2012) for several variables.
 
 A simplex of more than some forty corners gets nowhere: long rows are searched as schedules.
+
+References
+----------
+Nelder, J. A., Mead, R. (1965). A simplex method for function minimization. The Computer Journal 7,
+308-313.
+
+Gao, F., Han, L. (2012). Implementing the Nelder-Mead simplex algorithm with adaptive parameters.
+Computational Optimization and Applications 51, 259-277.
 """
 
 from __future__ import annotations
@@ -17,7 +25,7 @@ SIZE = 0.1  # of the first simplex, as a part of the box
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One simplex after the other until the budget is spent."""
+    """Move one simplex after the other until the budget is spent."""
     few = FewVariables(budget, MOST)
     for start in starts(budget, rng):
         x = few.nearest(start)

@@ -1,13 +1,19 @@
 """The default: many climbs that work with the structure of good rows.
 
 1. Starts: the best uniform row, as it is and with one to a few tight gaps (and thick dominoes) at
-   its end, which is what local climbs get wrong.  All of them climb in lockstep, as one batch, and
-   every round the worse half is put aside (successive halving), so that most gradients go where
-   they pay.
-2. Then good rows are changed by structured moves; many are scored, the best few climb
-   a little, and those that come near the best climb on.  Moves that have paid are drawn more often.
+   its end, which is what local climbs get wrong. All of them climb in lockstep, as one batch, and
+   every round the worse half is dropped (successive halving), so that most gradients go where they
+   pay.
+2. Then good rows are changed by structured moves; many are scored, the best few climb a little, and
+   those that come near the best climb on. Moves that have paid are drawn more often.
 3. When that gains no more, the same begins abroad with random starts, and the best come home.
+
 Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
+
+References
+----------
+Jamieson, K., Talwalkar, A. (2016). Non-stochastic best arm identification and hyperparameter
+optimization. AISTATS, 240-248 (successive halving).
 """
 
 from __future__ import annotations
@@ -55,7 +61,13 @@ def run(budget: Budget, rng: np.random.Generator) -> None:
 
 
 def starts(problem: Problem) -> Floats:
-    """The best uniform row, and the same with tight gaps and extreme thicknesses at its end."""
+    """Change the end of the best uniform row: tight gaps, extreme thicknesses.
+
+    Returns
+    -------
+    ndarray
+        (B, n) designs, that of the best uniform row first, each once.
+    """
     uniform = problem.scene.uniform().layout
     row = _columns(problem, problem.design(uniform))
     found = [row]
@@ -73,7 +85,13 @@ def starts(problem: Problem) -> Floats:
 
 
 def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
-    """The best uniform row with a random end, random hills and hollows, random thickness."""
+    """Draw rows with random hills and hollows, a random end, random thickness.
+
+    Returns
+    -------
+    ndarray
+        (B, n) designs, based on the best uniform row, that keep the rules.
+    """
     mark = _columns(problem, problem.design(problem.scene.uniform().layout))
     found = []
     for _ in range(WIDE):

@@ -1,4 +1,10 @@
-"""trust-constr: an interior point method in trust regions (Byrd, Hribar, Nocedal 1999), slopes."""
+"""trust-constr (Byrd et al. 1999): an interior point method in trust regions, on exact gradients.
+
+References
+----------
+Byrd, R. H., Hribar, M. E., Nocedal, J. (1999). An interior point algorithm for large-scale
+nonlinear programming. SIAM Journal on Optimization 9, 877-900.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +21,7 @@ MANY = 200  # variables from which on the curvature is the cheaper SR1
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """One descent after the other until the budget is spent."""
+    """Descend from one start after the other until the budget is spent."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="scipy")  # of slopes that did not change
         for start in starts(budget, rng):

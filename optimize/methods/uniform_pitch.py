@@ -1,4 +1,4 @@
-"""The mark: the best uniform pitch of the scene, and nothing else."""
+"""The baseline: the best uniform pitch of the scene, and nothing else."""
 
 from __future__ import annotations
 
