@@ -22,7 +22,7 @@ NOTICE_AFTER = 2.0  # [s] of silence
 
 
 def parser() -> argparse.ArgumentParser:
-    """The whole command line, built from what is installed."""
+    """Build the whole command line from what is installed."""
     top = argparse.ArgumentParser(
         prog="domino", description="Simulate and design rows of toppling dominoes."
     )
@@ -38,9 +38,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a command; bad input ends with one line on standard error and exit status 2.
+    """Run a command, and return its exit status.
 
-    Ctrl-C ends with 130, SIGTERM with 143.
+    Bad input ends with one line on standard error and status 2, Ctrl-C with 130, SIGTERM with 143.
     """
     arguments = parser().parse_args(words)
     notice = threading.Timer(NOTICE_AFTER, _say_that_it_compiles, [arguments])

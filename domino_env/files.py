@@ -31,7 +31,10 @@ def write_text(path: Path, text: str) -> None:
 def require_room(folder: Path) -> None:
     """Refuse a folder that cannot be written, before any time is spent; it is made if need be.
 
-    ValueError with the reason.
+    Raises
+    ------
+    ValueError
+        With the reason.
     """
     probe = folder / f".writable-{os.getpid()}-{secrets.token_hex(4)}"
     try:

@@ -18,12 +18,15 @@ from domino_env.wave import Outcome, Wave, WaveBatch
 Floats = NDArray[np.float64]
 
 OBJECTIVES = ("mean_speed", "time", "tempo", "robust", "toppled", "magnify")
-"""mean_speed: from the first pivot to the last [m/s].
-time: the same over a course of fixed length, so that the shortest time scores most [m/s].
-tempo: how closely the arrival times follow a schedule, see `Tempo` [1].
-robust: the mean speed that most of the rows reach whose gaps are off at random [m/s].
-toppled: how many dominoes topple, and a fraction that tells how far the wave came [1].
-magnify: the height of the last domino, if the wave topples it [m]."""
+"""What may count.
+
+- mean_speed: from the first pivot to the last [m/s].
+- time: the same over a course of fixed length, so that the shortest time scores most [m/s].
+- tempo: how closely the arrival times follow a schedule, see `Tempo` [1].
+- robust: the mean speed that most of the rows reach whose gaps are off at random [m/s].
+- toppled: how many dominoes topple, and a fraction that tells how far the wave came [1].
+- magnify: the height of the last domino, if the wave topples it [m].
+"""
 
 UNITS = {
     "mean_speed": "m/s", "time": "m/s", "tempo": "", "robust": "m/s", "toppled": "dominoes",
@@ -41,8 +44,17 @@ HAIR = 1e-6
 class Limits:
     """What a design must not lean on.
 
-    stall_margin: least allowed `Wave.stall_margin` of all falls, 0 to below 1; None for any.
-    flush_loss: largest allowed `Wave.largest_flush_loss`, 0 or more; None for any.
+    Parameters
+    ----------
+    stall_margin
+        Least allowed `Wave.stall_margin` of all falls, 0 to below 1; None for any.
+    flush_loss
+        Largest allowed `Wave.largest_flush_loss`, 0 or more; None for any.
+
+    Raises
+    ------
+    ValueError
+        With the value and what is allowed.
     """
 
     stall_margin: float | None = None
@@ -55,7 +67,7 @@ class Limits:
             raise ValueError(f"flush_loss = {self.flush_loss}: give a part, 0 to 1")
 
     def excess(self, waves: Waves) -> Floats:
-        """(B,) by how much the limits are broken, both parts added; 0 where they are kept."""
+        """Return (B,) by how much the limits are broken, both parts added; 0 where kept."""
         over = np.zeros(len(waves.reach))
         if self.stall_margin is not None:
             over += np.maximum(self.stall_margin - waves.lowest_stall_margin, 0.0)
@@ -80,7 +92,7 @@ class Waves:
 
     @classmethod
     def of_batch(cls, batch: WaveBatch, rtol: float) -> Waves:
-        """The waves of a batch."""
+        """Take what scores need from a batch."""
         return cls(
             batch.outcome == Outcome.PROPAGATED, batch.reach, batch.mean_speed,
             batch.toppled.astype(np.float64), batch.arrival_times, batch.lowest_stall_margin,
@@ -89,7 +101,7 @@ class Waves:
 
     @classmethod
     def of_one(cls, wave: Wave) -> Waves:
-        """A single wave, as a batch of one."""
+        """Take what scores need from a single wave, as from a batch of one."""
         margins = wave.stall_margin[np.isfinite(wave.stall_margin)]
         return cls(
             np.array([wave.outcome == Outcome.PROPAGATED]), np.array([wave.reach]),
@@ -106,7 +118,23 @@ def scores(
     last_height: Floats | float,
     limits: Limits | None,
 ) -> Floats:
-    """(B,) scores of waves; `robust` needs more than one wave a row and is not among them."""
+    """Return (B,) scores of waves.
+
+    `robust` needs more than one wave a row and is not among them.
+
+    Parameters
+    ----------
+    objective
+        One of `OBJECTIVES`.
+    waves
+        B of them.
+    tempo
+        The schedule of the objective "tempo".
+    last_height
+        (B,) or a number: height of the last domino, for "magnify" [m].
+    limits
+        What waves must keep; None for none.
+    """
     good = _successes(objective, waves, tempo, last_height)
     if objective == "toppled":
         return np.where(waves.propagated, good, good + waves.reach)
@@ -116,7 +144,7 @@ def scores(
 
 
 def limited(found: Floats, waves: Waves, limits: Limits) -> Floats:
-    """Scores lowered where the wave breaks a limit; deaths make room for those."""
+    """Lower scores where the wave breaks a limit; deaths make room for those."""
     excess = limits.excess(waves)
     broken = -0.5 * excess / (1.0 + excess)
     lowered = np.where(found < 0.0, 0.5 * found - 0.5, found)
@@ -140,7 +168,7 @@ def gain(score: float, other: float) -> float | None:
 
 
 def falls(found: Floats, count: int, objective: str, limits: Limits | None) -> int:
-    """Single falls simulated for scores: all N of a wave that ran through, else what they tell."""
+    """Count the falls simulated for scores: N of a wave that ran through, else what they tell."""
     if objective == "toppled":
         reach = np.where(found < count, found % 1.0, 1.0)
     elif limits is None:

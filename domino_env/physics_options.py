@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def add_physics_options(parser: argparse.ArgumentParser, scene_help: str) -> None:
-    """--scene, --friction, --gravity, --push."""
+    """Add --scene, --friction, --gravity and --push."""
     parser.add_argument("--scene", help=scene_help)
     parser.add_argument("--friction", type=float, help="between dominoes (0.25)")
     parser.add_argument("--gravity", type=float, help="[m/s²] (9.81)")
@@ -19,13 +19,13 @@ def add_physics_options(parser: argparse.ArgumentParser, scene_help: str) -> Non
 
 
 def given_physics(arguments: argparse.Namespace) -> dict[str, float]:
-    """Those of the three numbers that were given."""
+    """Return those of the three numbers that were given."""
     numbers = {name: getattr(arguments, name) for name in ("friction", "gravity", "push")}
     return {name: value for name, value in numbers.items() if value is not None}
 
 
 def asked_physics(arguments: argparse.Namespace) -> tuple[Scene | None, Physics]:
-    """The scene, if one was named, and its physics with what was given instead."""
+    """Return the scene, if one was named, and its physics with what was given instead."""
     from dataclasses import replace
 
     from domino_env.physics import Physics

@@ -20,11 +20,21 @@ LARGEST_DRAWS = 100_000
 class Placement:
     """Every free gap is off by a normal error; what counts is a low quantile of the speed.
 
-    deviation: standard deviation of the error of each gap [m].
-    quantile: the part of the draws that may be slower, more than 0 and at most 1.
-    draws: how many rows are drawn.  seed: of the draws, the same ones for every layout.
+    Parameters
+    ----------
+    deviation
+        Standard deviation of the error of each gap [m].
+    quantile
+        The part of the draws that may be slower, more than 0 and at most 1.
+    draws
+        How many rows are drawn.
+    seed
+        Of the draws, the same ones for every layout.
 
-    Raises ValueError with the value and what is allowed.
+    Raises
+    ------
+    ValueError
+        With the value and what is allowed.
     """
 
     deviation: float
@@ -47,14 +57,14 @@ class Placement:
         return {}
 
     def errors(self, pairs: int) -> Floats:
-        """(draws, pairs) what is added to the gaps [m]; drawn once for each length of a row."""
+        """Draw (draws, pairs) what is added to the gaps [m]; once for each length of a row."""
         if pairs not in self._errors:
             random = np.random.default_rng(self.seed)
             self._errors[pairs] = self.deviation * random.standard_normal((self.draws, pairs))
         return self._errors[pairs]
 
     def rows(self, spacing: Floats) -> Floats:
-        """(B · draws, N-1) the gaps as they are placed, all draws of a row together [m]."""
+        """Return (B · draws, N-1) the gaps as they are placed, all draws of a row together [m]."""
         placed = np.maximum(spacing[:, None, :] + self.errors(spacing.shape[1]), LEAST_GAP)
         return placed.reshape(-1, spacing.shape[1])
 
@@ -64,5 +74,5 @@ class Placement:
         return max(math.ceil(self.quantile * self.draws - 1e-9), 1) - 1
 
     def decisive(self, speeds: Floats) -> Ints:
-        """(B,) which draw counts of speeds (B, draws): the one at `rank`, from the slowest."""
+        """Return (B,) which draw counts of speeds (B, draws): the one at `rank`."""
         return np.argsort(speeds, axis=1, kind="stable")[:, self.rank]

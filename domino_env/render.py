@@ -24,8 +24,17 @@ FRAMES_A_SECOND = 20  # of a window, at most
 class Painter:
     """Draws the moments of one environment.
 
-    scene: what is being built.  mode: "rgb_array", "human" or "ansi".
-    Raises ImportError that says what to install where a window is asked for and cannot be opened.
+    Parameters
+    ----------
+    scene
+        What is being built.
+    mode
+        "rgb_array", "human" or "ansi".
+
+    Raises
+    ------
+    ImportError
+        Where a window is asked for and cannot be opened; says what to install.
     """
 
     def __init__(self, scene: Scene, mode: str) -> None:
@@ -34,7 +43,7 @@ class Painter:
         self._scale: Any = None
 
     def frame(self, moment: Moment) -> NDArray[np.uint8] | str | None:
-        """An image (H, W, 3), a text, or None for a window, which shows it."""
+        """Draw an image (H, W, 3), a text, or None for a window, which shows it."""
         layout = Layout(moment.spacing, moment.thickness, moment.height)
         leader = max(moment.hit - 1, 0)
         leans = lean_behind(layout, np.array([leader]), np.zeros(1))[0]

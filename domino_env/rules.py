@@ -28,7 +28,7 @@ def off_list(name: str, values: Floats, allowed: tuple[float, ...], first: int) 
 
 
 def too_steep(spacing: Floats, largest_change: float) -> list[str]:
-    """Neighbouring gaps that differ by more than is allowed."""
+    """List neighbouring gaps that differ by more than is allowed."""
     change = np.diff(spacing)
     bad = np.flatnonzero(~(np.abs(change) <= largest_change + 1e-12))
     if len(bad) == 0:
@@ -42,7 +42,7 @@ def too_steep(spacing: Floats, largest_change: float) -> list[str]:
 
 
 def nearest_of(values: Floats, allowed: Floats) -> Floats:
-    """The nearest of the rising values `allowed` for each entry of an array of any shape."""
+    """Return the nearest of the rising values `allowed` for each entry of an array of any shape."""
     place = np.clip(np.searchsorted(allowed, values), 1, max(len(allowed) - 1, 1))
     if len(allowed) == 1:
         return np.full_like(values, allowed[0])

@@ -18,9 +18,17 @@ SAME = 1e-9  # [m] two thicknesses this close are the same domino
 class Stock:
     """What lies in the box.
 
-    thickness: the kinds [m], no two alike.  count: how many there are of each.
+    Parameters
+    ----------
+    thickness
+        The kinds [m], no two alike.
+    count
+        How many there are of each.
 
-    Raises ValueError, with the place and what to do, for anything that is no box.
+    Raises
+    ------
+    ValueError
+        With the place and what to do, for anything that is no box.
     """
 
     thickness: tuple[float, ...]
@@ -49,12 +57,18 @@ class Stock:
         return np.repeat(np.array(self.thickness), self.count)
 
     def kind(self, thickness: float) -> int | None:
-        """Which of the kinds a thickness is; None if none."""
+        """Return which of the kinds a thickness [m] is; None if none."""
         near = np.abs(np.array(self.thickness) - thickness)
         return int(np.argmin(near)) if near.min() <= SAME else None
 
     def without(self, thickness: float) -> Stock:
-        """The box after one domino has been taken out.  ValueError where there is none left."""
+        """Return the box after one domino of a thickness [m] has been taken out.
+
+        Raises
+        ------
+        ValueError
+            Where there is none left.
+        """
         kind = self.kind(thickness)
         if kind is None or self.count[kind] == 0:
             raise ValueError(
@@ -66,7 +80,7 @@ class Stock:
         return Stock(self.thickness, tuple(count))
 
     def broken_by(self, thickness: Floats) -> list[str]:
-        """What a row of these thicknesses (N,) takes that is not there, a sentence each."""
+        """List what a row of these thicknesses (N,) takes that is not there, a sentence each."""
         kinds = np.array(self.thickness)
         rising = np.argsort(kinds)
         nearest = nearest_of(thickness, kinds[rising])
@@ -82,6 +96,6 @@ class Stock:
         ]
 
     def in_words(self) -> str:
-        """As in "16 of 0.005 m, 14 of 0.0075 m"."""
+        """Say it as in "16 of 0.005 m, 14 of 0.0075 m"."""
         pairs = zip(self.count, self.thickness, strict=True)
         return ", ".join(f"{n} of {d:g} m" for n, d in pairs)

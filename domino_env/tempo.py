@@ -16,12 +16,24 @@ TOLERANCE = 1e-3  # [s]
 class Tempo:
     """When each domino is to be hit.
 
-    first, last: hits a second between dominoes 0 and 1, and between the last two; between them the
-        frequency rises (or falls) evenly from interval to interval.
-    times: instead, when dominoes 1 … N-1 are to be hit [s].
-    tolerance: the root-mean-square error that halves the score [s].
+    Give either `first` and `last`, between which the frequency rises (or falls) evenly from
+    interval to interval, or `times`.
 
-    Raises ValueError for anything that is no schedule.
+    Parameters
+    ----------
+    first
+        Hits a second between dominoes 0 and 1.
+    last
+        Hits a second between the last two.
+    times
+        When dominoes 1 … N-1 are to be hit [s].
+    tolerance
+        The root-mean-square error that halves the score [s].
+
+    Raises
+    ------
+    ValueError
+        For anything that is no schedule; says what to give.
     """
 
     first: float | None = None
@@ -50,7 +62,13 @@ class Tempo:
             raise ValueError(f"tolerance = {self.tolerance}: give a time of more than 0 [s]")
 
     def schedule(self, count: int) -> Floats:
-        """(N-1,) when dominoes 1 … N-1 of a row of `count` are to be hit [s]."""
+        """Return (N-1,) when dominoes 1 … N-1 of a row of `count` are to be hit [s].
+
+        Raises
+        ------
+        ValueError
+            Where the times given are of a row of another length.
+        """
         if self.times is not None:
             if len(self.times) != count - 1:
                 raise ValueError(
@@ -63,16 +81,16 @@ class Tempo:
         return np.cumsum(1.0 / np.linspace(self.first, self.last, count - 1))
 
     def error(self, arrivals: Floats) -> Floats:
-        """(B,) root-mean-square error of arrival times (B, N) at dominoes 1 … N-1 [s]."""
+        """Return (B,) root-mean-square error of arrival times (B, N) at dominoes 1 … N-1 [s]."""
         late = arrivals[:, 1:] - self.schedule(arrivals.shape[1])
         return np.asarray(np.sqrt(np.mean(late**2, axis=1)))
 
     def score(self, arrivals: Floats) -> Floats:
-        """(B,) 1 / (1 + RMS error / tolerance): 1 on the dot, a half at the tolerance."""
+        """Return (B,) 1 / (1 + RMS error / tolerance): 1 on the dot, a half at the tolerance."""
         return 1.0 / (1.0 + self.error(arrivals) / self.tolerance)
 
     def slope(self, arrivals: Floats) -> Floats:
-        """(B, N) derivative of the score by the arrival times [1/s]; 0 on the dot, its peak."""
+        """Return (B, N) derivative of the score by the arrival times [1/s]; 0 at its peak."""
         late = arrivals[:, 1:] - self.schedule(arrivals.shape[1])
         error, score = self.error(arrivals)[:, None], self.score(arrivals)[:, None]
         by_time = -(score**2) / self.tolerance * late / (late.shape[1] * np.maximum(error, 1e-300))

@@ -15,7 +15,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def allowed_threads() -> int:
-    """Numba's number of threads, or fewer where the environment has said so since.
+    """Return Numba's number of threads, or fewer where the environment has said so since.
 
     A worker process is told of its surroundings after the script that it was started from has been
     loaded, and Numba with it, which looks at them but once.
@@ -46,7 +46,7 @@ def share_rows(task: Callable[..., object], rows: int, least: int, *arguments: o
 def share_pieces(task: Callable[..., object], rows: int, count: int, *arguments: object) -> None:
     """Call task(first, last, *arguments) for small pieces of `rows` chains of `count` dominoes.
 
-    Small pieces keep all cores busy where some waves die early.  Plain threads rather than a
+    Small pieces keep all cores busy where some waves die early. Plain threads rather than a
     parallel Numba loop: they may be called from several threads at once and survive a fork.
     """
     threads = allowed_threads()

@@ -27,16 +27,23 @@ LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
 
 
 def best_uniform(scene: Scene) -> Layout:
-    """The best layout of one pitch and one thickness within the scene's rules.
+    """Find the best layout of one pitch and one thickness within the scene's rules.
 
-    The first domino keeps the scene's thickness.  With a stock, the dominoes stand in the order
-    given at one pitch, pivot to pivot, or at one gap where the rules leave no such pitch.  In a
-    growing row, gaps have one ratio to the heights, and heights to those before.  Where a length
+    The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
+    given at one pitch, pivot to pivot, or at one gap where the rules leave no such pitch. In a
+    growing row, gaps have one ratio to the heights, and heights to those before. Where a length
     and a list of allowed gaps leave no equal pitch, those next to it take turns evenly; where the
     lists leave no such row either, the mark is the best row without the lists.
 
+    Raises
+    ------
+    ValueError
+        Where the rules leave no uniform row.
+
+    Notes
+    -----
     A grid over all there is to choose, then finer grids around the best places: the speed has
-    several peaks, and steps where a wave dies.  Where no row is a success, the best of the others.
+    several peaks, and steps where a wave dies. Where no row is a success, the best of the others.
     """
     try:
         rows = _Rows(scene)
@@ -80,10 +87,10 @@ def best_uniform(scene: Scene) -> Layout:
 
 
 class _Rows:
-    """The uniform rows of a scene by two numbers: gap (or pitch, or gap over height), thickness
-    (or growth).
+    """The uniform rows of a scene by two numbers: gap and thickness.
 
-    low, high: (2,) their bounds.  allowed: for each, the values that are tried, None for any.
+    In place of the gap the pitch, or gap over height; in place of the thickness the growth.
+    `low`, `high`: (2,) their bounds; `allowed`: for each, the values that are tried, None for any.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -24,12 +24,29 @@ LARGEST_PIECE = 1_000_000  # leans at once, some 100 MB
 class Energy:
     """Energy over time, (T,) [J] each, reckoned from the row standing.
 
-    time: instants [s].  pushed: what the push puts in, one number [J].
-    released: potential energy given off.  kinetic: of all dominoes.
-    hits, flushes, friction: what these have taken so far, so that at any instant
-        pushed + released = kinetic + hits + flushes + friction.
-    Dominoes that fall alone count with friction, as the motion leaves them where they were lost;
-    a row that runs through is followed to its last hit.
+    At any instant pushed + released = kinetic + hits + flushes + friction.
+
+    Attributes
+    ----------
+    time
+        (T,) instants [s].
+    pushed
+        What the push puts in, one number [J].
+    released
+        Potential energy given off so far.
+    kinetic
+        Of all dominoes.
+    hits
+        What hits have taken so far.
+    flushes
+        What flushes have taken so far.
+    friction
+        What friction has taken so far. Dominoes that fall alone count here, as the motion leaves
+        them where they were lost.
+
+    Notes
+    -----
+    A row that runs through is followed to its last hit.
     """
 
     time: Floats
@@ -42,11 +59,20 @@ class Energy:
 
 
 def energies(motion: Motion, wave: Wave) -> Energy:
-    """Where the energy of a wave comes from and where it goes.
+    """Find where the energy of a wave comes from and where it goes.
 
-    Hits take theirs at an instant, as read from the motion just before and after.  What else is
-    gone is friction where the row rubs; in the blur around a flush, what is gone beyond the rate of
-    friction on both sides is the flush's.  Without friction all of it is.
+    Parameters
+    ----------
+    motion
+        Of the same row.
+    wave
+        The wave.
+
+    Notes
+    -----
+    Hits take theirs at an instant, as read from the motion just before and after. What else is gone
+    is friction where the row rubs; in the blur around a flush, what is gone beyond the rate of
+    friction on both sides is the flush's. Without friction all of it is.
     """
     layout = wave.layout
     ends = wave.arrival_times[: wave.hit]

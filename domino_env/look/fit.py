@@ -20,10 +20,16 @@ CLOSE = 1e-7  # of the friction
 class Fit:
     """The friction that explains all rows best.
 
-    friction, uncertainty: of least squares in relative frequency; the uncertainty is the standard
-        error that the rows' scatter implies, nan for a single row.
-    single: (K,) friction that explains each row alone; nan where none does.
-    explained: (K,) hits a second at the common friction.
+    Attributes
+    ----------
+    friction
+        Of least squares in relative frequency.
+    uncertainty
+        Its standard error, as the rows' scatter implies it; nan for a single row.
+    single
+        (K,) friction that explains each row alone; nan where none does.
+    explained
+        (K,) hits a second at the common friction.
     """
 
     friction: float
@@ -39,9 +45,23 @@ def fit_friction(
     height: float = HEIGHT,
     gravity: float = 9.81,
 ) -> Fit:
-    """Friction between the dominoes from hits a second of long uniform rows, pitch by pitch [m].
+    """Find the friction that explains measured hit frequencies of long uniform rows.
 
-    ValueError for pitches that no row can have, or frequencies that are not positive.
+    Parameters
+    ----------
+    pitches
+        (K,) pivot to pivot, of each row [m].
+    frequencies
+        (K,) hits a second.
+    thickness, height
+        Of all dominoes [m].
+    gravity
+        [m/s²]
+
+    Raises
+    ------
+    ValueError
+        For pitches that no row can have, frequencies that are not positive, or no pairs of them.
     """
     if len(pitches) != len(frequencies) or not len(pitches):
         raise ValueError(f"{len(pitches)} pitches and {len(frequencies)} frequencies: give pairs")

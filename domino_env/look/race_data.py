@@ -24,12 +24,24 @@ LOOKS = 32  # at the leader in every fall; straight lines between them are withi
 class Racer:
     """One row of a race.
 
-    name: what it is called.  wave: how it topples.
-    trace: (evaluations, best score) of the search that found it, if it was found by one.
-    learning: (dominoes placed, score of the policy) of the training of the agent that built it.
-    verification: what `verification.json` says of it, if it was checked.
-    score, worth: what the scene gives it, as a number and in words; None where there is no scene,
-        or the row breaks its rules.  objective: what counts in the scene.
+    Attributes
+    ----------
+    name
+        What it is called.
+    wave
+        How it topples.
+    trace
+        (evaluations, best score) of the search that found it, if it was found by one.
+    learning
+        (dominoes placed, score of the policy) of the training of the agent that built it.
+    verification
+        What `verification.json` says of it, if it was checked.
+    score
+        What the scene gives it; None where there is no scene, or the row breaks its rules.
+    worth
+        The same in words.
+    objective
+        What counts in the scene.
     """
 
     name: str
@@ -43,7 +55,13 @@ class Racer:
 
 
 def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
-    """All rows of a race.  ValueError where there is none, or a row of fewer than two dominoes."""
+    """Collect all that the page shows of a race.
+
+    Raises
+    ------
+    ValueError
+        Where there is no row, or one of fewer than two dominoes.
+    """
     if not racers:
         raise ValueError("nothing to race: give at least one layout")
     for one in racers:
@@ -59,7 +77,7 @@ def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
 
 
 def headline(racers: Sequence[Racer]) -> dict[str, str]:
-    """Who won and why, in a few sentences.
+    """Say who won and why, in a few sentences.
 
     The scene's score decides where every row has one, else the mean speed.
     """

@@ -49,12 +49,25 @@ class VerificationDocument(Document):
 def read_racers(
     paths: Sequence[Path], scene: Scene | None = None, physics: Physics | None = None
 ) -> tuple[list[Racer], str]:
-    """The rows to race and a title, from layout files and folders of runs.
+    """Read the rows to race, and a title, from layout files and folders of runs.
 
     A run, of a search or of a training, brings its scene, its curve and, if `domino verify --json`
     wrote one there, its verification.json; rows that ship bring the verification that is kept of
-    them.  Where there is a scene its best uniform row races too, last.
-    Raises ValueError for a folder without a layout.csv, and for runs of different scenes.
+    them. Where there is a scene its best uniform row races too, last.
+
+    Parameters
+    ----------
+    paths
+        Files of layouts and folders of runs.
+    scene
+        The scene of all, where the runs bring none.
+    physics
+        Instead of the scene's.
+
+    Raises
+    ------
+    ValueError
+        For a folder without a layout.csv, and for runs of different scenes.
     """
     found: list[tuple[str, Layout, Path | None]] = []
     for path in paths:
@@ -153,8 +166,11 @@ def _number(told: object, where: str) -> float:
 
 
 def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
-    """What is told of a check of this row: of the folder's file, else what is kept of rows that
-    ship.  No more of the file is passed on than the page shows."""
+    """Return what is known of a check of this row.
+
+    Of the folder's file, else what is kept of rows that ship. No more of the file is passed on than
+    the page shows.
+    """
     path = folder / "verification.json" if folder else None
     if path is None or not path.exists():
         known = known_verification(layout, physics)

@@ -20,7 +20,7 @@ __all__ = ["read_racers", "write_report"]
 
 
 def write_report(racers: Sequence[Racer], title: str, path: Path) -> int:
-    """Write the page whole; returns its size [bytes]."""
+    """Write the page whole, and return its size [bytes]."""
     assets = files("domino_env.look") / "assets"
 
     def read(name: str) -> str:

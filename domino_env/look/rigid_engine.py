@@ -34,8 +34,12 @@ GRAIN = 1e-4  # [mm] overlap of faces that the engine leaves alone
 class Fallen:
     """What became of a row in the engine.
 
-    arrivals: (N,) when each domino is hit [s]: the tip before it reaches its rear face; inf if
-    never.  toppled: whether the last one passed its tipping angle.
+    Attributes
+    ----------
+    arrivals
+        (N,) when each domino is hit [s]: the tip before it reaches its rear face; inf if never.
+    toppled
+        Whether the last one passed its tipping angle.
     """
 
     arrivals: Floats
@@ -45,11 +49,28 @@ class Fallen:
 def topple(
     layout: Layout, physics: Physics, step: float, *, hinged: bool = True, window: int | None = None
 ) -> Fallen:
-    """A row in the engine, followed until the last domino has toppled or nothing more happens.
+    """Follow a row in the engine until its last domino has toppled or nothing more happens.
 
-    step: of time [s].  window: so many dominoes behind the leader still move, and those further
-    back lie still, which is what makes long rows affordable (None: all move).  Raises ImportError
-    that says what to install; ValueError for a step that is not between 0 and 1 ms, or no window.
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    step
+        Of time [s].
+    hinged
+        Whether each domino turns about its front bottom edge; else it stands free on the floor.
+    window
+        So many dominoes behind the leader still move, and those further back lie still, which is
+        what makes long rows affordable; None: all move.
+
+    Raises
+    ------
+    ImportError
+        Without pymunk; says what to install.
+    ValueError
+        For a step that is not between 0 and 1 ms, or no window.
     """
     if not 0.0 < step <= 1e-3:
         raise ValueError(f"step = {step} s: give one above 0 and up to 0.001")

@@ -132,10 +132,15 @@ def formula_against_simulation(path: Path) -> None:
 
 
 def friction(path: Path) -> None:
-    """Steady speed by friction between dominoes, beside the law of Cantor and Wojtacki (2022).
+    """Steady speed by friction between dominoes, beside a law from the literature.
 
-    Their factor (1+μ)^-0.4 does not describe
-    this model; the legend says what exponent would, at the friction of the seed.
+    The factor (1+μ)^-0.4 does not describe this model; the legend says what exponent would, at the
+    friction of the article.
+
+    References
+    ----------
+    D. Cantor and K. Wojtacki, Effects of friction and spacing on the collaborative behavior of
+    domino toppling, Physical Review Applied 17 (2022) 064021.
     """
     figure, axes = _sheet("What friction costs")
     mu = np.linspace(0.0, 0.6, 31)

@@ -20,8 +20,11 @@ FRICTION = 0.25
 
 
 def angular_velocities() -> list[tuple[float, ...]]:
-    """A line a pitch: pitch [m], after a hit, before it, average (angle over time), geometric and
-    arithmetic mean of the two, and the closed forms of both; without friction [rad/s]."""
+    """Tabulate angular velocities without friction, a line a pitch [rad/s].
+
+    Pitch [m], after a hit, before it, average (angle over time), geometric and arithmetic mean of
+    the two, and the closed forms of both.
+    """
     lines: list[tuple[float, ...]] = []
     for pitch in PITCHES:
         wave = steady_wave(pitch, THICKNESS, physics=Physics(0.0, GRAVITY))
@@ -34,9 +37,14 @@ def angular_velocities() -> list[tuple[float, ...]]:
 
 
 def closed_forms(pitch: float, kept: float) -> tuple[float, float]:
-    """ω after and before a hit by the seed's energy argument [rad/s].
+    """ω after and before a hit by the article's energy argument [rad/s].
 
-    kept: (K-1)/K, the part of the leader's speed that a hit leaves (eq. 9).
+    Parameters
+    ----------
+    pitch
+        Pivot to pivot [m].
+    kept
+        (K-1)/K, the part of the leader's speed that a hit leaves (eq. 9).
     """
     ratio, flat = THICKNESS / pitch, THICKNESS / HEIGHT
     drop = 0.5 * HEIGHT * (1.0 - ratio - flat * math.sqrt(1.0 - ratio * ratio))  # eq. 12
@@ -45,7 +53,10 @@ def closed_forms(pitch: float, kept: float) -> tuple[float, float]:
 
 
 def frequencies() -> list[tuple[float, ...]]:
-    """A line a pitch: pitch [m], ours, then experiment, the seed's simulation, LMGC90 [1/s]."""
+    """Tabulate hits a second, a line a pitch.
+
+    Pitch [m], ours, then experiment, the article's simulation, LMGC90 [1/s].
+    """
     return [
         (pitch, steady_wave(pitch, THICKNESS, physics=Physics(FRICTION, GRAVITY)).frequency, *told)
         for pitch, told in zip(PITCHES, MEASURED, strict=True)

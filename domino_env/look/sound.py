@@ -30,9 +30,24 @@ ENOUGH = 8  # hits a part at least
 
 
 def clicks(wave: Wave, rate: int = RATE) -> Floats:
-    """Samples in -1 … 1: a short click at every hit, louder the faster the tip.
+    """Play a wave: a short click at every hit, louder the faster the tip.
 
-    ValueError for a wave that lasts for more than `MOST_SAMPLES`.
+    Parameters
+    ----------
+    wave
+        The wave.
+    rate
+        Samples a second.
+
+    Returns
+    -------
+    NDArray
+        Samples in -1 … 1.
+
+    Raises
+    ------
+    ValueError
+        For a wave that lasts for more than `MOST_SAMPLES`.
     """
     times = wave.arrival_times[1 : wave.hit]
     end = float(times[-1]) if len(times) else 0.0
@@ -109,9 +124,16 @@ def _require_samples(number: int, what: str) -> None:
 class Heard:
     """What a recording tells.
 
-    frequency: hits a second.  uncertainty: standard error, from the parts of the recording.
-    clarity: of the autocorrelation at that period, 1 for a perfect repeat, about 0 for noise.
-    seconds: of toppling that were listened to.
+    Attributes
+    ----------
+    frequency
+        Hits a second.
+    uncertainty
+        Standard error of the frequency, from the parts of the recording.
+    clarity
+        Of the autocorrelation at that period, 1 for a perfect repeat, about 0 for noise.
+    seconds
+        Of toppling that were listened to.
     """
 
     frequency: float
@@ -121,10 +143,21 @@ class Heard:
 
 
 def listen(samples: Floats, rate: int) -> Heard:
-    """The hit frequency of a recording, by autocorrelation of its loudness.
+    """Find the hit frequency of a recording, by autocorrelation of its loudness.
 
     The stretch that is not quiet is found, its first quarter left out as the wave gathers speed.
-    ValueError where there is too little to hear.
+
+    Parameters
+    ----------
+    samples
+        In -1 … 1, as of `read_wav`.
+    rate
+        Samples a second.
+
+    Raises
+    ------
+    ValueError
+        Where there is too little to hear.
     """
     if not np.isfinite(samples).all():
         raise ValueError("the recording has samples that are no finite numbers: export it anew")

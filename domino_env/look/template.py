@@ -30,9 +30,18 @@ LINE = 0.4  # [pt]
 class Sheet:
     """One sheet of paper.
 
-    number, total: from 1.  begin, end: the stretch of row on it [m], from the first rear face less
-    a lead; neighbours share an end, which is a joining line on both.
-    dominoes: numbers of those whose footprint touches the stretch.
+    Attributes
+    ----------
+    number
+        From 1.
+    total
+        Of all sheets.
+    begin
+        Where the stretch of row on it begins [m], from the first rear face less a lead.
+    end
+        Where the stretch ends [m]; neighbours share an end, which is a joining line on both.
+    dominoes
+        Numbers of those whose footprint touches the stretch.
     """
 
     number: int
@@ -43,9 +52,12 @@ class Sheet:
 
 
 def sheets(layout: Layout, paper: str = "a4") -> list[Sheet]:
-    """How a row is cut into sheets.
+    """Cut a row into sheets of paper.
 
-    ValueError for an unknown paper, too wide a domino, or more sheets than `MOST_SHEETS`.
+    Raises
+    ------
+    ValueError
+        For an unknown paper, too wide a domino, or more sheets than `MOST_SHEETS`.
     """
     if paper not in PAPERS:
         raise ValueError(f"paper '{paper}': known are {', '.join(PAPERS)}")
@@ -70,7 +82,7 @@ def sheets(layout: Layout, paper: str = "a4") -> list[Sheet]:
 
 
 def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "") -> int:
-    """Write the PDF whole; returns the number of sheets."""
+    """Write the PDF whole, and return the number of sheets; refuses as `sheets` does."""
     plan = sheets(layout, paper)
     wide, high = PAPERS[paper]
     buffer = io.BytesIO()
@@ -140,7 +152,7 @@ def _draw(axes: Axes, layout: Layout, sheet: Sheet, high: float, title: str) -> 
 
 
 def words(plan: list[Sheet]) -> str:
-    """What to do with the sheets."""
+    """Say what to do with the sheets."""
     if len(plan) == 1:
         return "one sheet: print at 100 % and check the scale bar"
     return (

@@ -30,9 +30,21 @@ WINDOW = 100  # dominoes behind the leader that still move; further back changes
 class Verification:
     """One row in the model and in the engine.
 
-    wave: the model's.  steps: (S,) of the engine's time [s], falling.
-    hinged, free: (S, N) arrival times in the engine [s]; inf where the wave did not come.
-    toppled, free_toppled: whether the last domino toppled at the finest step, hinged and free.
+    Attributes
+    ----------
+    wave
+        The model's.
+    steps
+        (S,) of the engine's time [s], falling.
+    hinged
+        (S, N) arrival times in the engine, of the row on hinges [s]; inf where the wave did not
+        come.
+    free
+        (S, N) the same of the row that stands free.
+    toppled
+        Whether the last domino toppled at the finest step, on hinges.
+    free_toppled
+        The same of the row that stands free.
     """
 
     wave: Wave
@@ -145,8 +157,23 @@ def verify(
 ) -> Verification:
     """Topple a row in the model and, hinged and free, in the engine at two or more time steps.
 
-    window: so many dominoes behind the leader move in the engine, see `topple`.
-    Raises ValueError for fewer than two different steps, ImportError without the engine.
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    steps
+        Of the engine's time [s], two different ones at least.
+    window
+        So many dominoes behind the leader move in the engine; None for all.
+
+    Raises
+    ------
+    ValueError
+        For fewer than two different steps, or a row of one domino.
+    ImportError
+        Without the engine; says what to install.
     """
     fine = np.array(sorted(set(steps), reverse=True))
     if len(fine) < 2:
@@ -168,8 +195,10 @@ def verify(
 
 
 def extrapolated(steps: Floats, times: Floats) -> Floats:
-    """(N,) times (S, N) at steps of zero: a straight line through all steps, as the engine's error
-    is of first order; inf where a run did not come."""
+    """Extrapolate arrival times (S, N) to steps of zero, (N,); inf where a run did not come.
+
+    A straight line through all steps, as the engine's error is of first order.
+    """
     came = np.isfinite(times).all(axis=0)
     limit = np.full(times.shape[1], np.inf)
     shifted = steps - steps.mean()
@@ -180,7 +209,7 @@ def extrapolated(steps: Floats, times: Floats) -> Floats:
 
 
 def table(checked: Verification) -> list[str]:
-    """Lines: arrival times side by side, every tenth domino and the last, then the verdict."""
+    """Tabulate arrival times side by side, every tenth domino and the last, then the verdict."""
     ours, hinged, free = checked.wave.arrival_times, checked.limit, checked.free_limit
     lines = ["domino   model [s]  hinged [s]    diff.    free [s]    diff."]
     count = len(ours)
@@ -196,7 +225,7 @@ def table(checked: Verification) -> list[str]:
 
 
 def document(checked: Verification) -> dict[str, object]:
-    """What `verification.json` holds; null where the wave did not come."""
+    """Collect what `verification.json` holds; null where the wave did not come."""
 
     def cells(values: Floats) -> list[float | None]:
         return [float(x) if np.isfinite(x) else None for x in values]

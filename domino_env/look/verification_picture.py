@@ -21,7 +21,7 @@ from domino_env.support.plot_style import (
 
 
 def write_picture(checked: Verification, path: Path, title: str) -> None:
-    """A PNG: differences in per cent of every arrival time, hinged at each step, limit, free."""
+    """Draw differences of every arrival time in per cent: hinged at each step, limit, free."""
     figure = new_figure(8.0, 4.0)
     axes = figure.add_subplot()
     style(axes, f"{title}: {checked.verdict.split('.', 1)[0].split(':')[0].lower()}")

@@ -30,15 +30,42 @@ PATH = Path(__file__).with_name("verified.json")
 
 @dataclass(frozen=True)
 class Verified:
-    """One row beside the engine, in numbers; differences are engine over model - 1 [1].
+    """One row beside the engine, in numbers.
 
-    digest: of the row and its physics.  engine: name and version.  steps: of its time [s].
-    hinged, largest: extrapolated, of the last arrival and the largest of any.  free: of the last
-        arrival of the row that stands free on a rough floor; None where a wave died.
-    spread: how far the extrapolation reached beyond the finest step.  toppled, free_toppled:
-        whether the last domino toppled in the engine.
-    flush_loss, stall_margin: largest and lowest of the wave.  opened: contacts that the model keeps
-        closed although they would open.  lifted: pivots that would lift.  verdict: plain words.
+    Differences are engine over model - 1 [1].
+
+    Attributes
+    ----------
+    digest
+        Of the row and its physics.
+    engine
+        Name and version.
+    steps
+        Of the engine's time [s].
+    count
+        Number of dominoes.
+    hinged
+        Difference of the last arrival, on hinges, extrapolated; None where a wave died.
+    largest
+        The largest difference of any arrival, on hinges, extrapolated.
+    free
+        As `hinged`, of the row that stands free on a rough floor.
+    spread
+        How far the extrapolation reached beyond the finest step.
+    toppled
+        Whether the last domino toppled in the engine, on hinges.
+    free_toppled
+        The same of the row that stands free.
+    flush_loss
+        The largest of the wave.
+    stall_margin
+        The lowest of the wave.
+    opened
+        Contacts that the model keeps closed although they would open.
+    lifted
+        Pivots that would lift.
+    verdict
+        Plain words.
     """
 
     digest: str
@@ -59,7 +86,7 @@ class Verified:
 
 
 def digest(layout: Layout, physics: Physics) -> str:
-    """What tells one row under one physics from another: 16 hexadecimal digits."""
+    """Tell one row under one physics from another by 16 hexadecimal digits."""
     parts = (
         layout.spacing, layout.thickness, layout.height, layout.density,
         (physics.friction, physics.gravity, physics.push),
@@ -116,12 +143,12 @@ def _by_digest() -> dict[str, Verified]:
 
 
 def known_verification(layout: Layout, physics: Physics) -> Verified | None:
-    """What is kept of exactly this row under exactly this physics, if it is one of ours."""
+    """Return what is kept of exactly this row under exactly this physics, if it is one of ours."""
     return _by_digest().get(digest(layout, physics))
 
 
 def markdown(found: dict[str, Verified]) -> list[str]:
-    """Lines of a table, and under it the reason of every row that differs in earnest."""
+    """Tabulate all in Markdown, below it the reason of every row that differs in earnest."""
     names = (
         "scene", "dominoes", "hinged, last hit", "hinged, largest", "free, last hit",
         "last topples, hinged / free", "largest flush loss", "lowest stall margin",
