@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from domino_env.scene import Scene, load_scene
 from optimize.best_known import best_known
 from optimize.result import SearchResult
-from optimize.task import Task, TaskResult, scene_of, search_result
-from optimize.task_lines import TaskLines
-from optimize.task_runner import Failure, Keeper, run_tasks
+from optimize.studies.progress import TaskLines
+from optimize.studies.running import Failure, Keeper, run_tasks
+from optimize.studies.task import Task, TaskResult, scene_of, search_result
 
 Floats = NDArray[np.float64]
 

@@ -123,8 +123,9 @@ class RunFolder:
                 f"{self.path}: the result cannot be written: {error.strerror or error}; what was "
                 "there is intact: make room, and go on with --resume"
             ) from None
-        if not result.interrupted:
-            self.journal.remove_if_larger(JOURNAL_KEPT)
+        kept = self.journal.path
+        if not result.interrupted and kept.exists() and kept.stat().st_size > JOURNAL_KEPT:
+            kept.unlink()
 
     @contextmanager
     def _together(self) -> Iterator[Path]:

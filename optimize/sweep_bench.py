@@ -30,7 +30,7 @@ from optimize.studies import open_store
 from optimize.sweeping import run_sweep, sweep_tasks
 
 if TYPE_CHECKING:
-    from optimize.task import Task, TaskResult
+    from optimize.studies.task import Task, TaskResult
 
 Bits = dict[str, tuple[float, bytes, int]]
 
@@ -89,7 +89,7 @@ def _measured(tasks: list[Task], workers: int, kill: float | None) -> tuple[floa
 
 
 def _warm(task: Task) -> None:
-    from optimize.task import run_task
+    from optimize.studies.task import run_task
 
     run_task(task)
 

@@ -45,9 +45,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Check, search, write the folder, and say what was found."""
     from domino_env.files import require_room
     from domino_env.scene import load_scene
+    from optimize.studies.progress import TaskLines
     from optimize.sweep_page import FILES, write
     from optimize.sweeping import run_sweep, sweep_tasks
-    from optimize.task_lines import TaskLines
 
     scene = load_scene(arguments.scene)
     methods = [name.strip() for name in arguments.methods.split(",")]

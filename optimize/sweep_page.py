@@ -8,8 +8,8 @@ import numpy as np
 
 from domino_env.files import write_text
 from domino_env.support.tables import markdown_table, write_csv
+from optimize.studies.task import TaskResult
 from optimize.sweeping import Sweep
-from optimize.task import TaskResult
 
 FILES = ("sweep.md", "sweep.csv", "sweep.png")
 MOST_LINES = 200  # of the page's table; the CSV has all

@@ -11,8 +11,8 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from domino_env.support.plot_style import LEGEND, SOFT, method_lines, new_panels, style, write_png
+from optimize.studies.task import TaskResult
 from optimize.sweeping import Sweep
-from optimize.task import TaskResult
 
 MOST_PANELS = 6  # methods, or keys where there are more than two
 PANEL, BESIDE = (4.0, 3.2), (1.6, 0.5)  # [in]

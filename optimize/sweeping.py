@@ -13,10 +13,10 @@ import numpy as np
 from domino_env.scene import Scene, load_scene
 from optimize import methods as known_methods
 from optimize.problem import Problem
+from optimize.studies.progress import TaskLines
+from optimize.studies.running import Failure, Keeper, run_tasks
+from optimize.studies.task import Task, TaskResult
 from optimize.sweep_points import Axis, Point, axis_of, drawn, grid, in_words, label, scene_at
-from optimize.task import Task, TaskResult
-from optimize.task_lines import TaskLines
-from optimize.task_runner import Failure, Keeper, run_tasks
 
 DEFAULT_EVALUATIONS = 2000  # a task, where nothing is said
 MOST_TASKS = 1_000_000
@@ -86,7 +86,7 @@ def sweep(
     methods, seeds: every method runs at every point with the seeds 0, 1, … of this number.
     evaluations, seconds: the budget of each task; 2000 evaluations where neither is given.
     random: draw so many points instead of all on the grid; seed: of these draws.
-    executor, study, told, lines: as of `optimize.task_runner.run_tasks`.
+    executor, study, told, lines: as of `optimize.studies.running.run_tasks`.
 
     Ctrl-C ends it with what is done; before the first result it is raised.  Raises ValueError for
     anything wrong, with its coordinates where it is a point, before anything runs.

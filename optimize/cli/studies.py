@@ -19,7 +19,7 @@ from optimize.studies import DEFAULT_STORE, open_store
 
 if TYPE_CHECKING:
     from optimize.studies import Store, Study
-    from optimize.task import TaskResult
+    from optimize.studies.task import TaskResult
 
 SUMMARY = "list, show and export what comparisons and sweeps have found"
 SHOWN = 50  # lines of a table where not all are asked for

@@ -178,11 +178,6 @@ class Journal:
             self._flush()
         self._leave()
 
-    def remove_if_larger(self, most: int) -> None:
-        """Take the file of a closed journal away if it has more bytes."""
-        if self.path.exists() and self.path.stat().st_size > most:
-            self.path.unlink()
-
     def _flush(self) -> None:
         self._flushed = self.seconds
         if self._database is None:

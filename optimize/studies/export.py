@@ -10,7 +10,7 @@ from domino_env.files import write_bytes
 from domino_env.layout import Layout
 from domino_env.support.tables import write_csv
 from optimize.studies.store import Study
-from optimize.task import TaskResult, scene_of
+from optimize.studies.task import TaskResult, scene_of
 
 COLUMNS = (
     "study", "key", "scene_name", "method", "seed", "score", "uniform_score", "gain", "outcome",

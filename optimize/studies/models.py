@@ -26,7 +26,7 @@ from sqlalchemy.engine import Dialect
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from domino_env.support.reading import shown
-from optimize.task import TaskResult
+from optimize.studies.task import TaskResult
 
 SCHEMA = 1
 

@@ -12,7 +12,7 @@ from optimize.studies import DEFAULT_STORE, open_store
 
 if TYPE_CHECKING:
     from optimize.studies import Store, Study
-    from optimize.task import Task
+    from optimize.studies.task import Task
 
 
 def add_study_options(parser: argparse.ArgumentParser) -> None:

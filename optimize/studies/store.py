@@ -12,7 +12,7 @@ import sqlalchemy as sql
 
 from optimize.studies import models
 from optimize.studies.database import Database
-from optimize.task import TaskResult
+from optimize.studies.task import TaskResult
 
 LONGEST_NAME = 200  # characters of a study's name
 

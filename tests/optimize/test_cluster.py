@@ -22,8 +22,8 @@ from optimize.executors import ExecutorLost, open_executor
 from optimize.executors.cluster import DaskExecutor
 from optimize.executors.reports import say
 from optimize.studies import open_store
-from optimize.task import Task, TaskResult
-from optimize.task_runner import run_tasks
+from optimize.studies.running import run_tasks
+from optimize.studies.task import Task, TaskResult
 
 ROOT = Path(__file__).parents[2]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 from dataclasses import replace
+from multiprocessing import active_children
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,7 @@ def test_ctrl_c_keeps_what_is_complete(scenes, monkeypatch) -> None:
             raise KeyboardInterrupt
         return search(*words, **more)
 
-    monkeypatch.setattr("optimize.task.search", stopped_after_two)
+    monkeypatch.setattr("optimize.studies.task.search", stopped_after_two)
     found = compare([scenes["spacing"]], ["random", "uniform"], range(5), 0.02, seen.append)
     assert list(found.results) == seen
     assert len(seen) == 2
@@ -126,6 +127,27 @@ def test_the_command(scenes, tmp_path: Path, capsys, monkeypatch) -> None:
     assert compare_command.run(parser.parse_args([*words, "--update-best"])) == 0
     assert "new records: none" in capsys.readouterr().out
     assert not (tmp_path / "best.json").exists()  # which is for scenes that ship
+
+
+def test_ctrl_c_ends_the_workers_at_once(scenes, tmp_path: Path, monkeypatch) -> None:
+    """What is complete is written, and nobody waits for what is not."""
+    (tmp_path / "mine.toml").write_text(scenes["spacing"].to_toml())
+    monkeypatch.chdir(tmp_path)
+    parser = argparse.ArgumentParser()
+    compare_command.add_arguments(parser)
+    words = ["mine.toml", "--methods", "uniform,random", "--seeds", "1", "--workers", "2"]
+    running: list[int] = []
+
+    def stop(result: SearchResult) -> None:
+        running.extend(child.pid or 0 for child in active_children())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optimize.compare_command._tell", stop)
+    with pytest.raises(KeyboardInterrupt, match="interrupted: 1 runs are complete"):
+        compare_command.run(parser.parse_args([*words, "--evaluations", "100000000"]))
+    assert (tmp_path / "runs/comparison/comparison.md").exists()
+    assert running
+    assert not {child.pid for child in active_children()} & set(running)
 
 
 # best known -------------------------------------------------------------------------------------
@@ -186,7 +208,7 @@ def test_a_comparison_that_was_stopped_goes_on(scenes, tmp_path: Path, monkeypat
             raise KeyboardInterrupt
         return search(*asked, **more)
 
-    monkeypatch.setattr("optimize.task.search", stopped_at_the_third)
+    monkeypatch.setattr("optimize.studies.task.search", stopped_at_the_third)
     with pytest.raises(KeyboardInterrupt, match=r"2 runs are complete; .*--resume goes on"):
         compare_command.run(parser.parse_args(words))
     with (tmp_path / "runs/comparison/runs.csv").open(newline="") as file:

@@ -20,7 +20,7 @@ import domino_env as de
 from domino_env.command import main
 from optimize.runs import JOURNAL
 from optimize.studies import open_store
-from optimize.task import TaskResult
+from optimize.studies.task import TaskResult
 
 KILLS = int(os.environ.get("DOMINO_KILLS", "3"))  # in each of the tests below
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)

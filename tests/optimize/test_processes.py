@@ -19,8 +19,8 @@ from optimize.comparison import compare
 from optimize.executors import ExecutorLost, WorkerLost, open_executor
 from optimize.executors.processes import ProcessExecutor
 from optimize.executors.reports import say
-from optimize.task import Task, TaskResult, run_task
-from optimize.task_runner import run_tasks
+from optimize.studies.running import run_tasks
+from optimize.studies.task import Task, TaskResult, run_task
 
 
 class Shuffled(Executor):
@@ -154,10 +154,13 @@ def test_the_order_of_arrival_does_not_matter(tasks, expected) -> None:
 def test_what_a_study_has_is_not_run_again(tasks, expected, monkeypatch) -> None:
     study = Memory()
     assert [bits(r) for r in results_of(tasks[:3], None, study)] == expected[:3]
-    ran = []
-    monkeypatch.setattr(
-        "optimize.task_runner.run_task", lambda task, watch=None: ran.append(task) or run_task(task)
-    )
+    ran: list[Task] = []
+
+    def noted(task: Task, watch: object = None) -> TaskResult:
+        ran.append(task)
+        return run_task(task)
+
+    monkeypatch.setattr("optimize.studies.running.run_task", noted)
     assert [bits(r) for r in results_of(tasks, None, study)] == expected
     assert ran == tasks[3:]
     assert sorted(map(bits, study.kept.values())) == sorted(expected)

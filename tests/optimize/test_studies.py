@@ -19,7 +19,7 @@ import pytest
 import domino_env as de
 from domino_env.command import main
 from optimize.studies import open_store
-from optimize.task import Task, TaskResult, run_task, scene_of
+from optimize.studies.task import Task, TaskResult, run_task, scene_of
 
 DATA = Path(__file__).parent.parent / "data"
 

@@ -19,10 +19,10 @@ import pytest
 import domino_env as de
 from optimize import search, sweep_command
 from optimize.studies import open_store
+from optimize.studies.progress import TaskLines, in_words
 from optimize.sweep_page import FILES, page, write
 from optimize.sweep_points import Axis, axis_of, drawn, grid, scene_at
 from optimize.sweeping import Sweep, run_sweep, sweep, sweep_tasks
-from optimize.task_lines import TaskLines, in_words
 
 ROOT = Path(__file__).parents[2]
 
@@ -135,7 +135,7 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
 def test_an_invalid_point_is_named_before_anything_runs(
     scenes, axis: str, message: str, monkeypatch
 ) -> None:
-    monkeypatch.setattr("optimize.task_runner.run_task", None)
+    monkeypatch.setattr("optimize.studies.running.run_task", None)
     with pytest.raises(ValueError, match=f"^{message}"):
         sweep(scenes["spacing"], [axis])
 
@@ -265,7 +265,7 @@ def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
         run_command(*WORDS, "--name", "other", "--resume")
     with pytest.raises(ValueError, match="was begun with"):
         run_command(*WORDS, "--seeds", "2", "--name", "sweep-spacing", "--resume")
-    monkeypatch.setattr("optimize.task_runner.run_task", None)  # nothing is left to run
+    monkeypatch.setattr("optimize.studies.running.run_task", None)  # nothing is left to run
     capsys.readouterr()
     assert run_command(*WORDS, "--resume") == 0
     assert "2 of them done before" in capsys.readouterr().out
@@ -282,7 +282,7 @@ def test_an_executor_that_cannot_be_leaves_no_study_behind(here: Path, words: tu
 
 def test_a_folder_that_cannot_be_written_is_told_at_once(here: Path, monkeypatch) -> None:
     (here / "file").write_text("")
-    monkeypatch.setattr("optimize.task_runner.run_task", None)
+    monkeypatch.setattr("optimize.studies.running.run_task", None)
     with pytest.raises(ValueError, match="cannot be written"):
         run_command(*WORDS, "--out", "file/below")
 
@@ -399,7 +399,7 @@ def test_nothing_is_shown_where_there_is_no_terminal(scenes, capsys) -> None:
 
 def test_the_time_left_is_that_of_the_pace_so_far(monkeypatch) -> None:
     clock = [100.0]
-    monkeypatch.setattr("optimize.task_lines.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("optimize.studies.progress.time.monotonic", lambda: clock[0])
     lines = TaskLines(10, "tasks", shown=False)
     lines.begin(4)
     assert lines.seconds_left is None

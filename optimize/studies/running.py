@@ -14,8 +14,8 @@ from typing import Any, Protocol
 from optimize.budget import Budget
 from optimize.executors.base import ExecutorLost, WorkersExecutor, telling_loss
 from optimize.executors.reports import say
-from optimize.task import Task, TaskResult, run_task
-from optimize.task_lines import TaskLines
+from optimize.studies.progress import TaskLines
+from optimize.studies.task import Task, TaskResult, run_task
 
 MOST_WAITING = 1000  # tasks handed to an executor at a time
 PAUSE = 0.5  # [s] between two reports of a running task, and two looks at the clock
