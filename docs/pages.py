@@ -5,9 +5,7 @@ MkDocs calls `on_config`, `on_files` and `on_page_markdown` (mkdocs.yml, hooks).
 
 from __future__ import annotations
 
-import inspect
 from functools import cache
-from importlib import import_module
 from importlib.resources import files as package_files
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +26,13 @@ WIDE, ROOM = 940.0, 10.0  # [px]
 ENDS = 36  # dominoes at either end that are drawn of a long row
 BREAK = 2.0  # [heights] between the two ends
 FALLEN = 0.6  # of the wave's time: the instant that is drawn
+METHOD_OPTIONS = (  # of mkdocstrings: the module's docstring alone, under a heading of ours
+    "    options:",
+    "      docstring_style: numpy",
+    "      members: false",
+    "      show_root_heading: false",
+    "      show_root_toc_entry: false",
+)
 
 
 def on_config(config: Any) -> Any:
@@ -163,8 +168,7 @@ def methods_page() -> str:
     lines = ["# Search methods", ""]
     lines += ["`domino optimize SCENE --method NAME`, or `search(scene, method=NAME)`.", ""]
     for name, module in METHODS.items():
-        told = inspect.getdoc(import_module(f"optimize.methods.{module}")) or ""
-        lines += [f"## `{name}`", "", told, ""]
+        lines += [f"## `{name}`", "", f"::: optimize.methods.{module}", *METHOD_OPTIONS, ""]
     lines += ["## Peers", "", "Methods of other projects, where these are installed:", ""]
     lines += [f"- `{name}` needs {needed}" for name, (_, needed) in PEERS.items()]
     return "\n".join(lines) + "\n"
