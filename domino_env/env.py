@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
-from domino_env import kernel
+from domino_env import kernels
 from domino_env.moment import Moment
 from domino_env.row_env import RTOL, WINDOW, RowEnv, checked_options, wrong_actions
 from domino_env.rows import Rows, Seen
@@ -151,10 +151,10 @@ class DominoChain(RowEnv):
         if values.shape != self.action_space.shape or not np.isfinite(values).all():
             raise ValueError(wrong_actions(values, self.action_space))
         rows = self._rows
-        if rows.books[0, kernel.B_PHASE] != kernel.RUNS:
+        if rows.episodes[0].phase != kernels.RUNNING:
             raise ResetNeeded(
                 "the episode is over: call reset() before the next step()"
-                if rows.books[0, kernel.B_PHASE] == kernel.OVER
+                if rows.episodes[0].phase == kernels.OVER
                 else "call reset() before the first step()"
             )
         seen, rewards, ended = rows.step(values[None])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env import kernel
+from domino_env import kernels
 from domino_env.layout import Layout
 from domino_env.physics import Physics
 from domino_env.wave import Outcome
@@ -63,25 +63,26 @@ def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
 
     Dominoes more than 400 behind the leader are taken to lie still.
     """
-    size = kernel.ring_size(layout.count)
-    found = np.full((layout.count, kernel.D_COLUMNS), np.nan)
-    found[:, [kernel.D_FORCE, kernel.D_HIT, kernel.D_FLUSH, kernel.D_LOAD]] = np.inf
-    found[:, kernel.D_FLOOR] = -np.inf
-    outcome, _ = kernel.diagnose_chain(
-        layout.spacing, layout.thickness, layout.height, layout.density, physics.friction,
-        physics.gravity, physics.push, rtol, np.zeros((size, kernel.RING_COLUMNS)), found,
-    )  # fmt: skip
-    unseen = np.isinf(found)
-    unseen[:, kernel.D_FLOOR] &= found[:, kernel.D_FLOOR] < 0.0
-    found[unseen] = np.nan
+    loads = np.full(layout.count, np.nan, kernels.LOADS)
+    for least in ("contact_force", "hit_impulse", "flush_impulse", "load"):
+        loads[least] = np.inf
+    loads["floor_friction"] = -np.inf
+    row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
+    outcome = kernels.diagnose_chain(
+        row, physics.friction, physics.gravity, physics.push, rtol, loads
+    )
+    found = {}
+    for name in kernels.LOADS.names or ():
+        never = loads[name] == (-np.inf if name == "floor_friction" else np.inf)
+        found[name] = np.where(never, np.nan, loads[name])
     width = layout.width
     return Diagnosis(
         outcome=Outcome(outcome),
-        least_contact_force=found[:-1, kernel.D_FORCE] * width,
-        least_hit_impulse=found[:-1, kernel.D_HIT] * width,
-        least_flush_impulse=found[:-1, kernel.D_FLUSH] * width,
-        floor_friction=found[:, kernel.D_FLOOR],
-        least_load=found[:, kernel.D_LOAD],
-        flush_loss=found[:, kernel.D_LOSS],
-        stall_margin=found[:, kernel.D_MARGIN],
+        least_contact_force=found["contact_force"][:-1] * width,
+        least_hit_impulse=found["hit_impulse"][:-1] * width,
+        least_flush_impulse=found["flush_impulse"][:-1] * width,
+        floor_friction=found["floor_friction"],
+        least_load=found["load"],
+        flush_loss=found["flush_loss"],
+        stall_margin=found["margin"],
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env import kernel
+from domino_env import kernels
 from domino_env.layout import Layout
 from domino_env.physics import Physics
 
@@ -51,13 +51,16 @@ class Gradient:
         )
 
 
-def room_for(count: int) -> Floats:
+Tape = NDArray[np.record]
+
+
+def room_for(count: int) -> Tape:
     """An empty tape, long enough for most rows of that many dominoes."""
-    return np.empty((4 * count + 16, kernel.TAPE_COLUMNS))
+    return np.empty(4 * count + 16, kernels.EVENT)
 
 
 def pull(
-    layout: Layout, physics: Physics, tape: Floats, arrival_bar: ArrayLike, hit: int
+    layout: Layout, physics: Physics, tape: Tape, arrival_bar: ArrayLike, hit: int
 ) -> Gradient:
     """Σ_k arrival_bar[k] ∂t_k, as `Wave.pullback` gives it.
 
@@ -77,11 +80,10 @@ def pull(
         raise ValueError(
             f"arrival_bar[{k}] = {bar[k]}, but the wave never came to domino {k}: leave it at 0"
         )
-    count = layout.count
-    gaps, bodies, whole = np.zeros(count - 1), np.zeros((3, count)), np.zeros(3)
-    kernel.pull(
-        layout.spacing, layout.thickness, layout.height, layout.density, physics.friction,
-        physics.gravity, physics.push, tape, len(tape), bar, gaps, bodies, whole,
-    )  # fmt: skip
-    friction, gravity, push = (float(x) for x in whole)
-    return Gradient(gaps, bodies[0], bodies[1], bodies[2], friction, gravity, push)
+    count, whole = layout.count, np.zeros(1, kernels.WHOLE)[0]
+    row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
+    slopes = kernels.Row(np.zeros(count - 1), *(np.zeros(count) for _ in range(3)))
+    kernels.pull(
+        row, physics.friction, physics.gravity, physics.push, tape, len(tape), bar, slopes, whole
+    )
+    return Gradient(*slopes, float(whole.friction), float(whole.gravity), float(whole.push))

@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
-from domino_env import kernel
+from domino_env import kernels
 from domino_env.ending import LateWave
 from domino_env.layout import Layout
 from domino_env.moment import Moment
@@ -89,7 +89,7 @@ class DominoLayout(RowEnv):
         layout = self._laid(values)
         wave = self.scene.simulate(layout, self.rtol)
         score = self.scene.score_wave(wave)
-        reward = float(kernel.worth(score, self.mark.score))
+        reward = float(kernels.plain(kernels.episode_return)(score, self.mark.score))
         self._ready = False
         self._wave = LateWave.known(wave)
         info = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env import kernel
+from domino_env import kernels
 from domino_env.layout import Layout
 from domino_env.physics import Physics
 
@@ -28,24 +28,25 @@ class Motion:
 
     def __init__(self, layout: Layout, physics: Physics, rtol: float = 1e-8) -> None:
         self.layout, self.physics = layout, physics
-        seen = np.zeros((layout.count, PIECES + 1, 3))
-        ring = np.zeros((kernel.ring_size(layout.count), kernel.RING_COLUMNS))
-        falls = kernel.watch_chain(
-            layout.spacing, layout.thickness, layout.height, layout.density, physics.friction,
-            physics.gravity, physics.push, rtol, ring, PIECES, seen,
-        )  # fmt: skip
-        self._seen = seen[:falls]
-        self._begins = np.concatenate(([0.0], np.cumsum(seen[:falls, -1, 1])))
+        row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
+        snapshots = np.zeros((layout.count, PIECES + 1), kernels.SNAPSHOT)
+        falls = kernels.watch_chain(
+            row, physics.friction, physics.gravity, physics.push, rtol, snapshots
+        )
+        self._snapshots = snapshots[:falls]
+        self._begins = np.concatenate(([0.0], np.cumsum(self._snapshots["time"][:, -1])))
         self.end = float(self._begins[-1])
 
     def leader(self, times: ArrayLike) -> tuple[Ints, Floats]:
         """Who leads at each instant, and its lean [rad]."""
         t = np.clip(np.asarray(times, dtype=np.float64), 0.0, self.end)
-        n = np.clip(np.searchsorted(self._begins, t, side="right") - 1, 0, len(self._seen) - 1)
+        n = np.clip(np.searchsorted(self._begins, t, side="right") - 1, 0, len(self._snapshots) - 1)
         angle = np.empty(len(t))
         for k in np.unique(n):
-            at, (theta, since, speed) = n == k, self._seen[k].T
-            angle[at] = _hermite(t[at] - self._begins[k], since, theta, speed)
+            at, fall = n == k, self._snapshots[k]
+            angle[at] = _hermite(
+                t[at] - self._begins[k], fall["time"], fall["angle"], fall["speed"]
+            )
         return n, angle
 
     def angles(self, times: ArrayLike) -> Floats:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env import kernel
+from domino_env import kernels
 from domino_env.ending import Endings
 from domino_env.layout import Layout
 from domino_env.moment import Moment
@@ -29,9 +29,6 @@ LARGEST_RING = 1024  # dominoes remembered behind a front; the wave feels some t
 _OUTCOMES = [Outcome(i) for i in range(len(Outcome))]
 SPEEDS = ("mean_speed", "time", "robust")  # objectives that a lead on the way tells about
 ALONE = 128  # rows from which on it pays to wake another thread
-
-
-_worth = kernel.worth.py_func if hasattr(kernel.worth, "py_func") else kernel.worth
 
 
 @lru_cache(maxsize=64)
@@ -115,35 +112,40 @@ class Rows:
         self.window = min(int(window), scene.count - 1)
         self.choices = int(scene.free_spacing) + int(scene.free_thickness)
         self.choices += int(scene.free_height)
-        self._rules = self._numbers()
-        self._gaps = np.array(scene.spacing_values or (), dtype=np.float64)
-        self._kinds, self._box = kinds_to_choose(scene)
-        self._lefts = np.tile(self._box, (number, 1))
-        self.reference_speed = self._speed_of_uniform() if reference_speed is None else (
-            reference_speed
-        )  # fmt: skip
-        self._progress = progress_features(scene.count)
-        low, high = self._bounds_seen()
-        self.seen_low, self.seen_high = low, high
+        kinds, stock = kinds_to_choose(scene)
         size = 2
         while size < scene.count + 1 and size < LARGEST_RING:
             size *= 2
-        self._rings = np.zeros((number, size, kernel.RING_COLUMNS))
-        self._states = np.zeros((number, kernel.STATE_SIZE))
-        self.books = np.zeros((number, kernel.BOOK_SIZE))
-        self._spacing = np.full((number, scene.count - 1), scene.spacing[0])
-        self._thickness = np.full((number, scene.count), scene.first_thickness)
-        # where all are equally high, all rows share one array
-        rows = number if scene.growth is not None else 1
-        self._height = np.full((rows, scene.count), scene.height)
-        self._density = np.full((1, scene.count), scene.density)
+        self._batch = kernels.Batch(
+            rules=self._ruled(),
+            progress=progress_features(scene.count),
+            gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
+            kinds=kinds,
+            stock=stock,
+            left=np.tile(stock, (number, 1)),
+            rings=np.zeros((number, size), kernels.LINK),
+            states=np.zeros(number, kernels.STATE),
+            episodes=np.zeros(number, kernels.EPISODE),
+            spacing=np.full((number, scene.count - 1), scene.spacing[0]),
+            thickness=np.full((number, scene.count), scene.first_thickness),
+            # where all are equally high, all rows share one array
+            height=np.full((number if scene.growth is not None else 1, scene.count), scene.height),
+            density=np.full((1, scene.count), scene.density),
+        )
+        self._rules = self._batch.rules[0]
+        self.episodes = self._batch.episodes
+        self.reference_speed = self._speed_of_uniform() if reference_speed is None else (
+            reference_speed
+        )  # fmt: skip
+        low, high = self._bounds_seen()
+        self.seen_low, self.seen_high = low, high
 
     # what can be set ------------------------------------------------------------------------------
 
     @property
     def reference_speed(self) -> float:
         """Speed that the rewards of single steps count against [m/s]."""
-        return float(self._rules[kernel.G_REFERENCE])
+        return float(self._rules.reference_speed)
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
@@ -152,7 +154,7 @@ class Rows:
                 f"reference_speed = {speed!r} m/s: give one finite number, more than 0; the best "
                 f"uniform row runs at {self._speed_of_uniform():.6g} m/s"
             )
-        self._rules[kernel.G_REFERENCE] = speed
+        self._rules.reference_speed = speed
 
     def _speed_of_uniform(self) -> float:
         """Of the best uniform row, or where even that dies, of something that falls freely."""
@@ -161,37 +163,35 @@ class Rows:
             np.sqrt(self.scene.physics.gravity * self.scene.height)
         )  # fmt: skip
 
-    def _numbers(self) -> Floats:
-        scene, rules = self.scene, np.zeros(kernel.RULES_SIZE)
-        rules[kernel.G_FRICTION] = scene.physics.friction
-        rules[kernel.G_GRAVITY] = scene.physics.gravity
-        rules[kernel.G_PUSH] = scene.physics.push
-        rules[kernel.G_RTOL] = self.rtol
-        rules[kernel.G_UNIFORM] = self.mark.score
-        rules[kernel.G_LENGTH] = scene.length or 0.0
-        rules[[kernel.G_GAP_LOW, kernel.G_GAP_HIGH]] = scene.spacing
-        rules[[kernel.G_THICK_LOW, kernel.G_THICK_HIGH]] = scene.thickness
-        rules[kernel.G_UNIT] = scene.height
-        rules[kernel.G_CHANGE] = scene.largest_change or 0.0
-        rules[kernel.G_GROWS] = float(scene.growth is not None)
-        rules[[kernel.G_GROW_LOW, kernel.G_GROW_HIGH]] = scene.growth or (1.0, 1.0)
-        rules[kernel.G_IN_HEIGHTS] = float(scene.in_heights)
-        rules[kernel.G_BOX] = float(scene.stock is not None)
-        rules[kernel.G_PAYS] = float(scene.objective in SPEEDS)
-        speed_alone = scene.objective in ("mean_speed", "time") and scene.limits is None
-        rules[kernel.G_SPEED] = float(speed_alone)
-        rules[kernel.G_WINDOW] = self.window
-        return rules
+    def _ruled(self) -> NDArray[np.record]:
+        """The scene's rules as the kernels take them."""
+        scene, array = self.scene, np.zeros(1, kernels.RULES)
+        rules = array[0]
+        rules.friction, rules.gravity = scene.physics.friction, scene.physics.gravity
+        rules.push, rules.rtol = scene.physics.push, self.rtol
+        rules.uniform_score = self.mark.score
+        rules.length = scene.length or 0.0
+        rules.gap_low, rules.gap_high = scene.spacing
+        rules.thick_low, rules.thick_high = scene.thickness
+        rules.largest_change = scene.largest_change or 0.0
+        rules.grows = scene.growth is not None
+        rules.growth_low, rules.growth_high = scene.growth or (1.0, 1.0)
+        rules.unit, rules.in_heights = scene.height, scene.in_heights
+        rules.has_stock = scene.stock is not None
+        rules.pays = float(scene.objective in SPEEDS)
+        rules.score_is_speed = scene.objective in ("mean_speed", "time") and scene.limits is None
+        rules.window = self.window
+        return array
 
     def _bounds_seen(self) -> tuple[Seen, Seen]:
-        """Bounds of each entry of an observation; the order is `kernel.observe`'s."""
-        low = [0.0, -kernel.LEAD_LIMIT, -1.0]
-        high = [kernel.FRONT_LIMIT, kernel.LEAD_LIMIT, kernel.SPEED_LIMIT]
+        """Bounds of each entry of an observation; the order is `kernels.observation`'s."""
+        low = [0.0, -kernels.LEAD_LIMIT, -1.0]
+        high = [kernels.FRONT_LIMIT, kernels.LEAD_LIMIT, kernels.SPEED_LIMIT]
         if self.scene.length is not None:
             low, high = [*low, 0.0, -1.0], [*high, 1.0, 1.0]
         behind = self.window * self.choices
-        ends = self._progress.shape[1] + int(self.scene.free_height)
-        ends += len(self._kinds) * (self.scene.stock is not None)
+        ends = self._batch.progress.shape[1] + int(self.scene.free_height)
+        ends += len(self._batch.kinds) * (self.scene.stock is not None)
         low += [-1.0] * behind + [0.0] * ends
         high += [1.0] * (behind + ends)
         return np.array(low, np.float32), np.array(high, np.float32)
@@ -221,19 +221,11 @@ class Rows:
             for b, layout in enumerate(layouts):
                 if chosen[b] and layout is not None:
                     given[b] = layout.count - 1
-                    self._spacing[b, : given[b]] = layout.spacing
-                    self._thickness[b, : layout.count] = layout.thickness
+                    self._batch.spacing[b, : given[b]] = layout.spacing
+                    self._batch.thickness[b, : layout.count] = layout.thickness
                     if self.scene.growth is not None:
-                        self._height[b, : layout.count] = layout.height
-        kernel.reset_rows(0, self.number, *self._arrays(), chosen, given, seen)
-
-    def _arrays(self) -> tuple[Floats | Seen, ...]:
-        """What both compiled calls take."""
-        return (
-            self._rules, self._progress, self._gaps, self._kinds, self._box, self._lefts,
-            self._rings, self._states, self.books, self._spacing, self._thickness, self._height,
-            self._density,
-        )  # fmt: skip
+                        self._batch.height[b, : layout.count] = layout.height
+        kernels.reset_rows(0, self.number, self._batch, chosen, given, seen)
 
     def _require_start(self, layout: Layout) -> None:
         scene = self.scene
@@ -269,7 +261,7 @@ class Rows:
         rewards = np.empty(self.number)
         ended = np.empty(self.number, np.bool_)
         share_rows(
-            kernel.step_rows, self.number, ALONE, *self._arrays(), actions, seen, rewards, ended
+            kernels.step_rows, self.number, ALONE, self._batch, actions, seen, rewards, ended
         )
         return seen, rewards, ended
 
@@ -279,24 +271,24 @@ class Rows:
         Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
         """
         actions = np.zeros((self.number, self.choices))
-        for b in np.flatnonzero(self.books[:, kernel.B_PHASE] == kernel.RUNS):
+        for b in np.flatnonzero(self.episodes["phase"] == kernels.RUNNING):
             actions[b] = self._action_towards(int(b), layout)
         return actions
 
     def _action_towards(self, b: int, layout: Layout) -> list[float]:
         scene, rules = self.scene, self._rules
-        n, way = int(self.books[b, kernel.B_PLACED]), self.books[b, kernel.B_WAY]
+        n, way = int(self.episodes[b].placed), self.episodes[b].way
         left, tall = scene.count - 1 - n, layout.height
         gap, thick = layout.spacing[n], layout.thickness[n + 1]
         if scene.in_heights:
             gap, thick = gap / min(tall[n], tall[n + 1]), thick / tall[n + 1]
         action = []
-        bounds = kernel.thickness_bounds(rules, left, way)
+        bounds = kernels.thickness_range(rules, left, way)
         placed = float(np.clip(thick, *bounds))
         if scene.free_spacing:
-            low, high = kernel.gap_bounds(rules, left, way, placed)
-            if rules[kernel.G_CHANGE] > 0.0 and n > 0:
-                before, change = self._spacing[b, n - 1], rules[kernel.G_CHANGE]
+            low, high = kernels.gap_range(rules, left, way, placed)
+            if rules.largest_change > 0.0 and n > 0:
+                before, change = self._batch.spacing[b, n - 1], rules.largest_change
                 low, high = max(low, before - change), min(high, before + change)
             action.append(_action_for(gap, low, high))
         if scene.free_thickness:
@@ -307,13 +299,13 @@ class Rows:
 
     def lay(self, actions: Floats) -> Layout:
         """The whole row that actions (N-1, choices) stand for, none of it simulated."""
-        scene, left = self.scene, self._box.copy()
-        spacing, thickness = self._spacing[0].copy(), self._thickness[0].copy()
-        height = self._height[0].copy()
-        kernel.choose_all(
-            actions, self._rules, self._gaps, self._kinds, left, spacing, thickness, height
-        )
-        return Layout(spacing, thickness, height, scene.width, scene.density)
+        scene, batch = self.scene, self._batch
+        row = kernels.Row(
+            batch.spacing[0].copy(), batch.thickness[0].copy(), batch.height[0].copy(),
+            batch.density[0],
+        )  # fmt: skip
+        kernels.choose_all(actions, batch, batch.stock.copy(), row)
+        return Layout(row.spacing, row.thickness, row.height, scene.width, scene.density)
 
     # ends -----------------------------------------------------------------------------------------
 
@@ -326,56 +318,56 @@ class Rows:
         """
         scene = self.scene
         endings = self._endings(rows)
-        for i in np.flatnonzero(self.books[rows, kernel.B_DOUBT] > 0.0).tolist():
-            book = self.books[rows[i]]
-            if book[kernel.B_PLACED] == scene.count - 1:
+        for i in np.flatnonzero(self.episodes["unsure"][rows]).tolist():
+            episode = self.episodes[rows[i]]
+            if episode.placed == scene.count - 1:
                 wave = simulate(endings.layout(i), scene.physics, rtol=self.rtol)
-                book[kernel.B_OUTCOME], book[kernel.B_REACH] = wave.outcome, wave.reach
+                episode.outcome, episode.reach = wave.outcome, wave.reach
             else:
                 wave = endings.waves()[i]
-            book[kernel.B_SCORE] = scene_score(scene, wave)
-            rewards[rows[i]] = self._worth(book[kernel.B_SCORE]) - book[kernel.B_PAID]
+            episode.score = scene_score(scene, wave)
+            rewards[rows[i]] = self._return(episode.score) - episode.paid
         endings = self._endings(rows)
-        books = self.books[rows]
-        scores = books[:, kernel.B_SCORE]
-        outcomes = np.array(_OUTCOMES, object)[books[:, kernel.B_OUTCOME].astype(np.intp)]
+        episodes = self.episodes[rows]
+        scores = episodes["score"]
+        outcomes = np.array(_OUTCOMES, object)[episodes["outcome"]]
         return {
             "score": scores,
-            "gain": np.array([self._worth(s) for s in scores.tolist()]) / 100.0,
+            "gain": np.array([self._return(s) for s in scores.tolist()]) / 100.0,
             "outcome": outcomes,
             "layout": endings.layouts(),
             "wave": endings.waves(),
         }
 
     def _endings(self, rows: NDArray[np.intp]) -> Endings:
-        books = self.books[rows]
+        episodes = self.episodes[rows]
         return Endings(
             scene=self.scene,
             rtol=self.rtol,
-            spacing=self._spacing[rows],
-            thickness=self._thickness[rows],
-            height=self._height[rows if len(self._height) > 1 else np.zeros_like(rows)],
-            placed=books[:, kernel.B_PLACED].astype(np.intp).tolist(),
-            reach=books[:, kernel.B_REACH].tolist(),
+            spacing=self._batch.spacing[rows],
+            thickness=self._batch.thickness[rows],
+            height=self._batch.height[rows if len(self._batch.height) > 1 else np.zeros_like(rows)],
+            placed=episodes["placed"].tolist(),
+            reach=episodes["reach"].tolist(),
         )
 
-    def _worth(self, score: float) -> float:
-        return float(_worth(score, self.mark.score))
+    def _return(self, score: float) -> float:
+        return float(kernels.plain(kernels.episode_return)(score, self.mark.score))
 
     def moment(self, b: int) -> Moment:
         """Row b as it stands and falls."""
-        book, state = self.books[b], self._states[b]
-        placed = int(book[kernel.B_PLACED])
-        over = book[kernel.B_PHASE] == kernel.OVER
+        episode, state = self.episodes[b], self._batch.states[b]
+        placed = int(episode.placed)
+        over = episode.phase == kernels.OVER
         wave = self._endings(np.array([b])).waves()[0] if over else None
-        dead = over and book[kernel.B_OUTCOME] != kernel.PROPAGATED
+        dead = over and episode.outcome != kernels.PROPAGATED
         return Moment(
-            spacing=self._spacing[b, :placed].copy(),
-            thickness=self._thickness[b, : placed + 1].copy(),
-            height=self._height[b % len(self._height), : placed + 1].copy(),
+            spacing=self._batch.spacing[b, :placed].copy(),
+            thickness=self._batch.thickness[b, : placed + 1].copy(),
+            height=self._batch.height[b % len(self._batch.height), : placed + 1].copy(),
             hit=wave.hit if wave is not None else placed + 1,
-            time=float(state[kernel.TIME]),
-            speed=0.0 if dead else float(np.sqrt(state[kernel.U])),
+            time=float(state.time),
+            speed=0.0 if dead else float(np.sqrt(state.u)),
             uniform_speed=self.mark.wave.mean_speed,
             wave=wave,
         )
@@ -386,10 +378,10 @@ class Rows:
         Where a length is to be met, the gap's bounds depend on the thickness that the same action
         chooses: they are given for its middle.
         """
-        book, rules = self.books[b], self._rules
-        pairs, way = self.scene.count - 1 - int(book[kernel.B_PLACED]), book[kernel.B_WAY]
-        low, high = kernel.thickness_bounds(rules, pairs, way)
-        gaps = kernel.gap_bounds(rules, pairs, way, 0.5 * (low + high))
+        episode, rules = self.episodes[b], self._rules
+        pairs, way = self.scene.count - 1 - int(episode.placed), episode.way
+        low, high = kernels.thickness_range(rules, pairs, way)
+        gaps = kernels.gap_range(rules, pairs, way, 0.5 * (low + high))
         return {"spacing": (float(gaps[0]), float(gaps[1])), "thickness": (float(low), float(high))}
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env import kernel
+from domino_env import kernels
 from domino_env.layout import DENSITY, HEIGHT, Layout
 from domino_env.physics import Physics
 from domino_env.wave import Outcome
@@ -81,20 +81,18 @@ def _fixed_point(
     gaps: Floats, thick: Floats, tall: Floats, rho: Floats, physics: Physics, rtol: float,
     scalar: bool,
 ) -> SteadyWave:  # fmt: skip
-    state, out = np.zeros(kernel.STATE_SIZE), np.zeros((len(thick), 3))
-    lanes = np.zeros(kernel.LANE_ROWS * kernel.PITCH)
-    rows = 512
+    pattern = kernels.Row(gaps, thick, tall, rho)
+    falls = np.zeros(len(thick), kernels.FALL)
+    ring_rows = 512
     while True:
-        ring = np.zeros((rows, kernel.RING_COLUMNS))
-        row = (gaps, thick, tall, rho, physics.friction, physics.gravity, rtol, lanes, ring, state)
-        outcome, leader, tail = kernel.period_falls(*row, 0.0, out)
-        if tail <= rtol or rows == kernel.RING_ROWS:
+        setting = (pattern, physics.friction, physics.gravity, rtol, ring_rows)
+        outcome, leader, tail, gain, offset, need = kernels.period_falls(*setting, 0.0, falls)
+        if tail <= rtol or ring_rows == kernels.RING_ROWS:
             break
-        rows *= 2
+        ring_rows *= 2
     if outcome != Outcome.PROPAGATED:
         why = f"under domino {leader} of the pattern, {Outcome(outcome).explanation}"
         return _none(why, scalar, len(thick))
-    gain, offset, need = (float(state[i]) for i in (kernel.GAIN, kernel.OFFSET, kernel.NEED))
     u = offset / (1.0 - gain) if gain < 1.0 else -1.0
     if u <= max(need, 0.0):
         return _none(
@@ -103,21 +101,24 @@ def _fixed_point(
             scalar,
             len(thick),
         )
-    outcome, leader, _ = kernel.period_falls(*row, u, out)
+    outcome, leader, *_ = kernels.period_falls(*setting, u, falls)
     if outcome != Outcome.PROPAGATED:
         return _none(
             f"a hair from a stall under domino {leader} of the pattern", scalar, len(thick)
         )
-    period = float(out[:, 0].sum())
-    columns = [float(c[0]) if scalar else c.copy() for c in out.T]
+    period = float(falls["time"].sum())
+    release, impact, times = (
+        float(falls[name][0]) if scalar else falls[name].copy()
+        for name in ("release", "impact", "time")
+    )
     return SteadyWave(
         exists=True,
         explanation="the row carries a steady wave",
         speed=float((gaps + thick).sum()) / period,
         frequency=len(thick) / period,
-        omega_release=columns[1],
-        omega_impact=columns[2],
-        fall_times=columns[0],
+        omega_release=release,
+        omega_impact=impact,
+        fall_times=times,
     )
 
 
@@ -133,17 +134,11 @@ def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> floa
     0 where the first domino, tipped by a breath, topples the row (it never is: it has to be
     lifted over its edge).
     """
-    state = np.zeros(kernel.STATE_SIZE)
-    size = kernel.ring_size(layout.count)
-    outcome, _, _, _ = kernel.chain(
-        layout.spacing, layout.thickness, layout.height, layout.density, physics.friction,
-        physics.gravity, 0.0, rtol, np.zeros(kernel.LANE_ROWS * kernel.PITCH),
-        np.zeros((size, kernel.RING_COLUMNS)), state, True, np.empty((0, 4)),
-        np.empty((0, kernel.TAPE_COLUMNS)),
-    )  # fmt: skip
+    row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
+    outcome, need = kernels.compose_row(row, physics.friction, physics.gravity, rtol)
     if outcome != Outcome.PROPAGATED:
         return math.inf
-    return math.sqrt(max(float(state[kernel.NEED]), 0.0))
+    return math.sqrt(max(float(need), 0.0))
 
 
 def terminal_speed_estimate(

@@ -16,11 +16,12 @@ Source: Chapman, "The physics of toppling dominoes", eqs. 1-9; van Leeuwen 2004.
 """
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
 
-_JIT = {"cache": True, "nogil": True, "error_model": "numpy"}
+_JIT: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
 
 PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4  # as in `wave.Outcome`
 UNFINISHED = -1  # the evaluations allowed were used up

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env import kernel
+from domino_env import kernels
 from domino_env.gradient import Gradient, pull, room_for
 from domino_env.layout import Layout
 from domino_env.physics import Physics
@@ -24,11 +24,11 @@ LOOSEST, TIGHTEST = 1e-3, 1e-13
 class Outcome(enum.IntEnum):
     """Why a wave ended."""
 
-    PROPAGATED = kernel.PROPAGATED
-    STALLED = kernel.STALLED
-    OUT_OF_REACH = kernel.OUT_OF_REACH
-    JAMMED = kernel.JAMMED
-    NO_RIGID_ANSWER = kernel.NO_RIGID_ANSWER
+    PROPAGATED = kernels.PROPAGATED
+    STALLED = kernels.STALLED
+    OUT_OF_REACH = kernels.OUT_OF_REACH
+    JAMMED = kernels.JAMMED
+    NO_RIGID_ANSWER = kernels.NO_RIGID_ANSWER
 
     @property
     def explanation(self) -> str:
@@ -93,7 +93,7 @@ class Wave:
     largest_flush_loss: float
     rtol: float
     run_time: float
-    tape: Floats | None = field(default=None, repr=False)
+    tape: NDArray[np.record] | None = field(default=None, repr=False)
 
     def pullback(self, arrival_bar: ArrayLike) -> Gradient:
         """Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics; see `Gradient`.
@@ -208,39 +208,40 @@ def simulate(
     """
     began = time.perf_counter()
     count = layout.count
-    summary = np.empty((1, kernel.SUMMARY_SIZE))
-    out = np.empty((1, count, 4))
-    row, record = summary[0], out[0]
-    tape = room_for(count) if gradient else np.empty((0, kernel.TAPE_COLUMNS))
+    summaries = np.empty(1, kernels.SUMMARY)
+    arrivals = np.empty((1, count), kernels.ARRIVAL)
+    rows = kernels.Row(
+        layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
+    )
+    tape = room_for(count) if gradient else np.empty(0, kernels.EVENT)
     while True:
-        kernel.solve_rows(
-            0, 1, layout.spacing[None], layout.thickness[None], layout.height[None],
-            layout.density[None], physics.friction, physics.gravity, physics.push,
-            _checked(rtol), True, summary, out, tape,
+        kernels.solve_rows(
+            0, 1, rows, physics.friction, physics.gravity, physics.push, _checked(rtol), True,
+            summaries, arrivals, tape,
         )  # fmt: skip
-        used = int(row[kernel.TAPE_ROWS])
-        if used <= len(tape) or not gradient:
+        told, arrival = summaries[0], arrivals[0]
+        if told.taped <= len(tape) or not gradient:
             break
-        tape = np.empty((used, kernel.TAPE_COLUMNS))  # the same run writes as many again
+        tape = np.empty(told.taped, kernels.EVENT)  # the same run writes as many again
     return Wave(
         layout=layout,
         physics=physics,
-        outcome=Outcome(int(row[kernel.END])),
-        hit=int(row[kernel.HIT]),
-        toppled=int(row[kernel.TOPPLED]),
-        arrival_times=record[:, kernel.OUT_ARRIVAL],
-        release_velocity=record[:, kernel.OUT_RELEASE],
-        impact_velocity=record[:-1, kernel.OUT_IMPACT],
-        stall_margin=record[:, kernel.OUT_MARGIN],
-        reach=float(row[kernel.REACH]),
-        error_estimate=float(row[kernel.ESTIMATE]),
-        converged=bool(row[kernel.ESTIMATE] <= rtol),
-        flushes=int(row[kernel.N_FLUSHES]),
-        releases=int(row[kernel.N_RELEASES]),
-        largest_flush_loss=float(row[kernel.LOSS]),
+        outcome=Outcome(told.outcome),
+        hit=int(told.hit),
+        toppled=int(told.toppled),
+        arrival_times=arrival["time"],
+        release_velocity=arrival["release"],
+        impact_velocity=arrival["impact"][:-1],
+        stall_margin=arrival["margin"],
+        reach=float(told.reach),
+        error_estimate=float(told.estimate),
+        converged=bool(told.estimate <= rtol),
+        flushes=int(told.flushes),
+        releases=int(told.releases),
+        largest_flush_loss=float(told.flush_loss),
         rtol=rtol,
         run_time=time.perf_counter() - began,
-        tape=tape[:used].copy() if gradient else None,
+        tape=tape[: told.taped].copy() if gradient else None,
     )
 
 
@@ -265,45 +266,48 @@ def simulate_batch(
     ValueError names the layout and element that cannot stand.
     """
     began = time.perf_counter()
-    s, d, length, rho = _checked_batch(spacing, thickness, height, density)
-    rows, count = d.shape
-    summary = np.empty((rows, kernel.SUMMARY_SIZE))
+    rows = _checked_batch(spacing, thickness, height, density)
+    number, count = rows.thickness.shape
+    summaries = np.empty(number, kernels.SUMMARY)
     record = record and not gradient
-    out = np.empty((rows, count, 4) if record else (0, 0, 4))
-    setting = (s, d, length, rho, physics.friction, physics.gravity, physics.push, _checked(rtol))
+    arrivals = np.empty((number, count) if record else (0, 0), kernels.ARRIVAL)
+    setting = (rows, physics.friction, physics.gravity, physics.push, _checked(rtol))
     slopes = None
     if gradient:
-        gaps, bodies = np.empty((rows, count - 1)), np.empty((rows, 3, count))
-        whole = np.empty((rows, 3))
-        share_pieces(kernel.pull_rows, rows, count, *setting, summary, gaps, bodies, whole)
-        parts = (bodies[:, 0], bodies[:, 1], bodies[:, 2], whole[:, 0], whole[:, 1], whole[:, 2])
-        slopes = Gradient(gaps, *parts)
+        bars = kernels.Row(
+            np.empty((number, count - 1)), *(np.empty((number, count)) for _ in range(3))
+        )
+        wholes = np.empty(number, kernels.WHOLE)
+        share_pieces(kernels.pull_rows, number, count, *setting, summaries, bars, wholes)
+        slopes = Gradient(*bars, wholes["friction"], wholes["gravity"], wholes["push"])
     else:
-        untaped = np.empty((0, kernel.TAPE_COLUMNS))
-        share_pieces(kernel.solve_rows, rows, count, *setting, record, summary, out, untaped)
-    outcome = summary[:, kernel.END].astype(np.int64)
-    total = summary[:, kernel.TOTAL_TIME]
+        untaped = np.empty(0, kernels.EVENT)
+        share_pieces(
+            kernels.solve_rows, number, count, *setting, record, summaries, arrivals, untaped
+        )
+    total = summaries["total_time"]
     # summed as Layout.length sums it, so that speeds agree to the last bit
-    way = np.cumsum(s + d[:, 1:], axis=1)[:, -1] if count > 1 else np.zeros(rows)
+    pitches = rows.spacing + rows.thickness[:, 1:]
+    way = np.cumsum(pitches, axis=1)[:, -1] if count > 1 else np.zeros(number)
     speed = np.where(np.isfinite(total) & (total > 0.0), way / np.maximum(total, 1e-300), 0.0)
-    empty = np.empty((rows, 0))
+    empty = np.empty((number, 0))
     return WaveBatch(
-        outcome=outcome,
-        hit=summary[:, kernel.HIT].astype(np.int64),
-        toppled=summary[:, kernel.TOPPLED].astype(np.int64),
-        reach=summary[:, kernel.REACH],
+        outcome=summaries["outcome"],
+        hit=summaries["hit"],
+        toppled=summaries["toppled"],
+        reach=summaries["reach"],
         total_time=total,
         mean_speed=speed,
-        error_estimate=summary[:, kernel.ESTIMATE],
-        converged=summary[:, kernel.ESTIMATE] <= rtol,
-        flushes=summary[:, kernel.N_FLUSHES].astype(np.int64),
-        releases=summary[:, kernel.N_RELEASES].astype(np.int64),
-        largest_flush_loss=summary[:, kernel.LOSS],
-        lowest_stall_margin=summary[:, kernel.LOWEST],
-        arrival_times=out[:, :, kernel.OUT_ARRIVAL] if record else empty,
-        release_velocity=out[:, :, kernel.OUT_RELEASE] if record else empty,
-        impact_velocity=out[:, :-1, kernel.OUT_IMPACT] if record else empty,
-        stall_margin=out[:, :, kernel.OUT_MARGIN] if record else empty,
+        error_estimate=summaries["estimate"],
+        converged=summaries["estimate"] <= rtol,
+        flushes=summaries["flushes"],
+        releases=summaries["releases"],
+        largest_flush_loss=summaries["flush_loss"],
+        lowest_stall_margin=summaries["lowest_margin"],
+        arrival_times=arrivals["time"] if record else empty,
+        release_velocity=arrivals["release"] if record else empty,
+        impact_velocity=arrivals["impact"][:, :-1] if record else empty,
+        stall_margin=arrivals["margin"] if record else empty,
         run_time=time.perf_counter() - began,
         gradient=slopes,
     )
@@ -317,8 +321,8 @@ def _checked(rtol: float) -> float:
 
 def _checked_batch(
     spacing: ArrayLike, thickness: ArrayLike, height: ArrayLike, density: ArrayLike
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """The arrays of a batch as the kernel takes them; all that cannot stand is refused."""
+) -> kernels.Row:
+    """The arrays of a batch as the kernels take them; all that cannot stand is refused."""
     s = np.ascontiguousarray(spacing, dtype=np.float64)
     if s.ndim != 2:
         raise ValueError(
@@ -350,7 +354,7 @@ def _checked_batch(
                 f"layout {b}: domino {i} would strike above the top of domino {i + 1}; widen "
                 f"spacing[{b}, {i}] = {s[b, i]} m or make domino {i + 1} taller"
             )
-    return _read_only(s), _read_only(d), _read_only(length), _read_only(rho)
+    return kernels.Row(_read_only(s), _read_only(d), _read_only(length), _read_only(rho))
 
 
 def _read_only(array: Floats) -> Floats:

@@ -1,7 +1,7 @@
-"""Small rows that between them walk every line of the kernel, compiled or not.
+"""Small rows that between them walk every line of the kernels, compiled or not.
 
 Run as a script, prints their results as JSON: with NUMBA_DISABLE_JIT=1 in plain Python, which is
-also how the coverage of the kernel is measured (`make coverage`).
+also how the coverage of the kernels is measured (`make coverage`).
 """
 
 import json
@@ -46,6 +46,9 @@ def results():
         add(f"{name}: uniform", de.Layout.uniform(12, pitch=0.03), physics, 1e-4)
         add(f"{name}: uniform, dies", de.Layout.uniform(8, spacing=0.002), de.Physics(friction))
         add_gradient(f"{name}: uniform", de.Layout.uniform(12, pitch=0.03), physics)
+        add_gradient(
+            f"{name}: falls share a stack", de.Layout.uniform(40, pitch=0.03), physics, 1e-3
+        )
         push = de.Physics(friction, 9.81, 24.0)
         add_gradient(f"{name}: releases", de.Layout(spacing, 0.0075), push)
         add(f"{name}: releases", de.Layout(spacing, 0.0075), push)

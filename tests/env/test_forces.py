@@ -5,21 +5,42 @@ import oracle
 import pytest
 
 import domino_env as de
-from domino_env import kernel
+from domino_env import kernels
+from domino_env.kernels import forces, links
+from domino_env.kernels.jit import door
 
 COUNT, GRAVITY = 7, 9.81
 
 
+@door
+def stand_all(ring, height, spacing, thickness, density):
+    for i in range(len(thickness)):
+        links.stand(ring, len(ring) - 1, i, height, thickness[i], density[i])
+    for i in range(len(spacing)):
+        links.join(ring, len(ring) - 1, i, height, spacing[i], thickness[i + 1])
+
+
+@door
+def loads_at(ring, n, angle, u, gravity, mu, height, thickness, geometry, loads):
+    mask = len(ring) - 1
+    forces.stack_geometry(ring, mask, n, 0, angle, mu, height, geometry, False)
+    forces.contact_forces(ring, mask, n, 0, geometry, u, gravity, mu, height, thickness, loads)
+
+
+@door
+def impulses_at(ring, n, mu, height, before, after, geometry, least):
+    mask = len(ring) - 1
+    forces.stack_geometry(ring, mask, n, 0, 0.0, mu, height, geometry, False)
+    forces.contact_impulses(ring, mask, n, 0, geometry, before, after, least)
+
+
 def stacks(seed, friction):
-    """The same row in the kernel's ring and as the oracle's chain."""
+    """The same row in the kernels' ring and as the oracle's chain."""
     rng = np.random.default_rng(seed)
     spacing, thickness = rng.uniform(0.01, 0.03, COUNT - 1), rng.uniform(0.005, 0.01, COUNT)
     density = rng.uniform(500.0, 2000.0, COUNT)
-    ring = np.zeros((8, kernel.RING_COLUMNS))
-    for i in range(COUNT):
-        kernel.stand(ring, 7, i, 0.048, thickness[i], density[i])
-    for i in range(COUNT - 1):
-        kernel.join(ring, 7, i, 0.048, spacing[i], thickness[i + 1])
+    ring = np.zeros(8, kernels.LINK)
+    stand_all(ring, 0.048, spacing, thickness, density)
     chain = oracle.Chain(spacing, thickness, 0.048, density, friction, GRAVITY, width=1.0)
     return ring, chain, np.full(COUNT, 0.048), thickness
 
@@ -29,12 +50,11 @@ def stacks(seed, friction):
 def test_forces_at_one_instant(seed, friction):
     ring, chain, height, thickness = stacks(seed, friction)
     n, angle, speed = COUNT - 1, 0.05, 6.0
-    geo, found = np.zeros((COUNT, 8)), np.full((COUNT, kernel.D_COLUMNS), np.inf)
-    found[:, kernel.D_FLOOR] = -np.inf
-    kernel.stack_geometry(ring, 7, n, 0, angle, friction, height, geo, False)
-    kernel.contact_forces(ring, 7, n, 0, geo, speed**2, GRAVITY, friction, height, thickness, found)
+    geometry, loads = np.zeros(COUNT, forces.GEOMETRY), np.full(COUNT, np.inf, forces.LOADS)
+    loads["floor_friction"] = -np.inf
+    loads_at(ring, n, angle, speed**2, GRAVITY, friction, height, thickness, geometry, loads)
     alpha, normals, _ = chain.motion(n, angle, speed)
-    np.testing.assert_allclose(found[:-1, kernel.D_FORCE], normals, rtol=1e-9)
+    np.testing.assert_allclose(loads["contact_force"][:-1], normals, rtol=1e-9)
 
     # the floor: Newton's second law of each centre of mass
     theta = chain.angles(n, angle)
@@ -49,11 +69,11 @@ def test_forces_at_one_instant(seed, friction):
     floor[:-1] += onward
     floor[1:] -= onward
     load = floor[:, 1] / (chain.mass * GRAVITY)
-    np.testing.assert_allclose(found[:, kernel.D_LOAD], load, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(loads["load"], load, rtol=1e-8, atol=1e-9)
     pressed = load > 0.0
     need = np.abs(floor[:, 0]) / floor[:, 1]
-    np.testing.assert_allclose(found[pressed, kernel.D_FLOOR], need[pressed], rtol=1e-8)
-    assert np.isinf(found[~pressed, kernel.D_FLOOR]).all()
+    np.testing.assert_allclose(loads["floor_friction"][pressed], need[pressed], rtol=1e-8)
+    assert np.isinf(loads["floor_friction"][~pressed]).all()
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -61,14 +81,13 @@ def test_forces_at_one_instant(seed, friction):
 def test_impulses_of_a_hit(seed, friction):
     ring, chain, height, _ = stacks(seed, friction)
     n = COUNT - 1
-    geo, found = np.zeros((COUNT, 8)), np.full((COUNT, kernel.D_COLUMNS), np.inf)
-    kernel.stack_geometry(ring, 7, n, 0, 0.0, friction, height, geo, False)
+    geometry, least = np.zeros(COUNT, forces.GEOMETRY), np.full(COUNT, np.inf)
     theta = chain.angles(n, 0.0)
     omega = chain.ratios(chain.contacts(n, theta)) * 9.0
     omega[-1] = 0.0
     after, impulses = chain.impact(n, theta, omega, chain.state)
-    kernel.contact_impulses(ring, 7, n, 0, geo, 9.0, after[-1], found, kernel.D_HIT)
-    np.testing.assert_allclose(found[:-1, kernel.D_HIT], impulses, rtol=1e-9)
+    impulses_at(ring, n, friction, height, 9.0, after[-1], geometry, least)
+    np.testing.assert_allclose(least[:-1], impulses, rtol=1e-9)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])

@@ -1,0 +1,101 @@
+"""Everything compiled, told as physics: arithmetic only, numbers and arrays in and out.
+
+While domino n leads, its lean θ_n is the only free coordinate and u = ω_n² obeys a linear equation
+in that angle, so a fall, a flush and a hit are affine maps of u, and nothing is stepped in time.
+
+    slots       how the working arrays are laid out, and the symbols of all kernels
+    quadrature  Gauss-Legendre rules
+    contact     one link: tip and corner
+    links       dominoes and links in the ring, and their changes of contact
+    stack       all dominoes that lean on the leader
+    switch      flushes and releases: when, and what they do
+    polynomial  the polynomial through the nodes of a rule
+    crawl       the time of an interval in which u nearly vanishes
+    interval    between two switches: the affine map of u, and the time
+    fall        from one hit to the next
+    front       how a chain begins, and what hits do to u and the time
+    uniform     rows of equal dominoes
+    chain       whole chains, and batches of them
+    endless     rows that repeat a pattern for ever
+    motion      a chain that is watched
+    forces      what happens between the dominoes
+    batch, choice, observation, episode    the environments' step
+    records, tape    what is kept of a chain
+    adjoint     the same, backwards
+    jit         how all of it is compiled and cached
+
+This face offers what Python calls, and only that.
+
+Sources: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of toppling dominoes",
+eqs. 1-3, 7-9, restated for unequal dominoes.
+"""
+
+from domino_env.kernels.adjoint.chain import pull, pull_rows
+from domino_env.kernels.adjoint.slots import WHOLE
+from domino_env.kernels.batch import EPISODE, IDLE, OVER, RULES, RUNNING, Batch
+from domino_env.kernels.chain import compose_row, solve_rows
+from domino_env.kernels.choice import choose_all, gap_range, thickness_range
+from domino_env.kernels.endless import period_falls
+from domino_env.kernels.episode import episode_return, reset_rows, step_rows
+from domino_env.kernels.forces import LOADS, diagnose_chain
+from domino_env.kernels.jit import plain
+from domino_env.kernels.motion import watch_chain
+from domino_env.kernels.observation import FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT
+from domino_env.kernels.slots import (
+    ARRIVAL,
+    EVENT,
+    FALL,
+    JAMMED,
+    LINK,
+    NO_RIGID_ANSWER,
+    OUT_OF_REACH,
+    PROPAGATED,
+    RING_ROWS,
+    SNAPSHOT,
+    STALLED,
+    STATE,
+    SUMMARY,
+    Row,
+)
+
+__all__ = [
+    "ARRIVAL",
+    "EPISODE",
+    "EVENT",
+    "FALL",
+    "FRONT_LIMIT",
+    "IDLE",
+    "JAMMED",
+    "LEAD_LIMIT",
+    "LINK",
+    "LOADS",
+    "NO_RIGID_ANSWER",
+    "OUT_OF_REACH",
+    "OVER",
+    "PROPAGATED",
+    "RING_ROWS",
+    "RULES",
+    "RUNNING",
+    "SNAPSHOT",
+    "SPEED_LIMIT",
+    "STALLED",
+    "STATE",
+    "SUMMARY",
+    "WHOLE",
+    "Batch",
+    "Row",
+    "choose_all",
+    "compose_row",
+    "diagnose_chain",
+    "episode_return",
+    "gap_range",
+    "period_falls",
+    "plain",
+    "pull",
+    "pull_rows",
+    "reset_rows",
+    "solve_rows",
+    "step_rows",
+    "thickness_range",
+    "watch_chain",
+]

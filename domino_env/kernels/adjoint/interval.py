@@ -1,0 +1,125 @@
+"""One interval of a fall, backwards: its time, its map, and the stack below."""
+
+import math
+
+from domino_env.kernels.adjoint.slots import B_MU, SEED_D, SEED_G, SEED_M
+from domino_env.kernels.adjoint.stack import angle_bar, retrace, stack_back
+from domino_env.kernels.crawl import slow_time
+from domino_env.kernels.interval import affine_map
+from domino_env.kernels.jit import part
+from domino_env.kernels.polynomial import series
+from domino_env.kernels.quadrature import CLOSED, ORDERS, PLACES, RUNNING, WEIGHTS
+from domino_env.kernels.slots import (
+    COEF,
+    EXPO,
+    MAP_E,
+    MAP_U,
+    PITCH,
+    RATE,
+    SLOWNESS,
+    SPEED2,
+    SUM_M,
+)
+from domino_env.kernels.stack import spread
+
+
+@part
+def ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole):
+    """The time and the map of one interval in reverse: seeds of M, G and D, from lanes that hold
+    its map.  Returns bars of u at its start and of its length.
+    """
+    h, k, u0, x_low = ride.length, ride.rule, ride.u, ride.crept
+    end = ORDERS[k] + 1
+    count = end + 1
+    lanes[SPEED2] = u0
+    for j in range(1, end + 1):
+        lanes[SPEED2 + j] = lanes[MAP_E + j] * (u0 + lanes[MAP_U + j])
+    # the time: bars of u at the lanes, in SLOWNESS
+    time = 0.0
+    if x_low >= 0.0:
+        series(lanes, SPEED2, k)
+        moments = bars[B_MU : B_MU + PITCH]
+        moments[:] = 0.0
+        time, _ = slow_time(lanes, count, x_low, moments)
+        for j in range(count):
+            f = 0.0
+            for i in range(count):
+                f += CLOSED[k, j, i] * moments[i]
+            lanes[SLOWNESS + j] = -h * t_bar * f
+    else:
+        lanes[SLOWNESS], lanes[SLOWNESS + end] = 0.0, 0.0
+        for j in range(1, end):
+            f = 1.0 / math.sqrt(lanes[SPEED2 + j])
+            time += WEIGHTS[k, j - 1] * f
+            lanes[SLOWNESS + j] = -0.5 * h * t_bar * WEIGHTS[k, j - 1] * f * f * f
+    h_bar = t_bar * time
+    lanes[SLOWNESS + end] += u_bar
+    # the map: bars of E in SPEED2, of U in SLOWNESS
+    u0_bar = lanes[SLOWNESS]
+    for j in range(1, end + 1):
+        x = lanes[SLOWNESS + j]
+        lanes[SPEED2 + j] = (u0 + lanes[MAP_U + j]) * x
+        lanes[SLOWNESS + j] = lanes[MAP_E + j] * x
+        u0_bar += lanes[SLOWNESS + j]
+    for j in range(count):
+        bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
+    if mu > 0.0:
+        for i in range(1, end):
+            r_bar = WEIGHTS[k, i - 1] * lanes[SLOWNESS + end]
+            for j in range(1, end):
+                r_bar += RUNNING[k, i - 1, j - 1] * lanes[SLOWNESS + j]
+            inv, rate = 1.0 / lanes[SUM_M + i], lanes[RATE + i]
+            bars[SEED_G + i] = r_bar * 2.0 * gravity * h * inv / lanes[MAP_E + i]
+            whole.gravity += r_bar * rate / gravity
+            h_bar += r_bar * rate / h
+            bars[SEED_M + i] = -r_bar * rate * inv
+            lanes[COEF + i] = lanes[MAP_E + i] * lanes[SPEED2 + i] - r_bar * rate
+        for i in range(1, end):
+            q_bar = WEIGHTS[k, i - 1] * lanes[MAP_E + end] * lanes[SPEED2 + end]
+            for j in range(1, end):
+                q_bar += RUNNING[k, i - 1, j - 1] * lanes[COEF + j]
+            inv, q = 1.0 / lanes[SUM_M + i], lanes[EXPO + i]
+            bars[SEED_D + i] = -2.0 * h * inv * q_bar
+            h_bar += q * q_bar / h
+            bars[SEED_M + i] -= q * q_bar * inv
+    else:
+        m0 = lanes[SUM_M]
+        for j in range(1, end + 1):
+            e_bar, x = lanes[SPEED2 + j], lanes[SLOWNESS + j]
+            bars[SEED_M + j] = -lanes[MAP_E + j] / lanes[SUM_M + j] * e_bar
+            bars[SEED_G + j] = -2.0 * gravity / m0 * x
+            bars[SEED_M] += (e_bar / lanes[SUM_M + j]) - lanes[MAP_U + j] / m0 * x
+            bars[SEED_G] -= bars[SEED_G + j]
+            whole.gravity += lanes[MAP_U + j] / gravity * x
+    bars[SEED_M + end] += m_bar
+    return u0_bar, h_bar
+
+
+@part
+def trace(lanes, trail, ring, ride, mu, gravity):
+    """Sweep and map of an interval once more."""
+    count = spread(lanes, ride.rule, ride.angle, ride.length)
+    retrace(lanes, count, ring, ride.leader, ride.low, mu, trail)
+    affine_map(lanes, ride.rule, ride.length, mu, gravity)
+
+
+@part
+def ride_back(lanes, bars, trail, ring, ride, u_bar, t_bar, m_bar, mu, gravity, parts, whole):
+    """One interval in reverse.
+
+    u_bar, t_bar, m_bar: of u and M at its end, and of its time.
+    Returns bars of u at its start, of its first and of its last angle.
+    """
+    n, k, low = ride.leader, ride.rule, ride.low
+    count = ORDERS[k] + 2
+    trace(lanes, trail, ring, ride, mu, gravity)
+    u0_bar, end_bar = ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole)
+    stack_back(bars, count, ring, n, low, mu, trail, parts)
+    first_bar = 0.0
+    for j in range(count):  # the angles a + h x_j of the lanes
+        x = angle_bar(bars, trail[0], j)
+        first_bar += x
+        end_bar += PLACES[k, j] * x
+        if mu > 0.0:
+            whole.friction += bars[B_MU + j]
+    return u0_bar, first_bar - end_bar, end_bar

@@ -1,0 +1,253 @@
+"""The stack, backwards: bars are led up it, from the cut to the leader."""
+
+from domino_env.kernels.adjoint.contact import corner_back, tip_back
+from domino_env.kernels.adjoint.slots import (
+    B_DRV,
+    B_GAP,
+    B_HALF,
+    B_INERTIA,
+    B_JAC,
+    B_MU,
+    B_PITCH,
+    B_SIN,
+    B_SLENDER,
+    B_THICK,
+    B_VER,
+    B_WGT,
+    PART_GAP,
+    PART_HALF,
+    PART_INERTIA,
+    PART_PITCH,
+    PART_SLENDER,
+    PART_THICK,
+    PARTS,
+    SEED_D,
+    SEED_G,
+    SEED_M,
+)
+from domino_env.kernels.contact import pose
+from domino_env.kernels.jit import inlined, part
+from domino_env.kernels.quadrature import ORDERS, PLACES
+from domino_env.kernels.slots import DRV, JAC, PITCH, SIN, TIP, VER, WGT
+from domino_env.kernels.stack import lead, lean, lean_free
+
+
+@inlined
+def lean_back(bars, above, here, count, link, mu, at_tip):
+    """`lean` in reverse; `above` and `here` are the lanes before and after it."""
+    p_l, s_l, rest, d_l = link.p_l, link.s_l, link.rest, link.d_l
+    inertia, half, slender = link.inertia, link.half_weight, link.slender
+    for j in range(count):
+        s, v, w, jac, drv = above[SIN + j], above[VER + j], above[WGT + j], above[JAC + j], above[DRV + j]  # noqa: E501  # fmt: skip
+        s_i, c_i, w_i, jac_i, drv_i = here[SIN + j], 1.0 - here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
+        m, g, d = bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j]
+        arm, turn = s_i - slender * c_i, m * jac_i + d * drv_i
+        w_bar = bars[B_WGT + j] + inertia * turn + g * half * arm
+        jac_bar = bars[B_JAC + j] + m * w_i * inertia
+        drv_bar = bars[B_DRV + j] + d * w_i * inertia
+        s_bar = bars[B_SIN + j] + g * w_i * half
+        v_bar = bars[B_VER + j] + g * w_i * half * slender
+        bars[B_INERTIA + j] = w_i * turn
+        bars[B_HALF + j] = g * w_i * arm
+        bars[B_SLENDER + j] = -g * w_i * half * c_i
+        o_bar, psi_bar, ratio_bar = drv_bar * drv + jac_bar * jac, drv_bar * jac * jac, w_bar * w
+        if at_tip:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, psi, ratio = tip_back(
+                s, v, p_l, s_l, rest, d_l, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
+            )
+        else:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, psi, ratio = corner_back(
+                s, v, p_l, s_l, d_l, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
+            )
+        bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
+        bars[B_WGT + j] = w_bar * ratio
+        bars[B_JAC + j] = jac_bar * omega + 2.0 * drv_bar * psi * jac
+        bars[B_DRV + j] = drv_bar * omega
+        bars[B_MU + j] += mu_bar
+        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = p_bar, gap_bar, d_bar
+
+
+@inlined
+def lean_free_back(bars, above, here, count, link, at_tip):
+    """`lean_free` in reverse."""
+    p_l, s_l, rest, d_l = link.p_l, link.s_l, link.rest, link.d_l
+    inertia, half, slender = link.inertia, link.half_weight, link.slender
+    for j in range(count):
+        s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
+        s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
+        m, g = bars[SEED_M + j], bars[SEED_G + j]
+        jac_bar = bars[B_JAC + j] + 2.0 * m * inertia * jac_i
+        s_bar = bars[B_SIN + j] + g * half * slender
+        v_bar = bars[B_VER + j] - g * half
+        bars[B_INERTIA + j] = m * jac_i * jac_i
+        bars[B_HALF + j] = g * (slender * s_i - v_i)
+        bars[B_SLENDER + j] = g * half * s_i
+        if at_tip:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, _, omega, _, _ = tip_back(
+                s, v, p_l, s_l, rest, d_l, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+            )
+        else:
+            s_bar, v_bar, p_bar, gap_bar, d_bar, _, omega, _, _ = corner_back(
+                s, v, p_l, s_l, d_l, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+            )
+        bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
+        bars[B_JAC + j] = jac_bar * omega
+        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = p_bar, gap_bar, d_bar
+
+
+@part
+def gather(bars, count, parts):
+    """Add what all lanes say of one domino."""
+    p, s, d, inertia, half, slender = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(count):
+        p += bars[B_PITCH + j]
+        s += bars[B_GAP + j]
+        d += bars[B_THICK + j]
+        inertia += bars[B_INERTIA + j]
+        half += bars[B_HALF + j]
+        slender += bars[B_SLENDER + j]
+    parts[PART_PITCH] += p
+    parts[PART_GAP] += s
+    parts[PART_THICK] += d
+    parts[PART_INERTIA] += inertia
+    parts[PART_HALF] += half
+    parts[PART_SLENDER] += slender
+
+
+@part
+def retrace(lanes, count, ring, n, low, mu, trail):
+    """Lead the lanes down the stack once more, keeping what they were at every domino."""
+    lead(lanes, count, ring[n], mu)
+    keep = trail[0]
+    for j in range(count):
+        keep[SIN + j], keep[VER + j] = lanes[SIN + j], lanes[VER + j]
+        keep[WGT + j], keep[JAC + j], keep[DRV + j] = 1.0, 1.0, 0.0
+    for i in range(n - 1, low - 1, -1):
+        keep = trail[n - i]
+        if mu > 0.0:
+            lean(lanes, count, ring[i], mu)
+            for j in range(count):
+                keep[WGT + j], keep[DRV + j] = lanes[WGT + j], lanes[DRV + j]
+        else:
+            lean_free(lanes, count, ring[i])
+        for j in range(count):
+            keep[SIN + j], keep[VER + j], keep[JAC + j] = lanes[SIN + j], lanes[VER + j], lanes[JAC + j]  # noqa: E501  # fmt: skip
+
+
+@part
+def link_back(bars, above, here, count, link, mu):
+    """Lead all bars up over one link, whatever its contact."""
+    if mu > 0.0:  # a constant in the call lets the compiler make a loop for each contact
+        if link.contact == TIP:
+            lean_back(bars, above, here, count, link, mu, True)
+        else:
+            lean_back(bars, above, here, count, link, mu, False)
+    elif link.contact == TIP:
+        lean_free_back(bars, above, here, count, link, True)
+    else:
+        lean_free_back(bars, above, here, count, link, False)
+
+
+@inlined
+def lead_back(bars, first, count, leader, mu):
+    """`lead` in reverse; `first` are the lanes at the leader."""
+    half, slender = leader.half_weight, leader.slender
+    for j in range(count):
+        s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
+        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = 0.0, 0.0, 0.0
+        bars[B_INERTIA + j] = bars[SEED_M + j]
+        if mu > 0.0:
+            bars[B_SIN + j] += g * half
+            bars[B_VER + j] += g * half * slender
+            bars[B_HALF + j] = g * (s - slender * (1.0 - v))
+            bars[B_SLENDER + j] = -g * half * (1.0 - v)
+        else:
+            bars[B_SIN + j] += g * half * slender
+            bars[B_VER + j] -= g * half
+            bars[B_HALF + j] = g * (slender * s - v)
+            bars[B_SLENDER + j] = g * half * s
+
+
+@part
+def no_bars(bars, count):
+    for j in range(count):
+        bars[B_SIN + j], bars[B_VER + j] = 0.0, 0.0
+        bars[B_WGT + j], bars[B_JAC + j], bars[B_DRV + j] = 0.0, 0.0, 0.0
+        bars[B_MU + j] = 0.0
+
+
+@part
+def angle_bar(bars, first, j):
+    """Bar of the angle of a lane."""
+    return (1.0 - first[VER + j]) * bars[B_SIN + j] + first[SIN + j] * bars[B_VER + j]
+
+
+@part
+def stack_back(bars, count, ring, n, low, mu, trail, parts):
+    """Pull the seeds of the three sums back through the stack."""
+    no_bars(bars, count)
+    for i in range(low, n):
+        link_back(bars, trail[n - i - 1], trail[n - i], count, ring[i], mu)
+        gather(bars, count, parts[i])
+    lead_back(bars, trail[0], count, ring[n], mu)
+    gather(bars, count, parts[n])
+
+
+@part
+def tabulate(bars, k, ring, n, low, mu, trail, table):
+    """What one unit of each seed adds to each part: for stacks that many falls share.
+
+    table[sum and lane, depth and part]; one depth more holds what it adds to the bars of the last
+    angle and of the friction.
+    """
+    count, depth = ORDERS[k] + 2, n - low
+    table[:] = 0.0
+    for q in range(3):
+        for j in range(count):
+            bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
+            bars[SEED_M + q * PITCH + j] = 1.0
+        no_bars(bars, count)
+        for i in range(low, n + 1):
+            if i < n:
+                link_back(bars, trail[n - i - 1], trail[n - i], count, ring[i], mu)
+            else:
+                lead_back(bars, trail[0], count, ring[n], mu)
+            for j in range(count):
+                for c in range(6):
+                    table[q * PITCH + j, (n - i) * PARTS + c] = bars[B_PITCH + c * PITCH + j]
+        for j in range(count):
+            x, at = angle_bar(bars, trail[0], j), (depth + 1) * PARTS
+            table[q * PITCH + j, at] = PLACES[k, j] * x
+            table[q * PITCH + j, at + 1] = bars[B_MU + j] if mu > 0.0 else 0.0
+
+
+@part
+def stack_back_again(bars, count, n, low, table, sums, parts, whole):
+    """`stack_back` by the table; returns the bar of the last angle."""
+    depth = n - low
+    size = (depth + 2) * PARTS
+    for x in range(size):
+        sums[x] = 0.0
+    for q in range(3):
+        for j in range(count):
+            seed, row = bars[SEED_M + q * PITCH + j], table[q * PITCH + j]
+            if seed != 0.0:
+                for x in range(size):
+                    sums[x] += seed * row[x]
+    for level in range(depth + 1):
+        for c in range(PARTS):
+            parts[n - level, c] += sums[level * PARTS + c]
+    at = (depth + 1) * PARTS
+    whole.friction += sums[at + 1]
+    return sums[at]
+
+
+@part
+def mass_back(lanes, bars, trail, ring, n, low, angle, m_bar, mu, parts, whole):
+    """M of the stack at one angle in reverse; returns the bar of the angle."""
+    lanes[SIN], lanes[VER] = pose(angle)
+    retrace(lanes, 1, ring, n, low, mu, trail)
+    bars[SEED_M], bars[SEED_G], bars[SEED_D] = m_bar, 0.0, 0.0
+    stack_back(bars, 1, ring, n, low, mu, trail, parts)
+    whole.friction += bars[B_MU]
+    return angle_bar(bars, trail[0], 0)

@@ -1,0 +1,129 @@
+"""Hits and switches, backwards."""
+
+import math
+
+from domino_env.kernels.adjoint.contact import link_back_at, tip_back
+from domino_env.kernels.adjoint.slots import (
+    FLUSHING,
+    PART_GAP,
+    PART_INERTIA,
+    PART_PITCH,
+    PART_THICK,
+)
+from domino_env.kernels.contact import link_at, pose, tip
+from domino_env.kernels.jit import part
+from domino_env.kernels.slots import JAC, SIN, TINY, VER, WGT
+
+
+@part
+def add_link(parts, i, p_bar, gap_bar, d_bar):
+    """Add to the bars of p, s and d of link i."""
+    parts[i, PART_PITCH] += p_bar
+    parts[i, PART_GAP] += gap_bar
+    parts[i, PART_THICK] += d_bar
+
+
+@part
+def hit_back(ring, hit, u_bar, mu, parts, whole):
+    """`hit` in reverse: bars of u before it and of M."""
+    n, u, m_end = hit.leader, hit.u, hit.m
+    leader, other = ring[n], ring[n + 1].inertia
+    s_l, d_l = leader.s_l, leader.d_l
+    cd = math.sqrt(leader.rest * (1.0 + s_l))
+    up, down = cd - mu * d_l, cd + mu * s_l
+    f = up / down
+    m = m_end * f
+    keep = m / (m + other)
+    keep_bar = 2.0 * keep * u * u_bar
+    m_bar = keep_bar * other / ((m + other) * (m + other))
+    parts[n + 1, PART_INERTIA] -= keep_bar * m / ((m + other) * (m + other))
+    up_bar, down_bar = m_end * m_bar / down, -m_end * m_bar * f / down
+    parts[n, PART_THICK] -= mu * up_bar
+    parts[n, PART_GAP] += mu * down_bar - s_l / cd * (up_bar + down_bar)
+    whole.friction += s_l * down_bar - d_l * up_bar
+    return keep * keep * u_bar, f * m_bar
+
+
+@part
+def flush_back(trail, ring, switch, u_bar, mu, parts, whole):
+    """The impact of a flush in reverse, links that flush being FLUSHING.
+
+    Returns bars of u before it and of the angle.
+    """
+    n, low, u = switch.leader, switch.low, switch.u
+    s, v = pose(switch.angle)
+    w, jac = 1.0, 1.0
+    trail[0, SIN], trail[0, VER], trail[0, WGT], trail[0, JAC] = s, v, w, jac
+    before, after, first = ring[n].inertia, ring[n].inertia, low
+    for i in range(n - 1, low - 1, -1):
+        link, here = ring[i], trail[n - i]
+        s_i, v_i, omega, _, ratio = link_at(link, s, v, mu)
+        if link.contact == FLUSHING:
+            _, _, omega, _, _ = tip(s, v, link.p_l, link.s_l, link.rest, link.d_l, mu)
+            first = max(first, i + 1)
+        s, v, w, jac = s_i, v_i, w * ratio, jac * omega
+        here[SIN], here[VER], here[WGT], here[JAC] = s, v, w, jac
+        before += w * link.inertia * jac
+        if i >= first:
+            after += w * link.inertia * jac
+    keep = before / after
+    keep_bar = 2.0 * keep * u * u_bar
+    before_bar, after_bar = keep_bar / after, -keep_bar * keep / after
+    s_bar, v_bar, w_bar, jac_bar = 0.0, 0.0, 0.0, 0.0
+    for i in range(low, n):
+        link, here, above = ring[i], trail[n - i], trail[n - i - 1]
+        seed = before_bar + (after_bar if i >= first else 0.0)
+        w, jac = here[WGT], here[JAC]
+        parts[i, PART_INERTIA] += seed * w * jac
+        w_bar += seed * link.inertia * jac
+        jac_bar += seed * link.inertia * w
+        s, v, w, jac = above[SIN], above[VER], above[WGT], above[JAC]
+        o_bar, r_bar = jac_bar * jac, w_bar * w
+        o_new = 0.0 if link.contact == FLUSHING else o_bar
+        s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, _, ratio = link_back_at(
+            link, s, v, mu, s_bar, v_bar, o_new, 0.0, r_bar
+        )
+        if link.contact == FLUSHING:
+            s_2, v_2, p_2, gap_2, d_2, _, omega, _, _ = tip_back(
+                s, v, link.p_l, link.s_l, link.rest, link.d_l, mu, 0.0, 0.0, o_bar, 0.0, 0.0
+            )
+            s_bar, v_bar = s_bar + s_2, v_bar + v_2
+            p_bar, gap_bar, d_bar = p_bar + p_2, gap_bar + gap_2, d_bar + d_2
+        w_bar, jac_bar = w_bar * ratio, jac_bar * omega
+        add_link(parts, i, p_bar, gap_bar, d_bar)
+        whole.friction += mu_bar
+    parts[n, PART_INERTIA] += before_bar + after_bar
+    return keep * keep * u_bar, (1.0 - trail[0, VER]) * s_bar + trail[0, SIN] * v_bar
+
+
+@part
+def switch_back(trail, ring, switch, x_bar, mu, parts):
+    """The angle of a switch in reverse, by the implicit function theorem: at that angle 1 - cos
+    θ_{i+1} is what the link waits for."""
+    n, due_link = switch.leader, switch.link
+    s, v = pose(switch.angle)
+    jac = 1.0
+    trail[0, SIN], trail[0, VER] = s, v
+    for i in range(n - 1, due_link, -1):
+        s, v, omega, _, _ = link_at(ring[i], s, v, mu)
+        trail[n - i, SIN], trail[n - i, VER] = s, v
+        jac *= omega
+    rate = s * jac
+    if abs(rate) < TINY:
+        return  # the link stands still: no angle is the answer, and this one is kept
+    due_bar = x_bar / rate
+    due = ring[due_link]
+    if switch.flushed:  # s / p
+        parts[due_link, PART_GAP] += due_bar / due.p_l
+        parts[due_link, PART_PITCH] -= due_bar * due.s_l / (due.p_l * due.p_l)
+    else:  # (1 - s²) / 2pd
+        parts[due_link, PART_GAP] -= due_bar * due.s_l / (due.p_l * due.d_l)
+        parts[due_link, PART_PITCH] -= due_bar * due.v_release / due.p_l
+        parts[due_link, PART_THICK] -= due_bar * due.v_release / due.d_l
+    s_bar, v_bar = 0.0, -due_bar
+    for i in range(due_link + 1, n):
+        above = trail[n - i - 1]
+        s_bar, v_bar, p_bar, gap_bar, d_bar, _, _, _, _ = link_back_at(
+            ring[i], above[SIN], above[VER], mu, s_bar, v_bar, 0.0, 0.0, 0.0
+        )
+        add_link(parts, i, p_bar, gap_bar, d_bar)

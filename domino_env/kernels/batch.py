@@ -1,0 +1,62 @@
+"""Rows of one scene that are built at once: their rules, their episodes, and their arrays."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.kernels.slots import record_type
+
+IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
+
+RULES = record_type(  # that all rows share
+    friction=float,
+    gravity=float,
+    push=float,
+    rtol=float,
+    reference_speed=float,  # [m/s] to lead against
+    uniform_score=float,  # to beat
+    length=float,  # of the course [m], 0 where it is free
+    gap_low=float,  # bounds [m], in heights where `in_heights`
+    gap_high=float,
+    thick_low=float,
+    thick_high=float,
+    largest_change=float,  # of a gap from the one before, 0 where it is free
+    growth_low=float,
+    growth_high=float,
+    unit=float,  # the height that rewards and observations are scaled by [m]
+    window=int,  # dominoes seen
+    grows=np.bool_,
+    in_heights=np.bool_,
+    pays=float,  # 1 where single steps are paid, else 0
+    score_is_speed=np.bool_,  # and so known at once
+    has_stock=np.bool_,
+)
+EPISODE = record_type(  # what a row remembers between two steps, besides its ring and its state
+    way=float,  # the last pivot [m]
+    paid=float,  # sum of the rewards; what was given at reset counts as paid
+    reach=float,  # and once it is over: how far it came, its score and why it ended
+    score=float,
+    placed=int,  # dominoes after the first
+    phase=int,
+    outcome=int,
+    unsure=np.bool_,  # whether the score has to be worked out anew, from the whole row
+)
+
+
+class Batch(NamedTuple):
+    """B rows that are built at once: what they share, and the arrays that they live in."""
+
+    rules: NDArray[np.record]  # (1,) RULES
+    progress: NDArray[np.float32]  # (N, …) what is observed of k dominoes placed, whatever the row
+    gap_values: NDArray[np.float64]  # the only gaps allowed, or none
+    kinds: NDArray[np.float64]  # (K,) the only thicknesses allowed, or none
+    stock: NDArray[np.float64]  # (K,) how many there are of each
+    left: NDArray[np.float64]  # (B, K) how many of them each row has left
+    rings: NDArray[np.record]  # (B, …) LINK
+    states: NDArray[np.record]  # (B,) STATE
+    episodes: NDArray[np.record]  # (B,) EPISODE
+    spacing: NDArray[np.float64]  # (B, N-1) [m]
+    thickness: NDArray[np.float64]  # (B, N) [m]
+    height: NDArray[np.float64]  # (1, N), or (B, N) where rows grow [m]
+    density: NDArray[np.float64]  # (1, N) [kg/m³]

@@ -1,0 +1,146 @@
+"""The environments' step: one domino placed, one fall, for all rows of a batch in one call."""
+
+import numpy as np
+
+from domino_env.kernels.batch import OVER, RUNNING, Batch
+from domino_env.kernels.chain import prepare, row_of
+from domino_env.kernels.choice import choose, nearest_left
+from domino_env.kernels.fall import step
+from domino_env.kernels.front import open_chain
+from domino_env.kernels.jit import borrowed, door, inlined, keep, part
+from domino_env.kernels.observation import observe
+from domino_env.kernels.slots import EVENT, LANES, OUT_OF_REACH, PROPAGATED
+from domino_env.kernels.uniform import is_uniform
+
+
+@part
+def episode_return(score, uniform):
+    """The return of an episode: the gain over the best uniform row, in per cent."""
+    if uniform > 0.0:
+        return 100.0 * (score / uniform - 1.0)
+    return 100.0 * (score - uniform) / max(-uniform, 1e-9)
+
+
+@part
+def close_episode(rules, state, episode, n, outcome, row):
+    """The wave has run through or died under leader n: what the row scores."""
+    count = len(row.thickness)
+    episode.phase, episode.outcome = OVER, outcome
+    episode.unsure = not rules.score_is_speed
+    if outcome == PROPAGATED:
+        episode.reach = 1.0
+        episode.score = episode.way / state.time
+        if state.worst > rules.rtol or is_uniform(row):
+            episode.unsure = True
+    else:
+        episode.reach = (n + state.part) / count
+        episode.score = episode.reach - 1.0
+        if n >= count - 2 and state.worst > rules.rtol:
+            episode.unsure = True
+
+
+@inlined
+def place_next(rules, lanes, ring, state, episode, row, untaped):
+    """Let the leader fall on the domino just written in the row; returns the lead gained over a
+    wave at the reference speed, in heights."""
+    mask, count = len(ring) - 1, len(row.thickness)
+    first = episode.placed
+    pitch = row.spacing[first] + row.thickness[first + 1]
+    episode.placed = first + 1
+    episode.way += pitch
+    lead = 0.0
+    last = first + 1 if first + 2 == count else first  # the last domino falls free
+    for n in range(first, last + 1):
+        strikes = n + 1 < count and row.spacing[n] < row.height[n]
+        prepare(row, ring, mask, n, state)
+        outcome = step(
+            lanes, ring, mask, n, strikes, rules.friction, rules.gravity, rules.rtol, state, False,
+            untaped,
+        )  # fmt: skip
+        if outcome == PROPAGATED and not strikes and n + 1 < count:
+            outcome = OUT_OF_REACH
+        if n == first:
+            lead = (pitch - rules.reference_speed * state.fall_time) / rules.unit
+        if outcome != PROPAGATED or n + 1 == count:
+            close_episode(rules, state, episode, n, outcome, row)
+            break
+    return lead
+
+
+@inlined
+def lend(batch):
+    """The same batch without reference counts."""
+    return Batch(
+        borrowed(batch.rules),
+        borrowed(batch.progress),
+        borrowed(batch.gap_values),
+        borrowed(batch.kinds),
+        borrowed(batch.stock),
+        borrowed(batch.left),
+        borrowed(batch.rings),
+        borrowed(batch.states),
+        borrowed(batch.episodes),
+        borrowed(batch.spacing),
+        borrowed(batch.thickness),
+        borrowed(batch.height),
+        borrowed(batch.density),
+    )
+
+
+@door
+def reset_rows(first, last, batch, chosen, given, observations):
+    """Begin anew in the rows that are chosen, with the first `given` gaps as they are written.
+
+    A row whose wave does not get past what is given is OVER afterwards.
+    """
+    lanes, untaped, rules = np.zeros(LANES), np.empty(0, EVENT), batch.rules[0]
+    for b in range(first, last):
+        if not chosen[b]:
+            continue
+        row, ring, left = row_of(batch, b), batch.rings[b], batch.left[b]
+        state, episode = batch.states[b], batch.episodes[b]
+        open_chain(row, rules.push, ring, state)
+        episode.way = episode.paid = episode.reach = episode.score = 0.0
+        episode.placed, episode.phase, episode.outcome, episode.unsure = 0, RUNNING, 0, False
+        for k in range(len(left)):
+            left[k] = batch.stock[k]
+        for i in range(given[b]):
+            if len(batch.kinds) > 0:
+                left[nearest_left(batch.kinds, left, row.thickness[i + 1])] -= 1.0
+            lead = place_next(rules, lanes, ring, state, episode, row, untaped)
+            episode.paid += lead * rules.pays
+            if episode.phase == OVER:
+                break
+        observe(batch, b, row, observations[b])
+
+
+@door
+def step_rows(first, last, batch, actions, observations, rewards, ended):
+    """One step of those rows first … last - 1 that run; returns how many episodes have ended.
+
+    actions: (B, A).  Written are observations (B, O), rewards (B,) and ended (B,); of rows that are
+    over, only rewards (0) and ended (False).
+    """
+    own_lanes, own_tape = np.zeros(LANES), np.empty(0, EVENT)
+    lanes, untaped = borrowed(own_lanes), borrowed(own_tape)
+    lent, actions, observations = lend(batch), borrowed(actions), borrowed(observations)
+    rules, number = lent.rules[0], 0
+    for b in range(first, last):
+        state, episode = lent.states[b], lent.episodes[b]
+        rewards[b], ended[b] = 0.0, False
+        if episode.phase != RUNNING:
+            continue
+        row = row_of(lent, b)
+        choose(actions[b], lent, lent.left[b], episode.placed, episode.way, row)
+        lead = place_next(rules, lanes, lent.rings[b], state, episode, row, untaped)
+        if episode.phase == OVER:
+            rewards[b] = episode_return(episode.score, rules.uniform_score) - episode.paid
+            ended[b] = True
+            number += 1
+        else:
+            rewards[b] = lead * rules.pays
+            episode.paid += rewards[b]
+        observe(lent, b, row, observations[b])
+    keep(own_lanes)
+    keep(own_tape)
+    return number

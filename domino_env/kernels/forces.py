@@ -1,0 +1,190 @@
+"""Forces and impulses between the dominoes and on their pivots, for those who ask."""
+
+import math
+
+import numpy as np
+
+from domino_env.kernels.chain import ring_size
+from domino_env.kernels.contact import link_at, pose
+from domino_env.kernels.fall import close_fall, fall, fall_angle
+from domino_env.kernels.front import begin_fall, lengthen_tail, open_chain, place
+from domino_env.kernels.jit import door, keep, part
+from domino_env.kernels.slots import (
+    CORNER,
+    EVENT,
+    LANES,
+    LINK,
+    OUT_OF_REACH,
+    PROPAGATED,
+    STATE,
+    TINY,
+    TIP,
+    TOGETHER,
+    record_type,
+)
+
+DEEPEST = 400  # dominoes behind the leader whose forces are followed
+PIECES = 16  # looks at the stack in each fall
+
+LOADS = record_type(  # of each domino
+    contact_force=float,  # least contact force on the next [N/m of width]
+    hit_impulse=float,  # least impulse on it at a hit, and at a flush [N s/m]
+    flush_impulse=float,
+    floor_friction=float,  # coefficient that keeps it from sliding on the floor, at most
+    load=float,  # least load on its pivot over its weight
+    flush_loss=float,  # largest part of speed lost in a flush while it led
+    margin=float,  # stall margin of its fall
+)
+GEOMETRY = record_type(  # of each domino at one instant
+    sin=float,
+    cos=float,
+    before=float,  # J with the contacts as they were, and as they are
+    after=float,
+    drv=float,  # D
+    w=float,
+    arm=float,  # A and B of its contact with the next [m]
+    arm_next=float,
+)
+
+
+@part
+def stack_geometry(ring, mask, n, low, angle, mu, height, geometry, flushing):
+    """The geometry of dominoes low … n.
+
+    flushing: links whose faces are flush have tip contact before and corner contact after.
+    """
+    s, v = pose(angle)
+    before, after, drv, w = 1.0, 1.0, 0.0, 1.0
+    here = geometry[n]
+    here.sin, here.cos, here.before, here.after = s, 1.0 - v, 1.0, 1.0
+    here.drv, here.w, here.arm, here.arm_next = 0.0, 1.0, 0.0, 0.0
+    for i in range(n - 1, low - 1, -1):
+        link = ring[i & mask]
+        s_i, v_i, omega, psi, ratio = link_at(link, s, v, mu)
+        old = omega
+        if flushing and link.contact == CORNER:
+            over = link.p_l * (v - link.v_flush)
+            if abs(over) <= 2.0 * TOGETHER:
+                old, omega = 1.0 - link.p_l * s, 0.0
+        drv = omega * drv + psi * after * after
+        before, after, w = old * before, omega * after, w * ratio
+        if link.contact == TIP:
+            sd = link.s_l - link.p_l * v
+            cd = math.sqrt(max((1.0 + sd) * (link.rest + link.p_l * v), TINY))
+            arm = height[i] * (cd + mu * sd)
+        else:
+            r2 = link.s_l**2 + 2.0 * link.p_l * link.d_l * v
+            arm = height[i] * math.sqrt(r2)
+        s, v = s_i, v_i
+        here = geometry[i]
+        here.sin, here.cos, here.before, here.after = s, 1.0 - v, before, after
+        here.drv, here.w, here.arm, here.arm_next = drv, w, arm, arm * ratio
+
+
+@part
+def contact_impulses(ring, mask, n, low, geometry, gain_before, gain_after, least):
+    """Least impulse (N,) of each contact when the leader goes from one speed to another."""
+    passed, arm_back = 0.0, 0.0
+    for i in range(low, n):
+        here = geometry[i]
+        turn = ring[i & mask].inertia * (here.after * gain_after - here.before * gain_before)
+        passed = (arm_back * passed - turn) / here.arm
+        least[i] = min(least[i], passed)
+        arm_back = here.arm_next
+
+
+@part
+def contact_forces(ring, mask, n, low, geometry, u, gravity, mu, height, thickness, loads):
+    """Least contact forces and loads on the pivots, at one instant."""
+    m, g, d = 0.0, 0.0, 0.0
+    for i in range(low, n + 1):
+        domino, here = ring[i & mask], geometry[i]
+        weight = gravity * domino.half_weight * (here.sin - domino.slender * here.cos)
+        m += here.w * domino.inertia * here.after
+        g += here.w * weight
+        d += here.w * domino.inertia * here.drv
+    lead = (g - u * d) / m
+    force, push_x, push_z, arm_back = 0.0, 0.0, 0.0, 0.0
+    for i in range(low, n + 1):
+        domino, here, load = ring[i & mask], geometry[i], loads[i]
+        s, c = here.sin, here.cos
+        weight = gravity * domino.half_weight * (s - domino.slender * c)
+        alpha = here.after * lead + here.drv * u
+        omega2 = here.after * here.after * u
+        back_x, back_z = push_x, push_z
+        push_x, push_z = 0.0, 0.0
+        if i < n:
+            force = (weight - domino.inertia * alpha + arm_back * force) / here.arm
+            load.contact_force = min(load.contact_force, force)
+            # normal and friction on i+1, along the face that is slid upon
+            face = geometry[i + 1 if domino.contact == TIP else i]
+            push_x = force * (face.cos - mu * face.sin)
+            push_z = force * (-face.sin - mu * face.cos)
+            arm_back = here.arm_next
+        mass = 2.0 * domino.half_weight / height[i]
+        x = 0.5 * (height[i] * s - thickness[i] * c)
+        z = 0.5 * (height[i] * c + thickness[i] * s)
+        floor_x = mass * (alpha * z - omega2 * x) - back_x + push_x
+        floor_z = mass * (gravity - alpha * x - omega2 * z) - back_z + push_z
+        load.load = min(load.load, floor_z / (mass * gravity))
+        need = abs(floor_x) / floor_z if floor_z > 0.0 else np.inf
+        load.floor_friction = max(load.floor_friction, need)
+
+
+@door
+def diagnose_chain(row, mu, gravity, push, rtol, loads):
+    """A chain with its forces looked at; returns how it ended.  loads: (N,)."""
+    count, ring = len(row.thickness), np.zeros(ring_size(len(row.thickness)), LINK)
+    own_state, geometry = np.zeros(1, STATE), np.zeros(count, GEOMETRY)
+    lanes, state, mask = np.zeros(LANES), own_state[0], len(ring) - 1
+    untaped = np.empty(0, EVENT)
+    open_chain(row, push, ring, state)
+    outcome = PROPAGATED
+    for n in range(count):
+        strikes = n + 1 < count and row.spacing[n] < row.height[n]
+        place(row, ring, mask, n, state)
+        lengthen_tail(ring, mask, n)
+        released = begin_fall(state, gravity)
+        state.flush_loss = 0.0
+        b = fall_angle(ring[n & mask], strikes)
+        for piece in range(PIECES + 1):
+            at = b * piece / PIECES
+            if piece > 0:
+                flushes, lost = state.flushes, state.flush_loss
+                came_from = b * (piece - 1) / PIECES
+                outcome = fall(
+                    lanes, ring, mask, n, came_from, at, mu, gravity, rtol, state, True, untaped
+                )
+                if outcome != PROPAGATED:
+                    break
+                if state.flushes > flushes:
+                    low = max(state.back, n - DEEPEST)
+                    stack_geometry(
+                        ring, mask, n, low, state.switched, mu, row.height, geometry, True
+                    )
+                    contact_impulses(
+                        ring, mask, n, low, geometry, state.w_before, state.w_after,
+                        loads["flush_impulse"],
+                    )  # fmt: skip
+                state.flush_loss = max(lost, state.flush_loss)
+            low = max(state.back, n - DEEPEST)
+            stack_geometry(ring, mask, n, low, at, mu, row.height, geometry, False)
+            contact_forces(
+                ring, mask, n, low, geometry, state.u, gravity, mu, row.height, row.thickness, loads
+            )
+        loads[n].flush_loss = state.flush_loss
+        came = math.sqrt(state.u)
+        outcome = close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
+        loads[n].margin = state.margin
+        if outcome == PROPAGATED and not strikes and n + 1 < count:
+            outcome = OUT_OF_REACH
+        if outcome != PROPAGATED or not strikes:
+            break
+        went = math.sqrt(state.u)
+        low = max(state.back, n + 1 - DEEPEST)
+        stack_geometry(ring, mask, n + 1, low, 0.0, mu, row.height, geometry, False)
+        contact_impulses(ring, mask, n + 1, low, geometry, came, went, loads["hit_impulse"])
+    keep(own_state)
+    keep(ring)
+    keep(geometry)
+    return outcome

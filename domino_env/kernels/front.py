@@ -1,0 +1,85 @@
+"""The front of a wave: how a chain begins, and what hits and falls do to u and the time."""
+
+import math
+
+from domino_env.kernels.jit import inlined, part
+from domino_env.kernels.links import join, stand
+from domino_env.kernels.slots import EPS
+
+
+@inlined
+def heaviest_force(height, thickness):
+    """Largest gravity torque of a domino over its inertia and g (for the bound on the tail)."""
+    return 1.5 / math.sqrt(height * height + thickness * thickness)
+
+
+@part
+def begin(state, push):
+    """The state of a chain whose first domino has just been pushed."""
+    state.u = push * push
+    state.u_error = state.u_round = state.u_impact = 0.0
+    state.time = state.time_low = state.time_error = state.time_round = 0.0
+    state.worst = state.worst_round = 0.0
+    state.angle = state.part = state.fall_time = state.margin = 0.0
+    state.lowest_margin = 1.0
+    state.switched = state.w_before = state.w_after = state.flush_loss = state.crept = 0.0
+    state.m_end = state.cut = state.kappa = state.noise = state.log_rho = state.last_h = 0.0
+    state.gain, state.offset, state.need, state.composing = 1.0, 0.0, 0.0, False
+    state.back = state.depth = state.last_due = 0
+    state.flushes = state.releases = state.taped = 0
+
+
+@part
+def open_chain(row, push, ring, state):
+    """The first domino stands and has been pushed."""
+    begin(state, push)
+    stand(ring, 0, 0, row.height[0], row.thickness[0], row.density[0])
+    state.kappa = heaviest_force(row.height[0], row.thickness[0])
+
+
+@inlined
+def place(row, ring, mask, n, state):
+    """Stand domino n+1, if there is one, in front of leader n."""
+    if n + 1 < len(row.thickness):
+        d = row.thickness[n + 1]
+        stand(ring, mask, n + 1, row.height[n + 1], d, row.density[n + 1])
+        join(ring, mask, n, row.height[n], row.spacing[n], d)
+        state.kappa = max(state.kappa, heaviest_force(row.height[n + 1], d))
+
+
+@inlined
+def lengthen_tail(ring, mask, n):
+    """A bound on what lies behind leader n, from that of the one before."""
+    if n > 0:
+        ring[n & mask].tail = ring[n & mask].inertia + ring[(n - 1) & mask].tail
+
+
+@inlined
+def begin_fall(state, gravity):
+    """Nothing of the fall is done; returns u at release."""
+    state.noise = 8.0 * EPS * gravity * state.kappa
+    state.fall_time = 0.0
+    state.margin = state.u
+    return state.u
+
+
+@inlined
+def slow_down(state, keep):
+    """An impact leaves the leader the part `keep` of its angular velocity."""
+    k2 = keep * keep
+    state.u *= k2
+    state.u_error *= k2
+    state.u_round *= k2
+    state.gain *= k2
+    state.offset *= k2
+
+
+@part
+def add_time(state):
+    """Add the time of the last fall; compensated, so that a million falls add up exactly."""
+    y = state.fall_time - state.time_low
+    total = state.time + y
+    state.time_low = (total - state.time) - y
+    state.time = total
+    state.worst = max(state.worst, state.time_error / total)
+    state.worst_round = max(state.worst_round, state.time_round / total)

@@ -1,0 +1,215 @@
+"""One interval of a fall, between two switches: its affine map u → E (u + U), and its time.
+
+Between switches u obeys the linear equation u′ = 2P(θ_n) + 2Q(θ_n) u, so the interval is an affine
+map, found by Gauss-Legendre quadrature of P and Q, and its time is the integral of 1/√u.  Nothing
+is stepped in time.
+"""
+
+import math
+
+from domino_env.kernels.crawl import slow_time
+from domino_env.kernels.jit import apart, part
+from domino_env.kernels.polynomial import first_zero, lowest_point, series
+from domino_env.kernels.quadrature import HIGH, ORDERS, RUNNING, TO_END, TO_START, TOP, WEIGHTS
+from domino_env.kernels.slots import (
+    COEF,
+    EPS,
+    EXPO,
+    MAP_E,
+    MAP_U,
+    RATE,
+    SLOWNESS,
+    SPEED2,
+    SUM_D,
+    SUM_G,
+    SUM_M,
+    TINY,
+)
+
+FINE, ROUGH, DEAD = 0, 1, 2  # what a ride comes to
+RUN, CREEP, LAST_RESORT = 0, 1, 2  # how hard it tries
+
+
+@part
+def affine_map(lanes, k, h, mu, gravity):
+    """E and U of the interval at all lanes, and how far they are resolved.
+
+    Returns (M positive on all lanes, error of log E and of U at the end, and at the nodes).
+    """
+    m = ORDERS[k]
+    end = m + 1
+    for j in range(m + 2):
+        if not lanes[SUM_M + j] > 0.0:
+            return False, 0.0, 0.0, 0.0, 0.0
+    lanes[MAP_E] = 1.0
+    lanes[MAP_U] = 0.0
+    if mu == 0.0:
+        m0 = lanes[SUM_M]
+        scale = 2.0 * gravity / m0
+        for j in range(1, m + 2):
+            lanes[MAP_E + j] = m0 / lanes[SUM_M + j]
+            lanes[MAP_U + j] = -scale * lanes[SUM_G + j]
+        return True, 0.0, 0.0, 0.0, 0.0
+    g2 = 2.0 * gravity * h
+    for j in range(m + 2):
+        inv = 1.0 / lanes[SUM_M + j]
+        lanes[EXPO + j] = -2.0 * h * lanes[SUM_D + j] * inv  # 2 Q h
+        lanes[RATE + j] = g2 * lanes[SUM_G + j] * inv  # 2 P h, then 2 P h / E
+        lanes[COEF + j] = 0.0
+    q_end, q_lo, q_hi, q_size = 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        q = lanes[EXPO + 1 + i]
+        q_end += WEIGHTS[k, i] * q
+        q_lo += TO_START[k, i] * q
+        q_hi += TO_END[k, i] * q
+        q_size = max(q_size, abs(q))
+        for j in range(m):
+            lanes[COEF + j] += RUNNING[k, i, j] * q
+    for j in range(m):
+        e = math.exp(lanes[COEF + j])
+        lanes[MAP_E + 1 + j] = e
+        lanes[RATE + 1 + j] /= e
+        lanes[COEF + j] = 0.0
+    e_end = math.exp(q_end)
+    lanes[MAP_E + end] = e_end
+    lanes[RATE + end] /= e_end
+    r_end, r_lo, r_hi, r_size = 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        r = lanes[RATE + 1 + i]
+        r_end += WEIGHTS[k, i] * r
+        r_lo += TO_START[k, i] * r
+        r_hi += TO_END[k, i] * r
+        r_size = max(r_size, abs(r))
+        for j in range(m):
+            lanes[COEF + j] += RUNNING[k, i, j] * r
+    for j in range(m):
+        lanes[MAP_U + 1 + j] = lanes[COEF + j]
+    lanes[MAP_U + end] = r_end
+    # What the nodes predict at the two ends against what is there: the size of the first neglected
+    # Legendre coefficients.  Gauss rules err by its square.
+    q_off = max(abs(q_lo - lanes[EXPO]), abs(q_hi - lanes[EXPO + end]))
+    r_off = max(abs(r_lo - lanes[RATE]), abs(r_hi - lanes[RATE + end]))
+    e_error = q_off * q_off / max(q_size, TINY)
+    u_error = r_off * r_off / max(r_size, TINY) + r_off * q_off
+    return True, e_error, u_error, q_off, r_off
+
+
+@apart
+def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
+    """Carry u and the time over the interval [a, a + h], whose map is in the lanes.
+
+    FINE: done, errors booked.  ROUGH: the rule does not resolve it, nothing is changed.  DEAD: u
+    reaches zero, at state.angle.
+    deep: find the true minimum of u always, not only where a stall is near.
+    creep: CREEP where only the root of u is unresolved: integrate the polynomial of u in small
+        panels; LAST_RESORT: book the error, however large.
+    """
+    e_error, u_error, q_off, r_off = errors
+    last_resort = creep == LAST_RESORT
+    last = ORDERS[k] + 1
+    u0 = state.u
+    size, u_low = u0, u0
+    lanes[SPEED2] = u0
+    for j in range(1, last + 1):
+        size = max(size, abs(lanes[MAP_U + j]))
+        u = lanes[MAP_E + j] * (u0 + lanes[MAP_U + j])
+        u_low = min(u_low, u)
+        lanes[SPEED2 + j] = u
+    e_end, u_end = lanes[MAP_E + last], lanes[SPEED2 + last]
+    local = (u0 + abs(lanes[MAP_U + last])) * e_error + u_error
+    rough = r_off + q_off * size
+    known = deep or u_low < 0.3 * size
+    x_low = 0.0
+    if known:
+        series(lanes, SPEED2, k)
+        x_low, u_low = lowest_point(lanes, SPEED2, k)
+    if u_low <= 0.0:
+        if local > max(tol * size, 1e-6 * abs(u_low)) and not last_resort:
+            return ROUGH
+        state.angle = a + h * first_zero(lanes, SPEED2, k, x_low)
+        return DEAD
+    for j in range(last + 1):
+        lanes[SLOWNESS + j] = 1.0 / math.sqrt(lanes[SPEED2 + j])
+    t, sens, f_lo, f_hi, f_high, f_top = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(1, last):
+        f = lanes[SLOWNESS + j]
+        w = WEIGHTS[k, j - 1] * f
+        t += w
+        sens += 0.5 * w * f * f * lanes[MAP_E + j]
+        f_lo += TO_START[k, j - 1] * f
+        f_hi += TO_END[k, j - 1] * f
+        f_high += HIGH[k, j - 1] * f
+        f_top += TOP[k, j - 1] * f
+    off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
+    high, top = 0.0, 0.0
+    if k > 0:
+        # What is seen at the ends may be zero by chance; then the last two coefficients tell how
+        # large the first neglected ones are, if all decay like a power series.
+        high, top = abs(f_high) / t, abs(f_top) / t
+        root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
+        off = max(off, high * root, top * math.sqrt(math.sqrt(top)))
+    fine = off * t / math.sqrt(math.sqrt(math.sqrt(max(off, TINY))))
+    if k == 3 and off > 1e-3:
+        # A small sharp feature beside a smooth rest decays slowly from a low level: go by its pace.
+        fine = max(fine, t * min(off / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2))
+    t_error = 2.0 * off * (fine + rough * sens)
+    if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
+        return ROUGH
+    state.crept = -1.0
+    if t_error > tol * t:
+        if creep == RUN:
+            return ROUGH
+        if not known:
+            series(lanes, SPEED2, k)
+            x_low, u_low = lowest_point(lanes, SPEED2, k)
+        left = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
+        t_slow, sens_slow = slow_time(lanes, last + 1, x_low, lanes[:0])
+        limit = left <= 64.0 * EPS * size + 8.0 * state.noise  # no rule sees u more sharply
+        if not (left * sens_slow <= tol * t_slow or limit or last_resort):
+            return ROUGH
+        t, sens, t_error = t_slow, sens_slow, left * sens_slow + 1e-14 * t_slow
+        state.crept = x_low
+        if limit:
+            state.time_round += h * t_error
+    off = max(off, rough / size, 1e-15)
+    state.log_rho = math.log(1.0 / min(off, 0.5)) / ORDERS[k]
+    state.last_h = h
+    noise = 16.0 * EPS * size + state.noise
+    cut = tail * u0
+    state.time_error += h * (sens * (state.u_error + local + cut + noise) + t_error)
+    state.time_round += h * (sens * (state.u_round + noise) + EPS * t)
+    state.u_error = e_end * (state.u_error + local + cut) + noise * max(e_end, 1.0)
+    state.u_round = e_end * state.u_round + noise * max(e_end, 1.0)
+    state.u = u_end
+    state.cut = tail
+    state.m_end = lanes[SUM_M + last]
+    state.fall_time += h * t
+    state.margin = min(state.margin, u_low)
+    return FINE
+
+
+@part
+def compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state):
+    """Take the map of an interval into that of all falls so far, instead of riding a wave on it.
+
+    u = GAIN u_0 + OFFSET; the wave does not stall as long as u_0 > NEED.
+    """
+    last = ORDERS[k] + 1
+    size = TINY
+    for j in range(1, last + 1):
+        size = max(size, abs(lanes[MAP_U + j]))
+    series(lanes, MAP_U, k)
+    off = abs(lanes[COEF + last]) + abs(lanes[COEF + last - 1]) + (r_off + q_off * size) / ORDERS[k]
+    off -= 8.0 * state.noise  # no rule sees U more sharply
+    if not (e_error <= tol and u_error <= tol * size and off <= tol * size):
+        return ROUGH
+    _, u_low = lowest_point(lanes, MAP_U, k)
+    gain = max(state.gain, TINY)
+    state.need = max(state.need, -(state.offset + u_low) / gain)
+    state.offset = lanes[MAP_E + last] * (state.offset + lanes[MAP_U + last])
+    state.gain *= lanes[MAP_E + last]
+    state.log_rho = math.log(1.0 / min(max(off / size, 1e-15), 0.5)) / ORDERS[k]
+    state.last_h = h
+    state.cut = tail
+    state.m_end = lanes[SUM_M + last]
+    return FINE

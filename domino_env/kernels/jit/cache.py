@@ -1,0 +1,96 @@
+"""When cached machine code is still good, and what has to be loaded before it.
+
+Numba caches machine code under the state of the one file that a function stands in.  A kernel
+stands on functions and tables of its neighbours, so ours are cached under a stamp of all files of
+the folder: whatever is edited, everything that could have read it is compiled anew.
+"""
+
+import hashlib
+import warnings
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core import caching
+
+_FOLDER = Path(__file__).parents[1]
+STAMP = hashlib.sha256(
+    b"\0".join(path.read_bytes() for path in sorted(_FOLDER.rglob("*.py")))
+).digest()
+
+_BY_NAME: dict[str, Any] = {}  # functions compiled apart
+_BY_SYMBOL: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their compiled symbols: name, types
+
+
+def use_cache(dispatcher: Any) -> None:
+    """Cache what is compiled; where no folder can be written, compile in memory and say so."""
+    try:
+        dispatcher._cache = _Cache(dispatcher.py_func)
+    except RuntimeError:
+        warnings.warn(
+            "no folder to cache compiled code in can be written, so every process compiles it anew:"
+            " set NUMBA_CACHE_DIR to a folder that can",
+            stacklevel=2,
+        )
+
+
+def know_apart(dispatcher: Any) -> None:
+    """Note the symbols of a function that is compiled apart, for those who call it."""
+    name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__qualname__}"
+    add = dispatcher.add_overload
+
+    def add_overload(result: Any) -> None:
+        add(result)
+        _BY_SYMBOL[result.fndesc.llvm_func_name] = name, tuple(result.signature.args)
+
+    dispatcher.add_overload = add_overload
+    _BY_NAME[name] = dispatcher
+
+
+def _provide(symbol: str, name: str, arguments: tuple[Any, ...]) -> None:
+    """Have a function compiled apart known under the symbol that its callers knew it by.
+
+    It goes by another where it has been compiled anew since.
+    """
+    if symbol in _BY_SYMBOL:
+        return
+    dispatcher = _BY_NAME[name]
+    dispatcher.compile(arguments)
+    found = dispatcher.overloads[arguments]
+    engine = found.library._codegen._engine
+    llvm.add_symbol(symbol, engine.get_function_address(found.fndesc.llvm_func_name))
+    _BY_SYMBOL[symbol] = name, arguments
+
+
+class _Stamped:
+    """Before one of Numba's locators: the stamp of the folder instead of that of a file."""
+
+    def get_source_stamp(self) -> bytes:
+        return STAMP
+
+
+class _Implementation(caching.CompileResultCacheImpl):
+    """Keeps with machine code what it calls apart from itself, and has that ready before it."""
+
+    _locator_classes: Any = [  # noqa: RUF012 - Numba's own attribute
+        type(f"Stamped{locator.__name__}", (_Stamped, locator), {})
+        for locator in caching.CompileResultCacheImpl._locator_classes
+    ]
+
+    def reduce(self, data: Any) -> Any:
+        needs = [
+            (function.name, *_BY_SYMBOL[function.name])
+            for function in data.library._final_module.functions
+            if function.is_declaration and function.name in _BY_SYMBOL
+        ]
+        return needs, super().reduce(data)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        needs, payload = payload
+        for symbol, name, arguments in needs:
+            _provide(symbol, name, arguments)
+        return super().rebuild(target_context, payload)
+
+
+class _Cache(caching.FunctionCache):
+    _impl_class = _Implementation

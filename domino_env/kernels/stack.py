@@ -1,0 +1,220 @@
+"""The stack: all dominoes that lean on the leader, walked down in lanes, one link at a time."""
+
+import math
+
+from domino_env.kernels.contact import corner, tip
+from domino_env.kernels.jit import apart, inlined, part
+from domino_env.kernels.links import catch_up
+from domino_env.kernels.quadrature import ORDERS, PLACES
+from domino_env.kernels.slots import (
+    DRV,
+    EXPO,
+    JAC,
+    RELEASED,
+    SIN,
+    SUM_D,
+    SUM_G,
+    SUM_M,
+    TINY,
+    TIP,
+    TOGETHER,
+    VER,
+    WGT,
+)
+
+UNWATCHED, TO_HIT, TO_SWITCH = 0, 1, 2  # how an interval ends, for the watch on switches
+
+_ODD = [(-1.0) ** n / math.factorial(2 * n + 1) for n in range(10)]
+S3, S5, S7, S9, S11, S13, S15, S17 = _ODD[1:9]
+_EVEN = [(-1.0) ** n / math.factorial(2 * n) for n in range(10)]
+C2, C4, C6, C8, C10, C12, C14, C16, C18 = _EVEN[1:10]
+
+
+@inlined
+def half_angle(x):
+    """sin and cos of x in [0, π/4] by their series, to rounding; unlike the library's, in lanes."""
+    q = x * x
+    s = S3 + q * (S5 + q * (S7 + q * (S9 + q * (S11 + q * (S13 + q * (S15 + q * S17))))))
+    c = C4 + q * (C6 + q * (C8 + q * (C10 + q * (C12 + q * (C14 + q * (C16 + q * C18))))))
+    return x + x * (q * s), 1.0 + q * (C2 + q * c)
+
+
+@inlined
+def spread(lanes, k, a, h):
+    """Lay the lanes over the interval [a, a + h] of the leader's angle; returns their number."""
+    count = ORDERS[k] + 2
+    for j in range(count):
+        lanes[EXPO + j] = 0.5 * (a + h * PLACES[k, j])
+    for j in range(count):  # apart from the table, so that it vectorises
+        s, c = half_angle(lanes[EXPO + j])
+        lanes[SIN + j] = 2.0 * s * c
+        lanes[VER + j] = 2.0 * s * s
+    return count
+
+
+@inlined
+def lead(lanes, count, leader, mu):
+    """Begin the sums with the leading domino."""
+    inertia, half, slender = leader.inertia, leader.half_weight, leader.slender
+    for j in range(count):
+        s, v = lanes[SIN + j], lanes[VER + j]
+        lanes[WGT + j] = 1.0
+        lanes[JAC + j] = 1.0
+        lanes[DRV + j] = 0.0
+        lanes[SUM_M + j] = inertia
+        lanes[SUM_D + j] = 0.0
+        if mu > 0.0:
+            lanes[SUM_G + j] = half * (s - slender * (1.0 - v))
+        else:
+            lanes[SUM_G + j] = half * ((slender * s - v) - (slender * lanes[SIN] - lanes[VER]))
+    leader.end_weight = 1.0
+
+
+@inlined
+def lean_at(lanes, count, link, mu, at_tip):
+    """`lean` in one contact: a constant in the call makes a loop for each."""
+    p_l, s_l, rest, d_l = link.p_l, link.s_l, link.rest, link.d_l
+    inertia, half, slender = link.inertia, link.half_weight, link.slender
+    for j in range(count):
+        if at_tip:
+            s, v, omega, psi, ratio = tip(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, mu)
+        else:
+            s, v, omega, psi, ratio = corner(
+                lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, mu
+            )
+        jac = lanes[JAC + j]
+        drv = omega * lanes[DRV + j] + psi * jac * jac
+        jac = omega * jac
+        w = lanes[WGT + j] * ratio
+        lanes[SIN + j] = s
+        lanes[VER + j] = v
+        lanes[DRV + j] = drv
+        lanes[JAC + j] = jac
+        lanes[WGT + j] = w
+        lanes[SUM_M + j] += w * inertia * jac
+        lanes[SUM_G + j] += w * half * (s - slender * (1.0 - v))
+        lanes[SUM_D + j] += w * inertia * drv
+
+
+@part
+def lean(lanes, count, link, mu):
+    """Lead all lanes over one link and add the domino behind it to the sums."""
+    if link.contact == TIP:
+        lean_at(lanes, count, link, mu, True)
+    else:
+        lean_at(lanes, count, link, mu, False)
+
+
+@inlined
+def lean_free_at(lanes, count, link, at_tip):
+    """`lean_free` in one contact."""
+    p_l, s_l, rest, d_l, inertia = link.p_l, link.s_l, link.rest, link.d_l, link.inertia
+    for j in range(count):
+        if at_tip:
+            s, v, omega, _, _ = tip(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, 0.0)
+        else:
+            s, v, omega, _, _ = corner(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, 0.0)
+        jac = omega * lanes[JAC + j]
+        lanes[SIN + j] = s
+        lanes[VER + j] = v
+        lanes[JAC + j] = jac
+        lanes[SUM_M + j] += inertia * jac * jac
+
+
+@part
+def lean_free(lanes, count, link):
+    """`lean` without friction: w = J, and the potential energy instead of forces."""
+    if link.contact == TIP:
+        lean_free_at(lanes, count, link, True)
+    else:
+        lean_free_at(lanes, count, link, False)
+    # only what changed since the start of the interval: its small differences stay exact
+    half, slender = link.half_weight, link.slender
+    at_start = slender * lanes[SIN] - lanes[VER]
+    for j in range(count):
+        lanes[SUM_G + j] += half * ((slender * lanes[SIN + j] - lanes[VER + j]) - at_start)
+
+
+@inlined
+def tail_size(lanes, count, mu, force, h, behind):
+    """What dominoes behind the cut can still do, relative to u: bound over all lanes."""
+    worst = 0.0
+    lightest = lanes[SUM_M]
+    for j in range(count):
+        jac = abs(lanes[JAC + j])
+        if mu > 0.0:
+            x = abs(lanes[WGT + j]) * (force + h * abs(lanes[DRV + j]) + jac)
+        else:
+            x = jac * (force + jac)
+        if x > worst:
+            worst = x
+        if lanes[SUM_M + j] < lightest:
+            lightest = lanes[SUM_M + j]
+    return worst * behind / max(lightest, TINY)
+
+
+@apart
+def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, watch):
+    """Walk all lanes down the stack of leader n until the rest cannot matter.
+
+    Returns (lowest domino included, bound on the tail, whether some link switches on the way).
+    state.last_due is the lowest link that is due at the very end of the interval, n if none.
+    """
+    end = count - 1
+    lead(lanes, count, ring[n & mask], mu)
+    back = state.back
+    first_check = max(4, state.depth - 2)
+    oldest = max(back, n - mask) if mask > 0 else back
+    state.last_due = n
+    i = n
+    while i > oldest:
+        i -= 1
+        link = ring[i & mask]
+        if lanes[VER + end] >= link.due * (1.0 - 1e-6) and watch != UNWATCHED:
+            if lanes[VER] > link.due * (1.0 + 1e-9):
+                catch_up(link, i, lanes[VER], state)
+                if link.contact == RELEASED:
+                    return i + 1, 0.0, False
+            # A flush within 1e-12 rad behind a hit still comes before it; where the interval ends
+            # at a switch, one that is due at the same instant is no news.
+            over = lanes[VER + end] - link.due
+            if watch == TO_HIT and over + 1e-12 * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
+                return i, 0.0, True
+            if watch == TO_SWITCH:
+                if over * link.p_l >= 1e-3 * TOGETHER:
+                    return i, 0.0, True
+                if over * link.p_l >= -TOGETHER:
+                    state.last_due = i
+        if mu > 0.0:
+            lean(lanes, count, link, mu)
+            link.end_weight = lanes[WGT + end]
+        else:
+            lean_free(lanes, count, link)
+            link.end_weight = lanes[JAC + end]
+        reached = n - i
+        if reached >= first_check and reached % 2 == 0 and i > back:
+            tail = tail_size(lanes, count, mu, force, h, link.tail - link.inertia)
+            if tail <= tol:
+                return i, tail, False
+    if i > back:  # the ring ends before the row does
+        return i, tail_size(lanes, count, mu, force, h, ring[i & mask].tail), False
+    return i, 0.0, False
+
+
+@part
+def renew_tails(ring, mask, low, n):
+    """Renew the bound T_i on Σ_{k ≤ i} I_k w_k / w_i from the cut up to the leader.
+
+    T_i = I_i + |B/A| T_{i-1}.  As θ only grows, |B/A| of a link only falls until it turns corner,
+    where Ω ≤ (1 - p² + d²)/2 takes over; an old bound stays a bound.
+    """
+    for i in range(low + 1, n + 1):
+        below, domino = ring[(i - 1) & mask], ring[i & mask]
+        x2 = below.s_l * (below.p_l + below.d_l)
+        ratio = 0.5 * (1.0 - x2)
+        above = abs(domino.end_weight)
+        if above > TINY:
+            ratio = max(ratio, min(abs(below.end_weight) / above, 1.0))
+        else:
+            ratio = 1.0
+        domino.tail = domino.inertia + ratio * below.tail

@@ -1,0 +1,125 @@
+"""How kernels are compiled: what is cached, when it is no longer good, and what Python may call."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import domino_env
+from domino_env import kernels
+from domino_env.kernels import chain, polynomial
+
+PROBE = """
+from domino_env.kernels.jit import apart, door
+from domino_env.kernels.polynomial import place
+from domino_env.kernels.quadrature import ORDERS
+
+@apart
+def beneath(k, j):
+    return place(k, j)
+
+@door
+def into(k, j):
+    return place(k, j)
+
+@door
+def across(k, j):
+    return beneath(k, j)
+"""
+ASK = """
+import json
+from domino_env.kernels.probe import ORDERS, across, into
+last = int(ORDERS[0]) + 1
+found = {
+    "values": [into(0, 1), into(0, last), across(0, 1), across(0, last)],
+    "hits": [sum(door.stats.cache_hits.values()) for door in (into, across)],
+}
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """A copy of the package, with two doors more, and what they answer in a new process."""
+    package = tmp_path / "domino_env"
+    shutil.copytree(
+        Path(domino_env.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    (package / "kernels" / "probe.py").write_text(PROBE)
+
+    def ask(**environment):
+        done = subprocess.run(
+            [sys.executable, "-c", ASK],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path), **environment},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return json.loads(done.stdout), done.stderr
+
+    ask.package = package
+    return ask
+
+
+def edit(file, old, new):
+    """Change a line, and nothing that a file's size or its date could tell."""
+    text = file.read_text("utf-8")
+    assert len(old) == len(new)
+    assert text.count(old) == 1
+    times = file.stat().st_atime_ns, file.stat().st_mtime_ns
+    file.write_text(text.replace(old, new), "utf-8")
+    os.utime(file, ns=times)
+
+
+@pytest.mark.parametrize("folder", ["beside the file", "NUMBA_CACHE_DIR"])
+def test_an_edit_of_a_neighbour_compiles_anew(copy, tmp_path, folder):
+    chosen = {} if folder == "beside the file" else {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    first, _ = copy(**chosen)
+    again, _ = copy(**chosen)
+    node = first["values"][0]
+    assert first == {"values": [node, 1.0, node, 1.0], "hits": [0, 0]}
+    assert again == {"values": [node, 1.0, node, 1.0], "hits": [1, 1]}
+
+    edit(copy.package / "kernels" / "polynomial.py", "        return 1.0\n", "        return 3.0\n")
+    after, _ = copy(**chosen)
+    assert after == {"values": [node, 3.0, node, 3.0], "hits": [0, 0]}
+
+    edit(copy.package / "kernels" / "quadrature.py", "= (x + 1.0) / 2.0,", "= (x + 1.0) / 4.0,")
+    after, _ = copy(**chosen)
+    assert after["values"] == pytest.approx([node / 2, 3.0, node / 2, 3.0])
+
+
+def test_where_no_folder_can_be_written_it_compiles_in_memory_and_says_so(copy, tmp_path):
+    (copy.package / "kernels" / "__pycache__").write_text("a file where the folder should be")
+    nowhere = {"NUMBA_CACHE_DIR": os.devnull, "XDG_CACHE_HOME": os.devnull, "HOME": os.devnull}
+    for _ in range(2):
+        found, said = copy(**nowhere)
+        assert found["values"][1] == 1.0
+        assert found["hits"] == [0, 0]
+        assert said.count("set NUMBA_CACHE_DIR") == 1
+
+
+@pytest.mark.parametrize("function", [polynomial.place, chain.chain])
+def test_what_is_no_door_refuses_python(function):
+    with pytest.raises(TypeError, match="called by compiled code only"):
+        function(*[0] * function.py_func.__code__.co_argcount)
+
+
+def test_the_face_offers_what_python_may_call():
+    functions = [getattr(kernels, name) for name in kernels.__all__ if name.islower()]
+    closed = {f.__name__ for f in functions if "refuse" in repr(getattr(f, "_compile_for_args", 0))}
+    assert closed == {"episode_return"}  # for `kernels.plain`
+    assert len(functions) > 10
+
+
+def test_a_long_row_is_watched_and_diagnosed():
+    """Its working arrays are large enough that what is freed too early is gone."""
+    row = domino_env.Layout.uniform(3000, pitch=0.016)
+    physics = domino_env.Physics(push=8.0)
+    assert domino_env.diagnose(row, physics, rtol=1e-4).outcome is domino_env.Outcome.PROPAGATED
+    assert domino_env.smallest_push(row, physics, rtol=1e-4) < 8.0
