@@ -19,14 +19,14 @@ _TORN = (BadZipFile, zlib.error, EOFError, KeyError, RuntimeError, OSError)
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of numbers in an .npz file.
+    """Read the arrays of numbers in an .npz file.
 
     Raises
     ------
     ValueError
-        The file is damaged, or holds anything else; pickled objects are not read.
+        Where the file is damaged, or holds anything else; pickled objects are not read.
     OSError
-        It cannot be read.
+        Where it cannot be read.
     """
     with naming(path):
         file = io.BytesIO(read_bytes(path))
@@ -42,12 +42,19 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 def read_weights(
     path: Path, wanted: Mapping[str, tuple[tuple[int, ...], np.dtype[Any]]]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays of these names, shapes and kinds from an .npz file, all finite.
+    """Read arrays of known names, shapes and types from an .npz file, all finite.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wanted
+        Shape and type of each array, by name.
 
     Raises
     ------
     ValueError
-        The file holds anything else.
+        Where the file holds anything else.
     """
     arrays = read_arrays(path)
     with naming(path):

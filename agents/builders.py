@@ -1,4 +1,4 @@
-"""Scripted builders: the bar that learned ones have to clear, judged in the same way."""
+"""Scripted builders: the bar that learned ones have to clear, evaluated in the same way."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ SAMPLES = 4000  # ramps tried
 
 
 def uniform(scene: Scene) -> Built:
-    """The best uniform row."""
+    """Build the best uniform row."""
     mark = scene.uniform()
     return Built(scene, mark.layout, mark.wave, mark.score, mark, 0.0)
 
 
 def greedy(scene: Scene) -> Built:
-    """Places each domino so that this step pays most, looking one fall ahead with the simulator."""
+    """Place each domino so that this step pays most, looking one fall ahead with the simulator."""
     env = DominoChain(scene)
     began = time.perf_counter()
     size = env.action_space.shape[0]  # type: ignore[index]
@@ -49,7 +49,7 @@ def greedy(scene: Scene) -> Built:
 
 
 def ramp(scene: Scene) -> Built:
-    """A ramp, a plateau, a ramp: four numbers, the best of some thousand choices.
+    """Build a ramp, a plateau, a ramp: four numbers, the best of some thousand choices.
 
     First value, plateau, last value, and the part of the row that each ramp takes; where both gaps
     and thicknesses are free, the thickness is one number more, the same for all.

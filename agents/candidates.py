@@ -11,7 +11,13 @@ from torch.func import functional_call, vmap
 
 
 class SideBySideARS(ARS):
-    """ARS of sb3-contrib, which would try one candidate after the other, in all rows alike."""
+    """ARS of sb3-contrib, which would try one candidate after the other, in all rows alike.
+
+    References
+    ----------
+    Mania, H., Guy, A., Recht, B. (2018). Simple random search provides a competitive approach to
+    reinforcement learning. arXiv:1803.07055.
+    """
 
     @property
     def _rows(self) -> Any:
@@ -20,7 +26,13 @@ class SideBySideARS(ARS):
     def evaluate_candidates(
         self, candidate_weights: torch.Tensor, callback: Any, async_eval: Any
     ) -> torch.Tensor:
-        """The return of one episode of each candidate, (P,)."""
+        """Build a row with each candidate; the (P,) returns of their episodes.
+
+        Raises
+        ------
+        ValueError
+            Where `async_eval` is given.
+        """
         if async_eval is not None:
             raise ValueError("candidates are tried side by side here: leave async_eval out")
         callback.on_rollout_start()

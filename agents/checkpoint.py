@@ -18,12 +18,12 @@ _UNFIT = (KeyError, TypeError, RuntimeError, AttributeError, IndexError, Overflo
 
 @contextmanager
 def taken_up(path: Path) -> Iterator[dict[str, Any]]:
-    """The state in a checkpoint: plain numbers and tensors.
+    """Yield the state in a checkpoint: plain numbers and tensors.
 
     Raises
     ------
     ValueError
-        It is damaged or no checkpoint, or what is done with it inside fails: it is another
+        Where it is damaged or no checkpoint, or what is done with it inside fails: it is another
         learner's.
     """
     with naming(path):
@@ -40,7 +40,7 @@ def taken_up(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def require_finite(network: torch.nn.Module) -> None:
-    """ValueError for weights that are no numbers."""
+    """Raise ValueError for weights that are no numbers."""
     for name, values in network.state_dict().items():
         if not torch.isfinite(values).all():
             raise ValueError(f"{name} holds what is no finite number")

@@ -6,7 +6,7 @@ import time
 
 
 class Clock:
-    """Runs from when it is made.  go_on: take up the seconds of earlier sessions."""
+    """Runs from when it is made."""
 
     def __init__(self) -> None:
         self._began, self._began_work = time.perf_counter(), time.process_time()
@@ -14,14 +14,14 @@ class Clock:
 
     @property
     def seconds(self) -> float:
-        """On the wall's clock [s]."""
+        """Wall-clock time [s]."""
         return self._spent + time.perf_counter() - self._began
 
     @property
     def processor_seconds(self) -> float:
-        """Of all threads' processors [s]."""
+        """Processor time of all threads [s]."""
         return self._worked + time.process_time() - self._began_work
 
     def go_on(self, seconds: float, processor_seconds: float) -> None:
-        """Add what was taken before [s]."""
+        """Add what earlier sessions took [s]."""
         self._spent, self._worked = seconds, processor_seconds

@@ -2,8 +2,16 @@
 
 What is imitated are the actions of the row (Pomerleau 1991), shown on its own states and on those
 of rows that were placed with errors, where the action is the one that leads back (as in Ross et al.
-2011, with the row itself as the expert).  The last layer is then solved for exactly.  The critic
+2011, with the row itself as the expert). The last layer is then solved for exactly. The critic
 learns the returns of the clone, so that what follows does not begin with wrong advantages.
+
+References
+----------
+Pomerleau, D. A. (1991). Efficient training of artificial neural networks for autonomous navigation.
+Neural Computation 3, 88-97.
+
+Ross, S., Gordon, G. J., Bagnell, J. A. (2011). A reduction of imitation learning and structured
+prediction to no-regret online learning. AISTATS, 627-635.
 """
 
 from __future__ import annotations
@@ -40,10 +48,18 @@ CRITICS = 64  # rows that the critic learns from
 
 @dataclass(frozen=True)
 class Cloned:
-    """What a clone came to.
+    """Result of cloning a row.
 
-    source: the row that was imitated, in words.  row_score: its score.
-    score: that of the row the clone builds, without noise.  seconds: spent.
+    Attributes
+    ----------
+    source
+        The row that was imitated, in words.
+    row_score
+        Its score.
+    score
+        That of the row the clone builds, without noise.
+    seconds
+        Time that it took.
     """
 
     source: str
@@ -52,16 +68,34 @@ class Cloned:
     seconds: float
 
     def to_dict(self) -> dict[str, Any]:
-        """For a file."""
+        """Give the fields for a file."""
         return asdict(self)
 
 
 def row_to_clone(scene: Scene, what: str | Path | Layout, seed: int = 0) -> tuple[Layout, str]:
-    """The row to imitate, and where it is from.
+    """Find the row to imitate.
 
-    what: a row; the file of one; the folder of a run, of a search or a training; "auto": searched
+    Parameters
+    ----------
+    scene
+        Where it is to score.
+    what
+        A row; the file of one; the folder of a run, of a search or a training; "auto": searched
         for, for some seconds; "best-known": the record of the scene.
-    ValueError where there is no such row, and for one that breaks the scene's rules or dies.
+    seed
+        Of the search.
+
+    Returns
+    -------
+    row : Layout
+        The row.
+    source : str
+        Where it is from, in words.
+
+    Raises
+    ------
+    ValueError
+        Where there is no such row, and for one that breaks the scene's rules or dies.
     """
     if isinstance(what, Layout):
         row, source = what, "a row"
@@ -96,11 +130,25 @@ def row_to_clone(scene: Scene, what: str | Path | Layout, seed: int = 0) -> tupl
 def clone(
     model: Any, env: DominoVecEnv, what: str | Path | Layout, deviation: float, seed: int
 ) -> Cloned:
-    """Teach PPO's networks a row and its returns; the best of some rounds is kept.
+    """Train PPO's networks on a row and its returns; the best of some rounds is kept.
 
-    model: of stable-baselines3.  env: what it learns in.  what: see `row_to_clone`.
-    deviation: of the actions with which it will go on.
-    seed: of the search of the row, and of the errors in the rows shown.
+    Parameters
+    ----------
+    model
+        PPO of stable-baselines3.
+    env
+        What it learns in.
+    what
+        See `row_to_clone`.
+    deviation
+        Standard deviation of the actions with which it will go on.
+    seed
+        Of the search of the row, and of the errors in the rows that are imitated.
+
+    Raises
+    ------
+    ValueError
+        As of `row_to_clone`.
     """
     began = time.perf_counter()
     scene, policy = env.rows.scene, model.policy

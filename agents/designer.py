@@ -1,9 +1,9 @@
-"""Designer: a policy taught over a family of scenes, a row for a new one in milliseconds.
+"""Designer: a policy trained on a family of scenes, a row for a new one in milliseconds.
 
 It first plans how many gaps at the end will be as tight as the rules allow (the one thing in which
-good rows differ by whole numbers), then places domino after domino.  What it is shown at each is
-the scene (`agents.family.numbers`), the plan, and how far it has come; the wave itself follows from
-these, so that it need not be shown.  NumPy alone is enough to use it.
+good rows differ by whole numbers), then places domino after domino. What it observes at each is the
+scene (`agents.family.numbers`), the plan, and how far it has come; the wave itself follows from
+these, so that it need not be observed. NumPy alone is enough to use it.
 """
 
 from __future__ import annotations
@@ -40,15 +40,19 @@ _FAMILY = SceneFamily()
 class Designer:
     """The weights of a policy: layers of tanh with a linear one on top, (out, in) and (out,) each.
 
-    row: from what is shown at a domino to the logarithm of the gap over the height.
-    plan: from the scene to a preference for each plan.
+    Attributes
+    ----------
+    row
+        From the observation at a domino to the logarithm of the gap over the height.
+    plan
+        From the scene to a preference for each plan.
     """
 
     row: Layers
     plan: Layers
 
     def gaps(self, scene: Scene, plans: Floats) -> Floats:
-        """The rows (K, N-1) [m] that K plans lead to."""
+        """Lay the rows (K, N-1) [m] that K plans lead to."""
         features = numbers(scene)
         pairs = scene.count - 1
         wanted = _through(self.row, shown(features, plans)).reshape(len(plans), pairs)
@@ -57,18 +61,18 @@ class Designer:
         return np.clip(gaps, *scene.spacing)
 
     def ranked(self, scene: Scene) -> NDArray[np.intp]:
-        """The plans for a scene, the one that it thinks best first."""
+        """Rank the plans for a scene, the preferred one first."""
         values = _through(self.plan, scene_shown(numbers(scene))[None])[0]
         return np.argsort(-values[: plans_of(scene.count)], kind="stable")
 
 
 def plans_of(count: int) -> int:
-    """How many plans there are for a row of `count` dominoes: at most half of it is tight."""
+    """Count the plans there are for a row of `count` dominoes: at most half of it is tight."""
     return min(PLANS, count // 2)
 
 
 def scene_shown(features: Floats) -> Floats:
-    """A scene's features (…, 6) as a network likes them: about -1 to 1."""
+    """Scale a scene's features (…, 6) for a network: about -1 to 1."""
     low, high = _ends()
     values = np.asarray(features, dtype=np.float64).copy()
     values[..., 1:5] = np.log(values[..., 1:5])
@@ -84,7 +88,7 @@ def _ends() -> tuple[Floats, Floats]:
 
 
 def shown(features: Floats, plans: Floats) -> Floats:
-    """What is shown at each gap of each of K plans, (K (N-1), SHOWN)."""
+    """Make the observations at each gap under each of K plans, (K (N-1), SHOWN)."""
     pairs = int(features[2]) - 1
     k = np.asarray(plans, dtype=np.float64)
     at = np.broadcast_to(np.arange(pairs, dtype=np.float64), (len(k), pairs))
@@ -122,9 +126,22 @@ def _controller() -> ThreadpoolController:
 class Design:
     """A row designed for a scene.
 
-    layout, wave, score: simulated closely; `score` as the scene judges it.
-    plan: tight gaps planned at the end.  seconds: that the design took, its simulation included.
-    outside: in what the scene lies beyond those that were taught; empty if in nothing.
+    Attributes
+    ----------
+    scene
+        What it was designed for.
+    layout
+        The row.
+    wave
+        Its wave, simulated closely.
+    score
+        What the scene gives for it.
+    plan
+        Tight gaps planned at the end.
+    seconds
+        Time that the design took, its simulation included.
+    outside
+        In what the scene lies beyond those of the training; empty if in nothing.
     """
 
     scene: Scene
@@ -141,11 +158,20 @@ def design(
 ) -> Design:
     """Design a row for a scene, without search: the policy lays a row for each of a few plans.
 
-    tries: plans that are laid and simulated, those that it prefers; the best is kept.  1 for the
+    Parameters
+    ----------
+    scene
+        A scene, its name, or the path of its file.
+    tries
+        Plans that are laid and simulated, those that it prefers; the best is kept. 1 for the
         preferred one, untried.
-    designer: the policy; None for the one that ships.
+    designer
+        The policy; None for the one that ships.
 
-    ValueError for a scene that asks for something else than fast rows of equal dominoes.
+    Raises
+    ------
+    ValueError
+        For a scene that asks for something else than fast rows of equal dominoes.
     """
     if tries < 1:
         raise ValueError(f"tries = {tries}: give 1 or more")
@@ -167,10 +193,29 @@ def design(
 def acting(
     scene: Scene, plan: int | None = None, designer: Designer | None = None
 ) -> Callable[[Single], Single]:
-    """The policy as one that acts in `DominoChain` of this scene, domino by domino.
+    """Wrap the policy as one that acts in `DominoChain` of this scene, domino by domino.
 
-    It goes by how many dominoes are placed, wherever the row began; what has been laid before is
-    left as it is.  plan: tight gaps at the end; None for its own choice.
+    It goes by how many dominoes are placed, wherever the row began; what has been placed before is
+    left as it is.
+
+    Parameters
+    ----------
+    scene
+        What is built.
+    plan
+        Tight gaps at the end; None for the policy's own choice.
+    designer
+        The policy; None for the one that ships.
+
+    Returns
+    -------
+    callable
+        Maps an observation of the environment to an action.
+
+    Raises
+    ------
+    ValueError
+        For a plan that a row of the scene cannot have, and for a scene as `design` refuses.
     """
     from domino_env.rows import progress_features
 
@@ -195,14 +240,17 @@ def acting(
 
 @lru_cache(maxsize=1)
 def shipped_designer() -> Designer:
-    """The policy that comes with the package."""
+    """Load the policy that comes with the package."""
     return load_designer(SHIPPED)
 
 
 def load_designer(path: Path) -> Designer:
     """Read the weights that `arrays_of` gave names to; nothing in the file is run.
 
-    ValueError where they are no such weights: names, shapes, or values that are not finite.
+    Raises
+    ------
+    ValueError
+        Where they are no such weights: names, shapes, or values that are not finite.
     """
     try:
         read = read_arrays(path)
@@ -218,7 +266,7 @@ def load_designer(path: Path) -> Designer:
 
 
 def arrays_of(designer: Designer) -> dict[str, Single]:
-    """The weights by name, for a file."""
+    """Name the weights, for a file."""
     return {
         f"{part}_{i}_{name}": array
         for part, layers in (("row", designer.row), ("plan", designer.plan))

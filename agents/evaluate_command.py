@@ -19,7 +19,7 @@ SUMMARY = "what a trained agent, or a scripted builder, builds"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino evaluate`."""
+    """Add the options of `domino evaluate`."""
     parser.add_argument(
         "agent",
         metavar="RUN",
@@ -103,7 +103,7 @@ def _designed(designer: Designer, name: str | None) -> Built:
 
 
 def sentence(built: Built) -> str:
-    """Score, gain over uniform, gap to the best known."""
+    """Say score, gain over uniform, gap to the best known."""
     from domino_env.objective import gain
     from optimize.best_known import best_known
 

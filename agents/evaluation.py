@@ -32,8 +32,20 @@ Policy = Callable[[Seen], NDArray[Any]]
 class Built:
     """A row that a builder built, beside the best uniform one.
 
-    layout, wave, score: simulated closely; `score` as the scene judges it.
-    uniform: the best uniform row.  seconds: what building took, without the simulation of the mark.
+    Attributes
+    ----------
+    scene
+        What it was built for.
+    layout
+        The row.
+    wave
+        Its wave, simulated closely.
+    score
+        What the scene gives for it.
+    uniform
+        The best uniform row, the baseline.
+    seconds
+        Time that building took, without the simulation of the baseline.
     """
 
     scene: Scene
@@ -45,7 +57,7 @@ class Built:
 
     @property
     def gain(self) -> float | None:
-        """score / uniform score - 1; None where one of the two rows does not run through."""
+        """Score over the uniform one, minus 1; None where one of the two rows does not run."""
         return gain(self.score, self.uniform.score)
 
 
@@ -54,6 +66,15 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
 
     A row that dies on the way is completed with what the policy would have placed last, so that it
     can be shown; its score is that of the wave that died.
+
+    Parameters
+    ----------
+    policy
+        Maps an observation to an action.
+    scene
+        What is built.
+    reference_speed
+        Speed that single steps are rewarded against [m/s]; None for that of the best uniform row.
     """
     uniform = scene.uniform()
     env = DominoChain(scene, reference_speed=reference_speed)
@@ -71,14 +92,25 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
 
 
 def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool = False) -> Built:
-    """What the best policy of a run builds, deterministically.
+    """Build a row with the best policy of a run, deterministically.
 
-    run: the folder that `train` wrote; the name of a policy that ships (`shipped`); or, with
-        trust=True, an archive of stable-baselines3 (.zip), whose loading runs code that it holds.
-    scene: another one than it was trained on; its observations must have the same entries;
-        "family", which was taught many, asks for one.
     A policy of PPO needs NumPy alone, the others the extra "rl".
-    ValueError where the scene shows something else, and for what is no run.
+
+    Parameters
+    ----------
+    run
+        The folder that `train` wrote; the name of a policy that ships (`shipped`); or, with
+        `trust`, an archive of stable-baselines3 (.zip).
+    scene
+        Another one than it was trained on; its observations must have the same entries. "family",
+        which was trained on many, asks for one.
+    trust
+        Whether an archive may be loaded, which runs code that it holds.
+
+    Raises
+    ------
+    ValueError
+        Where the scene's observations differ from those of the training, and for what is no run.
     """
     from agents.family_evaluation import built_for
     from agents.run_files import is_family
@@ -130,14 +162,26 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
 
 
 def shipped() -> list[str]:
-    """Names of the policies for one scene that come with the package."""
+    """List the names of the policies for one scene that come with the package."""
     return sorted(folder.parent.name for folder in POLICIES.glob("*/scene.toml"))
 
 
 def load_policy(folder: Path, scene: Scene) -> tuple[Policy, int]:
-    """The best policy of a run on a scene, and how many numbers it is shown.
+    """Load the best policy of a run on a scene.
 
-    ValueError where the folder holds no such policy; ImportError where it needs the extra "rl".
+    Returns
+    -------
+    policy : callable
+        Maps an observation to an action.
+    size : int
+        Entries of an observation.
+
+    Raises
+    ------
+    ValueError
+        Where the folder holds no such policy.
+    ImportError
+        Where it needs the extra "rl".
     """
     from agents.run_files import read_config
 
@@ -186,7 +230,7 @@ def _from_archive(path: Path, trust: bool) -> BaseAlgorithm:
 
 
 def completed(layout: Layout, scene: Scene) -> Layout:
-    """A row of all dominoes: what was not placed is as the last that was."""
+    """Complete a row to all dominoes: what was not placed is as the last that was."""
     missing = scene.count - layout.count
     if missing == 0:
         return layout

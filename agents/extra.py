@@ -8,7 +8,7 @@ NEEDED = ("torch", "stable_baselines3", "sb3_contrib")
 
 
 def require_extra(*more: str) -> None:
-    """ImportError that says how to install it, where the extra is missing."""
+    """Raise ImportError that says how to install it, where the extra is missing."""
     missing = [name for name in (*NEEDED, *more) if find_spec(name) is None]
     if missing:
         raise ImportError(

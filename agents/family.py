@@ -1,7 +1,8 @@
-"""A family of scenes: what varies from one to the next, and how a scene looks to a policy.
+"""A family of scenes: what varies from one to the next, and the features that a policy observes.
 
-Lengths count in heights h of a domino and times in √(h/g): a scene and its enlargement look the
-same, as they are (lengths × k, push / √k).  Density and width cancel where all dominoes are equal.
+Lengths count in heights h of a domino and times in √(h/g): a scene and its enlargement have the
+same features, as they are the same (lengths × k, push / √k). Density and width cancel where all
+dominoes are equal.
 """
 
 from __future__ import annotations
@@ -28,11 +29,27 @@ LOOKED_AT = 48  # uniform rows that tell whether any runs through
 
 @dataclass(frozen=True)
 class SceneFamily:
-    """Ranges that scenes are drawn from; the defaults are what the policy that ships was taught.
+    """Ranges that scenes are drawn from; the defaults are those of the policy that ships.
 
-    friction: even.  push: of the first domino, times √(h/g); logarithmic.
-    count: dominoes; logarithmic.  least, largest: gap allowed, over h; logarithmic; the largest is
-        at least `apart` times the least.  thickness: over h; even.
+    Attributes
+    ----------
+    friction
+        Coefficient; drawn evenly.
+    push
+        Of the first domino, times √(h/g); drawn evenly in the logarithm, as the next three.
+    count
+        Number of dominoes.
+    least, largest
+        Gap allowed, over h.
+    thickness
+        Over h; drawn evenly.
+    apart
+        The largest gap is at least this times the least.
+
+    Raises
+    ------
+    ValueError
+        For ranges that no scene can be drawn from.
     """
 
     friction: Range = (0.0, 0.5)
@@ -58,7 +75,7 @@ class SceneFamily:
             )
 
     def draw(self, rng: np.random.Generator, name: str = "drawn") -> Scene:
-        """A scene in which at least one uniform row runs through: others have no mark to beat."""
+        """Draw a scene in which at least one uniform row runs through: others have no baseline."""
         while True:
             scene = scene_of(self._any(rng), name)
             if some_row_runs(scene):
@@ -76,7 +93,7 @@ class SceneFamily:
         ])  # fmt: skip
 
     def outside(self, scene: Scene) -> tuple[str, ...]:
-        """In what a scene differs from all that the family draws; empty if in nothing."""
+        """Say in what a scene differs from all that the family draws; empty if in nothing."""
         ranges = (
             self.friction, self.push, self.count, self.least, self.largest, self.thickness,
         )  # fmt: skip
@@ -92,7 +109,7 @@ def _logarithmic(rng: np.random.Generator, bounds: Range) -> float:
 
 
 def numbers(scene: Scene) -> Floats:
-    """The `FEATURES` of a scene: all that the speed of a row of its gaps over h depends on."""
+    """Give the `FEATURES` of a scene: all that the speed of a row of its gaps over h depends on."""
     h, gravity = scene.height, scene.physics.gravity
     return np.array([
         scene.physics.friction, scene.physics.push * np.sqrt(h / gravity), scene.count,
@@ -101,7 +118,7 @@ def numbers(scene: Scene) -> Floats:
 
 
 def scene_of(features: Floats, name: str = "drawn") -> Scene:
-    """The scene with these `FEATURES`, of standard height."""
+    """Make the scene with these `FEATURES`, of standard height."""
     friction, push, count, least, largest, thickness = (float(x) for x in features)
     thick = HEIGHT * thickness
     return Scene(
@@ -120,7 +137,7 @@ def scene_of(features: Floats, name: str = "drawn") -> Scene:
 
 
 def require_kind(scene: Scene) -> None:
-    """ValueError for a scene that asks for something else than fast rows of equal dominoes."""
+    """Raise ValueError for a scene that does not ask for fast rows of equal dominoes."""
     other = []
     if scene.objective != "mean_speed":
         other.append(f"its objective is {scene.objective}")
@@ -144,11 +161,11 @@ def require_kind(scene: Scene) -> None:
 
 
 def uniform_speed(scene: Scene, rows: int = LOOKED_AT) -> float:
-    """About the score of the best uniform row: the best of a few; -1 to 0 where none runs."""
+    """Estimate the score of the best uniform row: the best of a few; -1 to 0 where none runs."""
     gaps = np.geomspace(*scene.spacing, rows)[:, None] * np.ones(scene.count - 1)
     return float(scene.score_batch(gaps, None, rtol=1e-5).max())
 
 
 def some_row_runs(scene: Scene) -> bool:
-    """Whether a uniform row runs through, as far as a quick look tells."""
+    """Tell whether a uniform row runs through, as far as a few of them say."""
     return uniform_speed(scene) > 0.0

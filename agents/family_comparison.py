@@ -35,9 +35,23 @@ SEARCHED = 2500  # evaluations of the search that each scene is compared with
 def compare(
     home: Path, number: int = 200, scenes_seed: int = 1, seed: int = 0, *, progress: bool = False
 ) -> str:
-    """Teach every way that is not taught yet, and judge them: a table in Markdown.
+    """Train a designer in every way that is not trained yet, and evaluate all.
 
-    number, scenes_seed: of the scenes that they are judged on.  seed: of the teachings.
+    Parameters
+    ----------
+    home
+        Folder of the trainings.
+    number, scenes_seed
+        How many scenes they are evaluated on, and the seed that draws these.
+    seed
+        Of the trainings.
+    progress
+        Whether to show progress bars.
+
+    Returns
+    -------
+    str
+        A table in Markdown.
     """
     family, examples = SceneFamily(), home / "examples.npz"
     for name, plan in WAYS.items():
@@ -76,7 +90,7 @@ def _finished(folder: Path) -> bool:
 
 
 def main() -> None:
-    """The script."""
+    """Run the script."""
     import sys
 
     parser = argparse.ArgumentParser(description=__doc__)

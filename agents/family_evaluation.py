@@ -1,4 +1,4 @@
-"""What a designer is worth in scenes it has never seen, beside uniform and searched rows."""
+"""How a designer does in scenes of no training, beside uniform and searched rows."""
 
 from __future__ import annotations
 
@@ -28,12 +28,20 @@ NOTHING = 1e-4  # a search that gains less has found nothing to gain
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """What came of designs in S scenes.
+    """Evaluation of designs in S scenes.
 
-    scenes: (S, 6) their features.  uniform: (S,) score of the best uniform row.
-    tried, untried: (S,) score of the design, with its plans simulated and without.
-    seconds, seconds_untried: (S,) each design took.
-    searched: (S,) score of what search found; None where it was not asked.
+    Attributes
+    ----------
+    scenes
+        (S, 6) features.
+    uniform
+        (S,) score of the best uniform row.
+    tried, untried
+        (S,) score of the design, with its plans simulated and without.
+    seconds, seconds_untried
+        (S,) time that each design took.
+    searched
+        (S,) score of what search found; None where it was not asked.
     """
 
     scenes: Floats
@@ -45,7 +53,7 @@ class Judged:
     searched: Floats | None = None
 
     def table(self) -> str:
-        """A table in Markdown, a line for each way to design."""
+        """Make a table in Markdown, a line for each way to design."""
         names = (
             "row", "beats the best uniform one", "gain: median", "tenth percentile", "worst",
             "part of the search's gain: median", "time: median", "longest",
@@ -72,15 +80,15 @@ class Judged:
         )  # fmt: skip
 
     def gains(self, scores: Floats) -> Floats:
-        """How much better than the best uniform rows; below -1 where a wave died."""
+        """Compute gains over the best uniform rows; below -1 where a wave died."""
         return scores / self.uniform - 1.0
 
     def beaten(self, scores: Floats) -> float:
-        """The part of the scenes in which the best uniform row is beaten."""
+        """Compute the part of the scenes in which the best uniform row is beaten."""
         return float(np.mean(scores > self.uniform * (1.0 + ROUNDING)))
 
     def share(self, scores: Floats) -> float:
-        """Median part of what search gains over the uniform row, where it gains anything."""
+        """Compute the median part of what search gains over uniform, where it gains anything."""
         assert self.searched is not None
         found = self.gains(self.searched)
         some = found > NOTHING
@@ -109,10 +117,29 @@ def judge(
     examples: Examples | None = None,
     progress: bool = False,
 ) -> Judged:
-    """Design rows for `number` scenes drawn with a seed, and compare.
+    """Design rows for scenes that are drawn with a seed, and compare.
 
-    designer: None for the one that ships.  evaluations: budget of a search in each scene, to
-        compare with; None for no search.  examples: of these very scenes, instead of searching.
+    Parameters
+    ----------
+    number
+        Of scenes.
+    seed
+        That draws them.
+    designer
+        What designs; None for the one that ships.
+    family
+        What they are drawn from; None for that of the one that ships.
+    evaluations
+        Budget of a search in each scene, to compare with; None for no search.
+    examples
+        Of these very scenes, instead of searching.
+    progress
+        Whether to show a progress bar.
+
+    Raises
+    ------
+    ValueError
+        For no scenes, the seed of the examples, and examples of other scenes.
     """
     from tqdm import tqdm
 
@@ -148,9 +175,12 @@ def judge(
 
 
 def designer_of(name: str | Path) -> Designer | None:
-    """The designer that "family" or the folder of its teaching stands for; None for other agents.
+    """Load the designer named "family" or in the folder of a training; None for other agents.
 
-    ValueError where such a folder holds no weights.
+    Raises
+    ------
+    ValueError
+        Where such a folder holds no weights.
     """
     folder = Path(name)
     if str(name) == "family" and not folder.exists():
@@ -159,7 +189,13 @@ def designer_of(name: str | Path) -> Designer | None:
 
 
 def built_for(folder: Path, scene: str | Scene | None) -> Built:
-    """What the designer of a folder designs for a scene, beside the best uniform row."""
+    """Design a row with the designer of a folder, beside the best uniform row.
+
+    Raises
+    ------
+    ValueError
+        Where no scene is named, and as of `agents.designer.design`.
+    """
     from agents.evaluation import Built
 
     if scene is None:

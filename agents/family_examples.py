@@ -20,8 +20,14 @@ Floats = NDArray[np.float64]
 class Examples:
     """E scenes and a good row of each.
 
-    scenes: (E, 6) their features.  gaps: (E, longest - 1) over the height, nan beyond each row.
-    score, uniform: (E,) of the row, and of the best uniform one [m/s at the standard height].
+    Attributes
+    ----------
+    scenes
+        (E, 6) features.
+    gaps
+        (E, longest - 1) over the height, nan beyond each row.
+    score, uniform
+        (E,) of the row, and of the best uniform one [m/s at the standard height].
     """
 
     scenes: Floats
@@ -33,7 +39,7 @@ class Examples:
         return len(self.scenes)
 
     def scene(self, i: int) -> Scene:
-        """The scene of one example."""
+        """Make the scene of one example."""
         return scene_of(self.scenes[i])
 
     def save(self, path: Path) -> None:
@@ -52,10 +58,28 @@ def make_examples(
     file: Path | None = None,
     progress: bool = False,
 ) -> Examples:
-    """Draw scenes and search a row for each, `evaluations` a scene.
+    """Draw scenes and search a row for each.
 
-    file: where the examples are kept; those that are there already are not searched again, so that
-        an interrupted call goes on.  ValueError where it holds others.
+    Parameters
+    ----------
+    family
+        What the scenes are drawn from.
+    number
+        Of examples.
+    seed
+        Of the draws and searches.
+    evaluations
+        Budget of each search.
+    file
+        Where the examples are kept; those that are there already are not searched again, so that an
+        interrupted call goes on.
+    progress
+        Whether to show a progress bar.
+
+    Raises
+    ------
+    ValueError
+        Where the file holds other examples.
     """
     from tqdm import tqdm
 
@@ -83,7 +107,7 @@ def make_examples(
 
 
 def load_examples(file: Path) -> Examples:
-    """What `Examples.save` wrote.  ValueError for anything else."""
+    """Read what `Examples.save` wrote; ValueError for anything else."""
     try:
         arrays = read_arrays(file)
         found = Examples(*(arrays[n] for n in ("scenes", "gaps", "score", "uniform")))

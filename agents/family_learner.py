@@ -1,9 +1,10 @@
-"""The learner of a designer: imitation of good rows, and the exact slope of its own rows.
+"""The learner of a designer: imitation of good rows, and the exact gradient of its own rows.
 
-The second is reinforcement learning without a guess.  The policy lays rows for scenes that are
-drawn anew in every batch, and since the simulator gives the derivative of a row's score by each
-gap, the gradient of the expected score by the weights is exact but for the choice of scenes.  For
-each scene every plan is scored, and the best few climb; the preferences learn which one won.
+The second is reinforcement learning without sampling error in the actions. The policy lays rows for
+scenes that are drawn anew in every batch, and since the simulator gives the derivative of a row's
+score by each gap, the gradient of the expected score by the weights is exact but for the choice of
+scenes. For each scene every plan is scored, and the best few climb; the preferences learn which one
+won.
 """
 
 from __future__ import annotations
@@ -29,7 +30,15 @@ SHARP = 10.0  # preference for a plan that scores one per cent of uniform's spee
 
 
 class Learner:
-    """A policy while it is taught."""
+    """A policy during its training.
+
+    Parameters
+    ----------
+    teaching
+        Hyperparameters.
+    seed
+        Of the initial weights.
+    """
 
     def __init__(self, teaching: Teaching, seed: int) -> None:
         torch.set_num_threads(1)
@@ -46,11 +55,11 @@ class Learner:
         self.climbing = torch.optim.Adam(both, lr=teaching.rate)
 
     def designer(self) -> Designer:
-        """What it has learned so far."""
+        """Give the policy as it is now."""
         return Designer(_plain(self.row), _plain(self.plan))
 
     def state(self) -> dict[str, Any]:
-        """All that going on needs."""
+        """Give all that going on needs."""
         return {
             "row": self.row.state_dict(),
             "plan": self.plan.state_dict(),
@@ -59,14 +68,22 @@ class Learner:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Be again what `state` told of."""
+        """Go back to what `state` gave."""
         self.row.load_state_dict(state["row"])
         self.plan.load_state_dict(state["plan"])
         self.imitating.load_state_dict(state["imitating"])
         self.climbing.load_state_dict(state["climbing"])
 
     def imitate(self, chosen: list[tuple[Floats, Floats]], done: float) -> None:
-        """One step towards rows that search found; `chosen` holds features and gaps over h."""
+        """Take one step towards rows that search found.
+
+        Parameters
+        ----------
+        chosen
+            Features (6,) of a scene and gaps (N-1,) over h, for each row of the batch.
+        done
+            Part of this stage of the training that is done, 0 to 1.
+        """
         seen, wanted, weights, places, plans = [], [], [], [], []
         low, high = list[Floats](), list[Floats]()
         for features, gaps in chosen:
@@ -93,7 +110,17 @@ class Learner:
         self._step(self.imitating, loss, done)
 
     def climb(self, scenes: list[Scene], rng: np.random.Generator, done: float) -> None:
-        """One step along the exact slope of what the policy builds in these scenes."""
+        """Take one step along the exact gradient of the score of what the policy builds.
+
+        Parameters
+        ----------
+        scenes
+            The batch.
+        rng
+            Chooses the plan that climbs by chance.
+        done
+            Part of this stage of the training that is done, 0 to 1.
+        """
         designer = self.designer()
         seen, slopes, places, merits = [], [], [], []
         for scene in scenes:

@@ -41,7 +41,7 @@ ORDER, BATCH, CHECK = 1, 2, 3  # what random numbers are for, beside the seed
 
 
 class BegunDocument(Document):
-    """What a teaching was begun with: config.json."""
+    """What a training was begun with: config.json."""
 
     seed: Seed
     teaching: Teaching
@@ -49,7 +49,7 @@ class BegunDocument(Document):
 
 
 class TeachingProgress(Document):
-    """How far a teaching had come, in its checkpoint."""
+    """How far a training had come, in its checkpoint."""
 
     done: Count
     seconds: Seconds
@@ -59,10 +59,22 @@ class TeachingProgress(Document):
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """What a teaching came to.
+    """Result of the training of a designer.
 
-    folder: where all of it lies.  designer: the policy.  steps: passes and batches done.
-    curve: a tuple of `COLUMNS` for each look.  interrupted: whether it was ended by hand.
+    Attributes
+    ----------
+    folder
+        Where all of it lies.
+    designer
+        The policy.
+    steps
+        Passes and batches done.
+    seconds
+        Time that it took.
+    curve
+        A tuple of `COLUMNS` for each evaluation along the way.
+    interrupted
+        Whether it was ended by hand.
     """
 
     folder: Path
@@ -83,17 +95,34 @@ def teach(
     resume: bool = False,
     progress: bool = False,
 ) -> Taught:
-    """Teach a designer over random scenes of a family.
-
-    seed: the same seed on the same machine gives the same weights.
-    teaching: how; the defaults made the policy that ships.
-    examples: a file of examples, which do not depend on the seed: made before for the same family
-        and number, or to be made; None for one in the folder.
-    resume: go on from the checkpoint in the folder, with its seed, teaching and family.
+    """Train a designer on random scenes of a family.
 
     Ctrl-C ends it with what was learned so far; a kill loses what came after the last checkpoint.
-    ImportError where the extra "rl" is missing; ValueError for a folder that holds another run, and
-    for nothing to go on from.
+
+    Parameters
+    ----------
+    folder
+        Where the run is kept.
+    seed
+        The same seed on the same machine gives the same weights.
+    teaching
+        Hyperparameters; None for those of the policy that ships.
+    family
+        What scenes are drawn from; None for that of the policy that ships.
+    examples
+        A file of examples, which do not depend on the seed: made before for the same family and
+        number, or to be made; None for one in the folder.
+    resume
+        Go on from the checkpoint in the folder, with its seed, teaching and family.
+    progress
+        Whether to show progress bars.
+
+    Raises
+    ------
+    ImportError
+        Where the extra "rl" is missing.
+    ValueError
+        For a folder that holds another run, and for nothing to go on from.
     """
     if seed < 0:
         raise ValueError(f"seed = {seed}: give a whole number, 0 or more")

@@ -35,7 +35,19 @@ NOISY = ("ppo", "td3")  # whose actions get the deviation that a preset says
 
 
 def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorithm:
-    """A new learner.  One torch thread: more only slow such small networks down."""
+    """Make a new learner; it leaves torch with one thread, for more only slow such small networks.
+
+    Parameters
+    ----------
+    algorithm
+        One of `CLASSES`.
+    plan
+        Hyperparameters.
+    env
+        What it learns in.
+    seed
+        Of all its randomness.
+    """
     torch.set_num_threads(1)
     options = dict(plan.options)
 
@@ -70,7 +82,7 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
 
 
 def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
-    """Of the actions of PPO and TD3, which do not learn it."""
+    """Set the standard deviation of the actions of PPO and TD3, which do not learn it."""
     if isinstance(model.policy, RowPolicy):
         model.policy.deviation = deviation
     noise: Any = getattr(model, "action_noise", None)
@@ -79,14 +91,14 @@ def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
 
 
 def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
-    """What the policy does without noise."""
+    """Give the policy without noise, as a function from observation to action."""
     if algorithm == "ppo":
         return network_of(weights(model.policy))
     return lambda seen: model.predict(seen, deterministic=True)[0]
 
 
 def weights(policy: torch.nn.Module) -> dict[str, Any]:
-    """A policy's weights as plain arrays, by name."""
+    """Give a policy's weights as plain arrays, by name."""
     return {name: value.detach().numpy() for name, value in policy.state_dict().items()}
 
 
@@ -97,7 +109,13 @@ def save_weights(policy: torch.nn.Module, path: Path) -> None:
 
 
 def load_weights(policy: torch.nn.Module, path: Path) -> None:
-    """Read them back; nothing in the file is run.  ValueError where they do not fit."""
+    """Read a policy's weights; nothing in the file is run.
+
+    Raises
+    ------
+    ValueError
+        Where they do not fit.
+    """
     kinds = {name: (value.shape, value.dtype) for name, value in weights(policy).items()}
     arrays = read_weights(path, kinds)
     policy.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
@@ -130,9 +148,17 @@ def save_state(model: BaseAlgorithm, more: dict[str, Any], path: Path) -> None:
 
 
 def load_state(model: Any, path: Path) -> dict[str, Any]:
-    """Take a learner back to where `save_state` left it; returns what was kept beside it.
+    """Take a learner back to where `save_state` left it.
 
-    ValueError for what is no checkpoint of such a learner; it is of no use then.
+    Returns
+    -------
+    dict
+        What was kept beside it.
+
+    Raises
+    ------
+    ValueError
+        For what is no checkpoint of such a learner, which is of no use then.
     """
     with taken_up(path) as state:
         model.set_parameters(state["parameters"], exact_match=True, device="cpu")

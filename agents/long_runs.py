@@ -39,10 +39,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """What one training came to.
+    """Result of one training.
 
-    seconds, best: its curve, processor time [s] and the best score by then.
-    uniform, known: scores of the best uniform row and of the best row known.
+    Attributes
+    ----------
+    scene, algorithm, seed, steps
+        What was asked.
+    seconds, best
+        Its learning curve: processor time [s] and the best score by then.
+    uniform, known
+        Scores of the best uniform row and of the best row known.
     """
 
     scene: str
@@ -60,17 +66,17 @@ class Learned:
         return float((self.best[-1] - self.uniform) / (self.known - self.uniform))
 
     def time_to(self, score: float) -> float:
-        """When the best policy built a row of that score [s]; inf where none did."""
+        """Find when the best policy built a row of that score [s]; inf where none did."""
         there = np.flatnonzero(self.best >= score)
         return float(self.seconds[there[0]]) if len(there) else np.inf
 
     def after(self, seconds: float) -> float:
-        """The best score by then."""
+        """Give the best score by then [s]."""
         latest = int(np.searchsorted(self.seconds, seconds, side="right")) - 1
         return float(self.best[max(latest, 0)])
 
     def row(self) -> tuple[object, ...]:
-        """Its entries of `COLUMNS`."""
+        """Give its entries of `COLUMNS`."""
         goal = self.uniform + SHARE * (self.known - self.uniform)
         return (
             self.scene, self.algorithm, self.seed, self.steps, round(float(self.seconds[-1]), 1),
@@ -81,7 +87,7 @@ class Learned:
 
 
 def learned(folder: Path) -> Learned:
-    """Read a run's folder.  ValueError where it holds no finished training."""
+    """Read a run's folder; ValueError where it holds no finished training."""
     if not (folder / "summary.json").exists():
         raise ValueError(f"{folder} holds no finished training")
     summary = json.loads((folder / "summary.json").read_text("utf-8"))
@@ -111,13 +117,13 @@ def run_all(scenes: Iterable[str], seeds: int, algorithm: str, out: Path) -> lis
 
 
 def write(runs: list[Learned], docs: Path) -> None:
-    """A line a run as CSV, and the curves."""
+    """Write a line a run as CSV, and draw the curves."""
     write_csv(docs / "learning.csv", COLUMNS, (run.row() for run in runs))
     draw(runs, docs / "learning.png")
 
 
 def table(runs: list[Learned]) -> str:
-    """A line a scene, in Markdown: the worst of its seeds, where not said otherwise."""
+    """Make a line a scene, in Markdown: the worst of its seeds, where not said otherwise."""
     names = (
         "scene", "algorithm", "seeds", "uniform", "worst, best score", "best known",
         "share of its gain, worst", "past uniform after", "after 1, 5 min", "trained for",
@@ -138,7 +144,7 @@ def table(runs: list[Learned]) -> str:
 
 
 def draw(runs: list[Learned], path: Path) -> None:
-    """Curves of all seeds, a panel a scene: the share of the best known row's gain."""
+    """Draw curves of all seeds, a panel a scene: the share of the best known row's gain."""
     from agents.picture import draw_shares
 
     write_bytes(path, lambda file: file.write(draw_shares(runs)))

@@ -37,27 +37,56 @@ FEWEST = 8  # generations of rows that a budget of evaluations is to last for
 
 
 def ppo(budget: Budget, rng: np.random.Generator) -> None:
-    """Proximal policy optimisation (Schulman et al. 2017)."""
+    """Search with proximal policy optimisation.
+
+    References
+    ----------
+    Schulman, J., et al. (2017). Proximal policy optimization algorithms. arXiv:1707.06347.
+    """
     learn("ppo", budget, rng)
 
 
 def sac(budget: Budget, rng: np.random.Generator) -> None:
-    """Soft actor-critic (Haarnoja et al. 2018)."""
+    """Search with soft actor-critic.
+
+    References
+    ----------
+    Haarnoja, T., et al. (2018). Soft actor-critic: off-policy maximum entropy deep reinforcement
+    learning with a stochastic actor. arXiv:1801.01290.
+    """
     learn("sac", budget, rng)
 
 
 def td3(budget: Budget, rng: np.random.Generator) -> None:
-    """Twin delayed deterministic policy gradients (Fujimoto et al. 2018)."""
+    """Search with twin delayed deterministic policy gradients.
+
+    References
+    ----------
+    Fujimoto, S., van Hoof, H., Meger, D. (2018). Addressing function approximation error in
+    actor-critic methods. arXiv:1802.09477.
+    """
     learn("td3", budget, rng)
 
 
 def tqc(budget: Budget, rng: np.random.Generator) -> None:
-    """Truncated quantile critics (Kuznetsov et al. 2020)."""
+    """Search with truncated quantile critics.
+
+    References
+    ----------
+    Kuznetsov, A., et al. (2020). Controlling overestimation bias with truncated mixture of
+    continuous distributional quantile critics. arXiv:2005.04269.
+    """
     learn("tqc", budget, rng)
 
 
 def ars(budget: Budget, rng: np.random.Generator) -> None:
-    """Augmented random search over linear policies (Mania et al. 2018)."""
+    """Search with augmented random search over linear policies.
+
+    References
+    ----------
+    Mania, H., Guy, A., Recht, B. (2018). Simple random search provides a competitive approach to
+    reinforcement learning. arXiv:1803.07055.
+    """
     learn("ars", budget, rng)
 
 

@@ -1,4 +1,4 @@
-"""Network: what a trained PPO policy does without noise, from its weights alone; needs no torch."""
+"""Network: a trained PPO policy without noise, from its weights alone; needs no torch."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Network:
 
 
 def network_of(arrays: Mapping[str, Single]) -> Network:
-    """The network in the arrays of a policy."""
+    """Make the network in the arrays of a policy."""
     stems = sorted(
         (name.removesuffix("weight") for name in arrays if _HIDDEN.fullmatch(name)),
         key=lambda stem: int(stem.split(".")[2]),
@@ -44,9 +44,21 @@ def network_of(arrays: Mapping[str, Single]) -> Network:
 
 
 def read_network(path: Path, inputs: int, outputs: int, width: int, depth: int) -> Network:
-    """The network in a policy's file; nothing in it is run.
+    """Read the network in a policy's file; nothing in it is run.
 
-    ValueError where it holds another policy than one of `depth` layers of `width`.
+    Parameters
+    ----------
+    path
+        The file.
+    inputs, outputs
+        Entries of an observation and of an action.
+    width, depth
+        Size and number of the hidden layers.
+
+    Raises
+    ------
+    ValueError
+        Where it holds another policy.
     """
     kinds = arrays_of(inputs, outputs, width, depth)
     single = np.dtype(np.float32)
@@ -54,7 +66,7 @@ def read_network(path: Path, inputs: int, outputs: int, width: int, depth: int) 
 
 
 def arrays_of(inputs: int, outputs: int, width: int, depth: int) -> dict[str, tuple[int, ...]]:
-    """Names and shapes of all arrays of such a policy, those of its critic too."""
+    """Give names and shapes of all arrays of such a policy, those of its critic too."""
     shapes: dict[str, tuple[int, ...]] = {"log_std": (outputs,)}
     layers = []
     for i in range(depth):

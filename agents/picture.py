@@ -34,7 +34,17 @@ SEED_COLOURS = (BLUE, SKY, GREEN)
 
 
 def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
-    """Write result.png; rival: what CMA-ES found, if it was asked."""
+    """Draw result.png of a training.
+
+    Parameters
+    ----------
+    run
+        The training.
+    rival
+        What CMA-ES found, if it was asked.
+    path
+        The file.
+    """
     figure = new_figure(9.0, 5.5)
     curve, row = figure.subplots(2, 1, height_ratios=[3, 1.2])
     table = np.array(run.curve)
@@ -76,7 +86,13 @@ def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
 
 
 def draw_shares(runs: list[Learned]) -> bytes:
-    """Learning curves as PNG, a panel a scene: the share of the best known row's gain over time."""
+    """Draw learning curves, a panel a scene: the share of the best known row's gain over time.
+
+    Returns
+    -------
+    bytes
+        The picture as PNG.
+    """
     scenes = list(dict.fromkeys(run.scene for run in runs))
     figure, panels = new_panels(len(scenes), 2, (4.5, 2.6))
     for panel, scene in zip(panels, scenes, strict=True):

@@ -1,8 +1,8 @@
-"""The policy of PPO here: what it does is learned, how far it strays from that is given.
+"""The policy of PPO here: its mean action is learned, the deviation from that is given.
 
-Two things differ from stable-baselines3's own.  The deviation of the actions is larger near the end
+Two things differ from stable-baselines3's own. The deviation of the actions is larger near the end
 of the row, where the best rows have a few tight gaps and thick dominoes: which of them are wanted
-is seen only once the rest of the row is good, and must not have been settled by then.  And means
+is seen only once the rest of the row is good, and must not have been decided by then. And means
 that have left the box are drawn back to it: beyond it all samples are cut off at the same end, and
 nothing is learned from them any more.
 """
@@ -22,22 +22,27 @@ NEAR_END = SCALES.index(4.0) - len(SCALES)  # where is seen exp(-(dominoes to co
 
 
 class RowPolicy(ActorCriticPolicy):
-    """Normal actions whose deviation is not learned.
+    """Normal actions whose standard deviation is not learned.
 
-    deviation: of the actions, far from the end.  end: so many times larger it is at the end, where
-        it stays below 1.  pull: this times half the mean squared excess of the means over [-1, 1]
-        is added to the loss.
+    Attributes
+    ----------
+    deviation
+        Standard deviation of the actions, far from the end.
+    end
+        So many times larger it is at the end, where it stays below 1.
+    pull
+        This times half the mean squared excess of the means over [-1, 1] is added to the loss.
     """
 
     deviation, end, pull = 1.0, 1.0, 0.0
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
-        """See `ActorCriticPolicy`; notes how near the end each row is."""
+        """Note how near the end each row is; see `ActorCriticPolicy`."""
         self._near = obs[:, NEAR_END : NEAR_END + 1]
         return super().extract_features(obs, features_extractor)
 
     def get_distribution(self, obs: Any) -> Distribution:
-        """See `ActorCriticPolicy`, which takes the features past `extract_features` here."""
+        """Note how near the end each row is; `extract_features` is not asked here."""
         self._near = obs[:, NEAR_END : NEAR_END + 1]
         return super().get_distribution(obs)
 

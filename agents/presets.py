@@ -1,11 +1,15 @@
 """Presets: hyperparameters of every algorithm, typed, in one place, with what they gave.
 
-PPO's were found by hand on `sprint`, `ideal` and `sprint-thickness`.  The deviation of the actions
+PPO's were found by hand on `sprint`, `ideal` and `sprint-thickness`. The deviation of the actions
 falls on a schedule and is not learned: quickly at first, slowly from 0.1 on, where the noise of the
-gaps no longer decides which thicknesses are best.  Means that have left the box are drawn back to
-it, and actions near the end of the row stray further (`agents.policy`).  The speed that single
-steps are paid against follows the best row found, so that the sum of rewards and the ratio that is
-scored agree in the end (Dinkelbach's iteration).
+gaps no longer decides which thicknesses are best. Means that have left the box are drawn back to
+it, and actions near the end of the row deviate further (`agents.policy`). The speed that single
+steps are rewarded against follows the best row found, so that the sum of rewards and the ratio that
+is scored agree in the end (Dinkelbach's iteration).
+
+References
+----------
+Dinkelbach, W. (1967). On nonlinear fractional programming. Management Science 13, 492-498.
 """
 
 from __future__ import annotations
@@ -19,19 +23,37 @@ WIDEST, DEEPEST = 4096, 16  # of a network
 
 @dataclass(frozen=True)
 class Preset:
-    """How an algorithm learns.
+    """Hyperparameters of an algorithm.
 
-    rows: environments side by side.  steps: in all, by default.
-    width, depth: of both networks.
-    rate: of learning at the start; it falls to `last_rate` of that.
-    first_deviation, middle_deviation, last_deviation: of the actions, at the start, after
-        `middle` of the steps, and at the end; geometric between (PPO).
-    end, pull: see `agents.policy.RowPolicy` (PPO), whose deviation is `end` times larger there.
-    follow: whether the reference speed follows the best row found.
-    options: what the algorithm itself is given; `target_entropy` for one entry of the actions.
+    Attributes
+    ----------
+    rows
+        Environments side by side.
+    steps
+        In all, by default.
+    width, depth
+        Of both networks.
+    rate
+        Learning rate at the start; it falls to `last_rate` of that.
+    last_rate
+        Last learning rate, as a part of the first.
+    first_deviation, middle_deviation, last_deviation
+        Standard deviation of the actions at the start, after `middle` of the steps, and at the end;
+        geometric between (PPO).
+    middle
+        Part of the steps, between 0 and 1.
+    end, pull
+        See `agents.policy.RowPolicy` (PPO).
+    follow
+        Whether the reference speed follows the best row found.
+    options
+        Arguments of the algorithm itself; `target_entropy` for one entry of the actions.
 
-    ValueError for deviations of 0 or less, a middle that is not between 0 and 1, and networks,
-    rates and rows that no learner has.
+    Raises
+    ------
+    ValueError
+        For deviations of 0 or less, a middle that is not between 0 and 1, and networks, rates and
+        rows that no learner has.
     """
 
     rows: int
@@ -68,7 +90,7 @@ class Preset:
             raise ValueError(f"middle = {self.middle}: give a part of the steps, between 0 and 1")
 
     def deviation(self, done: float) -> float:
-        """Of PPO's actions when `done` of the steps, 0 to 1, have been taken."""
+        """Give that of PPO's actions when `done` of the steps, 0 to 1, have been taken."""
         if done < self.middle:
             begin, end, part = self.first_deviation, self.middle_deviation, done / self.middle
         else:
@@ -77,7 +99,7 @@ class Preset:
         return float(begin * (end / begin) ** part)
 
     def to_dict(self) -> dict[str, Any]:
-        """For a file."""
+        """Give the fields for a file."""
         return asdict(self)
 
 
@@ -130,11 +152,23 @@ OFF_POLICY = {
 
 
 def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
-    """That of an algorithm for episodes of so many steps.  ValueError for an unknown one.
+    """Choose the preset of an algorithm.
 
-    warm: PPO's for going on from a clone: small deviations and steps, and whole returns.  With an
+    Parameters
+    ----------
+    algorithm
+        One of `ALGORITHMS`.
+    episode
+        Steps of an episode.
+    warm
+        PPO's for going on from a clone: small deviations and steps, and whole returns. With an
         advantage that is estimated over a few steps (λ = 0.95) what the critic does not know yet
         outweighs the little there is to gain.
+
+    Raises
+    ------
+    ValueError
+        For an unknown algorithm.
     """
     if algorithm == "ppo" and warm:
         plan = preset(algorithm, episode)

@@ -19,9 +19,17 @@ if TYPE_CHECKING:
 
 
 def agent(run: str) -> Method:
-    """The method that builds the row of a trained agent; its training counts as time spent.
+    """Make the method that builds the row of a trained agent; its training counts as time spent.
 
-    run: what `agents.evaluate` takes.  ValueError for what is no agent.
+    Parameters
+    ----------
+    run
+        What `agents.evaluate` takes.
+
+    Raises
+    ------
+    ValueError
+        For what is no agent.
     """
     from agents.evaluation import POLICIES, evaluate, shipped
     from agents.run_files import training_seconds

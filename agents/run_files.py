@@ -50,7 +50,7 @@ class ConfigDocument(Document):
 
 
 class PolicyDocument(Document):
-    """What is read of policy.json."""
+    """What is needed of policy.json."""
 
     reference_over_uniform: Annotated[
         float,
@@ -73,7 +73,7 @@ class ProgressDocument(Document):
 
 
 def read_config(folder: Path) -> ConfigDocument:
-    """The config.json of a run; ValueError, naming it, for anything else."""
+    """Read the config.json of a run; ValueError, naming it, for anything else."""
     path = folder / "config.json"
     with naming(path):
         config = model_of(ConfigDocument, read_json(path))
@@ -85,21 +85,21 @@ def read_config(folder: Path) -> ConfigDocument:
 
 
 def read_reference(folder: Path) -> float:
-    """The speed that the policy of a run is used to, over the uniform row's."""
+    """Read the speed that the policy of a run is used to, over the uniform row's."""
     path = folder / "policy.json"
     with naming(path):
         return model_of(PolicyDocument, read_json(path)).reference_over_uniform
 
 
 def require_columns(curve: list[tuple[float, ...]], columns: tuple[str, ...]) -> None:
-    """ValueError for a learning curve of other columns: of another version."""
+    """Raise ValueError for a learning curve of other columns: of another version."""
     for row in curve:
         if len(row) != len(columns):
             raise ValueError(f"curve holds {list(row)}: expected {', '.join(columns)}")
 
 
 def training_seconds(folder: Path) -> float:
-    """What the training of a policy took [s]; 0 where nobody wrote it down."""
+    """Read how long the training of a policy took [s]; 0 where nobody wrote it down."""
 
     class Spent(Document):
         seconds: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
@@ -113,7 +113,7 @@ def training_seconds(folder: Path) -> float:
 
 
 def is_family(folder: Path) -> bool:
-    """Whether a folder holds what `agents.family_training.teach` writes."""
+    """Tell whether a folder holds what `agents.family_training.teach` writes."""
     try:
         document: Any = read_json(folder / "config.json")
     except (ValueError, OSError):

@@ -21,9 +21,19 @@ class DominoVecEnv(VecEnv):
 
     An episode that ends begins anew in the same step; its info holds `terminal_observation`,
     `TimeLimit.truncated` (never), `episode` (return, length, seconds), and what the environment
-    tells at the end: score, gain, outcome, layout, wave.
+    reports at the end: score, gain, outcome, layout, wave.
 
-    scene: what is built.  number: how many rows.
+    Parameters
+    ----------
+    scene
+        What is built.
+    number
+        Of rows.
+
+    Attributes
+    ----------
+    rows
+        The native vector environment.
     """
 
     def __init__(self, scene: str | Scene, number: int) -> None:

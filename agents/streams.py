@@ -12,7 +12,7 @@ import torch
 
 @contextmanager
 def streams_put_back() -> Iterator[None]:
-    """Whatever is drawn within, the global streams go on afterwards as if nothing had been."""
+    """Draw within as you like: the global streams go on afterwards as if nothing had been drawn."""
     plain = random.getstate()
     numpy = np.random.get_state()  # noqa: NPY002
     deep, threads = torch.get_rng_state(), torch.get_num_threads()

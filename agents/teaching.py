@@ -1,4 +1,4 @@
-"""Teaching: how a designer for a family of scenes is taught, typed, in one place."""
+"""Teaching: hyperparameters of the training of a designer, typed, in one place."""
 
 from __future__ import annotations
 
@@ -15,15 +15,30 @@ LIMITS = (
 
 @dataclass(frozen=True)
 class Teaching:
-    """How a designer is taught.
+    """Hyperparameters of the training of a designer.
 
-    width, depth: of the policy's hidden layers.
-    examples, evaluations: scenes that search finds rows for, and its budget for each; 0 examples
-        for learning from scratch.
-    passes: over the examples, in batches of `together`.
-    batches, scenes: of fresh scenes on the exact slope, and scenes in each; 0 for imitation alone.
-    climbing: plans of a scene that climb: all but one the best, one by chance.
-    rate, last_rate: of Adam, falling along half a cosine in each of the two stages.
+    Attributes
+    ----------
+    width, depth
+        Of the policy's hidden layers.
+    examples, evaluations
+        Scenes that search finds rows for, and its budget for each; 0 examples for learning from
+        scratch.
+    passes
+        Over the examples, in batches of `together`.
+    together
+        Examples in a batch.
+    batches, scenes
+        Batches of fresh scenes for the exact gradient, and scenes in each; 0 for imitation alone.
+    climbing
+        Plans of a scene that climb: all but one the best, one by chance.
+    rate, last_rate
+        Learning rate of Adam, falling along half a cosine in each of the two stages.
+
+    Raises
+    ------
+    ValueError
+        For values beyond the limits that `LIMITS` sets, and rates that are not in (0, 1].
     """
 
     width: int = 96

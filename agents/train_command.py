@@ -14,7 +14,7 @@ SUMMARY = "train an agent that builds rows (PPO, SAC, TD3, TQC, ARS)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino train`."""
+    """Add the options of `domino train`."""
     parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file; family")
     parser.add_argument("--algorithm", default="ppo", help="ppo (default), sac, td3, tqc, ars")
     parser.add_argument("--steps", type=int, help="dominoes to place in all")

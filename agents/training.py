@@ -50,11 +50,26 @@ LONGEST_COMPARED = 20.0  # [s]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What a training came to.
+    """Result of a training.
 
-    folder: where all of it lies.  built: the row of the best policy.  steps, seconds: spent.
-    curve: a tuple of `COLUMNS` for each evaluation.  interrupted: whether it was ended by hand.
-    clone_score: of the clone that it began with; None for none.
+    Attributes
+    ----------
+    folder
+        Where all of it lies.
+    algorithm
+        What was trained.
+    built
+        The row of the best policy.
+    steps
+        Dominoes placed.
+    seconds
+        Time that it took.
+    curve
+        A tuple of `COLUMNS` for each evaluation.
+    interrupted
+        Whether it was ended by hand.
+    clone_score
+        Of the clone that it began with; None for none.
     """
 
     folder: Path
@@ -81,20 +96,39 @@ def train(
 ) -> Run:
     """Train an agent to build rows for a scene.
 
-    algorithm: "ppo", "sac", "td3", "tqc" or "ars".
-    steps: dominoes to place in all; None for the preset's.
-    seed: the same seed on the same machine gives the same weights.
-    folder: where the run is kept (runs/SCENE-ALGORITHM).
-    resume: go on from the checkpoint in the folder, with its scene, seed and steps.
-    plan: another preset.
-    warm_start: a row that PPO learns to build before it goes on by itself, see
-        `agents.cloning.row_to_clone`: a layout or its file, the folder of a run, "auto",
-        "best-known".  Whatever it tries, it does not end below its clone.
-
-    Ctrl-C ends it with the best policy so far.  A run that was stopped goes on from its last
+    Ctrl-C ends it with the best policy so far. A run that was stopped goes on from its last
     checkpoint, and comes to what it would have come to undisturbed.
-    ImportError where the extra "rl" is missing; ValueError for an unknown algorithm or scene, for a
-    folder that holds another run, and for nothing to go on from.
+
+    Parameters
+    ----------
+    scene
+        A scene, its name, or the path of its file.
+    algorithm
+        "ppo", "sac", "td3", "tqc" or "ars".
+    steps
+        Dominoes to place in all; None for the preset's.
+    seed
+        The same seed on the same machine gives the same weights.
+    folder
+        Where the run is kept; None for runs/SCENE-ALGORITHM.
+    resume
+        Go on from the checkpoint in the folder, with its scene, seed and steps.
+    progress
+        Whether to show a progress bar.
+    plan
+        Another preset.
+    warm_start
+        A row that PPO learns to build before it goes on by itself, see
+        `agents.cloning.row_to_clone`: a layout or its file, the folder of a run, "auto",
+        "best-known". Whatever it tries, it does not end below its clone.
+
+    Raises
+    ------
+    ImportError
+        Where the extra "rl" is missing.
+    ValueError
+        For an unknown algorithm or scene, for a folder that holds another run, and for nothing to
+        go on from.
     """
     if algorithm not in ALGORITHMS:
         raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")

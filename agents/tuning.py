@@ -28,7 +28,17 @@ PATIENCE = 4  # trials before any is given up
 
 
 def choose(trial: Any, algorithm: str, episode: int) -> Preset:
-    """The preset that a trial stands for.  trial: of Optuna, or anything that suggests likewise."""
+    """Suggest a preset for a trial.
+
+    Parameters
+    ----------
+    trial
+        Of Optuna, or anything that suggests likewise.
+    algorithm
+        One of `ALGORITHMS`.
+    episode
+        Steps of an episode.
+    """
     plan = preset(algorithm, episode)
     if algorithm == "ars":
         deltas = trial.suggest_int("n_delta", 2, 64, log=True)
@@ -88,7 +98,21 @@ def train_for(
     seed: int,
     told: Callable[[Budget], None] | None = None,
 ) -> float:
-    """The best score after so many seconds of processor time.  told: called along the way."""
+    """Train for so many seconds of processor time, and give the best score.
+
+    Parameters
+    ----------
+    scene
+        What is built.
+    algorithm, plan
+        What is trained, and its preset.
+    seconds
+        Processor time [s].
+    seed
+        Of all randomness.
+    told
+        Called with the budget along the way.
+    """
     from agents.method import learn
 
     problem = Problem(scene)
@@ -101,10 +125,36 @@ def train_for(
 def tune(
     scene: Scene, algorithm: str, trials: int, seconds: float, storage: Path, seed: int = 0
 ) -> tuple[Preset, float, int]:
-    """The best preset found, its score, and how many trials there have been.
+    """Search the preset of an algorithm.
 
-    storage: SQLite file with all trials; one that is there is gone on with.
-    ValueError for an unknown algorithm, and for no trials or time.
+    Parameters
+    ----------
+    scene
+        What is built.
+    algorithm
+        One of `ALGORITHMS`.
+    trials
+        How many more to make.
+    seconds
+        Processor time of each [s].
+    storage
+        SQLite file with all trials; it goes on with those of one that is there.
+    seed
+        Of the trials.
+
+    Returns
+    -------
+    best : Preset
+        The best found.
+    score : float
+        Its score.
+    number : int
+        Trials there have been.
+
+    Raises
+    ------
+    ValueError
+        For an unknown algorithm, and for no trials or time.
     """
     if algorithm not in ALGORITHMS:
         raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")

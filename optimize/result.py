@@ -18,10 +18,18 @@ class SearchResult:
 
     Attributes
     ----------
-    scene, method, seed
-        What was asked.
-    layout, wave, score
-        The best found; `score` as the scene judges it, at a relative error of 1e-10.
+    scene
+        What was searched.
+    method
+        The name of the method.
+    seed
+        Of all randomness.
+    layout
+        The best found.
+    wave
+        Its wave, at a relative error of 1e-10.
+    score
+        What the scene gives for it.
     uniform
         The best uniform layout, its wave and score: the baseline.
     trace
@@ -30,8 +38,12 @@ class SearchResult:
     slopes
         At each of these the steepest slope left within the box, in score over the whole range of a
         variable; None where the method asked for no gradient there.
-    evaluations, falls, seconds
-        Spent in all.
+    evaluations
+        Layouts simulated in all.
+    falls
+        Single falls simulated in all.
+    seconds
+        Time spent in all.
     interrupted
         Whether it was ended by hand.
     """
