@@ -56,9 +56,11 @@ class DominoVecEnv(VecEnv):
         return seen
 
     def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions (R, A) for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> Any:
+        """Place a domino in every row."""
         seen, rewards, ended, _, told = self.rows.step(self._actions)
         self._returns += rewards
         self._lengths += 1
@@ -82,21 +84,26 @@ class DominoVecEnv(VecEnv):
         return seen, rewards.astype(np.float32), ended, infos
 
     def close(self) -> None:
+        """Close the native environment."""
         self.rows.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Get an attribute of the native environment, once for each row."""
         return [getattr(self.rows, attr_name)] * len(self._chosen(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of the native environment, for all rows."""
         setattr(self.rows, attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
+        """Call a method of the native environment; its result, once for each row."""
         found = getattr(self.rows, method_name)(*method_args, **method_kwargs)
         return [found] * len(self._chosen(indices))
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Say that no row is wrapped."""
         return [False] * len(self._chosen(indices))
 
     def _chosen(self, indices: int | Sequence[int] | None) -> list[int]:

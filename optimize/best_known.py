@@ -42,8 +42,14 @@ class RecordTable(LayoutTable, kw_only=True):
 class BestKnown:
     """One record.
 
-    layout, score: the row, and what the scene gives it at a relative error of 1e-12.
-    method, seed, seconds, version: who found it, and after how long.
+    Attributes
+    ----------
+    layout
+        The row.
+    score
+        What the scene gives it at a relative error of 1e-12.
+    method, seed, seconds, version
+        Who found it, and after how long.
     """
 
     layout: Layout
@@ -55,7 +61,18 @@ class BestKnown:
 
 
 def best_known(path: Path | None = None) -> dict[str, BestKnown]:
-    """All records, by the name of their scene; none where there is no such file (None: PATH)."""
+    """Read all records, by the name of their scene.
+
+    Parameters
+    ----------
+    path
+        The file; None for the one that ships. Where it is missing there are no records.
+
+    Raises
+    ------
+    ValueError
+        For a file that is damaged, with what is wrong and where.
+    """
     path = path or PATH
     if not path.exists():
         return {}
@@ -66,9 +83,21 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
 
 
 def update(results: list[SearchResult], path: Path | None = None) -> list[str]:
-    """Write down what beats the record of its scene; returns the names of these scenes.
+    """Write down what beats the record of its scene.
 
     A layout that breaks a rule, or whose wave dies at the closest look, is no record.
+
+    Parameters
+    ----------
+    results
+        Of searches.
+    path
+        As of `best_known`.
+
+    Returns
+    -------
+    list of str
+        Names of the scenes that have a new record.
     """
     path = path or PATH
     records = best_known(path)
@@ -92,7 +121,7 @@ def update(results: list[SearchResult], path: Path | None = None) -> list[str]:
 
 
 def closest_score(scene: Scene, layout: Layout) -> float:
-    """The scene's score of a layout that is simulated as closely as can be."""
+    """Score a layout, simulated as closely as can be."""
     return float(scene.score_wave(scene.simulate(layout, rtol=CLOSEST)))
 
 

@@ -18,7 +18,7 @@ SUMMARY = "the best layouts known: list, write, verify"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino best-known`."""
+    """Add the options of `domino best-known`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="*", help="names (all)")
     parser.add_argument(
         "--layout", metavar="FILE", help="write the row of one scene, .csv or .json"
@@ -96,7 +96,7 @@ def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int
 
 
 def verify_records(records: dict[str, BestKnown], steps: Sequence[float]) -> dict[str, Verified]:
-    """Every row in the engine, a line printed when it is done."""
+    """Topple every row in the engine, and print a line when one is done."""
     from domino_env.look.verification import verify
     from domino_env.look.verified import summary
     from domino_env.scene import load_scene

@@ -23,7 +23,7 @@ DEFAULT_SECONDS = 60.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino optimize`."""
+    """Add the options of `domino optimize`."""
     parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file")
     parser.add_argument(
         "--method", default="auto", help="auto (default), cma, l-bfgs, slsqp, scp, … (see README)"

@@ -35,7 +35,7 @@ DEFAULT_SECONDS = 10.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino compare`."""
+    """Add the options of `domino compare`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help="names, .toml files, or all")
     parser.add_argument(
         "--methods", help="names with commas between (all, and the peers that are installed)"

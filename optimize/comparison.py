@@ -26,10 +26,22 @@ SMALLEST_GAP = 1e-7  # below it the search's own tolerance decides
 class Comparison:
     """Every result of every method on every scene.
 
-    results: all runs.  seconds, evaluations: that each was given; one of the two is None.
-    best: by scene, the best score known, these results among them.
-    failures: runs that have no result.  interrupted: whether it was ended by hand.
     Times are seconds, or evaluations where these were given: then they can be repeated.
+
+    Attributes
+    ----------
+    results
+        All runs.
+    seconds
+        That each run was given; None where evaluations were.
+    best
+        By scene, the best score known, these results among them.
+    evaluations
+        That each run was given; None where seconds were.
+    failures
+        Runs that have no result.
+    interrupted
+        Whether it was ended by hand.
     """
 
     results: tuple[SearchResult, ...]
@@ -41,11 +53,11 @@ class Comparison:
 
     @property
     def unit(self) -> str:
-        """What times are counted in: "s", or "rows"."""
+        """Unit of times: "s", or "rows"."""
         return "s" if self.evaluations is None else "rows"
 
     def steps(self, result: SearchResult) -> tuple[Floats, Floats]:
-        """Times and best scores of a run, at every improvement and at the end."""
+        """Give times and best scores of a run, at every improvement and at the end."""
         clock = 2 if self.evaluations is None else 0
         trace = np.array(result.trace, dtype=np.float64)
         return trace[:, clock], trace[:, 3]
@@ -61,11 +73,24 @@ class Comparison:
         return list(dict.fromkeys(r.method for r in self.results))
 
     def of(self, scene: str, method: str) -> list[SearchResult]:
-        """The runs of one method on one scene."""
+        """List the runs of one method on one scene."""
         return [r for r in self.results if r.scene.name == scene and r.method == method]
 
     def gaps(self, result: SearchResult, times: Floats) -> Floats:
-        """(T,) relative gap of a run to the best known at each time; inf before its first row."""
+        """Compute the relative gap of a run to the best known.
+
+        Parameters
+        ----------
+        result
+            The run.
+        times
+            (T,) times.
+
+        Returns
+        -------
+        ndarray
+            (T,) gaps; inf before the run's first row.
+        """
         found, scores = self.steps(result)
         best = self.best[result.scene.name]
         gap = np.maximum((best - scores) / abs(best), SMALLEST_GAP)
@@ -73,21 +98,42 @@ class Comparison:
         return np.where(at >= 0, gap[np.maximum(at, 0)], np.inf)
 
     def time_to(self, result: SearchResult, gap: float) -> float:
-        """When a run came within a relative gap of the best known; inf where it never did."""
+        """Find when a run came within a relative gap of the best known; inf where it never did."""
         best = self.best[result.scene.name]
         near = best - gap * abs(best)
         steps = zip(*self.steps(result), strict=True)
         return next((float(t) for t, score in steps if score >= near), np.inf)
 
     def reached(self, method: str, times: Floats, scene: str | None = None) -> Floats:
-        """(T,) part of all targets of all runs of a method that are reached by each time."""
+        """Compute the part of all targets of all runs of a method that are reached by each time.
+
+        Parameters
+        ----------
+        method
+            Its name.
+        times
+            (T,) times.
+        scene
+            Of one scene; None for all.
+
+        Returns
+        -------
+        ndarray
+            (T,) parts, 0 to 1: an empirical cumulative distribution of run times.
+
+        References
+        ----------
+        Hansen, N., Auger, A., Ros, R., Mersmann, O., Tušar, T., Brockhoff, D. (2021). COCO: a
+        platform for comparing continuous optimizers in a black-box setting. Optimization Methods
+        and Software 36, 114-144.
+        """
         runs = [r for r in self.results if r.method == method]
         runs = [r for r in runs if scene is None or r.scene.name == scene]
         when = np.array([[self.time_to(r, target) for target in TARGETS] for r in runs]).ravel()
         return np.searchsorted(np.sort(when), times, side="right") / len(when)
 
     def times(self) -> Floats:
-        """Times evenly spread over the logarithm of the clock."""
+        """Spread times evenly over the logarithm of the clock."""
         first = min(float(self.steps(r)[0][0]) for r in self.results)
         if self.evaluations is not None:
             return np.geomspace(max(first, 1.0), max(self.evaluations, first + 1.0), 200)
@@ -109,17 +155,37 @@ def compare(
 ) -> Comparison:
     """Run every method on every scene with every seed, each with the same budget.
 
-    seconds, evaluations: the budget of each run, one of the two; evaluations make the comparison
-        repeatable to the bit.  Equal seconds are equal chances only where every run has a core for
-        itself: an executor must have no more workers than its machines have cores.
-    told: called with every result as it comes.
-    executor: who runs them, each run a task; None: this process, one after the other.
-    study: keeps the runs as they come; those that it has are not run again.
-    progress: whether to show lines with how far they are; None: on a terminal.
-
     Ctrl-C ends the comparison with the runs that are complete; before the first of them it is
-    raised.  Raises ValueError for what is given twice or not at all, and where no run has a result;
-    a run that fails beside others that do not is one of the `failures`.
+    raised.
+
+    Parameters
+    ----------
+    scenes
+        Scenes, or their names.
+    methods
+        Names of methods.
+    seeds
+        A run of every method on every scene has each of them.
+    seconds
+        Budget of each run, unless `evaluations` is given. Equal seconds are equal chances only
+        where every run has a core for itself: an executor must have no more workers than its
+        machines have cores.
+    told
+        Called with every result as it comes.
+    evaluations
+        Budget of each run, which makes the comparison repeatable to the bit.
+    executor
+        Runs them, each run a task; None: this process, one after the other.
+    study
+        Keeps the runs as they come; those that it has are not run again.
+    progress
+        Whether to show lines with how far they are; None: on a terminal.
+
+    Raises
+    ------
+    ValueError
+        For what is given twice or not at all, and where no run has a result; a run that fails
+        beside others that do not is one of the `failures`.
     """
     tasks = comparison_tasks(scenes, methods, seeds, seconds, evaluations)
     found: dict[str, SearchResult] = {}
@@ -153,7 +219,7 @@ def comparison_tasks(
     seconds: float | None,
     evaluations: int | None,
 ) -> list[Task]:
-    """The runs of a comparison, in order; see `compare`."""
+    """List the runs of a comparison, in order; see `compare`."""
     if (seconds is None) == (evaluations is None):
         raise ValueError("give each run seconds or evaluations, one of the two")
     seeds = list(seeds)

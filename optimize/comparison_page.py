@@ -36,7 +36,7 @@ def write(comparison: Comparison, folder: Path) -> None:
 
 
 def row(comparison: Comparison, result: SearchResult) -> tuple[object, ...]:
-    """What RUN_NAMES name of one run; inf where a gap was never reached."""
+    """Give what RUN_NAMES name of one run; inf where a gap was never reached."""
     best = comparison.best[result.scene.name]
     return (
         result.scene.name,
@@ -53,7 +53,7 @@ def row(comparison: Comparison, result: SearchResult) -> tuple[object, ...]:
 
 
 def page(comparison: Comparison) -> str:
-    """The page: a table for each scene, best method first, and the pictures."""
+    """Write the page: a table for each scene, best method first, and the pictures."""
     seeds = len({r.seed for r in comparison.results})
     budget = f"{comparison.evaluations} rows"
     if comparison.evaluations is None:
@@ -95,7 +95,7 @@ def page(comparison: Comparison) -> str:
 
 
 def table(comparison: Comparison, scene: str) -> list[str]:
-    """One scene's table, lines of Markdown."""
+    """Make one scene's table, lines of Markdown."""
     names = (
         "method", "score", "worst", "gain", "gap", "to 1 %", "to 0.1 %", "rows simulated",
     )  # fmt: skip

@@ -15,7 +15,10 @@ from optimize.comparison import Comparison
 
 
 def draw_gaps(comparison: Comparison, path: Path) -> None:
-    """The gap to the best known against run time, a panel a scene; median and range over seeds."""
+    """Draw the gap to the best known against run time, a panel a scene.
+
+    Lines are medians over the seeds, bands their range.
+    """
     figure, panels = _panels(comparison.scenes, comparison.unit)
     times = comparison.times()
     lines = _lines(comparison)
@@ -38,7 +41,7 @@ def draw_gaps(comparison: Comparison, path: Path) -> None:
 
 
 def draw_targets(comparison: Comparison, path: Path) -> None:
-    """The part of the targets reached against run time, a panel a scene and one for all."""
+    """Draw the part of the targets reached against run time, a panel a scene and one for all."""
     names = comparison.scenes
     panelled = [*names, "all scenes"] if len(names) > 1 else names
     figure, panels = _panels(panelled, comparison.unit)

@@ -23,7 +23,7 @@ SUMMARY = "search many variations of a scene, on one machine or many"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino sweep`."""
+    """Add the options of `domino sweep`."""
     parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file")
     parser.add_argument(
         "--set", metavar="KEY=VALUES", action="append", default=[], help="what is varied; repeat"

@@ -31,7 +31,7 @@ def write(sweep: Sweep, folder: Path) -> None:
 
 
 def page(sweep: Sweep) -> str:
-    """The page: the picture and a table, a line for each point and method."""
+    """Write the page: the picture and a table, a line for each point and method."""
     seeds = len({r.seed for r in sweep.results})
     keys = ", ".join(f"`{key}`" for key in sweep.keys)
     asked = {(r.seed, r.evaluations) for r in sweep.results}
@@ -54,7 +54,7 @@ def page(sweep: Sweep) -> str:
 
 
 def table(sweep: Sweep) -> list[str]:
-    """A line for each point and method, lines of Markdown."""
+    """Make a line for each point and method, lines of Markdown."""
     names = (*sweep.keys, "method", "score", "uniform", "gain", "gap")
     groups: dict[tuple[tuple[float | int | str, ...], str], list[TaskResult]] = {}
     for result in sweep.results:

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 
 def draw(sweep: Sweep, path: Path) -> None:
-    """One key: a line a method.  Two: a map a method.  More: a panel a key."""
+    """Draw a line a method over one key, a map a method over two, and a panel a key over more."""
     figure = _maps(sweep) if len(sweep.keys) == 2 and _on_a_grid(sweep) else _lines(sweep)
     write_png(figure, path)
 

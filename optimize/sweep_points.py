@@ -34,8 +34,18 @@ _HOW_RANDOM = "write KEY=FROM:TO, KEY=FROM:TO:log or KEY=VALUE,VALUE,… to draw
 class Axis:
     """A key of the scene's file and what it may be.
 
-    key: as in "physics.friction".  values: all of them, or None for any from `low` to `high`,
-    drawn evenly or, with `log`, evenly in the logarithm.
+    Attributes
+    ----------
+    key
+        As in "physics.friction".
+    values
+        All of them; None for any from `low` to `high`.
+    low
+        Least value, where any may be drawn.
+    high
+        Largest value, where any may be drawn.
+    log
+        Whether they are drawn evenly in the logarithm.
     """
 
     key: str
@@ -46,12 +56,21 @@ class Axis:
 
 
 def axis_of(text: str, *, drawn: bool = False) -> Axis:
-    """The axis that a text such as "physics.friction=0:0.5:11" says.
+    """Read the axis that a text such as "physics.friction=0:0.5:11" says.
 
-    FROM:TO:NUMBER are values evenly spread, FROM:TO:NUMBER:log evenly in the logarithm; VALUE,VALUE
-    are these, numbers or words; [V, V] is a list of values as JSON has it, for keys that hold lists
-    themselves.  drawn: FROM:TO and FROM:TO:log are ranges to draw from, without a number.
-    ValueError with how it is written.
+    Parameters
+    ----------
+    text
+        KEY=FROM:TO:NUMBER are values evenly spread, FROM:TO:NUMBER:log evenly in the logarithm;
+        VALUE,VALUE are these, numbers or words; [V, V] is a list of values as JSON has it, for keys
+        that hold lists themselves.
+    drawn
+        Whether FROM:TO and FROM:TO:log are ranges to draw from, without a number.
+
+    Raises
+    ------
+    ValueError
+        For any other text, with how it is written.
     """
     key, sign, said = (part.strip() for part in text.partition("="))
     how = _HOW_RANDOM if drawn else _HOW
@@ -90,7 +109,7 @@ def axis_of(text: str, *, drawn: bool = False) -> Axis:
 
 
 def grid(axes: Sequence[Axis]) -> list[Point]:
-    """Every combination of the values, the last axis changing first.  ValueError for too many."""
+    """Combine the values in every way, the last axis changing first; ValueError for too many."""
     _keys_once(axes)
     values = [axis.values for axis in axes if axis.values is not None]
     number = math.prod(len(v) for v in values)
@@ -101,7 +120,27 @@ def grid(axes: Sequence[Axis]) -> list[Point]:
 
 
 def drawn(axes: Sequence[Axis], number: int, rng: np.random.Generator) -> list[Point]:
-    """So many points drawn from the axes, those that come twice left out."""
+    """Draw points from the axes.
+
+    Parameters
+    ----------
+    axes
+        What is varied, each key once.
+    number
+        Of points.
+    rng
+        Draws them.
+
+    Returns
+    -------
+    list of Point
+        The points, those that come twice left out.
+
+    Raises
+    ------
+    ValueError
+        For no points or too many.
+    """
     _keys_once(axes)
     if not 1 <= number <= MOST_POINTS:
         raise ValueError(f"--random {number}: give 1 to {MOST_POINTS} points")
@@ -113,10 +152,14 @@ def drawn(axes: Sequence[Axis], number: int, rng: np.random.Generator) -> list[P
 
 
 def scene_at(base: Scene, point: Point) -> Scene:
-    """The scene with the point's values in its file.
+    """Make the scene with the point's values in its file.
 
-    A value for `fixed` takes the place of `min` and `max`, and so on.  ValueError that begins with
-    the point's coordinates for values that no scene can have.
+    A value for `fixed` takes the place of `min` and `max`, and so on.
+
+    Raises
+    ------
+    ValueError
+        For values that no scene can have; it begins with the point's coordinates.
     """
     document = document_of(base)
     where = in_words(point)
@@ -134,12 +177,12 @@ def scene_at(base: Scene, point: Point) -> Scene:
 
 
 def in_words(point: Point) -> str:
-    """The coordinates of a point."""
+    """Say the coordinates of a point."""
     return ", ".join(f"{key} = {label(value)}" for key, value in point)
 
 
 def label(value: Value) -> float | int | str:
-    """A value as the label of a task: lists become text."""
+    """Make a value the label of a task: lists become text."""
     return json.dumps(value) if isinstance(value, list) else value
 
 

@@ -24,11 +24,20 @@ MOST_TASKS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """What a sweep has found.
+    """Results of a sweep.
 
-    scene: what was varied.  keys: of its file, that were.
-    results: of every task that is done, in the order of the tasks: points, methods, seeds.
-    failures: tasks that have no result.  interrupted: whether it was ended by hand.
+    Attributes
+    ----------
+    scene
+        What was varied.
+    keys
+        Keys of its file that were.
+    results
+        Of every task that is done, in the order of the tasks: points, methods, seeds.
+    failures
+        Tasks that have no result.
+    interrupted
+        Whether it was ended by hand.
     """
 
     scene: Scene
@@ -44,20 +53,20 @@ class Sweep:
 
     @property
     def methods(self) -> list[str]:
-        """Their names, in the order given."""
+        """Names of the methods, in the order given."""
         return list(dict.fromkeys(result.method for result in self.results))
 
     def point(self, result: TaskResult) -> tuple[float | int | str, ...]:
-        """Values of the keys for one result."""
+        """Give the values of the keys for one result."""
         return tuple(value for _, value in result.labels)
 
     def best_of(self, result: TaskResult) -> float:
-        """The best score at the point of a result."""
+        """Find the best score at the point of a result."""
         return self.best[self.point(result)]
 
     @cached_property
     def best(self) -> dict[tuple[float | int | str, ...], float]:
-        """The best score at each point, whoever found it."""
+        """Best score at each point, whoever found it."""
         best: dict[tuple[float | int | str, ...], float] = {}
         for result in self.results:
             point = self.point(result)
@@ -82,14 +91,33 @@ def sweep(
 ) -> Sweep:
     """Search many variations of a scene.
 
-    axes: what is varied, such as "physics.friction=0:0.5:11"; see `optimize.sweep_points.axis_of`.
-    methods, seeds: every method runs at every point with the seeds 0, 1, … of this number.
-    evaluations, seconds: the budget of each task; 2000 evaluations where neither is given.
-    random: draw so many points instead of all on the grid; seed: of these draws.
-    executor, study, told, lines: as of `optimize.studies.running.run_tasks`.
+    Ctrl-C ends it with what is done; before the first result it is raised.
 
-    Ctrl-C ends it with what is done; before the first result it is raised.  Raises ValueError for
-    anything wrong, with its coordinates where it is a point, before anything runs.
+    Parameters
+    ----------
+    scene
+        A scene, its name, or the path of its file.
+    axes
+        What is varied, such as "physics.friction=0:0.5:11"; see `optimize.sweep_points.axis_of`.
+    methods
+        Names of methods.
+    seeds
+        Every method runs at every point with the seeds 0, 1, … of this number.
+    evaluations
+        Budget of each task; 2000 where there is no budget of seconds either.
+    seconds
+        Budget of each task [s].
+    random
+        Draw so many points instead of all on the grid.
+    seed
+        Of these draws.
+    executor, study, told, lines
+        As of `optimize.studies.running.run_tasks`.
+
+    Raises
+    ------
+    ValueError
+        For anything wrong, with its coordinates where it is a point, before anything runs.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
@@ -108,7 +136,7 @@ def sweep_tasks(
     random: int | None = None,
     seed: int = 0,
 ) -> list[Task]:
-    """The tasks of a sweep, in order, all of them checked; see `sweep`."""
+    """List the tasks of a sweep, in order, all of them checked; see `sweep`."""
     is_drawn = random is not None
     chosen = [axis_of(a, drawn=is_drawn) if isinstance(a, str) else a for a in axes]
     if not methods or len(set(methods)) < len(methods):

@@ -27,7 +27,7 @@ LONGEST_SETTINGS = 400  # characters
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino studies`."""
+    """Add the options of `domino studies`."""
     parser.add_argument(
         "action", nargs="?", choices=("list", "show", "export"), default="list", help="(list)"
     )
