@@ -5,8 +5,8 @@
     evaluate(run.folder).score
     design(scene).layout  # of a new scene, in milliseconds, by a policy that ships
 
-They build with the environment DominoChain-v0 and are judged by the scene's score, as every search
-is.  Importing this loads no torch; learning needs the extra: pip install "domino-chains[rl]".
+They build with the environment DominoChain-v0; the scene's score counts, as in every search.
+Importing this loads no torch; learning needs the extra: pip install "domino-chains[rl]".
 """
 
 from __future__ import annotations

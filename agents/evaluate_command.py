@@ -1,9 +1,9 @@
 """What an agent builds, beside the best uniform row and the best row known.
 
 RUN is the folder of a training, the name of a policy that ships (sprint, family), or a scripted
-builder: uniform, greedy, ramp.  A .zip archive of stable-baselines3 runs code when it is loaded and
-asks for --trust.  `family` designs a row for a new --scene in milliseconds; with --scenes it is
-judged on many that it has never seen.
+builder: uniform, greedy, ramp. A .zip archive of stable-baselines3 runs code when it is loaded and
+asks for --trust. `family` designs a row for a new --scene in milliseconds; with --scenes it is
+evaluated on many that were not in its training.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What teaches a designer best: imitation, the slope of its own rows, or both.
+"""What trains a designer best: imitation, the gradient of its own rows, or both.
 
     python -m agents.family_comparison --out runs/family-comparison
 
-teaches all of them (half an hour on one core), goes on where it was stopped, judges each on the
-same scenes that none has seen, and writes comparison.md.  Figures: docs/family.md.
+trains all of them (half an hour on one core), goes on where it was stopped, evaluates each on the
+same scenes, new to all, and writes comparison.md. Figures: docs/family.md.
 """
 
 from __future__ import annotations

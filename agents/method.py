@@ -1,10 +1,9 @@
 """Learners as methods of `optimize`: what they build counts, on the same clock.
 
-Named in the entry-point group `domino.methods`.  A learner begins anew in each search; every row it
+Named in the entry-point group `domino.methods`. A learner begins anew in each search; every row it
 builds while it learns is an evaluation, and so is the one it builds without noise now and then.
-Loading this takes the seconds that torch takes to load, before the clock of a search begins.
-
-ImportError, with what to install, where the extra "rl" is missing.
+Loading this takes the seconds that torch takes to load, before the clock of a search begins, and
+raises ImportError, with what to install, where the extra "rl" is missing.
 """
 
 from __future__ import annotations
@@ -95,8 +94,19 @@ def learn(
 ) -> None:
     """Train until the budget is spent.
 
-    Repeatable to the bit under a budget of evaluations.  Rows are built side by side, and all that
+    Repeatable to the bit under a budget of evaluations. Rows are built side by side, and all that
     are under way could still be paid for; a rest smaller than that is left.
+
+    Parameters
+    ----------
+    algorithm
+        One of `agents.presets.ALGORITHMS`.
+    budget
+        Of the search.
+    rng
+        Of all randomness.
+    plan
+        Hyperparameters; None for the algorithm's preset.
     """
     plan = plan or preset(algorithm, budget.problem.scene.count - 1)
     with streams_put_back(), warnings.catch_warnings():

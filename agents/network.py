@@ -26,7 +26,7 @@ class Network:
     layers: tuple[tuple[Single, Single], ...]
 
     def __call__(self, seen: Single) -> Single:
-        """(M,) the action for what is seen (inputs,), each entry from -1 to 1."""
+        """Compute the action (outputs,) for an observation (inputs,), each entry from -1 to 1."""
         values = seen
         for weight, bias in self.layers[:-1]:
             values = np.tanh(weight @ values + bias)

@@ -1,9 +1,9 @@
 """Train an agent that builds rows for a scene, and write down what it learned.
 
-SCENE `family` teaches one policy over random scenes, in a way of its own, whose batches are its
+SCENE `family` trains one policy over random scenes, in a way of its own, whose batches are its
 steps.
 
-Needs the extra "rl".  Ctrl-C ends the training with the best policy so far; --resume goes on.
+Needs the extra "rl". Ctrl-C ends the training with the best policy so far; --resume goes on.
 """
 
 from __future__ import annotations

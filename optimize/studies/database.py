@@ -54,13 +54,25 @@ class Database:
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """A session that sees one state of everything; ValueError, in words, where it fails."""
+        """Open a session that sees one state of everything.
+
+        Raises
+        ------
+        ValueError
+            Where it fails, in a sentence.
+        """
         with self._in_words(), Session(self._engine) as session:
             yield session
 
     @contextmanager
     def writing(self) -> Iterator[Session]:
-        """A session that is written whole, or not at all; it waits for other writers first."""
+        """Open a session that is written whole, or not at all; it waits for other writers first.
+
+        Raises
+        ------
+        ValueError
+            Where it fails, in a sentence.
+        """
         with self._in_words(), Session(self._writer) as session, session.begin():
             yield session
 

@@ -47,11 +47,11 @@ class Exact(sql.TypeDecorator[Any]):
     cache_ok = True
 
     def to_cell(self, value: Any) -> Any:
-        """What is written; ValueError for what cannot be kept."""
+        """Give what is written; ValueError for what cannot be kept."""
         return _json(value)
 
     def of_cell(self, cell: Any) -> Any:
-        """What was written; any error for what was not."""
+        """Give what was written; any error for what was not."""
         return json.loads(cell)
 
     def process_bind_param(self, value: Any, dialect: Dialect) -> Any:
@@ -199,17 +199,17 @@ _SHARED = [field.name for field in fields(TaskResult) if field.name != "scene"]
 
 
 def digest(scene: str) -> str:
-    """The name of a scene's text."""
+    """Name a scene's text."""
     return hashlib.sha256(scene.encode()).hexdigest()[:32]
 
 
 def cells_of(result: TaskResult) -> dict[str, Any]:
-    """The columns of a result, but for its study."""
+    """Give the columns of a result, but for its study."""
     return {name: getattr(result, name) for name in _SHARED} | {"scene": digest(result.scene)}
 
 
 def result_of(row: Result, scene: str | None) -> TaskResult:
-    """The result in a row, with the text of its scene."""
+    """Make the result in a row, with the text of its scene."""
     return TaskResult(**{name: getattr(row, name) for name in _SHARED}, scene=scene or "")
 
 

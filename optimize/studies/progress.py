@@ -1,4 +1,4 @@
-"""What is seen of many tasks: how many are done, how long the rest may take."""
+"""Lines on the terminal about many tasks: how many are done, how long the rest may take."""
 
 from __future__ import annotations
 

@@ -23,8 +23,10 @@ class Study:
 
     Attributes
     ----------
-    name, kind
-        As it was begun; the kind is for instance ``"comparison"`` or ``"sweep"``.
+    name
+        As it was begun.
+    kind
+        For instance ``"comparison"`` or ``"sweep"``.
     begun
         When [UTC, ISO 8601].
     settings
@@ -135,7 +137,13 @@ class Store:
         return self._studies(sql.true())
 
     def study(self, name: str) -> Study:
-        """Find a study; ValueError with the names of others where there is none of that name."""
+        """Find a study.
+
+        Raises
+        ------
+        ValueError
+            Where there is none of that name; it names others.
+        """
         found = self._named(name)
         if not found:
             known = ", ".join(f"'{one.name}'" for one in self.studies()[-10:]) or "none yet"

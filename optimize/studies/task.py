@@ -28,11 +28,23 @@ SCENES_KEPT = 32  # in each process, with their uniform marks: several tasks sha
 class Task:
     """One search, as plain data.
 
-    scene: the scene as TOML text.
-    method, seed: as of `optimize.search`; all randomness of the task comes from its own seed, so
-        that it does not matter who runs it, and when.
-    evaluations, seconds: its budget; a budget of seconds cannot be repeated to the bit.
-    labels: what the task is called among others, such as (("physics.friction", 0.1),).
+    All randomness of a task comes from its own seed, so that it does not matter who runs it, and
+    when.
+
+    Attributes
+    ----------
+    scene
+        The scene as TOML text.
+    method
+        As of `optimize.search`.
+    seed
+        As of `optimize.search`.
+    evaluations
+        Its budget, or None.
+    seconds
+        Its budget, or None; a budget of seconds cannot be repeated to the bit.
+    labels
+        What the task is called among others, such as (("physics.friction", 0.1),).
     """
 
     scene: str
@@ -52,9 +64,12 @@ class Task:
         seconds: float | None = None,
         labels: tuple[tuple[str, Label], ...] = (),
     ) -> Task:
-        """The task of searching a scene.
+        """Make the task of searching a scene.
 
-        ValueError for a scene that is not the same when it is written to a file and read back.
+        Raises
+        ------
+        ValueError
+            For a scene that is not the same when it is written to a file and read back.
         """
         text = scene.to_toml()
         back = parse_scene(text, scene.name, scene.name)
@@ -81,18 +96,33 @@ class Task:
 class TaskResult:
     """What is kept of a search: plain numbers and arrays.
 
-    key, method, seed, labels: of the task.  scene_name: of its scene.
-    score, uniform_score: of the best row found, and of the best uniform row.
-    gain: score / uniform_score - 1; None where one of the two waves dies.
-    outcome: name of the `Outcome` of the best row's wave; mean_speed [m/s], 0 where it dies.
-    spacing (N-1,), thickness (N,), height (N,): the best row [m].
-    evaluations, falls, seconds: spent.
-    trace: (evaluations, simulated falls, seconds, best score) at every improvement, and at the end.
-    versions: of everything the result may depend on.
-    scene: of the task, so that what is kept can be simulated again.
+    It can be repeated to the bit under a budget of evaluations, but for `seconds`, those in
+    `trace`, and `versions`.
 
-    Repeatable to the bit under a budget of evaluations, but for `seconds`, those in `trace`, and
-    `versions`.
+    Attributes
+    ----------
+    key, method, seed, labels
+        Of the task.
+    scene_name
+        Name of its scene.
+    score, uniform_score
+        Of the best row found, and of the best uniform row.
+    gain
+        score / uniform_score - 1; None where one of the two waves dies.
+    outcome
+        Name of the `Outcome` of the best row's wave.
+    mean_speed
+        Of that wave [m/s]; 0 where it dies.
+    spacing, thickness, height
+        (N-1,), (N,), (N,): the best row [m].
+    evaluations, falls, seconds
+        Spent.
+    trace
+        (evaluations, simulated falls, seconds, best score) at every improvement, and at the end.
+    versions
+        Of everything the result may depend on.
+    scene
+        TOML text of the task's scene, so that what is kept can be simulated again.
     """
 
     key: str
@@ -119,11 +149,21 @@ class TaskResult:
 def run_task(
     task: Task, watch: Callable[[Budget], None] | None = None, *, progress: bool | None = False
 ) -> TaskResult:
-    """Search, and keep what a study needs; the uniform mark is found here too.
+    """Search, and keep what a study needs; the uniform baseline is found here too.
 
-    watch, progress: as of `optimize.search`.
-    Raises what `search` raises, and KeyboardInterrupt for a search that was ended by hand: half a
-    search is no result of its task.
+    Parameters
+    ----------
+    task
+        What to search.
+    watch, progress
+        As of `optimize.search`.
+
+    Raises
+    ------
+    ValueError
+        As of `optimize.search`.
+    KeyboardInterrupt
+        For a search that was ended by hand: half a search is no result of its task.
     """
     result = search(
         scene_of(task.scene),
@@ -160,7 +200,7 @@ def run_task(
 
 
 def search_result(scene: Scene, kept: TaskResult) -> SearchResult:
-    """The full result again, from what was kept of it; its wave is simulated anew."""
+    """Make the full result again from what was kept of it; its wave is simulated anew."""
     layout = scene.layout(
         kept.spacing,
         kept.thickness[1:],
@@ -185,5 +225,5 @@ def search_result(scene: Scene, kept: TaskResult) -> SearchResult:
 
 @lru_cache(SCENES_KEPT)
 def scene_of(text: str) -> Scene:
-    """The scene of a TOML text."""
+    """Read the scene of a TOML text."""
     return parse_scene(text, "scene", "scene")
