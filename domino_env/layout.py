@@ -27,11 +27,11 @@ class Layout:
     thickness
         (N,) size along the fall [m]; a single number serves all.
     height
-        Scalar or (N,) [m].
+        Scalar or (N,) [m]; unless given, the standard domino's 0.048.
     width
-        Size across the fall [m]; it changes no time.
+        Size across the fall [m]; it changes no time. Unless given, 0.024.
     density
-        Scalar or (N,) [kg/m³].
+        Scalar or (N,) [kg/m³]; unless given, 1040.
 
     Raises
     ------
@@ -112,10 +112,19 @@ class Layout:
             Pivot to pivot [m]; give either this or `spacing`.
         spacing
             Free gap [m].
-        thickness, height, width
+        thickness
+            Size along the fall [m].
+        height
             Of every domino [m].
+        width
+            Size across the fall [m].
         density
             Of every domino [kg/m³].
+
+        Raises
+        ------
+        ValueError
+            For neither or both of pitch and spacing, dominoes that overlap, and as of the class.
         """
         if count < 1:
             raise ValueError(f"count = {count}: a row has at least one domino")

@@ -53,7 +53,9 @@ def fit_friction(
         (K,) pivot to pivot, of each row [m].
     frequencies
         (K,) hits a second.
-    thickness, height
+    thickness
+        Of all dominoes [m].
+    height
         Of all dominoes [m].
     gravity
         [m/s²]
