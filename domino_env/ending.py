@@ -23,8 +23,22 @@ Objects = NDArray[np.object_]
 class Endings:
     """What is kept of E episodes that ended together.
 
-    spacing: (E, N-1); thickness, height: (E, N); placed: (E,) dominoes placed after the first, what
-    lies beyond them is not used.  reach: (E,) how far each wave came, of the scene's N dominoes.
+    Attributes
+    ----------
+    scene
+        What was built.
+    rtol
+        Relative error allowed in the arrival times.
+    spacing
+        (E, N-1) [m]; what lies beyond the dominoes placed is not used.
+    thickness
+        (E, N) [m]
+    height
+        (E, N) [m]
+    placed
+        (E,) dominoes placed after the first.
+    reach
+        (E,) how far each wave came, of the scene's N dominoes.
     """
 
     scene: Scene
@@ -36,7 +50,7 @@ class Endings:
     reach: list[float]
 
     def layout(self, i: int) -> Layout:
-        """What was placed in episode i."""
+        """Return what was placed in episode i."""
         scene, placed = self.scene, self.placed[i]
         return Layout(
             self.spacing[i, :placed],
@@ -47,7 +61,7 @@ class Endings:
         )
 
     def wave(self, i: int) -> dict[str, Any]:
-        """The fields of the wave of episode i; its reach counts against the scene's N dominoes."""
+        """Return the fields of the wave of episode i; its reach counts against all N dominoes."""
         wave = simulate(self.layout(i), self.scene.physics, rtol=self.rtol)
         return vars(wave) | {"reach": self.reach[i]}
 
@@ -89,7 +103,7 @@ class LateWave(Wave):
 
     @classmethod
     def known(cls, wave: Wave) -> Self:
-        """One that has been simulated already."""
+        """Take one that has been simulated already."""
         self = object.__new__(cls)
         self.__dict__.update(vars(wave))
         return self

@@ -22,8 +22,8 @@ class DominoChain(RowEnv):
 
     ## Description
     A scene says how many dominoes stand in a row and what may be chosen: the gaps between them,
-    their thickness, or both.  The first domino is the scene's and has been pushed.  Each step
-    places the next domino and lets the front of the wave fall onto it.  What is placed later never
+    their thickness, or both. The first domino is the scene's and has been pushed. Each step
+    places the next domino and lets the front of the wave fall onto it. What is placed later never
     changes what has fallen before, so this is an exact Markov decision process: an episode's row
     is simulated to the tolerance asked for, and a step costs microseconds.
 
@@ -38,18 +38,20 @@ class DominoChain(RowEnv):
     | growth    | its height over that of the one before      | 1                        |
 
     The bounds narrow to what the scene's rules leave; no row that breaks them can be built.
+
     - A total length: with R left of it and m dominoes to place after this one, the pitch (gap and
       thickness) lies between R - m (largest gap + largest thickness) and R - m (least gap + least
-      thickness).  The thickness ranges over what leaves some gap for such a pitch, the gap over
-      what fits the thickness chosen; the last pitch is what is left.  `bounds_ahead()` tells.
+      thickness). The thickness ranges over what leaves some gap for such a pitch, the gap over
+      what fits the thickness chosen; the last pitch is what is left. `bounds_ahead()` tells.
     - A largest change: the gap stays that close to the one before.
-    - Lists, steps: the nearest value that is allowed.  A stock: the nearest thickness that is left
+    - Lists, steps: the nearest value that is allowed. A stock: the nearest thickness that is left
       in the box.
+
     A length together with lists, a stock or a largest change is refused.
 
     ## Observation space
-    `Box(low, high, (O,), float32)`, finite.  h is the height of the first domino, g gravity, N the
-    number of dominoes, k how many are placed after the first.  Entries marked * are there only
+    `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, N the
+    number of dominoes, k how many are placed after the first. Entries marked * are there only
     where the scene asks for a length, + where rows grow, # where there is a stock; windows only of
     what the scene leaves free.
 
@@ -73,38 +75,43 @@ class DominoChain(RowEnv):
     Each step but the last pays (pitch - reference speed × time of the fall) / h: the lead gained
     over a wave at the reference speed, by default that of the best uniform row, in domino heights.
     The last step pays what makes the undiscounted return 100 (score / score of the best uniform
-    row - 1), whatever the reference speed.  So the return orders layouts as `scene.score` does.
+    row - 1), whatever the reference speed. So the return orders layouts as `scene.score` does.
     A wave that dies scores between -1 and 0, higher the further it came (see `Scene.score`): its
-    return is below -100, and below that of every row that topples.  (Where even the best uniform
+    return is below -100, and below that of every row that topples. (Where even the best uniform
     row scores 0 or less, the return is 100 (score - its score) / |its score|.)  Where the objective
     is no speed ("tempo", "toppled", "magnify"), only the last step pays.
 
     ## Starting state
-    The first domino alone.  `reset(options={"layout": layout})` starts from a layout of fewer
+    The first domino alone. `reset(options={"layout": layout})` starts from a layout of fewer
     dominoes, which have been laid and have fallen; what they have gained counts as paid, so that
-    the rewards to come are those of a whole episode.  Nothing is random: the seed changes nothing.
+    the rewards to come are those of a whole episode. Nothing is random: the seed changes nothing.
 
     ## Episode end
-    Terminated when the last domino is placed, or when the wave dies.  Never truncated.
+    Terminated when the last domino is placed, or when the wave dies. Never truncated.
 
     ## Info
     Empty but on the last step: `score` (that of `wave`), `gain` (over the best uniform row, 0.01 is
     one per cent), `outcome` (an `Outcome`), `layout` (what was placed) and `wave` (its wave at the
-    environment's tolerance; its `reach` counts against all N dominoes).  Layout and wave are worked
+    environment's tolerance; its `reach` counts against all N dominoes). Layout and wave are worked
     out when they are looked at.
-
-    ## Arguments
-    - `scene`: a name, the path of a TOML file, or a `Scene`.  Default "sprint".
-    - `render_mode`: None, "rgb_array", "human" or "ansi".
-    - `rtol`: relative error allowed in the arrival times, 1e-3 to 1e-13.  Default 1e-6; the score
-      on the last step is that of `scene.simulate(layout, rtol)`, which `scene.score` computes at
-      1e-10.
-    - `reference_speed`: [m/s]; None for the best uniform row's.  May be set at any time:
-      `env.unwrapped.reference_speed = 0.83`.
-    - `window`: W, how many gaps and thicknesses are seen.  Default 8; at most N - 1.
 
     ## Version history
     - v0: first version.
+
+    Parameters
+    ----------
+    scene
+        A name, the path of a TOML file, or a `Scene`.
+    render_mode
+        None, "rgb_array", "human" or "ansi".
+    rtol
+        Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
+        that of `scene.simulate(layout, rtol)`, which `scene.score` computes at 1e-10.
+    reference_speed
+        Speed that the rewards of single steps count against [m/s]; None for the best uniform
+        row's. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
+    window
+        W, how many gaps and thicknesses are seen; at most N - 1.
     """
 
     def __init__(
@@ -133,9 +140,24 @@ class DominoChain(RowEnv):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Seen, dict[str, Any]]:
-        """Begin a row; options: {"layout": Layout} of the dominoes to start from.
+        """Begin a row.
 
-        ValueError for other options, and for a layout that breaks the scene's rules or dies.
+        Parameters
+        ----------
+        seed
+            Of `np_random`; nothing is random, so it changes nothing else.
+        options
+            {"layout": Layout} of the dominoes to start from.
+
+        Returns
+        -------
+        tuple
+            The observation and an empty info.
+
+        Raises
+        ------
+        ValueError
+            For other options, and for a layout that breaks the scene's rules or dies.
         """
         super().reset(seed=seed)
         start = checked_options(options).get("layout")
@@ -146,7 +168,25 @@ class DominoChain(RowEnv):
         return seen[0], {}
 
     def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Place the next domino; see the class.  ValueError for an action that is none."""
+        """Place the next domino.
+
+        Parameters
+        ----------
+        action
+            (A,) in [-1, 1], as of the class.
+
+        Returns
+        -------
+        tuple
+            Observation, reward, terminated, truncated and info, as of the class.
+
+        Raises
+        ------
+        ValueError
+            For an action of another shape or with entries that are not finite.
+        ResetNeeded
+            Before `reset`, and once the episode is over.
+        """
         values = np.asarray(action, dtype=np.float64)
         if values.shape != self.action_space.shape or not np.isfinite(values).all():
             raise ValueError(wrong_actions(values, self.action_space))
@@ -169,7 +209,7 @@ class DominoChain(RowEnv):
         return seen[0], float(rewards[0]), over, False, info
 
     def bounds_ahead(self) -> dict[str, tuple[float, float]]:
-        """What the next action ranges over: {"spacing": (low, high), "thickness": …} [m].
+        """Return what the next action ranges over: {"spacing": (low, high), "thickness": …} [m].
 
         Where a length is to be met, the gap's bounds depend on the thickness that the same action
         chooses: they are given for the middle of its range.
@@ -177,5 +217,5 @@ class DominoChain(RowEnv):
         return self._rows.bounds_ahead(0)
 
     def moment(self) -> Moment:
-        """The row at the latest hit."""
+        """Show the row at the latest hit."""
         return self._rows.moment(0)

@@ -19,17 +19,29 @@ Floats = NDArray[np.float64]
 class Diagnosis:
     """Where a row leans on what the model assumes; per domino, nan where the wave did not come.
 
-    outcome: how the wave ended.
-    least_contact_force: (N-1,) smallest force between domino i and i+1 while they touch [N].
-        Negative where the model keeps a contact closed that would open.
-    least_hit_impulse, least_flush_impulse: (N-1,) smallest impulse of that contact in hits and in
-        flushes [N s]; nan for flushes where there was none.  Negative likewise.
-    floor_friction: (N,) coefficient of friction with the floor that keeps the pivot from sliding;
-        inf where the pivot is not pressed down at all.
-    least_load: (N,) smallest load on the pivot over the domino's weight; negative where it lifts.
-    flush_loss: (N,) largest part of the leader's speed lost in one flush while domino i led.
-    stall_margin: (N,) lowest u = ω² over its value at release, as domino i led.
+    Attributes
+    ----------
+    outcome
+        How the wave ended.
+    least_contact_force
+        (N-1,) smallest force between domino i and i+1 while they touch [N]; negative where the
+        model keeps a contact closed that would open.
+    least_hit_impulse
+        (N-1,) smallest impulse of that contact in hits [N s]; negative likewise.
+    least_flush_impulse
+        (N-1,) smallest impulse of that contact in flushes [N s]; nan where there was none.
+    floor_friction
+        (N,) coefficient of friction with the floor that keeps the pivot from sliding; inf where
+        the pivot is not pressed down at all.
+    least_load
+        (N,) smallest load on the pivot over the domino's weight; negative where it lifts.
+    flush_loss
+        (N,) largest part of the leader's speed lost in one flush while domino i led.
+    stall_margin
+        (N,) lowest u = ω² over its value at release, as domino i led.
 
+    Notes
+    -----
     Forces are looked at at 17 angles of each fall, impulses at every hit and, of several flushes
     within a sixteenth of a fall, at the last.
     """
@@ -59,9 +71,18 @@ class Diagnosis:
 
 
 def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
-    """Contact forces and impulses, floor friction, lifted pivots and flush losses of a wave.
+    """Find contact forces and impulses, floor friction, lifted pivots and flush losses of a wave.
 
     Dominoes more than 400 behind the leader are taken to lie still.
+
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    rtol
+        As of `simulate`.
     """
     loads = np.full(layout.count, np.nan, kernels.LOADS)
     for least in ("contact_force", "hit_impulse", "flush_impulse", "load"):

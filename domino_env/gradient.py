@@ -18,14 +18,28 @@ Floats = NDArray[np.float64]
 class Gradient:
     """Derivatives of one number, in its unit over the unit of what is changed; all else fixed.
 
-    spacing (N-1,), thickness (N,), height (N,) [1/m]: a free gap changes and all later dominoes
-        move with it; a thickness changes and the gaps stay.
-    density (N,) [m³/kg].
-    friction [1], gravity [s²/m], push [s/rad].
-
     Of B layouts, every field has a leading B.
 
-    The derivative exists almost everywhere.  Where a switch of contact coincides with a hit, where
+    Attributes
+    ----------
+    spacing
+        (N-1,) [1/m]; a free gap changes and all later dominoes move with it.
+    thickness
+        (N,) [1/m]; a thickness changes and the gaps stay.
+    height
+        (N,) [1/m]
+    density
+        (N,) [m³/kg]
+    friction
+        [1]
+    gravity
+        [s²/m]
+    push
+        [s/rad]
+
+    Notes
+    -----
+    The derivative exists almost everywhere. Where a switch of contact coincides with a hit, where
     links flush together, and at the onset of a flush, it jumps: then it is that of the sequence of
     events that the simulation went through, one side of the kink.
     """
@@ -62,9 +76,20 @@ def room_for(count: int) -> Tape:
 def pull(
     layout: Layout, physics: Physics, tape: Tape, arrival_bar: ArrayLike, hit: int
 ) -> Gradient:
-    """Σ_k arrival_bar[k] ∂t_k, as `Wave.pullback` gives it.
+    """Return Σ_k arrival_bar[k] ∂t_k, as `Wave.pullback` gives it.
 
-    tape: what the chain wrote while it ran.  hit: dominoes that were struck.
+    Parameters
+    ----------
+    layout
+        What stood.
+    physics
+        What made it fall.
+    tape
+        What the chain wrote while it ran.
+    arrival_bar
+        (N,) as of `Wave.pullback`.
+    hit
+        Dominoes that were struck.
     """
     bar = np.array(arrival_bar, dtype=np.float64)
     if bar.shape != (layout.count,):

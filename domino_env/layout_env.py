@@ -39,14 +39,20 @@ class DominoLayout(RowEnv):
     100 (score / score of the best uniform row - 1), as the return of `DominoChain-v0`.
 
     ## Starting state, episode end, info
-    Nothing stands but the first domino; every step ends its episode.  `info` has `score`, `gain`,
+    Nothing stands but the first domino; every step ends its episode. `info` has `score`, `gain`,
     `outcome`, `layout`, `wave`, as in `DominoChain-v0`.
-
-    ## Arguments
-    `scene`, `render_mode`, `rtol` as in `DominoChain-v0`.
 
     ## Version history
     - v0: first version.
+
+    Parameters
+    ----------
+    scene
+        As of `DominoChain`.
+    render_mode
+        As of `DominoChain`.
+    rtol
+        As of `DominoChain`.
     """
 
     def __init__(
@@ -80,7 +86,25 @@ class DominoLayout(RowEnv):
         return np.zeros(1, np.float32), {}
 
     def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Lay the row and topple it.  ValueError for an action that is none."""
+        """Lay the row and topple it.
+
+        Parameters
+        ----------
+        action
+            (A,) in [-1, 1], as of the class.
+
+        Returns
+        -------
+        tuple
+            Observation, reward, terminated, truncated and info, as of the class.
+
+        Raises
+        ------
+        ValueError
+            For an action of another shape or with entries that are not finite.
+        ResetNeeded
+            Before `reset`: an episode has one step.
+        """
         values = np.asarray(action, dtype=np.float64)
         if values.shape != self.action_space.shape or not np.isfinite(values).all():
             raise ValueError(wrong_actions(values, self.action_space))
@@ -119,7 +143,7 @@ class DominoLayout(RowEnv):
         return scene.layout(gaps, values[-pairs:] if scene.free_thickness else None)
 
     def moment(self) -> Moment:
-        """The first domino alone, or the row at its last hit."""
+        """Show the first domino alone, or the row at its last hit."""
         mark_speed, wave = self.mark.wave.mean_speed, self._wave
         if wave is None:
             scene = self.scene
@@ -140,7 +164,7 @@ class DominoLayout(RowEnv):
 
 
 def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """The point of {low ≤ x ≤ high, Σ x = total} nearest to `values`, (n,) each.
+    """Find the point of {low ≤ x ≤ high, Σ x = total} nearest to `values`, (n,) each.
 
     The projection shifts all entries alike and cuts them off at their bounds; halving the range of
     the shift until nothing is left of it finds it to rounding, which one entry then takes up.

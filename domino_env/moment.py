@@ -18,12 +18,24 @@ Floats = NDArray[np.float64]
 class Moment:
     """The row laid so far and where its wave is.
 
-    spacing: (M,) gaps laid so far [m]; thickness, height: (M+1,) of the dominoes standing [m].
-    hit: dominoes struck so far, the pushed one included; the last of them leads.
-    time: of the latest hit [s]; 0 before any.
-    speed: angular velocity of the leader just after it was hit [rad/s]; 0 where the wave died.
-    uniform_speed: mean speed of the scene's best uniform row [m/s].
-    wave: what is known of the wave through these dominoes; None while it runs on.
+    Attributes
+    ----------
+    spacing
+        (M,) gaps laid so far [m].
+    thickness
+        (M+1,) of the dominoes standing [m].
+    height
+        (M+1,) of the dominoes standing [m].
+    hit
+        Dominoes struck so far, the pushed one included; the last of them leads.
+    time
+        Of the latest hit [s]; 0 before any.
+    speed
+        Angular velocity of the leader just after it was hit [rad/s]; 0 where the wave died.
+    uniform_speed
+        Mean speed of the scene's best uniform row [m/s].
+    wave
+        What is known of the wave through these dominoes; None while it runs on.
     """
 
     spacing: Floats

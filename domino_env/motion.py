@@ -18,11 +18,22 @@ PIECES = 32  # looks at every fall
 class Motion:
     """The lean of every domino of a row over time.
 
-    layout, physics: what falls.
-    end: when all that moves has come to rest or lies flat [s]; nothing moves afterwards.
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
 
+    Attributes
+    ----------
+    end
+        When all that moves has come to rest or lies flat [s]; nothing moves afterwards.
+
+    Notes
+    -----
     The leader's angle is interpolated between 32 looks at each of its falls (to some 1e-4 rad, at
-    the kinks that flushes make); all others follow from it by their contacts.  What the model does
+    the kinks that flushes make); all others follow from it by their contacts. What the model does
     not follow stays where it was lost: dominoes behind a released link, a leader that has stalled.
     """
 
@@ -56,11 +67,16 @@ class Motion:
 
 
 def lean_behind(layout: Layout, leader: Ints, angle: Floats) -> Floats:
-    """(T, N) leans of a row whose leader (T,) leans by angle (T,); those ahead of it stand.
+    """Return (T, N) leans of a row whose leader (T,) leans by angle (T,) [rad].
 
-    Contacts as of physics: a tip slides down until the faces are flush, then the front face rests
-    on the rear edge, until that is lost; angles only grow, so each lean tells its contact.
-    Source: van Leeuwen 2004; Chapman, eq. 1.
+    Those ahead of the leader stand. Contacts as of physics: a tip slides down until the faces are
+    flush, then the front face rests on the rear edge, until that is lost; angles only grow, so each
+    lean tells its contact.
+
+    References
+    ----------
+    J. M. J. van Leeuwen, The domino effect (2004), arXiv physics/0401018;
+    Chapman, The physics of toppling dominoes, eq. 1.
     """
     leans = np.zeros((len(leader), layout.count))
     s, c = np.sin(angle), np.cos(angle)
@@ -88,9 +104,10 @@ def lean_behind(layout: Layout, leader: Ints, angle: Floats) -> Floats:
 
 
 def outlines(layout: Layout, leans: Floats) -> Floats:
-    """Corners of every domino, (N, 4, 2) [m], x along the row and z up, of leans (N,) [rad].
+    """Return the corners of every domino of leans (N,) [rad], (N, 4, 2) [m].
 
-    In order: the front bottom edge it turns about, top front, top rear, bottom rear.
+    x runs along the row, z up. In order: the front bottom edge it turns about, top front, top rear,
+    bottom rear.
     """
     up = np.stack([np.sin(leans), np.cos(leans)], axis=-1) * layout.height[:, None]
     back = np.stack([-np.cos(leans), np.sin(leans)], axis=-1) * layout.thickness[:, None]

@@ -24,7 +24,12 @@ WINDOW = 8
 class RowEnv(gymnasium.Env[Seen, Seen]):
     """An environment of one row that can be looked at.
 
-    scene: the design problem.  render_mode: None, "rgb_array", "human" or "ansi".
+    Parameters
+    ----------
+    scene
+        The design problem: a name, the path of a TOML file, or a `Scene`.
+    render_mode
+        None, "rgb_array", "human" or "ansi".
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
@@ -39,10 +44,10 @@ class RowEnv(gymnasium.Env[Seen, Seen]):
 
     @abstractmethod
     def moment(self) -> Moment:
-        """The row at the latest hit."""
+        """Show the row at the latest hit."""
 
     def render(self) -> NDArray[np.uint8] | str | None:
-        """A frame of the row at the latest hit: an image, a text, or None for a window."""
+        """Draw the row at the latest hit: an image, a text, or None for a window."""
         if self.render_mode is None:
             gymnasium.logger.warn(
                 'render() shows nothing without a render mode: gymnasium.make(…, render_mode="…") '
@@ -65,12 +70,12 @@ class RowEnv(gymnasium.Env[Seen, Seen]):
 
 
 def new_painter(scene: Scene, render_mode: str) -> Any:
-    """Loads what draws, now that somebody asks for it."""
+    """Load what draws, now that somebody asks for it."""
     return import_module("domino_env.render").Painter(scene, render_mode)
 
 
 def checked_render_mode(mode: str | None, allowed: tuple[str, ...] = RENDER_MODES) -> str | None:
-    """The mode, if there is such a one."""
+    """Return the mode, if there is such a one."""
     if mode is not None and mode not in allowed:
         raise ValueError(f"render_mode = {mode!r}: choose None or one of {', '.join(allowed)}")
     return mode
@@ -79,7 +84,7 @@ def checked_render_mode(mode: str | None, allowed: tuple[str, ...] = RENDER_MODE
 def checked_options(
     options: dict[str, Any] | None, allowed: tuple[str, ...] = ("layout",)
 ) -> dict[str, Any]:
-    """The options of a reset, if they are known ones."""
+    """Return the options of a reset, if they are known ones."""
     for key in options or {}:
         if key not in allowed:
             known = ", ".join(allowed) or "none"
@@ -88,7 +93,7 @@ def checked_options(
 
 
 def wrong_actions(values: Floats, space: gymnasium.Space[Any]) -> str:
-    """What is wrong with actions that do not fit a space."""
+    """Say what is wrong with actions that do not fit a space."""
     if values.shape != space.shape:
         return f"action of shape {values.shape}: expected {space.shape}, entries from -1 to 1"
     place = np.argwhere(~np.isfinite(values))[0]

@@ -37,7 +37,7 @@ def _scene_of(text: str) -> Scene:
 
 
 def shared_scene(scene: str | Path | Scene) -> Scene:
-    """The scene, the same object for all who ask for equal ones: its mark is found once."""
+    """Load a scene, the same object for all who ask for equal ones: its mark is found once."""
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
     try:
         return _scene_of(loaded.to_toml())
@@ -46,7 +46,13 @@ def shared_scene(scene: str | Path | Scene) -> Scene:
 
 
 def require_choice(scene: Scene) -> None:
-    """Refuse a scene that leaves nothing free, or whose rules cannot be kept domino by domino."""
+    """Refuse a scene that leaves nothing free, or whose rules cannot be kept domino by domino.
+
+    Raises
+    ------
+    ValueError
+        Says what to leave out.
+    """
     if not (scene.free_spacing or scene.free_thickness or scene.free_height):
         raise ValueError(
             f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
@@ -61,7 +67,7 @@ def require_choice(scene: Scene) -> None:
 
 
 def kinds_to_choose(scene: Scene) -> tuple[Floats, Floats]:
-    """The thicknesses that dominoes 1 … N-1 may have [m], if only some, and how many of each."""
+    """Return the thicknesses that dominoes may have [m], if only some, and how many of each."""
     if scene.stock is not None:
         box = scene.stock.without(scene.first_thickness)
         order = np.argsort(box.thickness)
@@ -71,7 +77,7 @@ def kinds_to_choose(scene: Scene) -> tuple[Floats, Floats]:
 
 
 def scene_score(scene: Scene, wave: Wave) -> float:
-    """The score of a wave; also of one that died before all dominoes were placed."""
+    """Score a wave; also one that died before all dominoes were placed."""
     if wave.layout.count == scene.count:
         return scene.score_wave(wave)
     # how a wave that dies is judged depends on nothing that is not yet placed
@@ -79,7 +85,7 @@ def scene_score(scene: Scene, wave: Wave) -> float:
 
 
 def checked_rtol(rtol: float) -> float:
-    """The tolerance, if it is one that the simulator takes."""
+    """Return the tolerance, if it is one that the simulator takes."""
     if not TIGHTEST <= rtol <= LOOSEST:
         raise ValueError(f"rtol = {rtol}: choose a tolerance between {TIGHTEST} and {LOOSEST}")
     return float(rtol)
@@ -88,10 +94,24 @@ def checked_rtol(rtol: float) -> float:
 class Rows:
     """The arrays of B rows, allocated once, and the two compiled calls that move them.
 
-    scene: what is built.  number: B.  rtol: relative error allowed in the arrival times.
-    reference_speed: [m/s] that the rewards of single steps count against; None for the mean speed
-        of the best uniform row.
-    window: gaps (and thicknesses) seen behind the front.
+    Parameters
+    ----------
+    scene
+        What is built.
+    number
+        B.
+    rtol
+        Relative error allowed in the arrival times.
+    reference_speed
+        Speed that the rewards of single steps count against [m/s]; None for the mean speed of the
+        best uniform row.
+    window
+        Gaps (and thicknesses) seen behind the front.
+
+    Raises
+    ------
+    ValueError
+        For what `require_choice` and `checked_rtol` refuse, and a window or speed out of range.
     """
 
     def __init__(
@@ -203,9 +223,20 @@ class Rows:
     ) -> None:
         """Begin anew in the chosen rows (B,) and write what is seen of them.
 
-        start: the first dominoes of each row, or of all, already laid; None for the first alone.
-        Raises ValueError, and leaves every row as it was, where `start` breaks the scene's rules
-        or its wave dies.
+        Parameters
+        ----------
+        chosen
+            (B,) which rows.
+        seen
+            (B, O) observations, written for the chosen rows.
+        start
+            The first dominoes of each row, or of all, already laid; None for the first alone.
+
+        Raises
+        ------
+        ValueError
+            Where `start` breaks the scene's rules or its wave dies; every row is then left as it
+            was.
         """
         given = np.zeros(self.number, np.int64)
         if start is not None:
@@ -254,8 +285,16 @@ class Rows:
     def step(self, actions: Floats) -> tuple[Seen, Floats, Bools]:
         """Place a domino in every row that runs.
 
-        actions: (B, choices) in [-1, 1].  Returns what is seen (B, O), rewards (B,) and which
-        episodes ended (B,); of rows that do not run, nothing is seen (the entries are not set).
+        Parameters
+        ----------
+        actions
+            (B, choices) in [-1, 1].
+
+        Returns
+        -------
+        tuple
+            Observations (B, O), rewards (B,) and which episodes ended (B,). Of rows that do not run
+            nothing is observed: their entries are not set.
         """
         seen = np.empty((self.number, len(self.seen_low)), np.float32)
         rewards = np.empty(self.number)
@@ -266,7 +305,7 @@ class Rows:
         return seen, rewards, ended
 
     def actions_towards(self, layout: Layout) -> Floats:
-        """Actions (B, choices) that place the next domino of every row as it stands in a layout.
+        """Return actions (B, choices) that place the next domino of every row as in a layout.
 
         Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
         """
@@ -298,7 +337,7 @@ class Rows:
         return action
 
     def lay(self, actions: Floats) -> Layout:
-        """The whole row that actions (N-1, choices) stand for, none of it simulated."""
+        """Lay the whole row that actions (N-1, choices) stand for, none of it simulated."""
         scene, batch = self.scene, self._batch
         row = kernels.Row(
             batch.spacing[0].copy(), batch.thickness[0].copy(), batch.height[0].copy(),
@@ -310,11 +349,22 @@ class Rows:
     # ends -----------------------------------------------------------------------------------------
 
     def settle(self, rows: NDArray[np.intp], rewards: Floats) -> dict[str, NDArray[Any]]:
-        """What there is to tell of episodes that have just ended; puts their last rewards right.
+        """Collect what there is to tell of episodes that have just ended.
 
-        rows: (E,) which.  Where a wave's own estimate exceeds the tolerance it is run again, more
-        closely, as `simulate` does: a row that is built step by step cannot go back.
-        Returns score, gain, outcome, layout and wave, (E,) each.
+        Where a wave's own estimate exceeds the tolerance it is run again, more closely, as
+        `simulate` does: a row that is built step by step cannot go back.
+
+        Parameters
+        ----------
+        rows
+            (E,) which.
+        rewards
+            (B,) of the last step; those of the episodes that ended are put right in place.
+
+        Returns
+        -------
+        dict
+            score, gain, outcome, layout and wave, (E,) each.
         """
         scene = self.scene
         endings = self._endings(rows)
@@ -355,7 +405,7 @@ class Rows:
         return float(kernels.plain(kernels.episode_return)(score, self.mark.score))
 
     def moment(self, b: int) -> Moment:
-        """Row b as it stands and falls."""
+        """Show row b as it stands and falls."""
         episode, state = self.episodes[b], self._batch.states[b]
         placed = int(episode.placed)
         over = episode.phase == kernels.OVER
@@ -373,7 +423,7 @@ class Rows:
         )
 
     def bounds_ahead(self, b: int) -> dict[str, tuple[float, float]]:
-        """What the next action of row b ranges over [m]: "thickness", and "spacing" with it.
+        """Return what the next action of row b ranges over, "spacing" and "thickness" [m].
 
         Where a length is to be met, the gap's bounds depend on the thickness that the same action
         chooses: they are given for its middle.
@@ -393,7 +443,7 @@ def _action_for(value: float, low: float, high: float) -> float:
 
 
 def progress_features(count: int) -> Seen:
-    """(N, 1 + 2 S) for 0 … N-1 dominoes placed: the part of the row, closeness to both ends."""
+    """Return (N, 1 + 2 S) for 0 … N-1 dominoes placed: part of the row, closeness to both ends."""
     placed = np.arange(count)[:, None]
     scales = np.array(SCALES)
     features = [

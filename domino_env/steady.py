@@ -24,11 +24,23 @@ Floats = NDArray[np.float64]
 class SteadyWave:
     """The wave that an endless row carries for ever, or why there is none.
 
-    exists: whether there is one; `explanation` says why not.
-    speed [m/s], frequency: hits a second, over a whole period; 0 where there is none.
-    omega_release, omega_impact: angular velocity of each leader just after it is hit and just
-        before it hits [rad/s]: a number for a uniform row, (P,) for a pattern; nan where none.
-    fall_times: seconds between hits, likewise.
+    Attributes
+    ----------
+    exists
+        Whether there is one.
+    explanation
+        Why there is none.
+    speed
+        Over a whole period [m/s]; 0 where there is none.
+    frequency
+        Hits a second, over a whole period; 0 where there is none.
+    omega_release
+        Angular velocity of each leader just after it is hit [rad/s]: a number for a uniform row,
+        (P,) for a pattern; nan where there is none.
+    omega_impact
+        The same just before it hits.
+    fall_times
+        Seconds between hits, likewise.
     """
 
     exists: bool
@@ -49,14 +61,33 @@ def steady_wave(
     density: ArrayLike = DENSITY,
     rtol: float = 1e-11,
 ) -> SteadyWave:
-    """The steady wave of an endless uniform row, or of one that repeats a pattern.
+    """Find the steady wave of an endless uniform row, or of one that repeats a pattern.
 
-    pitch: pivot to pivot [m], a number, or (P,): from domino j to j+1, the last to the next
-        period's first.  thickness, height [m], density [kg/m³]: a number or (P,) each.
-    physics: friction and gravity (default: friction 0.25); its push plays no part.
+    Parameters
+    ----------
+    pitch
+        Pivot to pivot [m]: a number, or (P,) from domino j to j+1, the last to the next period's
+        first.
+    thickness
+        A number or (P,) [m].
+    height
+        A number or (P,) [m].
+    physics
+        Friction and gravity, by default 0.25 and 9.81 m/s²; the push plays no part.
+    density
+        A number or (P,) [kg/m³].
+    rtol
+        Relative error allowed in the times.
 
-    Raises ValueError for rows that cannot stand.  The contact states of the stack behind a leader
-    follow from its angles alone, so nothing is simulated but the P falls of one period.
+    Raises
+    ------
+    ValueError
+        For rows that cannot stand.
+
+    Notes
+    -----
+    The contact states of the stack behind a leader follow from its angles alone, so nothing is
+    simulated but the P falls of one period.
     """
     physics = physics or Physics()
     shapes = [np.asarray(a, dtype=np.float64) for a in (pitch, thickness, height, density)]
@@ -128,11 +159,23 @@ def _none(why: str, scalar: bool, period: int) -> SteadyWave:
 
 
 def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> float:
-    """Angular velocity of domino 0 below which the wave dies [rad/s]; physics.push plays no part.
+    """Find the angular velocity of domino 0 below which the wave dies [rad/s].
 
-    inf where no push helps: a gap out of reach, friction that jams the row, or no rigid answer.
-    0 where the first domino, tipped by a breath, topples the row (it never is: it has to be
-    lifted over its edge).
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        Friction and gravity; the push plays no part.
+    rtol
+        Relative error allowed in the push.
+
+    Returns
+    -------
+    float
+        inf where no push helps: a gap out of reach, friction that jams the row, or no rigid
+        answer. 0 where the first domino, tipped by a breath, topples the row (it never is: it has
+        to be lifted over its edge).
     """
     row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
     outcome, need = kernels.compose_row(row, physics.friction, physics.gravity, rtol)
@@ -144,9 +187,27 @@ def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> floa
 def terminal_speed_estimate(
     pitch: float, thickness: float, height: float = HEIGHT, gravity: float = 9.81
 ) -> float:
-    """Speed of the steady wave of thin, frictionless dominoes, roughly [m/s] (Chapman, eq. 13).
+    """Estimate the speed of the steady wave of thin, frictionless dominoes [m/s].
 
-    Raises ValueError where the formula has no answer: no energy is released (eq. 12).
+    Parameters
+    ----------
+    pitch
+        Pivot to pivot [m].
+    thickness
+        [m]
+    height
+        [m]
+    gravity
+        [m/s²]
+
+    Raises
+    ------
+    ValueError
+        Where the formula has no answer, as no energy is released (eq. 12).
+
+    References
+    ----------
+    Chapman, The physics of toppling dominoes, eq. 13.
     """
     lean, slender = thickness / pitch, thickness / height
     if not 0.0 < lean < 1.0:
@@ -162,9 +223,13 @@ def terminal_speed_estimate(
 
 
 def existence_limit(thickness: float, height: float = HEIGHT) -> float:
-    """thickness/pitch from which on no frictionless wave can be steady (van Leeuwen 2004, eq. 79).
+    """Return the thickness/pitch from which on no frictionless wave can be steady.
 
     (1 - a²)/(1 + a²) with a = thickness/height: beyond it a fall releases no energy.
+
+    References
+    ----------
+    J. M. J. van Leeuwen, The domino effect (2004), arXiv physics/0401018, eq. 79.
     """
     a2 = (thickness / height) ** 2
     return (1.0 - a2) / (1.0 + a2)

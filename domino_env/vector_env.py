@@ -35,20 +35,29 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
 
     Actions (B, A), observations (B, O), rewards (B,) float64, as Gymnasium's vector environments
     have them; infos hold an array of length B for each key of the single environment's info, and
-    under "_key" which entries are set.
+    under "_key" which entries are set. The number of threads is Numba's (`numba.set_num_threads`).
 
-    autoreset_mode:
-        AutoresetMode.NEXT_STEP (default): the step after an episode's last begins the next one: it
-            takes no notice of the action and pays 0.
-        AutoresetMode.SAME_STEP: the last step itself does; what was seen and told at the end is in
-            infos["final_obs"] and infos["final_info"].
-        AutoresetMode.DISABLED: `reset(options={"reset_mask": …})` does, before the next step.
-    reset(seed, options): seed a number (row i gets seed + i) or one for each row; nothing is
-        random, so it changes nothing but `np_random`.  options: "reset_mask", (B,) booleans, which
-        rows begin anew, the others stay as they are; "layout", a Layout that all of those start
-        from, or one (or None) for each of the B rows.
-    The other arguments, and `reference_speed`, are those of `DominoChain`.
-    The number of threads is Numba's (`numba.set_num_threads`).
+    Parameters
+    ----------
+    num_envs
+        B, the number of rows.
+    scene
+        As of `DominoChain`.
+    render_mode
+        None, "rgb_array" or "ansi".
+    rtol
+        As of `DominoChain`.
+    reference_speed
+        As of `DominoChain`; may be set at any time.
+    window
+        As of `DominoChain`.
+    autoreset_mode
+        When the episode after an ended one begins:
+
+        - NEXT_STEP: with the step after the last, which takes no notice of the action and pays 0.
+        - SAME_STEP: with the last step itself; the last observation and info are in
+          infos["final_obs"] and infos["final_info"].
+        - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
     """
 
     def __init__(
@@ -103,7 +112,31 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Seen, dict[str, Any]]:
-        """Begin anew in all rows, or in those of a mask; see the class."""
+        """Begin anew in all rows, or in those of a mask.
+
+        Parameters
+        ----------
+        seed
+            A number (row i gets seed + i) or one for each row; nothing is random, so it changes
+            nothing but `np_random`.
+        options
+            What may be set:
+
+            - "reset_mask": (B,) booleans, which rows begin anew; the others stay as they are.
+            - "layout": a Layout that all of those start from, or one (or None) for each row.
+
+        Returns
+        -------
+        tuple
+            Observations (B, O) and an empty info.
+
+        Raises
+        ------
+        ValueError
+            For other options or seeds, and for a layout that breaks the scene's rules or dies.
+        TypeError
+            For a mask that is no array of booleans.
+        """
         given = checked_options(options, ("layout", "reset_mask"))
         chosen = self._checked_mask(given.get("reset_mask"))
         seeds = self._checked_seeds(seed)
@@ -159,7 +192,25 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
     # stepping -------------------------------------------------------------------------------------
 
     def step(self, actions: ArrayLike) -> tuple[Seen, Floats, Bools, Bools, dict[str, Any]]:
-        """Place a domino in every row.  ValueError for actions that are none."""
+        """Place a domino in every row.
+
+        Parameters
+        ----------
+        actions
+            (B, A) in [-1, 1].
+
+        Returns
+        -------
+        tuple
+            Observations, rewards, terminated, truncated and infos, as of the class.
+
+        Raises
+        ------
+        ValueError
+            For actions of another shape or with entries that are not finite.
+        ResetNeeded
+            Before `reset`, and with DISABLED once an episode is over.
+        """
         values = np.asarray(actions, dtype=np.float64)
         if values.shape != self.action_space.shape or not np.isfinite(values).all():
             raise ValueError(wrong_actions(values, self.action_space))
@@ -208,18 +259,18 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
     # seeing ---------------------------------------------------------------------------------------
 
     def bounds_ahead(self, row: int) -> dict[str, tuple[float, float]]:
-        """What the next action of a row ranges over; see `DominoChain.bounds_ahead`."""
+        """Return what the next action of a row ranges over; see `DominoChain.bounds_ahead`."""
         return self._rows.bounds_ahead(row)
 
     def actions_towards(self, layout: Layout) -> Floats:
-        """Actions (B, A) that place the next domino of every row as it stands in a layout.
+        """Return actions (B, A) that place the next domino of every row as in a layout.
 
         Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
         """
         return self._rows.actions_towards(layout)
 
     def render(self) -> tuple[Any, ...] | None:
-        """A frame of every row at its latest hit."""
+        """Draw a frame of every row at its latest hit."""
         if self.render_mode is None:
             return None
         if self._painter is None:

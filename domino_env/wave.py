@@ -53,27 +53,47 @@ _EXPLANATIONS = {
 class Wave:
     """A toppling wave, event by event.
 
-    layout, physics: what fell.
-    outcome: why the wave ended; `explanation` says it in a sentence, with the place.
-    hit: dominoes struck (the first counts, so does one struck in vain); toppled: dominoes that
-        passed their tipping angle, all of them if the wave propagated.
-    arrival_times: (N,) [s] when each domino is first moved, 0 for the first, inf where the wave
-        did not come.
-    release_velocity: (N,) [rad/s] angular velocity just after being hit (the push for domino 0),
-        nan where not reached.
-    impact_velocity: (N-1,) [rad/s] angular velocity just before hitting the next, nan where it
-        did not.
-    stall_margin: (N,) per fall, the lowest u = ω² of the leader over its value at release; 0 where
-        the wave stalled, nan where it did not come.
-    reach: how far the wave came, falls done and the part of the last one over N; 1 if it
-        propagated.
-    error_estimate: largest |error|/t_k over the arrival times t_k, as estimated by the run itself.
-    converged: False where the conditioning of the row keeps `rtol` out of reach; the estimate
-        stays honest.
-    flushes, releases: links that turned from tip to corner contact, and that lost contact;
-    largest_flush_loss: largest fraction of the leader's speed lost in one flush.
-    run_time: [s] spent computing.
-    tape: what `pullback` walks back along, kept where a gradient was asked for.
+    Attributes
+    ----------
+    layout
+        What stood.
+    physics
+        What made it fall.
+    outcome
+        Why the wave ended; `explanation` says it in a sentence, with the place.
+    hit
+        Dominoes struck; the first counts, so does one struck in vain.
+    toppled
+        Dominoes that passed their tipping angle; all of them if the wave propagated.
+    arrival_times
+        (N,) when each domino is first moved [s]: 0 for the first, inf where the wave did not come.
+    release_velocity
+        (N,) angular velocity just after being hit [rad/s], the push for domino 0; nan where not
+        reached.
+    impact_velocity
+        (N-1,) angular velocity just before hitting the next [rad/s]; nan where it did not.
+    stall_margin
+        (N,) for each fall the lowest u = ω² of the leader over its value at release: 0 where the
+        wave stalled, nan where it did not come.
+    reach
+        How far the wave came, falls done and the part of the last one over N; 1 if it propagated.
+    error_estimate
+        Largest |error|/t_k over the arrival times t_k, as estimated by the run itself.
+    converged
+        False where the conditioning of the row keeps `rtol` out of reach; the estimate stays
+        honest.
+    flushes
+        Links that turned from tip to corner contact.
+    releases
+        Links that lost contact.
+    largest_flush_loss
+        Largest part of the leader's speed lost in one flush.
+    rtol
+        The tolerance asked for.
+    run_time
+        Spent computing [s].
+    tape
+        What `pullback` walks back along, kept where a gradient was asked for.
     """
 
     layout: Layout
@@ -96,13 +116,22 @@ class Wave:
     tape: NDArray[np.record] | None = field(default=None, repr=False)
 
     def pullback(self, arrival_bar: ArrayLike) -> Gradient:
-        """Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics; see `Gradient`.
+        """Return Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics.
 
-        arrival_bar: (N,) derivative of some number with respect to the arrival times; the result
-        is the gradient of that number.  Reverse mode: one walk back through the chain, whatever N.
-        Exact up to the tolerance of the run, near a stall too.
-        ValueError for a wave simulated without `gradient=True`, for a wrong shape, and where
-        arrival_bar is not 0 for a domino that the wave did not reach.
+        Reverse mode: one walk back through the chain, whatever N. Exact up to the tolerance of the
+        run, near a stall too.
+
+        Parameters
+        ----------
+        arrival_bar
+            (N,) derivative of some number with respect to the arrival times; the result is the
+            gradient of that number.
+
+        Raises
+        ------
+        ValueError
+            For a wave simulated without `gradient=True`, for a wrong shape, and where arrival_bar
+            is not 0 for a domino that the wave did not reach.
         """
         if self.tape is None:
             raise ValueError(
@@ -113,11 +142,18 @@ class Wave:
         return pull(self.layout, self.physics, self.tape, arrival_bar, reached)
 
     def gradient(self, of: str = "time") -> Gradient:
-        """The gradient of the arrival time at the last domino ("time", [s]) or of the mean speed
-        ("speed", [m/s]).
+        """Return the gradient of what the wave does at the last domino.
 
-        ValueError where the wave does not reach the last domino (for the speed: did not propagate),
-        and as of `pullback`.
+        Parameters
+        ----------
+        of
+            "time" for the arrival time at the last domino [s], "speed" for the mean speed [m/s].
+
+        Raises
+        ------
+        ValueError
+            Where the wave does not reach the last domino (for the speed: did not propagate), and as
+            of `pullback`.
         """
         if of not in ("time", "speed"):
             raise ValueError(f"of = {of!r}: a wave has the gradient of its 'time' or its 'speed'")
@@ -142,7 +178,7 @@ class Wave:
 
     @property
     def mean_speed(self) -> float:
-        """[m/s] first pivot to last, over the last arrival time; 0 unless propagated."""
+        """First pivot to last, over the last arrival time [m/s]; 0 unless propagated."""
         if self.outcome != Outcome.PROPAGATED or len(self.arrival_times) < 2:
             return 0.0
         return float(self.layout.length / self.arrival_times[-1])
@@ -163,12 +199,23 @@ class Wave:
 class WaveBatch:
     """The waves of B layouts of N dominoes each: the fields of `Wave` with a leading B.
 
-    outcome: (B,) values of `Outcome`.  total_time: (B,) [s] arrival at the last domino, inf where
-    the wave did not come.  lowest_stall_margin: (B,) smallest stall margin of all falls.
-    arrival_times, release_velocity, impact_velocity, stall_margin are empty, (B, 0), where
-    `record=False` left them out; the lowest margin is then taken over the nodes of the rule only.
-    gradient: of the total time, every field with a leading B, zero for a wave that did not
-    propagate; None unless asked for.
+    The fields of each domino, such as `arrival_times`, are empty, (B, 0), where `record=False` left
+    them out. Besides the fields of `Wave`:
+
+    Attributes
+    ----------
+    outcome
+        (B,) values of `Outcome`.
+    total_time
+        (B,) arrival at the last domino [s]; inf where the wave did not come.
+    mean_speed
+        (B,) as `Wave.mean_speed` [m/s].
+    lowest_stall_margin
+        (B,) smallest stall margin of all falls; without a record it is taken over the nodes of the
+        quadrature only.
+    gradient
+        Of the total time, every field with a leading B, zero for a wave that did not propagate;
+        None unless asked for.
     """
 
     outcome: Ints
@@ -199,12 +246,36 @@ def simulate(
 ) -> Wave:
     """Topple a row and return its wave.
 
-    rtol: relative error allowed in the arrival times, 1e-3 to 1e-13.  ValueError outside.
-    gradient: keep what `Wave.pullback` and `Wave.gradient` need, some 100 bytes a fall.
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    rtol
+        Relative error allowed in the arrival times, 1e-3 to 1e-13.
+    gradient
+        Keep what `Wave.pullback` and `Wave.gradient` need, some 100 bytes a fall.
 
-    The dynamics are exact up to that tolerance for chains in which every domino may differ: tip,
-    corner and released contacts, flushes as inelastic impacts, sliding friction (van Leeuwen 2004;
-    Chapman eqs. 1-9).  A wave that dies is a result: see `Wave.outcome`.
+    Returns
+    -------
+    Wave
+        Also of a row that stops falling: a wave that dies is a result, see `Wave.outcome`.
+
+    Raises
+    ------
+    ValueError
+        For a tolerance out of its range.
+
+    Notes
+    -----
+    The dynamics are exact up to the tolerance for chains in which every domino may differ: tip,
+    corner and released contacts, flushes as inelastic impacts, sliding friction.
+
+    References
+    ----------
+    J. M. J. van Leeuwen, The domino effect (2004), arXiv physics/0401018;
+    Chapman, The physics of toppling dominoes, eqs. 1-9.
     """
     began = time.perf_counter()
     count = layout.count
@@ -258,12 +329,34 @@ def simulate_batch(
 ) -> WaveBatch:
     """Topple B rows of N dominoes over all cores; bit for bit what `simulate` gives one by one.
 
-    spacing: (B, N-1) [m]; thickness: (B, N) or (N,) [m]; height, density: scalar, (N,) or (B, N).
-    record: False leaves out what is kept of each domino.
-    gradient: give that of the total time too, as `WaveBatch.gradient`; nothing is then kept of each
+    Parameters
+    ----------
+    spacing
+        (B, N-1) [m]
+    thickness
+        (N,) or (B, N) [m]
+    physics
+        What makes all of them fall.
+    height
+        Scalar, (N,) or (B, N) [m].
+    density
+        Scalar, (N,) or (B, N) [kg/m³].
+    rtol
+        As of `simulate`.
+    record
+        False leaves out what is kept of each domino.
+    gradient
+        Give that of the total time too, as `WaveBatch.gradient`; nothing is then kept of each
         domino.
+
+    Raises
+    ------
+    ValueError
+        For what cannot stand, naming the layout and the element; for a tolerance out of its range.
+
+    Notes
+    -----
     The number of threads is Numba's (`numba.set_num_threads`).
-    ValueError names the layout and element that cannot stand.
     """
     began = time.perf_counter()
     rows = _checked_batch(spacing, thickness, height, density)
