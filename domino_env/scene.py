@@ -30,7 +30,17 @@ LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
 
 @dataclass(frozen=True, eq=False)
 class UniformMark:
-    """The best uniform layout of a scene, its wave and its score: the mark to beat."""
+    """The best uniform row of a scene: the mark to beat.
+
+    Attributes
+    ----------
+    layout
+        The row.
+    wave
+        Its wave.
+    score
+        Its score.
+    """
 
     layout: Layout
     wave: Wave
@@ -41,25 +51,53 @@ class UniformMark:
 class Scene:
     """A design problem: what stands, what may be chosen, what counts.
 
-    name, title: how it is called, and what it is about.
-    objective: what counts, one of `domino_env.objective.OBJECTIVES`.
-    physics: friction, gravity, push.
-    count: number of dominoes N.
-    height, width [m], density [kg/m³]: of every domino; the height that of the first where heights
-        are free.
-    first_thickness: of domino 0, which is the scene's [m].
-    spacing, thickness: least and largest free gap, and thickness of dominoes 1 … N-1 [m]; equal
-        where the scene fixes it.  Where `in_heights`, in heights of the shorter of the two dominoes
-        at the gap, and of the domino itself.
-    length: first pivot to last [m], met to 1e-9 m; None where it is free.
-    spacing_values, thickness_values: the only values allowed, rising [m]; None for any.
-    largest_change: from one gap to the next [m]; None for any.
-    stock: the box that all dominoes are taken from, the first among them; None for no box.
-    growth: least and largest height over that of the domino before, both 1 or more; None where all
-        are equally high.
-    in_heights: see spacing, thickness.
-    limits: smallest stall margin, largest flush loss; None for none.
-    tempo: the schedule of the objective "tempo".  placement: the errors of "robust".
+    Parameters
+    ----------
+    name
+        How it is called.
+    title
+        What it is about.
+    objective
+        What counts, one of `domino_env.objective.OBJECTIVES`.
+    physics
+        Friction, gravity, push.
+    count
+        Number of dominoes N.
+    height
+        Of every domino, or of the first where heights are free [m].
+    width
+        Of every domino [m].
+    density
+        Of every domino [kg/m³].
+    first_thickness
+        Of domino 0, which is the scene's [m].
+    spacing
+        Least and largest free gap [m]; equal where the scene fixes it. Where `in_heights`, in
+        heights of the shorter of the two dominoes at the gap.
+    thickness
+        Least and largest thickness of dominoes 1 … N-1 [m]; equal where the scene fixes it. Where
+        `in_heights`, in heights of the domino itself.
+    length
+        First pivot to last [m], met to 1e-9 m; None where it is free.
+    spacing_values
+        The only gaps allowed, rising [m]; None for any.
+    thickness_values
+        The only thicknesses allowed, rising [m]; None for any.
+    largest_change
+        From one gap to the next [m]; None for any.
+    stock
+        The box that all dominoes are taken from, the first among them; None for no box.
+    growth
+        Least and largest height over that of the domino before, both 1 or more; None where all are
+        equally high.
+    in_heights
+        Whether `spacing` and `thickness` count in heights.
+    limits
+        Smallest stall margin, largest flush loss; None for none.
+    tempo
+        The schedule of the objective "tempo".
+    placement
+        The errors of the objective "robust".
     """
 
     name: str
@@ -123,10 +161,18 @@ class Scene:
         thickness: ArrayLike | None = None,
         height: ArrayLike | None = None,
     ) -> Layout:
-        """The row with these free gaps (N-1,), thicknesses and heights of dominoes 1 … N-1 [m].
+        """Lay the row with these free gaps, thicknesses and heights.
 
-        A single number serves all.  `thickness` may be left out where the scene fixes it, `height`
-        where all are equally high.  The scene's rules are not applied: see `violations`.
+        The scene's rules are not applied: see `violations`.
+
+        Parameters
+        ----------
+        spacing
+            (N-1,) free gaps [m]; a single number serves all.
+        thickness
+            (N-1,) of dominoes 1 … N-1 [m], or a single number; None where the scene fixes it.
+        height
+            (N-1,) of dominoes 1 … N-1 [m], or a single number; None where all are equally high.
         """
         pairs = (self.count - 1,)
         gaps = np.broadcast_to(np.asarray(spacing, dtype=np.float64), pairs)
@@ -143,7 +189,7 @@ class Scene:
         return Layout(gaps, full, tall, self.width, self.density)
 
     def violations(self, layout: Layout) -> list[str]:
-        """What the layout breaks of the scene's rules, a sentence each; empty if nothing.
+        """List what the layout breaks of the scene's rules, a sentence each; empty if nothing.
 
         Limits on the wave are not among them: they enter the score.
         """
@@ -188,15 +234,23 @@ class Scene:
         return found
 
     def simulate(self, layout: Layout, rtol: float = SCORE_RTOL) -> Wave:
-        """The wave of a layout under the scene's physics."""
+        """Topple a layout under the scene's physics."""
         return simulate(layout, self.physics, rtol=rtol)
 
     def score(self, layout: Layout) -> float:
-        """What every method is judged by; higher is better: see `domino_env.objective`.
+        """Score a layout, as every method is judged; higher is better.
 
-        A success scores more than 0: with "mean_speed", the mean speed [m/s].  A wave that dies
-        scores between -1 and 0, higher the further it came, so that a search can climb.  Raises
-        ValueError for a layout that breaks the scene's rules.
+        Returns
+        -------
+        float
+            More than 0 for a success: with "mean_speed", the mean speed [m/s]. A wave that dies
+            scores between -1 and 0, higher the further it came, so that a search can climb. See
+            `domino_env.objective`.
+
+        Raises
+        ------
+        ValueError
+            For a layout that breaks the scene's rules.
         """
         broken = self.violations(layout)
         if broken:
@@ -204,7 +258,7 @@ class Scene:
         return self.score_wave(self.simulate(layout))
 
     def score_wave(self, wave: Wave) -> float:
-        """The score of a wave that has been simulated; "robust" topples its draws besides."""
+        """Score a wave that has been simulated; "robust" topples its draws besides."""
         if self.placement is not None:
             row = wave.layout
             spacing, thickness = row.spacing[None], row.thickness[None]
@@ -219,11 +273,23 @@ class Scene:
         rtol: float = 1e-6,
         height: Floats | None = None,
     ) -> Floats:
-        """Scores of B layouts at once.
+        """Score B layouts at once; the scene's rules are not checked again.
 
-        spacing: (B, N-1); thickness of dominoes 1 … N-1: (B, N-1), or None where it is fixed;
-        height of dominoes 1 … N-1: (B, N-1), where they grow [m].
-        The scene's rules are not checked again.
+        Parameters
+        ----------
+        spacing
+            (B, N-1) free gaps [m].
+        thickness
+            (B, N-1) of dominoes 1 … N-1 [m]; None where it is fixed.
+        rtol
+            Relative error allowed in the arrival times.
+        height
+            (B, N-1) of dominoes 1 … N-1 [m]; None where all are equally high.
+
+        Returns
+        -------
+        NDArray
+            (B,) scores.
         """
         tall = self._heights(len(spacing), height)
         full = self._thicknesses(len(spacing), thickness, tall)
@@ -241,10 +307,24 @@ class Scene:
         rtol: float = 1e-8,
         height: Floats | None = None,
     ) -> tuple[Floats, Floats, Floats, Floats]:
-        """`score_batch` with its exact gradient, (B,) and three times (B, N-1).
+        """Score B layouts at once, with the exact gradients of the scores.
 
-        By gaps, by thicknesses and by heights of dominoes 1 … N-1, each with the others fixed
-        [score/m]; zero for a row without success.
+        Parameters
+        ----------
+        spacing
+            As of `score_batch`.
+        thickness
+            As of `score_batch`.
+        rtol
+            Relative error allowed in the arrival times.
+        height
+            As of `score_batch`.
+
+        Returns
+        -------
+        tuple
+            Scores (B,), and their derivatives (B, N-1) by gaps, by thicknesses and by heights of
+            dominoes 1 … N-1, each with the others fixed [score/m]; zero for a row without success.
         """
         tall = self._heights(len(spacing), height)
         full = self._thicknesses(len(spacing), thickness, tall)
@@ -267,7 +347,7 @@ class Scene:
         return worth.falls(scores, self.count, self.objective, self.limits)
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """A score in the words and units of the objective."""
+        """Say a score in the words and units of the objective."""
         if score <= 0.0:
             broken = self.limits is not None and wave.outcome == Outcome.PROPAGATED
             none = {"m/s": "no speed", "m": "no height"}.get(self.unit, "no success")
@@ -285,7 +365,7 @@ class Scene:
         return f"{score:.6f} m/s"
 
     def uniform(self) -> UniformMark:
-        """The best uniform row within the scene's rules, see `best_uniform`; found once, kept."""
+        """Find the best uniform row within the scene's rules; found once, kept."""
         return self._uniform
 
     @cached_property
@@ -297,7 +377,7 @@ class Scene:
         return UniformMark(layout, wave, self.score_wave(wave))
 
     def to_toml(self) -> str:
-        """The scene as a file that `load_scene` reads."""
+        """Write the scene as the text of a file that `load_scene` reads."""
         from domino_env.scenes.files import to_toml
 
         return to_toml(self)
@@ -404,15 +484,18 @@ class Scene:
 
 
 def scene_names() -> list[str]:
-    """Names of the scenes that ship."""
+    """List the names of the scenes that ship."""
     folder = resources.files("domino_env") / "scenes"
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith("toml"))
 
 
 def load_scene(name: str | Path) -> Scene:
-    """A scene that ships, by name, or one of your own, by the path of its TOML file.
+    """Load a scene that ships, by name, or one of your own, by the path of its TOML file.
 
-    Raises ValueError naming file, key, value and what is allowed.
+    Raises
+    ------
+    ValueError
+        With file, key, value and what is allowed.
     """
     from domino_env.scenes.files import read_scene
 
