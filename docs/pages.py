@@ -28,7 +28,6 @@ BREAK = 2.0  # [heights] between the two ends
 FALLEN = 0.6  # of the wave's time: the instant that is drawn
 METHOD_OPTIONS = (  # of mkdocstrings: the module's docstring alone, under a heading of ours
     "    options:",
-    "      docstring_style: numpy",
     "      members: false",
     "      show_root_heading: false",
     "      show_root_toc_entry: false",

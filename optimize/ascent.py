@@ -9,7 +9,7 @@ step.
 References
 ----------
 Lewis, A. S., Overton, M. L. (2013). Nonsmooth optimization via quasi-Newton methods. Mathematical
-Programming 141, 135-163.
+Programming 141, 135-163: algorithm 2.1 (the steps), algorithm 4.6 (their lengths).
 """
 
 from __future__ import annotations

@@ -22,7 +22,18 @@ Step = tuple[int, int, float, float]
 
 
 def slope_left(design: Floats, gradient: Floats) -> float:
-    """The largest slope along which a design can still rise within the box [score over a range]."""
+    """Find the largest slope along which a design can still rise within the box.
+
+    Parameters
+    ----------
+    design, gradient
+        (n,) a design and the gradient of its score.
+
+    Returns
+    -------
+    float
+        In score over the whole range of a variable.
+    """
     held = ((design <= 0.0) & (gradient < 0.0)) | ((design >= 1.0) & (gradient > 0.0))
     return float(np.abs(np.where(held, 0.0, gradient)).max())
 
@@ -39,14 +50,31 @@ class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a sea
 class Budget:
     """A problem with a meter: methods ask it for scores until it raises `BudgetSpent`.
 
-    evaluations, seconds: what may be spent; None for no limit.  The clock starts with the object.
-    trace: (evaluations, falls, seconds, best score) at every improvement.
-    slopes: the steepest slope left at each of them, see `slope_left`; None where it is not known.
-    finalists: the last improvements, (score, design) each, the best last.
-    watch: called with the budget after every batch.
-    clock: what tells the seconds; processor time where the machine has other things to do.
-    executor: what scores batches of several pieces, see `optimize.evaluation.bulk`; None:
-        this process.
+    The clock starts with the object.
+
+    Parameters
+    ----------
+    problem
+        What is searched.
+    evaluations
+        Layouts that may be simulated; None for no limit.
+    seconds
+        Time that may be spent; None for no limit.
+    watch
+        Called with the budget after every batch.
+    executor
+        Scores batches of several pieces, see `optimize.evaluation.bulk`; None: this process.
+    clock
+        Gives the seconds; processor time where the machine has other things to do.
+
+    Attributes
+    ----------
+    trace
+        (evaluations, falls, seconds, best score) at every improvement.
+    slopes
+        The steepest slope left at each of them, see `slope_left`; None where it is not known.
+    finalists
+        The last improvements, (score, design) each, the best last.
     """
 
     def __init__(
@@ -81,7 +109,7 @@ class Budget:
 
     @property
     def bulk(self) -> int:
-        """How many designs fill an executor: so many may be asked for at once where any number may.
+        """Designs that fill an executor: so many may be asked for at once where any number may.
 
         A multiple of what is scored between two looks at the clock.
         """
@@ -89,7 +117,7 @@ class Budget:
 
     @property
     def part(self) -> float:
-        """The part that is spent, 0 to 1, of what runs out first."""
+        """Part that is spent, 0 to 1, of what runs out first."""
         parts = [0.0]
         if self.evaluations is not None:
             parts.append(self.problem.evaluations / self.evaluations)
@@ -106,20 +134,42 @@ class Budget:
 
     @property
     def best_score(self) -> float:
-        """The best score so far; -inf before the first."""
+        """Best score so far; -inf before the first."""
         return self.finalists[-1][0] if self.finalists else -np.inf
 
     @property
     def best(self) -> Floats:
-        """The best design so far.  ValueError before the first."""
+        """Best design (n,) so far.
+
+        Raises
+        ------
+        ValueError
+            Before the first evaluation.
+        """
         if not self.finalists:
             raise ValueError("nothing has been scored yet")
         return self.finalists[-1][1]
 
     def scores(self, designs: Floats, rtol: float | None = None) -> Floats:
-        """(B,) scores of designs (B, n).  Raises BudgetSpent where not all can be paid for.
+        """Score designs.
 
-        What can be paid for is simulated first, so that nothing of the budget is lost.
+        Parameters
+        ----------
+        designs
+            (B, n) designs.
+        rtol
+            How closely to simulate; as the problem does where None.
+
+        Returns
+        -------
+        ndarray
+            (B,) scores.
+
+        Raises
+        ------
+        BudgetSpent
+            Where not all can be paid for. What can be is simulated first, so that nothing of the
+            budget is lost.
         """
         designs = np.asarray(designs, dtype=np.float64)
         scores = np.empty(len(designs))
@@ -158,23 +208,40 @@ class Budget:
                 yield part
 
     def score(self, design: Floats) -> float:
-        """The score of one design (n,)."""
+        """Score one design (n,)."""
         return float(self.scores(np.asarray(design)[None])[0])
 
     def score_and_gradient(self, design: Floats) -> tuple[float, Floats]:
-        """Score and gradient of one design (n,): see `Problem.score_and_gradient`."""
+        """Score one design (n,), with its gradient (n,): see `Problem.score_and_gradient`."""
         scores, gradients = self.scores_and_gradients(np.asarray(design)[None])
         return float(scores[0]), gradients[0]
 
     def scores_and_gradients(
         self, designs: Floats, *, of_dying: bool = True, at_will: bool = False
     ) -> tuple[Floats, Floats]:
-        """Scores (B,) and gradients (B, n) of designs (B, n): see `Problem.scores_and_gradients`.
+        """Score designs, with the gradient of each: see `Problem.scores_and_gradients`.
 
-        of_dying: whether a wave that dies gets a gradient too, which takes 2n more evaluations;
-            otherwise it is zero.
-        at_will: as of `Problem.scores_and_gradients`.
-        Raises BudgetSpent where not all can be paid for; what can be is simulated first.
+        Parameters
+        ----------
+        designs
+            (B, n) designs.
+        of_dying
+            Whether a wave that dies gets a gradient too, which takes 2n more evaluations; otherwise
+            it is zero.
+        at_will
+            As of `Problem.scores_and_gradients`.
+
+        Returns
+        -------
+        scores : ndarray
+            (B,) scores.
+        gradients : ndarray
+            (B, n) gradients by the designs.
+
+        Raises
+        ------
+        BudgetSpent
+            Where not all can be paid for; what can be is simulated first.
         """
         designs = np.asarray(designs, dtype=np.float64)
         scores, gradients = np.empty(len(designs)), np.empty(designs.shape)
@@ -196,7 +263,13 @@ class Budget:
         return scores, gradients
 
     def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
-        """See `Problem.lateness`.  Raises BudgetSpent where it cannot be paid for."""
+        """Find how late each domino of one design is hit: see `Problem.lateness`.
+
+        Raises
+        ------
+        BudgetSpent
+            Where it cannot be paid for.
+        """
         spent = self.evaluations is not None and self.problem.evaluations >= self.evaluations
         if spent or (self.finalists and self.part >= 1.0):
             raise BudgetSpent
@@ -207,9 +280,17 @@ class Budget:
     def note(self, scores: Floats, design: Callable[[int], Floats]) -> None:
         """Count rows that were simulated elsewhere, as closely as the problem's, and remember them.
 
-        scores: (B,) what the scene gives for them.
-        design: gives the design of row i, asked for only where it is the best so far.
-        ValueError where there are more than the budget has left: whoever simulates has to ask.
+        Parameters
+        ----------
+        scores
+            (B,) what the scene gives for them.
+        design
+            Gives the design of row i, asked for only where it is the best so far.
+
+        Raises
+        ------
+        ValueError
+            Where there are more than the budget has left: whoever simulates has to ask.
         """
         if len(scores) > self.left:
             raise ValueError(f"{len(scores)} rows are noted, where {self.left:g} are left to spend")

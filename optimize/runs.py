@@ -47,11 +47,26 @@ class RunFolder:
 
     A new or empty folder, or that of an earlier run, whose files are replaced once this one has
     something to keep, all at once: a full disk leaves the earlier ones as they are.
-    resume: go on with the run that is there, if there is one.
-    journal: of the search.
 
-    Raises ValueError, before any time is spent, for a folder that holds anything else or that
-    cannot be written, and for the journal of another search.
+    Parameters
+    ----------
+    path
+        The folder.
+    scene, method, seed
+        Of the search, as of `optimize.search`.
+    resume
+        Go on with the run that is there, if there is one.
+
+    Attributes
+    ----------
+    journal
+        Of the search.
+
+    Raises
+    ------
+    ValueError
+        Before any time is spent: for a folder that holds anything else or that cannot be written,
+        and for the journal of another search.
     """
 
     def __init__(
@@ -108,7 +123,10 @@ class RunFolder:
     def finish(self, result: SearchResult) -> None:
         """Write the result, its picture and its summary.
 
-        ValueError where that cannot be; what was there before is intact then.
+        Raises
+        ------
+        ValueError
+            Where that cannot be; what was there before is intact then.
         """
         from optimize.picture import draw
 
@@ -182,7 +200,7 @@ def _require_a_run(path: Path) -> None:
 
 
 def summary(result: SearchResult) -> dict[str, Any]:
-    """What summary.json holds of a result; SI units."""
+    """Give what summary.json holds of a result; SI units."""
     wave, mark = result.wave, result.uniform
     return {
         "scene": result.scene.name,

@@ -37,26 +37,47 @@ def search(
 ) -> SearchResult:
     """Search a layout of a scene that beats the best uniform pitch.
 
-    scene: a scene, its name, or the path of its file.
-    method: one of `METHODS`.
-    budget: layouts that may be simulated, never exceeded; 20 000 where neither budget nor seconds
-        is given.  The best few are simulated once more, closely, at the end; that is not counted.
-    seed: of all randomness; the same seed and budget of evaluations give the same result to the
-        bit (a budget of seconds cannot).
-    seconds: time that may be spent, not counting the search of the uniform pitch.
-    progress: whether to show a line with the best so far; None: on a terminal.
-    folder: where to write the run, see `optimize.runs`; None: nowhere.
-    watch: called with the Budget after every batch.
-    executor: what scores batches of thousands of rows, see `optimize.executors`; smaller ones are
-        not worth sending.  None: threads of this process.  The result is the same to the bit.
+    Ctrl-C ends the search with the best so far.
 
-    resume: go on with the search in the folder, from where its journal ends (from the start where
-        there is none), or further with a larger budget.  The result is the same to the bit as that
-        of a search that was never stopped; seconds that it took before are counted.
+    Parameters
+    ----------
+    scene
+        A scene, its name, or the path of its file.
+    method
+        One of `METHODS`.
+    budget
+        Layouts that may be simulated, never exceeded; 20 000 where neither budget nor seconds is
+        given. The best few are simulated once more, closely, at the end; that is not counted.
+    seed
+        Of all randomness; the same seed and budget of evaluations give the same result to the bit
+        (a budget of seconds cannot).
+    seconds
+        Time that may be spent, not counting the search of the uniform pitch.
+    progress
+        Whether to show a line with the best so far; None: on a terminal.
+    folder
+        Where to write the run, see `optimize.runs`; None: nowhere.
+    watch
+        Called with the Budget after every batch.
+    executor
+        Scores batches of thousands of rows, see `optimize.executors`; smaller ones are not sent.
+        None: threads of this process. The result is the same to the bit.
+    resume
+        Go on with the search in the folder, from where its journal ends (from the start where there
+        is none), or further with a larger budget. The result is the same to the bit as that of a
+        search that was never stopped; seconds that it took before are counted.
 
-    Ctrl-C ends the search with the best so far.  Raises ValueError for an unknown method or scene,
-    a budget that is not positive, a folder that holds something else or, with resume, another
-    search, a result that cannot be written, or a scene that leaves nothing free.
+    Returns
+    -------
+    SearchResult
+        The best layout, beside the best uniform one.
+
+    Raises
+    ------
+    ValueError
+        For an unknown method or scene, a budget that is not positive, a folder that holds something
+        else or, with resume, another search, a result that cannot be written, or a scene that
+        leaves nothing free.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)

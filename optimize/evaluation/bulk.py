@@ -16,7 +16,7 @@ TASK = 60_000
 
 
 def tasks_of(pieces: Sequence[Floats], dominoes: int) -> list[list[Floats]]:
-    """Pieces of designs grouped into tasks that are worth sending; so many dominoes a design."""
+    """Group pieces of designs, so many dominoes a design, into tasks that are worth sending."""
     groups: list[list[Floats]] = []
     full = True
     for piece in pieces:
@@ -33,10 +33,26 @@ def tasks_of(pieces: Sequence[Floats], dominoes: int) -> list[list[Floats]]:
 def scores_elsewhere(
     executor: Executor, problem: Problem, tasks: Sequence[Sequence[Floats]], rtol: float | None
 ) -> Iterator[Floats]:
-    """The scores of each piece of designs of all tasks, in order; `problem` counts none of them.
+    """Yield the scores of each piece of designs of all tasks, in order.
 
     Every piece is scored as a whole, as `problem` itself would do it, so that no bit depends on who
-    does it.  ExecutorLost where the executor is gone.
+    does it.
+
+    Parameters
+    ----------
+    executor
+        Who scores.
+    problem
+        Whose designs they are; it counts none of these evaluations.
+    tasks
+        Pieces (B, n) of designs, those of a task together.
+    rtol
+        As of `Problem.scores`.
+
+    Raises
+    ------
+    ExecutorLost
+        Where the executor is gone.
     """
     blank = copy.copy(problem)
     blank.journal = None
@@ -54,7 +70,7 @@ def scores_elsewhere(
 
 
 def score_pieces(words: bytes, pieces: Sequence[Floats], rtol: float | None) -> list[Floats]:
-    """The task: scores of pieces of designs of a pickled problem."""
+    """Score pieces of designs of a pickled problem: the task of a worker."""
     problem = _problem(words)
     return [problem.scores(piece, rtol) for piece in pieces]
 

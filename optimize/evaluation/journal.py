@@ -51,17 +51,19 @@ ANSWERS = """CREATE TABLE IF NOT EXISTS answers (
 class Journal:
     """The journal of one search.
 
-    What an earlier search has left is replaced with the first answers.  Where the folder cannot
-    have a journal, and from where its disk is full, the search goes on without one, and a sentence
-    on standard error says so: what it lacks is simulated again by who resumes.
+    What an earlier search has left is replaced with the first answers. Where the folder cannot have
+    a journal, and from where its disk is full, the search goes on without one, and a sentence on
+    standard error says so: what it lacks is simulated again by who resumes.
 
     Parameters
     ----------
-    path : Path
+    path
         The file.
-    scene, method, seed, versions
-        Of the search, as of `optimize.search`; versions of what its bits depend on, by name.
-    resume : bool
+    scene, method, seed
+        Of the search, as of `optimize.search`.
+    versions
+        Of what its bits depend on, by name.
+    resume
         Begin with what is in the file; from the start where there is none.
 
     Raises
@@ -106,11 +108,11 @@ class Journal:
 
     @property
     def seconds(self) -> float:
-        """That the search has taken; while it is answered from the file, that it had taken then."""
+        """Time the search has taken; while answers come from the file, what it had taken then."""
         return self._before + (0.0 if self.replaying else time.perf_counter() - self._since)
 
     def start(self) -> None:
-        """The search begins now."""
+        """Start the clock of the search."""
         self._since = time.perf_counter()
 
     def answer(
@@ -119,15 +121,15 @@ class Journal:
         compute: Callable[[], Arrays],
         shapes: Sequence[tuple[int, ...]],
     ) -> Arrays:
-        """What `compute` gives, from the file where it is there.
+        """Give what `compute` gives, from the file where it is there.
 
         Parameters
         ----------
-        question : tuple
+        question
             What is asked, and of which designs (B, n).
-        compute : callable
+        compute
             Finds the arrays of the answer.
-        shapes : sequence of tuple
+        shapes
             Theirs; -1 for a first length that depends.
 
         Raises

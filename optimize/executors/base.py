@@ -29,13 +29,13 @@ class WorkerLost(RuntimeError):  # noqa: N818
 
 
 class WorkersExecutor(Executor):
-    """An executor with workers that can be ended, and heard while they work.
+    """An executor with workers that can be ended, and that report while they work.
 
     Attributes
     ----------
-    hear : callable or None
-        Called, in a thread of the executor, with everything that running tasks `say`.
-    gone : str
+    hear
+        Called, in a thread of the executor, with everything that running tasks `say`; or None.
+    gone
         What to say where it is gone with tasks unfinished.
     """
 
@@ -80,7 +80,7 @@ def telling_loss(executor: Executor) -> Iterator[None]:
 
 @contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Threads begun inside, and processes that they begin, never get Ctrl-C.
+    """Keep Ctrl-C from threads begun inside, and from processes that they begin.
 
     A terminal sends it to all of them; it is the first process that decides what it means.
     """

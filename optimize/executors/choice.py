@@ -20,17 +20,17 @@ ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")  # of a scheduler
 def open_executor(
     workers: int | None = None, dask: str | None = None
 ) -> Iterator[WorkersExecutor | None]:
-    """An executor for as long as the context lasts; None where neither argument is given.
+    """Open an executor for as long as the context lasts; None where neither argument is given.
 
     A context that ends by an exception ends its workers at once; otherwise they finish first.
 
     Parameters
     ----------
-    workers : int, optional
+    workers
         Processes of this machine; with dask="local", so many Dask workers.
-    dask : str, optional
-        The address of a scheduler, such as "tcp://127.0.0.1:8786", or "local" for a cluster of
-        this machine, bound to the loopback address.
+    dask
+        The address of a scheduler, such as "tcp://127.0.0.1:8786", or "local" for a cluster of this
+        machine, bound to the loopback address.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def require_possible(workers: int | None = None, dask: str | None = None) -> Non
 
 
 def add_executor_options(parser: argparse.ArgumentParser) -> None:
-    """--workers, --dask."""
+    """Add --workers and --dask."""
     group = parser.add_argument_group(
         "executor", "who does the work (this process); results are the same whoever does"
     )
@@ -97,7 +97,7 @@ def add_executor_options(parser: argparse.ArgumentParser) -> None:
 def asked_executor(
     arguments: argparse.Namespace,
 ) -> AbstractContextManager[WorkersExecutor | None]:
-    """The executor that was asked for by options, as a context."""
+    """Open the executor that the options ask for, as a context."""
     return open_executor(arguments.workers, arguments.dask)
 
 

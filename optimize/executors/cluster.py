@@ -51,9 +51,9 @@ class DaskExecutor(WorkersExecutor):
 
     Parameters
     ----------
-    address : str
+    address
         Of a scheduler, or "local" to start one here, bound to the loopback address.
-    workers : int, optional
+    workers
         Of a local cluster; one a core where None.
 
     Raises

@@ -40,7 +40,7 @@ class ProcessExecutor(WorkersExecutor, ThreadPoolExecutor):
 
     Parameters
     ----------
-    workers : int
+    workers
         How many.
     """
 

@@ -1,4 +1,4 @@
-"""What a running task says of itself to whoever waits for it, from process to process."""
+"""What a running task reports to whoever waits for it, from process to process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ears: list[Callable[[object], None]] = []  # of this process
 
 
 def listen(hear: Callable[[object], None]) -> None:
-    """From now on, pass what the tasks of this process say to `hear`."""
+    """Pass what the tasks of this process say to `hear` from now on."""
     _ears[:] = [hear]
 
 

@@ -19,13 +19,13 @@ class TaskLines:
 
     Parameters
     ----------
-    total : int
+    total
         How many there are.
-    name : str
+    name
         What they are called together.
-    shown : bool, optional
+    shown
         Whether a line moves on a terminal; None: where standard error is one.
-    plain : bool
+    plain
         Where none does, whether each finished task leaves a line.
     """
 
@@ -48,7 +48,7 @@ class TaskLines:
             self._line.close()
 
     def begin(self, kept: int) -> None:
-        """The tasks begin, of which so many are done already."""
+        """Begin, with so many tasks done already."""
         self._done = self._kept = kept
         self._began = time.monotonic()
         if self.shown:
@@ -61,7 +61,7 @@ class TaskLines:
 
     @property
     def seconds_left(self) -> float | None:
-        """What the rest may take at the pace so far [s]; None before anything is known."""
+        """Time that the rest may take at the pace so far [s]; None before anything is known."""
         done = self._done - self._kept + sum(self._parts.values())
         if done <= 0.0:
             return None
@@ -69,20 +69,20 @@ class TaskLines:
         return (time.monotonic() - self._began) * rest / done
 
     def running(self, task: Task, part: float, score: float) -> None:
-        """A task has come so far, 0 to 1, with this best score."""
+        """Show that a task has come so far, 0 to 1, with this best score."""
         self._parts[task.key] = part
         best = f": best {score:.5f}" if score > 0.0 else ""
         self._show(f"; {task.name}{best}")
 
     def finished(self, task: Task, result: TaskResult) -> None:
-        """A task is done."""
+        """Show that a task is done."""
         self._end(task)
         gain = "" if result.gain is None else f", {result.gain:+.2%}"
         if self._plain:
             self._print(f"{task.name}: {result.score:.6f}{gain}")
 
     def failed(self, task: Task, reason: str) -> None:
-        """A task has no result."""
+        """Show that a task has no result."""
         self._end(task)
         self._print(f"{task.name}: failed: {reason}")
 
@@ -92,7 +92,7 @@ class TaskLines:
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """While something else is printed, the line makes room."""
+        """Make room while something else is printed."""
         if self._line is None:
             yield
         else:
@@ -124,7 +124,7 @@ class TaskLines:
 
 
 def in_words(seconds: float) -> str:
-    """A time in its best unit."""
+    """Say a time in its best unit."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     if seconds < 90.0 * 60.0:

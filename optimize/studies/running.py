@@ -27,7 +27,7 @@ class Keeper(Protocol):
     """Where finished tasks are kept: a `Study` of `optimize.studies`, or what does the same."""
 
     def done(self) -> dict[str, TaskResult]:
-        """The finished tasks by key."""
+        """Give the finished tasks by key."""
 
     def add(self, result: TaskResult) -> None:
         """Keep a result."""
@@ -35,7 +35,15 @@ class Keeper(Protocol):
 
 @dataclass(frozen=True)
 class Failure:
-    """A task that has no result, and why, in a sentence."""
+    """A task that has no result.
+
+    Attributes
+    ----------
+    task
+        The task.
+    reason
+        Why, in a sentence.
+    """
 
     task: Task
     reason: str
@@ -50,20 +58,20 @@ def run_tasks(
 ) -> list[Failure]:
     """Run the tasks, in any order, and return those that failed.
 
-    Ctrl-C is raised once nothing waits any more; what is finished has been kept and told.
+    Ctrl-C is raised once nothing waits any more; what is finished has been kept and reported.
 
     Parameters
     ----------
-    tasks : sequence of Task
+    tasks
         Each once.
-    executor : concurrent.futures.Executor, optional
+    executor
         Who runs them; None: this process, one after the other.
-    study : Keeper, optional
-        Keeps every result as it comes; what it has already is told first, and not run again.
-    told : callable, optional
+    study
+        Keeps every result as it comes; what it has already is reported first, and not run again.
+    told
         Called in this thread with every task and its result.
-    lines : TaskLines, optional
-        What shows how far they are.
+    lines
+        Shows how far they are.
 
     Returns
     -------
@@ -109,7 +117,7 @@ def run_tasks(
 
 
 def run_and_say(task: Task) -> TaskResult:
-    """`run_task` that says now and then how far it is: (key, part, best score)."""
+    """Do `run_task`, and say now and then how far it is: (key, part, best score)."""
     last = 0.0
 
     def watch(budget: Budget) -> None:
