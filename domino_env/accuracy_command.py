@@ -18,7 +18,7 @@ SUMMARY = "error against run time, rows at the edge, and what leaving out pays"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino accuracy`."""
+    """Add the options of `domino accuracy`."""
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--stability", action="store_true", help="rows at the edge, judged")
     what.add_argument("--savings", action="store_true", help="what leaving out pays, as ratios")

@@ -31,7 +31,7 @@ def median_time(task: Callable[[], object], runs: int = RUNS) -> float:
 
 
 def single_waves() -> list[str]:
-    """Times and errors of single rows at several tolerances."""
+    """Tabulate times and errors of single rows at several tolerances."""
     rng = np.random.default_rng(2)
     rows = {
         "100 uniform, pitch 16 mm": Layout.uniform(100, pitch=0.016),
@@ -55,7 +55,7 @@ def single_waves() -> list[str]:
 
 
 def long_rows() -> list[str]:
-    """Cost against length: it is linear."""
+    """Tabulate cost against length: it is linear."""
     rng = np.random.default_rng(3)
     lines = ["length     uniform [s]   random [s]"]
     for count in (1_000, 10_000, 100_000):
@@ -67,7 +67,7 @@ def long_rows() -> list[str]:
 
 
 def batches() -> list[str]:
-    """Layouts a second in batches, over all cores."""
+    """Tabulate layouts a second in batches, over all cores."""
     rng = np.random.default_rng(4)
     spacing = rng.uniform(0.002, 0.040, (4000, 39))
     thickness = np.full(40, 0.0075)
@@ -84,7 +84,7 @@ def batches() -> list[str]:
 
 
 def gradients() -> list[str]:
-    """What a gradient of the total time costs, in plain runs of the same row."""
+    """Tabulate what a gradient of the total time costs, in plain runs of the same row."""
     rng = np.random.default_rng(5)
     rows = {
         "100 uniform, pitch 16 mm": Layout.uniform(100, pitch=0.016),
@@ -110,7 +110,7 @@ def gradients() -> list[str]:
 
 
 def environments() -> list[str]:
-    """Steps of the environments, beside CartPole's."""
+    """Tabulate steps of the environments, beside CartPole's."""
     from domino_env.env_bench import environment_steps
 
     return environment_steps()

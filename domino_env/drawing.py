@@ -116,7 +116,7 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 @cache
 def palette() -> Image.Image:
-    """All colours of a picture, with their blends into the paper, for formats that have few."""
+    """List all colours of a picture and their blends into the paper, for formats with few."""
     colours = []
     for colour in (INK, PALE, STANDS, FALLS, LEADS):
         for part in np.linspace(1.0, 0.0, 9)[:-1]:

@@ -19,12 +19,12 @@ TURNS = 7
 
 
 def environment_steps() -> list[str]:
-    """Two tables: what a step costs alone, and how many a second there are together."""
+    """Tabulate what a step costs alone, and how many a second there are together."""
     return [*single_steps(), "", *vector_steps()]
 
 
 def single_steps() -> list[str]:
-    """Microseconds a step, resets included."""
+    """Tabulate microseconds a step, resets included."""
     lines = [
         "one row, random actions              unwrapped [us]   as gymnasium.make gives it [us]"
     ]
@@ -38,7 +38,7 @@ def single_steps() -> list[str]:
 
 
 def vector_steps() -> list[str]:
-    """Steps a second of all rows together, and processor time a step."""
+    """Tabulate steps a second of all rows together, and processor time a step."""
     lines = [
         f"{ROWS} rows, random actions, {numba.get_num_threads()} threads      "
         "steps a second   processor time a step [us]"

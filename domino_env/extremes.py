@@ -55,7 +55,13 @@ def _ends(*outcomes: Outcome) -> frozenset[Outcome]:
 
 
 def extremes(million: bool = True) -> Iterator[Extreme]:
-    """All cases, group by group; without the row of a million dominoes where it takes too long."""
+    """Yield all cases, group by group.
+
+    Parameters
+    ----------
+    million
+        Whether the long rows have a million dominoes; else ten thousand.
+    """
     yield from near_stall()
     yield from smallest_pushes()
     yield from near_touching()
@@ -110,7 +116,7 @@ def dipping_push(layout: Layout, physics: Physics, dip: float) -> float:
 
 
 def near_stall() -> Iterator[Extreme]:
-    """The leader all but stops: u dips to a fraction of its value at release."""
+    """Yield rows whose leader all but stops: u dips to a part of its value at release."""
     for friction in (0.25, 0.0):
         row, physics = hesitant_row(), Physics(friction)
         for power in (1, 3, 6, 9, 12, 14):
@@ -291,7 +297,7 @@ def flush_patterns() -> Iterator[Extreme]:
 
 
 def flushes_close_together() -> Iterator[Extreme]:
-    """Runs of nearly equal gaps: the flushes follow one another within a hair."""
+    """Yield runs of nearly equal gaps: the flushes follow one another within a hair."""
     for power in (4, 6, 7, 8, 8.5, 9, 10, 12, 15):
         for sign in (1, -1):
             graded = 0.005 * (1.0 + sign * 10.0**-power * np.arange(12))
@@ -305,7 +311,7 @@ def flushes_close_together() -> Iterator[Extreme]:
 
 
 def long_rows(count: int) -> Iterator[Extreme]:
-    """A million dominoes, equal and random."""
+    """Yield a row of `count` equal dominoes, and a random one."""
     rng = np.random.default_rng(1)
     yield Extreme(
         "long rows", f"{count} equal dominoes", Layout.uniform(count, pitch=0.016), Physics()

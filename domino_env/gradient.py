@@ -53,7 +53,7 @@ class Gradient:
     push: float | Floats
 
     def scaled(self, factor: float) -> Gradient:
-        """The gradient of `factor` times the number."""
+        """Return the gradient of `factor` times the number."""
         return Gradient(
             self.spacing * factor,
             self.thickness * factor,
@@ -69,7 +69,7 @@ Tape = NDArray[np.record]
 
 
 def room_for(count: int) -> Tape:
-    """An empty tape, long enough for most rows of that many dominoes."""
+    """Allocate an empty tape, long enough for most rows of that many dominoes."""
     return np.empty(4 * count + 16, kernels.EVENT)
 
 

@@ -152,7 +152,7 @@ def limited(found: Floats, waves: Waves, limits: Limits) -> Floats:
 
 
 def gain(score: float, other: float) -> float | None:
-    """How much better a score is than another, such as that of the best uniform row.
+    """Say how much better a score is than another, such as that of the best uniform row.
 
     Parameters
     ----------

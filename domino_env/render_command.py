@@ -13,7 +13,7 @@ SUMMARY = "rows that topple, as an animated GIF or a film"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino render`."""
+    """Add the options of `domino render`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="a .csv or .json file")
     add_physics_options(parser, "its physics, and its best uniform row as a rival")
     parser.add_argument("--gif", metavar="FILE", help="write an animated picture")

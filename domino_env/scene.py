@@ -341,7 +341,7 @@ class Scene:
         return found, alive * slopes[0], alive * slopes[1], alive * slopes[2]
 
     def falls(self, scores: Floats) -> int:
-        """How many single falls were simulated for these scores; with "robust", at most so many."""
+        """Count the single falls simulated for these scores; with "robust", at most so many."""
         if self.placement is not None:
             return self.waves_a_score * self.count * len(scores)
         return worth.falls(scores, self.count, self.objective, self.limits)

@@ -25,7 +25,7 @@ THICK = 0.5  # [m] a domino thicker than this was probably measured in millimetr
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino simulate`."""
+    """Add the options of `domino simulate`."""
     parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
     add_physics_options(parser, "a scene's physics and rules, by name or .toml file")
     parser.add_argument("--rtol", type=float, default=1e-8, help="relative error allowed (1e-8)")

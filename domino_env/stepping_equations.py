@@ -193,7 +193,7 @@ def lead_by(rows, n, i, angle):
 
 @numba.njit(**_JIT)
 def first_switch(rows, n, back, angle):
-    """The least lean of the leader at which one of the links switches that have by `angle`."""
+    """Find the least lean of the leader at which one of the links switches that have by `angle`."""
     s, c = math.sin(angle), math.cos(angle)
     first = angle
     for i in range(n - 1, back - 1, -1):

@@ -10,7 +10,7 @@ SUMMARY = "the sound of a row, as a WAV file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino click`."""
+    """Add the options of `domino click`."""
     parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
     add_physics_options(parser, "a scene's physics, by name or .toml file")
     parser.add_argument("--wav", metavar="FILE", help="where to (beside the layout)")

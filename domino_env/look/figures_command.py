@@ -11,7 +11,7 @@ SUMMARY = "the seed's figures and tables, from our own numbers"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino figures`."""
+    """Add the options of `domino figures`."""
     parser.add_argument("--out", metavar="FOLDER", default="figures", help="where to (figures)")
 
 

@@ -11,7 +11,7 @@ SUMMARY = "the friction that explains measured frequencies"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino fit`."""
+    """Add the options of `domino fit`."""
     parser.add_argument("rows", metavar="ROW", nargs="+", help="PITCH=FREQUENCY [mm]=[1/s]")
     parser.add_argument("--thickness", type=float, default=7.5, help="[mm] (7.5)")
     parser.add_argument("--height", type=float, default=48.0, help="[mm] (48)")

@@ -8,7 +8,7 @@ SUMMARY = "the hit frequency of a recording"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino listen`."""
+    """Add the options of `domino listen`."""
     parser.add_argument("files", metavar="FILE.wav", nargs="+", help="a recording of uniform rows")
     parser.add_argument("--pitch", type=float, metavar="MM", help="says the speed too [mm]")
 

@@ -14,7 +14,7 @@ SUMMARY = "a page that races rows against each other"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino report`."""
+    """Add the options of `domino report`."""
     parser.add_argument("paths", metavar="RUN|LAYOUT", nargs="+", help="a folder or a layout file")
     add_physics_options(parser, "its physics, and its best uniform row as a rival")
     parser.add_argument("--html", metavar="FILE", help="(report.html, in the run's folder)")

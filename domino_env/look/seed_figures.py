@@ -34,7 +34,7 @@ PITCH, COUNT, PUSH = 0.016, 60, 5.0 * np.pi
 
 
 def one_fall(path: Path) -> None:
-    """Potential energy given off and kinetic energy of each domino, before and after one fall.
+    """Draw what energy each domino gives off and gains in one fall.
 
     Without friction, far down the row; what a domino gives and what it has are not the same, as
     the contacts share it out.
@@ -68,7 +68,7 @@ def one_fall(path: Path) -> None:
 
 
 def sawtooth_of_energy(path: Path) -> None:
-    """Kinetic energy of the row over time: gravity gives, every hit takes."""
+    """Draw the kinetic energy of a row over time: gravity gives, every hit takes."""
     from domino_env.motion import Motion
 
     wave = simulate(Layout.uniform(30, pitch=PITCH), Physics(0.0, GRAVITY, PUSH))
@@ -80,7 +80,7 @@ def sawtooth_of_energy(path: Path) -> None:
 
 
 def sawtooth_of_speed(path: Path) -> None:
-    """Angular velocity of the leader over time, with the steady average, angle over time."""
+    """Draw the angular velocity of the leader over time, with the steady average."""
     wave = simulate(Layout.uniform(30, pitch=PITCH), Physics(0.0, GRAVITY, PUSH))
     times = np.repeat(wave.arrival_times, 2)[1:-1]
     speeds = np.column_stack([wave.release_velocity[:-1], wave.impact_velocity]).ravel()
@@ -94,7 +94,7 @@ def sawtooth_of_speed(path: Path) -> None:
 
 
 def correction_factor(path: Path) -> None:
-    """Speed over √(3gL) by thickness/pitch, eq. 13 and simulated where a row carries a wave.
+    """Draw speed over √(3gL) by thickness/pitch, eq. 13 and simulated where a row carries a wave.
 
     The valid range is found by simulation: a row of 100 runs through after a push of 5π rad/s, and
     each domino can reach the next.
@@ -118,7 +118,7 @@ def correction_factor(path: Path) -> None:
 
 
 def formula_against_simulation(path: Path) -> None:
-    """Speed by d/λ of standard dominoes without friction: simulated, and eq. 13."""
+    """Draw speed by d/λ of standard dominoes without friction: simulated, and eq. 13."""
     figure, axes = _sheet("Eq. 13 beside simulation (d/L = 0.15625, no friction)")
     unit = np.sqrt(3.0 * GRAVITY * HEIGHT)
     dense = np.linspace(0.15, 0.9, 90)
@@ -132,7 +132,7 @@ def formula_against_simulation(path: Path) -> None:
 
 
 def friction(path: Path) -> None:
-    """Steady speed by friction between dominoes, beside a law from the literature.
+    """Draw steady speed by friction between dominoes, beside a law from the literature.
 
     The factor (1+μ)^-0.4 does not describe this model; the legend says what exponent would, at the
     friction of the article.

@@ -8,7 +8,7 @@ SUMMARY = "a paper template of a row, at 1:1"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino template`."""
+    """Add the options of `domino template`."""
     parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
     parser.add_argument("--paper", default="a4", choices=["a4", "letter"], help="(a4)")
     parser.add_argument("--pdf", metavar="FILE", help="where to (beside the layout)")

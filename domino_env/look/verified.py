@@ -96,7 +96,7 @@ def digest(layout: Layout, physics: Physics) -> str:
 
 
 def summary(checked: Verification) -> Verified:
-    """A verification in numbers."""
+    """Put a verification into numbers."""
     import pymunk
 
     wave, found = checked.wave, checked.diagnosis
@@ -123,7 +123,7 @@ def summary(checked: Verification) -> Verified:
 
 
 def read_verified(path: Path = PATH) -> dict[str, Verified]:
-    """All that is kept, by the name of the scene; nothing where there is no such file."""
+    """Read all that is kept, by the name of the scene; nothing where there is no such file."""
     if not path.exists():
         return {}
     document = read_json(path)

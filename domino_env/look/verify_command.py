@@ -14,7 +14,7 @@ SUMMARY = "the same row in an independent physics engine, times side by side"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `domino verify`."""
+    """Add the options of `domino verify`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="a .csv or .json file")
     add_physics_options(parser, "a scene's physics, by name or .toml file")
     parser.add_argument(
