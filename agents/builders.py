@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation import Built, build
 from domino_env.env import DominoChain
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 TRIED = 41  # actions that the greedy builder looks at for each free number

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from agents.evaluation import build
 from agents.learner import builder
 from domino_env.layout import Layout
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from agents.sb3_vec_env import DominoVecEnv

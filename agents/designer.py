@@ -21,7 +21,8 @@ from threadpoolctl import ThreadpoolController
 from agents.arrays import read_arrays
 from agents.family import FEATURES, SceneFamily, numbers, require_kind
 from domino_env.layout import Layout
-from domino_env.scene import Scene, load_scene
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
 from domino_env.wave import Wave
 
 Floats = NDArray[np.float64]

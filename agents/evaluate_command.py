@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.builders import BUILDERS
     from agents.evaluation import evaluate
     from agents.family_evaluation import designer_of
-    from domino_env.scene import load_scene
+    from domino_env.scenes.files import load_scene
 
     designer = None if arguments.agent in BUILDERS else designer_of(arguments.agent)
     if designer is not None and arguments.scenes is not None:
@@ -92,7 +92,7 @@ def _designed(designer: Designer, name: str | None) -> Built:
     """Its row for one scene."""
     from agents.designer import design
     from agents.evaluation import Built
-    from domino_env.scene import load_scene
+    from domino_env.scenes.files import load_scene
 
     scene = load_scene(name or "sprint")
     design(scene, designer=designer)  # compiles what is not compiled yet
@@ -104,7 +104,7 @@ def _designed(designer: Designer, name: str | None) -> Built:
 
 def sentence(built: Built) -> str:
     """Say score, gain over uniform, gap to the best known."""
-    from domino_env.objective import gain
+    from domino_env.scenes.baseline import gain
     from optimize.best_known import best_known
 
     words = f"{built.scene.name}: score {built.score:.6f} ({built.wave.outcome.name})"

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from domino_env.env import DominoChain
 from domino_env.layout import Layout
-from domino_env.objective import gain
-from domino_env.scene import Scene, UniformMark, load_scene
+from domino_env.scenes.baseline import gain
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene, UniformMark
 from domino_env.support.reading import naming
 from domino_env.wave import Wave
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.physics import Physics
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 Range = tuple[float, float]

@@ -14,7 +14,8 @@ from agents.family import FEATURES, SceneFamily, numbers
 from agents.family_examples import Examples
 from agents.run_files import is_family
 from agents.teaching import EXAMPLES_SEED
-from domino_env.scene import Scene, load_scene
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.tables import markdown_table, write_csv
 
 if TYPE_CHECKING:

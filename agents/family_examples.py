@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agents.arrays import read_arrays
 from agents.family import FEATURES, SceneFamily, numbers, scene_of
 from domino_env.files import write_bytes
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 

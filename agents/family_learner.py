@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from agents.designer import PLANS, SHOWN, Designer, Layers, plans_of, scene_shown, shown
 from agents.family import FEATURES, numbers, uniform_speed
 from agents.teaching import Teaching
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 

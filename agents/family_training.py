@@ -23,7 +23,7 @@ from agents.family_examples import Examples, make_examples
 from agents.run_files import Count, Score, Seconds, Seed, require_columns
 from agents.teaching import EXAMPLES_SEED, Teaching
 from domino_env.files import write_bytes, write_text
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.models import Document, model_of
 from domino_env.support.reading import naming, read_json
 from domino_env.support.tables import write_csv

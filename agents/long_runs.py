@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from agents.training import train
 from domino_env.files import write_bytes
-from domino_env.scene import load_scene
+from domino_env.scenes.files import load_scene
 from domino_env.support.tables import markdown_table, write_csv
 from optimize.best_known import best_known
 

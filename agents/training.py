@@ -24,7 +24,8 @@ from agents.extra import require_extra
 from agents.presets import ALGORITHMS, Preset, preset
 from agents.run_files import ProgressDocument, read_config, require_columns
 from domino_env.files import write_text
-from domino_env.scene import Scene, load_scene
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.models import model_of
 from domino_env.support.reading import naming
 from domino_env.support.tables import write_csv

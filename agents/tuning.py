@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from agents.presets import ALGORITHMS, Preset, preset
-from domino_env.scene import Scene, load_scene
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
 from optimize.budget import Budget
 from optimize.problem import Problem
 

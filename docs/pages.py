@@ -14,7 +14,7 @@ import numpy as np
 import domino_env as de
 from domino_env.look.verified import known_verification, markdown, read_verified
 from domino_env.motion import Motion, outlines
-from domino_env.scenes.schema import scene_schema
+from domino_env.scenes.files.schema import scene_schema
 from domino_env.support.tables import markdown_table
 from optimize.best_known import BestKnown, best_known
 from optimize.methods import METHODS, PEERS
@@ -131,7 +131,7 @@ def scene_page(name: str, record: BestKnown | None) -> str:
         if scene.free_height:
             text += [schedule("height [m]", record.layout.height), ""]
         text += checked(name, record, scene)
-    source = (package_files("domino_env.scenes") / f"{name}.toml").read_text("utf-8")
+    source = (package_files("domino_env.scenes") / "shipped" / f"{name}.toml").read_text("utf-8")
     return "\n".join(
         [
             *text,

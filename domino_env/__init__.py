@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from domino_env.gradient import Gradient
     from domino_env.layout import Layout
     from domino_env.physics import Physics
-    from domino_env.scene import Scene, UniformMark, load_scene, scene_names
+    from domino_env.scenes.files import load_scene, scene_names
+    from domino_env.scenes.scene import Scene, UniformMark
     from domino_env.steady import (
         SteadyWave,
         existence_limit,
@@ -44,7 +45,7 @@ _HOMES = {
     "WaveBatch": "wave",
     "simulate": "wave",
     "simulate_batch": "wave",
-    "Scene": "scene",
+    "Scene": "scenes.scene",
     "Diagnosis": "forces",
     "diagnose": "forces",
     "SteadyWave": "steady",
@@ -52,9 +53,9 @@ _HOMES = {
     "smallest_push": "steady",
     "steady_wave": "steady",
     "terminal_speed_estimate": "steady",
-    "UniformMark": "scene",
-    "load_scene": "scene",
-    "scene_names": "scene",
+    "UniformMark": "scenes.scene",
+    "load_scene": "scenes.files",
+    "scene_names": "scenes.files",
 }
 
 __all__ = [

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from domino_env.extremes import dipping_push
 from domino_env.layout import Layout
 from domino_env.physics import Physics
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from domino_env.stepping import ADAPTIVE, FIXED, step_row
 from domino_env.support.tables import csv_table
 from domino_env.wave import TIGHTEST, Outcome, Wave, simulate

@@ -47,7 +47,7 @@ def _error_against_time(folder: Path, arguments: argparse.Namespace) -> int:
     from domino_env.accuracy import as_csv, compare, measure, scene_rows, standard_rows
     from domino_env.accuracy_pictures import draw_accuracy
     from domino_env.files import write_text
-    from domino_env.scene import load_scene
+    from domino_env.scenes.files import load_scene
 
     with _progress() as tell:
         tell("compiling, and preparing the rows")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.layout import Layout
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from domino_env.wave import Wave, simulate
 
 Floats = NDArray[np.float64]

@@ -14,7 +14,7 @@ from domino_env import kernels
 from domino_env.moment import Moment
 from domino_env.row_env import RTOL, WINDOW, RowEnv, checked_options, wrong_actions
 from domino_env.rows import Rows, Seen
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 
 class DominoChain(RowEnv):

@@ -16,7 +16,7 @@ from domino_env.layout import Layout
 from domino_env.moment import Moment
 from domino_env.row_env import RTOL, RowEnv, checked_options, wrong_actions
 from domino_env.rows import Floats, Rows, Seen
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 
 class DominoLayout(RowEnv):

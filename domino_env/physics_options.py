@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from domino_env.physics import Physics
-    from domino_env.scene import Scene
+    from domino_env.scenes.scene import Scene
 
 
 def add_physics_options(parser: argparse.ArgumentParser, scene_help: str) -> None:
@@ -29,7 +29,7 @@ def asked_physics(arguments: argparse.Namespace) -> tuple[Scene | None, Physics]
     from dataclasses import replace
 
     from domino_env.physics import Physics
-    from domino_env.scene import load_scene
+    from domino_env.scenes.files import load_scene
 
     scene = load_scene(arguments.scene) if arguments.scene else None
     return scene, replace(scene.physics if scene else Physics(), **given_physics(arguments))

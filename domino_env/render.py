@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from domino_env.layout import Layout
 from domino_env.moment import Moment
 from domino_env.motion import lean_behind
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 WIDTH, HEIGHT = 1200, 200
 TEXT_WIDTH = 100

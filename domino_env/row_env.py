@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from domino_env.moment import Moment
 from domino_env.rows import Floats, Seen, shared_scene
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 RENDER_MODES = ("rgb_array", "human", "ansi")
 RENDER_FPS = 20

@@ -15,8 +15,8 @@ from domino_env import kernels
 from domino_env.ending import Endings
 from domino_env.layout import Layout
 from domino_env.moment import Moment
-from domino_env.scene import LENGTH_TOLERANCE, Scene, load_scene
-from domino_env.scenes.files import parse_scene
+from domino_env.scenes.files import load_scene, parse_scene
+from domino_env.scenes.scene import LENGTH_TOLERANCE, Scene
 from domino_env.threads import share_rows
 from domino_env.wave import LOOSEST, TIGHTEST, Outcome, Wave, simulate
 

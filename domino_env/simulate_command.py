@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from domino_env.physics_options import add_physics_options, asked_physics
 
 if TYPE_CHECKING:
-    from domino_env.scene import Scene
+    from domino_env.scenes.scene import Scene
     from domino_env.wave import Wave
 
 SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
@@ -109,7 +109,7 @@ def _verdict(wave: Wave) -> list[str]:
 
 def _judged(wave: Wave, scene: Scene) -> dict[str, object]:
     """What the scene says of the wave: the rules it breaks, or its score and the mark's."""
-    from domino_env.objective import gain
+    from domino_env.scenes.baseline import gain
 
     broken = scene.violations(wave.layout)
     if wave.physics != scene.physics:

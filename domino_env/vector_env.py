@@ -25,7 +25,7 @@ from domino_env.row_env import (
     wrong_actions,
 )
 from domino_env.rows import Bools, Floats, Rows, Seen, shared_scene
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 RENDER_MODES = ("rgb_array", "ansi")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from optimize.lists import Lists
 from optimize.projection import nearest_with_sum
 from optimize.smoothness import nearest_smooth

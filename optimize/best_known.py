@@ -18,7 +18,7 @@ from domino_env import __version__
 from domino_env.files import write_text
 from domino_env.layout import Layout
 from domino_env.layout_files import LayoutTable
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.models import LARGEST, Number, model_of
 from domino_env.support.reading import naming, read_json
 from optimize.result import SearchResult

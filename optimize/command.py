@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from optimize.executors.choice import add_executor_options, asked_executor
 
 if TYPE_CHECKING:
-    from domino_env.scene import Scene
+    from domino_env.scenes.scene import Scene
     from optimize.result import SearchResult
 
 SUMMARY = "search a better row than the best uniform one"
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and say what was found."""
-    from domino_env.scene import load_scene
+    from domino_env.scenes.files import load_scene
     from optimize import methods
     from optimize.runs import FILES
     from optimize.searching import search

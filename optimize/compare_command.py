@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
     from domino_env.files import require_room
-    from domino_env.scene import load_scene, scene_names
+    from domino_env.scenes.files import load_scene, scene_names
     from optimize import best_known, methods
     from optimize.comparison import compare, comparison_tasks
     from optimize.comparison_page import FILES, table, write

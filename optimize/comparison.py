@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scene import Scene, load_scene
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
 from optimize.best_known import best_known
 from optimize.result import SearchResult
 from optimize.studies.progress import TaskLines

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -19,7 +19,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from domino_env.layout import Layout
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.plot_style import (
     FAINT,
     INK,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.layout import Layout
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from domino_env.wave import Outcome, simulate
 from optimize.allowed import Allowed
 from optimize.feasible import require_feasible

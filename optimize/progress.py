@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from domino_env.objective import gain
+from domino_env.scenes.baseline import gain
 
 if TYPE_CHECKING:
     from optimize.budget import Budget

@@ -24,7 +24,7 @@ from typing import Any
 
 from domino_env.files import require_room, write_text
 from domino_env.layout import Layout
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.provenance import versions
 from domino_env.support.tables import write_csv
 from optimize.budget import Budget, Step

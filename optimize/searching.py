@@ -10,7 +10,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from domino_env.layout import Layout
-from domino_env.scene import Scene, load_scene
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
 from domino_env.wave import Wave
 from optimize import methods
 from optimize.budget import Budget, BudgetSpent

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Check, search, write the folder, and say what was found."""
     from domino_env.files import require_room
-    from domino_env.scene import load_scene
+    from domino_env.scenes.files import load_scene
     from optimize.studies.progress import TaskLines
     from optimize.sweep_page import FILES, write
     from optimize.sweeping import run_sweep, sweep_tasks

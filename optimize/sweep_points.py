@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.scene import Scene
 from domino_env.scenes.files import document_of, scene_of_document
+from domino_env.scenes.scene import Scene
 
 Value = float | int | str | list[Any]
 Point = tuple[tuple[str, Value], ...]

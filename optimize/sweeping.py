@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.scene import Scene, load_scene
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
 from optimize import methods as known_methods
 from optimize.problem import Problem
 from optimize.studies.progress import TaskLines

@@ -125,7 +125,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
         )
         for path in (ROOT / package).rglob(pattern)
     } | {"domino_env/look/verified.json"}
-    assert {"domino_env/scenes/sprint.toml", "domino_env/py.typed"} <= sources
+    assert {"domino_env/scenes/shipped/sprint.toml", "domino_env/py.typed"} <= sources
     kept = {name for name in names if ".dist-info/" not in name}
     assert kept == sources
 

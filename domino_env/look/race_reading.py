@@ -17,7 +17,8 @@ from domino_env.layout import Layout
 from domino_env.look.race_data import Racer
 from domino_env.look.verified import known_verification
 from domino_env.physics import Physics
-from domino_env.scene import Scene, load_scene
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.models import Document, Number, model_of
 from domino_env.support.reading import decoded, naming, one_line, read_bytes, read_json, shown
 from domino_env.wave import simulate

@@ -1,1 +1,1 @@
-"""The scenes that ship, one TOML file each."""
+"""Design problems: what a scene is, what counts in it, its best uniform row, and its file."""

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 Arrays = tuple[Floats, ...]

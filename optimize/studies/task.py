@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scene import Scene
 from domino_env.scenes.files import parse_scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.provenance import versions
 from optimize.budget import Budget, Step
 from optimize.result import SearchResult

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-import domino_env.uniform
+import domino_env.scenes.baseline
 from agents.designer import (
     PLANS,
     SHIPPED,
@@ -133,7 +133,7 @@ def test_a_design_does_not_ask_for_the_best_uniform_row(sprint, monkeypatch) -> 
     def refused(scene: de.Scene) -> None:
         raise AssertionError("the search of the mark takes longer than a design")
 
-    monkeypatch.setattr(domino_env.uniform, "best_uniform", refused)
+    monkeypatch.setattr(domino_env.scenes.baseline, "best_uniform", refused)
     unseen = replace(sprint, count=33)
     assert design(unseen).score > 0.0
     with pytest.raises(AssertionError, match="takes longer"):

@@ -17,7 +17,7 @@ from domino_env.extremes import dipping_push, hesitant_row
 from domino_env.layout import Layout
 from domino_env.many_digits import true_wave
 from domino_env.physics import Physics
-from domino_env.scene import load_scene
+from domino_env.scenes.files import load_scene
 from domino_env.wave import Outcome, simulate, simulate_batch
 
 # against sixty digits ---------------------------------------------------------------------------

@@ -16,8 +16,8 @@ from gymnasium.utils.env_checker import check_env
 import domino_env as de
 from domino_env.env import DominoChain
 from domino_env.layout_env import DominoLayout
-from domino_env.objective import Limits
-from domino_env.stock import Stock
+from domino_env.scenes.limits import Limits
+from domino_env.scenes.stock import Stock
 
 SCENES = de.scene_names()
 BOTH = ("DominoChain-v0", "DominoLayout-v0")

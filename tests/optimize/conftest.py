@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import domino_env as de
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 
 
 def small_scene(name: str) -> Scene:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.scene import scene_names
+from domino_env.scenes.files import scene_names
 from optimize import best_known, compare_command, search
 from optimize.comparison import TARGETS, Comparison, compare
 from optimize.comparison_page import FILES, page, table, write

@@ -11,7 +11,7 @@ import pytest
 
 import domino_env as de
 import optimize.budget
-from domino_env.scene import Scene
+from domino_env.scenes.scene import Scene
 from optimize import METHODS, search
 from optimize.budget import Budget
 from optimize.result import SearchResult

@@ -11,8 +11,8 @@ import pytest
 
 import domino_env as de
 import optimize
-from domino_env.objective import gain
-from domino_env.scene import Scene
+from domino_env.scenes.baseline import gain
+from domino_env.scenes.scene import Scene
 from optimize import METHODS, Problem, search
 from optimize.budget import Budget, BudgetSpent
 

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import resources
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env import objective as worth
 from domino_env.layout import Layout
-from domino_env.objective import Limits, Waves
 from domino_env.physics import Physics
-from domino_env.placement import Placement
-from domino_env.rules import off_list, outside, too_steep
-from domino_env.stock import Stock
-from domino_env.tempo import Tempo
+from domino_env.scenes import limits as worth
+from domino_env.scenes.limits import Limits, Waves
+from domino_env.scenes.objectives.robust import Placement
+from domino_env.scenes.objectives.tempo import Tempo
+from domino_env.scenes.rules import off_list, outside, too_steep
+from domino_env.scenes.stock import Stock
 from domino_env.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
 
 Floats = NDArray[np.float64]
@@ -58,7 +56,7 @@ class Scene:
     title
         What it is about.
     objective
-        What counts, one of `domino_env.objective.OBJECTIVES`.
+        What counts, one of `domino_env.scenes.limits.OBJECTIVES`.
     physics
         Friction, gravity, push.
     count
@@ -245,7 +243,7 @@ class Scene:
         float
             More than 0 for a success: with "mean_speed", the mean speed [m/s]. A wave that dies
             scores between -1 and 0, higher the further it came, so that a search can climb. See
-            `domino_env.objective`.
+            `domino_env.scenes.limits`.
 
         Raises
         ------
@@ -370,7 +368,7 @@ class Scene:
 
     @cached_property
     def _uniform(self) -> UniformMark:
-        from domino_env.uniform import best_uniform
+        from domino_env.scenes.baseline import best_uniform
 
         layout = best_uniform(self)
         wave = self.simulate(layout)
@@ -481,22 +479,3 @@ class Scene:
                 pulled = wave.pullback(self.tempo.slope(wave.arrival_times[None])[0])
                 slopes[:, b] = pulled.spacing, pulled.thickness[1:], pulled.height[1:]
         return found, slopes[0], slopes[1], slopes[2]
-
-
-def scene_names() -> list[str]:
-    """List the names of the scenes that ship."""
-    folder = resources.files("domino_env") / "scenes"
-    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith("toml"))
-
-
-def load_scene(name: str | Path) -> Scene:
-    """Load a scene that ships, by name, or one of your own, by the path of its TOML file.
-
-    Raises
-    ------
-    ValueError
-        With file, key, value and what is allowed.
-    """
-    from domino_env.scenes.files import read_scene
-
-    return read_scene(name)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.rules import ON_LIST, nearest_of
+from domino_env.scenes.rules import ON_LIST, nearest_of
 from domino_env.support.distinct import distinct_rows
 
 if TYPE_CHECKING:
     from domino_env.layout import Layout
-    from domino_env.scene import Scene
+    from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +24,22 @@ FINEST = 1e-9  # [m] where looking closer ends
 FINEST_DRAWN = 1e-7  # the same where rows are drawn at random: the draws are worth no more
 RTOL, RTOL_DRAWN = 1e-11, 1e-8
 LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
+
+
+def gain(score: float, other: float) -> float | None:
+    """Say how much better a score is than another, such as that of the best uniform row.
+
+    Parameters
+    ----------
+    score, other
+        Of two waves, judged alike.
+
+    Returns
+    -------
+    float or None
+        score / other - 1; None where one of the waves died, as its score is no speed.
+    """
+    return score / other - 1.0 if score > 0.0 and other > 0.0 else None
 
 
 def best_uniform(scene: Scene) -> Layout:

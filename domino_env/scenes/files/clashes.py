@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from domino_env.scenes.tables import MOST_PAIRS, SceneFile, ThicknessTable
+from domino_env.scenes.files.tables import MOST_PAIRS, SceneFile, ThicknessTable
 
 MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
 TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number

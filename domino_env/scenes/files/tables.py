@@ -1,7 +1,7 @@
 """The tables of a scene's file: keys, units, ranges, and what the keys of a table owe each other.
 
 Said once, here: `domino_env.scenes.files` reads scenes by them, and editors check them by the
-schema that `domino_env.scenes.schema` makes of them.
+schema that `domino_env.scenes.files.schema` makes of them.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from msgspec import Meta
 
 from domino_env.layout import DENSITY, HEIGHT, WIDTH
-from domino_env.objective import OBJECTIVES, Limits
 from domino_env.physics import Physics
-from domino_env.placement import LARGEST_DRAWS, Placement
-from domino_env.stock import Stock
+from domino_env.scenes.limits import OBJECTIVES, Limits
+from domino_env.scenes.objectives.robust import LARGEST_DRAWS, Placement
+from domino_env.scenes.objectives.tempo import TOLERANCE, Tempo
+from domino_env.scenes.stock import Stock
 from domino_env.support.models import LARGEST, Size, Table
-from domino_env.tempo import TOLERANCE, Tempo
 
 Bounds = tuple[float, float]
 Values = tuple[float, ...]

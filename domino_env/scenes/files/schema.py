@@ -1,6 +1,7 @@
 """The JSON Schema of scene files, by which editors complete and check them.
 
-It ships beside the scenes as scene.schema.json; `python -m domino_env.scenes.schema` writes it.
+It ships beside the scenes as scene.schema.json; `python -m domino_env.scenes.files.schema` writes
+it.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from typing import Any
 import msgspec
 
 from domino_env.files import write_text
-from domino_env.scenes import tables
+from domino_env.scenes.files import tables
 
-PATH = Path(__file__).with_name("scene.schema.json")
+PATH = Path(__file__).parents[1] / "shipped" / "scene.schema.json"
 
 
 def scene_schema() -> dict[str, Any]:

@@ -12,7 +12,7 @@ import pytest
 
 import domino_env as de
 from domino_env.scenes.files import document_of, scene_of_document
-from domino_env.scenes.schema import PATH, scene_schema
+from domino_env.scenes.files.schema import PATH, scene_schema
 
 SCENES = sorted(PATH.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
@@ -20,7 +20,7 @@ VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
 
 def test_the_schema_that_ships_is_up_to_date() -> None:
     kept = json.loads(PATH.read_text("utf-8"))
-    assert kept == scene_schema(), "run `python -m domino_env.scenes.schema`"
+    assert kept == scene_schema(), "run `python -m domino_env.scenes.files.schema`"
     jsonschema.Draft202012Validator.check_schema(kept)
 
 

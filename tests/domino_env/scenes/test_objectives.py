@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.objective import Limits
-from domino_env.placement import LEAST_GAP, Placement
-from domino_env.scene import Scene
-from domino_env.stock import Stock
-from domino_env.tempo import Tempo
+from domino_env.scenes.limits import Limits
+from domino_env.scenes.objectives.robust import LEAST_GAP, Placement
+from domino_env.scenes.objectives.tempo import Tempo
+from domino_env.scenes.scene import Scene
+from domino_env.scenes.stock import Stock
 
 
 def some(name: str, **changes: object) -> Scene:

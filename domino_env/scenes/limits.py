@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.tempo import Tempo
+from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.wave import Outcome, Wave, WaveBatch
 
 Floats = NDArray[np.float64]
@@ -149,22 +149,6 @@ def limited(found: Floats, waves: Waves, limits: Limits) -> Floats:
     broken = -0.5 * excess / (1.0 + excess)
     lowered = np.where(found < 0.0, 0.5 * found - 0.5, found)
     return np.where((found > 0.0) & (excess > 0.0), broken, lowered)
-
-
-def gain(score: float, other: float) -> float | None:
-    """Say how much better a score is than another, such as that of the best uniform row.
-
-    Parameters
-    ----------
-    score, other
-        Of two waves, judged alike.
-
-    Returns
-    -------
-    float or None
-        score / other - 1; None where one of the waves died, as its score is no speed.
-    """
-    return score / other - 1.0 if score > 0.0 and other > 0.0 else None
 
 
 def falls(found: Floats, count: int, objective: str, limits: Limits | None) -> int:

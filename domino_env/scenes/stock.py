@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.rules import nearest_of
+from domino_env.scenes.rules import nearest_of
 
 Floats = NDArray[np.float64]
 

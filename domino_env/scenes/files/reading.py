@@ -1,23 +1,36 @@
-"""Scenes as TOML files: read by `domino_env.scenes.tables`, and written so that they read back."""
+"""Scenes read from TOML files, by the tables of `domino_env.scenes.files.tables`."""
 
 from __future__ import annotations
 
 import difflib
-import json
 import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from domino_env.scene import Scene, scene_names
-from domino_env.scenes.clashes import first_clash
-from domino_env.scenes.tables import Bounds, SceneFile, Values, steps
+from domino_env.scenes.files.clashes import first_clash
+from domino_env.scenes.files.tables import SceneFile
+from domino_env.scenes.scene import Scene
 from domino_env.support.models import model_of
 from domino_env.support.reading import naming, one_line, read_bytes, refuse
 
+SHIPPED = resources.files("domino_env.scenes") / "shipped"
 
-def read_scene(name: str | Path) -> Scene:
-    """A scene by name or by the path of its file; see `domino_env.load_scene`."""
+
+def scene_names() -> list[str]:
+    """Names of the scenes that ship."""
+    files = SHIPPED.iterdir()
+    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
+
+
+def load_scene(name: str | Path) -> Scene:
+    """A scene that ships, by name, or one of your own, by the path of its TOML file.
+
+    Raises
+    ------
+    ValueError
+        With file, key, value and what is allowed.
+    """
     path = Path(name)
     known = scene_names()
     if str(name) not in known and (path.suffix == ".toml" or path.is_file()):
@@ -35,7 +48,7 @@ def read_scene(name: str | Path) -> Scene:
             f"there is no scene '{one_line(str(name), 100)}': {hint}scenes that ship: "
             f"{', '.join(known)}; or give the path of a .toml file"
         )
-    text = (resources.files("domino_env") / "scenes" / f"{name}.toml").read_text("utf-8")
+    text = (SHIPPED / f"{name}.toml").read_text("utf-8")
     return parse_scene(text, str(name), f"{name}.toml")
 
 
@@ -98,72 +111,3 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
             tempo=asked.tempo.tempo() if asked.tempo else None,
             placement=asked.robust.placement() if asked.robust else None,
         )
-
-
-def document_of(scene: Scene) -> dict[str, Any]:
-    """The tables of the file that reads back as the same scene."""
-    of = "height" if scene.in_heights else None
-    change = scene.largest_change
-    spacing = _range(scene.spacing, scene.spacing_values) | {"largest_change": change, "of": of}
-    found: dict[str, Any] = {
-        "name": scene.name,
-        "title": scene.title,
-        "objective": scene.objective,
-        "row": {
-            key: getattr(scene, key)
-            for key in ("count", "height", "width", "density", "first_thickness", "length")
-        },
-        "spacing": spacing,
-    }
-    if scene.stock is None:
-        found["thickness"] = _range(scene.thickness, scene.thickness_values) | {"of": of}
-    else:
-        found["stock"] = {"thickness": scene.stock.thickness, "count": scene.stock.count}
-    if scene.growth is not None:
-        found["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
-    for table, held, keys in (
-        ("physics", scene.physics, ("friction", "gravity", "push")),
-        ("limits", scene.limits, ("stall_margin", "flush_loss")),
-        ("tempo", scene.tempo, ("first", "last", "times", "tolerance")),
-        ("robust", scene.placement, ("deviation", "quantile", "draws", "seed")),
-    ):
-        if held is not None:
-            named = {"first": "from", "last": "to"}
-            found[table] = {named.get(key, key): getattr(held, key) for key in keys}
-    for key, table in found.items():
-        if isinstance(table, dict):
-            found[key] = {
-                k: list(v) if isinstance(v, tuple) else v for k, v in table.items() if v is not None
-            }
-    return found
-
-
-def to_toml(scene: Scene) -> str:
-    """The text of a file that reads back as the same scene."""
-    lines = []
-    for key, value in document_of(scene).items():
-        if isinstance(value, dict):
-            lines += ["", f"[{key}]", *(f"{k} = {_toml(v)}" for k, v in value.items())]
-        else:
-            lines.append(f"{key} = {_toml(value)}")
-    return "\n".join(lines) + "\n"
-
-
-def _range(bounds: Bounds, values: Values | None) -> dict[str, Any]:
-    low, high = bounds
-    if low == high:
-        return {"fixed": low}
-    if values is None:
-        return {"min": low, "max": high}
-    step = round(values[1] - values[0], 12)
-    if len(values) > 2 and steps(low, high, step) == values:
-        return {"min": low, "max": high, "step": step}
-    return {"values": values}
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return repr(float(value) if isinstance(value, float) else int(value))
