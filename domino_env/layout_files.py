@@ -44,13 +44,19 @@ class LayoutTable(Table):
     ] = UNIT  # fmt: skip
 
     def layout(self) -> Layout:
-        """The row; ValueError where it cannot stand."""
+        """Lay the row.
+
+        Raises
+        ------
+        ValueError
+            Where it cannot stand, or has more than `MOST_DOMINOES`.
+        """
         _require_few(len(self.spacing) + 1)
         return Layout(self.spacing, self.thickness, self.height, self.width, self.density)
 
 
 def write_csv(layout: Layout, path: Path) -> None:
-    """One row a domino, SI units, shortest digits that read back to the same bits."""
+    """Write one row a domino, SI units, shortest digits that read back to the same bits."""
     gaps = [*layout.spacing.tolist(), None]
     others = (column.tolist() for column in (layout.thickness, layout.height, layout.density))
     rows = zip(range(layout.count), gaps, *others, strict=True)
@@ -58,7 +64,7 @@ def write_csv(layout: Layout, path: Path) -> None:
 
 
 def write_json(layout: Layout, path: Path) -> None:
-    """Every array in full, SI units."""
+    """Write every array in full, SI units."""
     document = {
         "unit": UNIT,
         "spacing": layout.spacing.tolist(),
@@ -73,19 +79,33 @@ def write_json(layout: Layout, path: Path) -> None:
 def read_csv(path: Path) -> Layout:
     """Read a row measured by hand or written by `write_csv`.
 
-    One line a domino under a line of names: spacing (or spacing_mm) is the free gap in front of it,
-    thickness (or thickness_mm), and if they differ height (height_mm) and density.  The last
-    spacing leads nowhere: it may be empty or missing, and is not used.  Comma, semicolon or tab
-    between the cells, decimal commas where the cells are not divided by commas.  Other columns are
-    left alone.
-    Raises ValueError with file, line and column, and for more than `MOST_DOMINOES`.
+    One line a domino under a line of names:
+
+    - spacing (or spacing_mm): the free gap in front of it. The last one leads nowhere: it may be
+      empty or missing, and is not used.
+    - thickness (or thickness_mm).
+    - height (height_mm) and density, if they differ.
+
+    Comma, semicolon or tab between the cells, decimal commas where the cells are not divided by
+    commas. Other columns are left alone.
+
+    Raises
+    ------
+    ValueError
+        With file, line and column, and for more than `MOST_DOMINOES`.
     """
     with naming(path):
         return _layout_of_table(path, read_bytes(path))
 
 
 def read_json(path: Path) -> Layout:
-    """Read what `write_json` wrote.  Raises ValueError naming file and key, and as `read_csv`."""
+    """Read what `write_json` wrote; height, width and density may be missing.
+
+    Raises
+    ------
+    ValueError
+        With file and key, and for more than `MOST_DOMINOES`.
+    """
     with naming(path):
         return layout_of_document(read_document(path))
 
@@ -154,7 +174,13 @@ def _layout_of_table(path: Path, data: bytes) -> Layout:
 
 
 def layout_of_document(document: object) -> Layout:
-    """The layout in a JSON document.  ValueError naming the key for anything else."""
+    """Read the layout in a JSON document.
+
+    Raises
+    ------
+    ValueError
+        With the key, its value and what is allowed.
+    """
     return model_of(LayoutTable, document).layout()
 
 

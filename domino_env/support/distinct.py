@@ -9,7 +9,7 @@ Floats = NDArray[np.float64]
 
 
 def distinct_rows(table: Floats) -> Floats:
-    """The rows of a table (M, n), each once, ordered by their first entries, then their second, ….
+    """Return the rows of a table (M, n), each once, ordered by their first entries, then the next.
 
     As `numpy.unique(table, axis=0)`; but that compares rows as records, and where Ctrl-C comes
     meanwhile, NumPy calls them incomparable (a TypeError) and the interruption is lost.

@@ -57,7 +57,7 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def new_figure(width: float, height: float, *, placed: bool = False) -> Figure:
-    """An empty figure of a size in inches; `placed` where the caller says where axes stand."""
+    """Open an empty figure of a size in inches; `placed` where the caller says where axes stand."""
     figure = Figure((width, height), facecolor="white", layout=None if placed else "constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -70,7 +70,7 @@ def new_panels(
     margins: tuple[float, float] = (0.0, 0.0),
     **sharing: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with panels in lines of at most `most_across`.
+    """Open a figure with panels in lines of at most `most_across`.
 
     Parameters
     ----------
@@ -115,12 +115,12 @@ def style(axes: Axes, title: str = "") -> None:
 
 
 def escaped(text: str) -> str:
-    """Text of a user's for a picture, where two dollar signs would begin a formula."""
+    """Escape a user's text for a picture, where two dollar signs would begin a formula."""
     return text.replace("$", r"\$")
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as a PNG file; the same figure gives the same bytes."""
+    """Return the figure as a PNG file; the same figure gives the same bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=140, metadata={"Software": None})
     return buffer.getvalue()

@@ -34,7 +34,13 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON document, encoded as `decoded` takes it; ValueError for anything else."""
+    """Read a JSON document, encoded as `decoded` takes it.
+
+    Raises
+    ------
+    ValueError
+        For what is no JSON, with the path; otherwise as `read_bytes`.
+    """
     with naming(path):
         try:
             return json.loads(decoded(read_bytes(path)))
@@ -45,12 +51,12 @@ def read_json(path: Path) -> Any:
 
 
 def decoded(data: bytes) -> str:
-    """Text from bytes in `encoding_of` them."""
+    """Decode text in `encoding_of` its bytes."""
     return data.decode(encoding_of(data))
 
 
 def encoding_of(data: bytes) -> str:
-    """UTF-16 where marked, UTF-8 with or without a mark where it is that, else Latin-1."""
+    """Tell UTF-16 where marked, UTF-8 with or without a mark where it is that, else Latin-1."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     try:
@@ -84,7 +90,7 @@ def refuse(path: Path | str, error: BaseException | str) -> NoReturn:
 
 
 def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:
-    """Text that is safe to print: nothing that moves a cursor or turns a line, and not too long."""
+    """Make text safe to print: nothing that moves a cursor or turns a line, and not too long."""
     text = text[-most:] if keep_end and len(text) > most else text[: most + 1]
     safe = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
     if len(safe) <= most:
@@ -93,7 +99,7 @@ def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False)
 
 
 def shown(value: object) -> str:
-    """A value from a file, short enough for a sentence."""
+    """Show a value from a file, short enough for a sentence."""
     try:
         return one_line(_SHORT.repr(value), 80)
     except (ValueError, RecursionError):  # whole numbers of thousands of digits have no repr

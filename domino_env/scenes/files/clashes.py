@@ -12,7 +12,7 @@ TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is s
 
 
 def first_clash(asked: SceneFile) -> str | None:
-    """What is wrong between the tables, in a sentence; None where they go together."""
+    """Say what is wrong between the tables, in a sentence; None where they go together."""
     return next(_clashes(asked), None)
 
 

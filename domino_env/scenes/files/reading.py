@@ -18,13 +18,13 @@ SHIPPED = resources.files("domino_env.scenes") / "shipped"
 
 
 def scene_names() -> list[str]:
-    """Names of the scenes that ship."""
+    """List the names of the scenes that ship."""
     files = SHIPPED.iterdir()
     return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
 
 
 def load_scene(name: str | Path) -> Scene:
-    """A scene that ships, by name, or one of your own, by the path of its TOML file.
+    """Load a scene that ships, by name, or one of your own, by the path of its TOML file.
 
     Raises
     ------

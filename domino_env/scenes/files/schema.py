@@ -19,7 +19,7 @@ PATH = Path(__file__).parents[1] / "shipped" / "scene.schema.json"
 
 
 def scene_schema() -> dict[str, Any]:
-    """The schema of a scene's file, draft 2020-12."""
+    """Write the schema of a scene's file, draft 2020-12."""
     found = msgspec.json.schema(tables.SceneFile)
     definitions: dict[str, dict[str, Any]] = {
         name: _without_null(told) | getattr(getattr(tables, name), "SCHEMA", {})

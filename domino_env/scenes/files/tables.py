@@ -295,6 +295,6 @@ class SceneFile(Table, kw_only=True):
 
 
 def steps(low: float, high: float, step: float) -> Values:
-    """low, low + step, … up to high [m], to the picometre."""
+    """List low, low + step, … up to high [m], to the picometre."""
     number = math.floor((high - low) / step + 1e-9) + 1
     return tuple(round(low + k * step, 12) for k in range(number))
