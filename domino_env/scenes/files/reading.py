@@ -53,7 +53,7 @@ def load_scene(name: str | Path) -> Scene:
 
 
 def parse_scene(text: str, name: str, file: str) -> Scene:
-    """A scene from the text of its file.
+    """Read a scene from the text of its file.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
 
 
 def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
-    """A scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
+    """Read a scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
     with naming(file):
         asked = model_of(SceneFile, {"name": name} | document)
         clash = first_clash(asked)

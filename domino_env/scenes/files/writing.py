@@ -10,7 +10,7 @@ from domino_env.scenes.scene import Scene
 
 
 def document_of(scene: Scene) -> dict[str, Any]:
-    """The tables of the file that reads back as the same scene."""
+    """Write the tables of the file that reads back as the same scene."""
     of = "height" if scene.in_heights else None
     change = scene.largest_change
     spacing = _range(scene.spacing, scene.spacing_values) | {"largest_change": change, "of": of}
@@ -48,7 +48,7 @@ def document_of(scene: Scene) -> dict[str, Any]:
 
 
 def to_toml(scene: Scene) -> str:
-    """The text of a file that reads back as the same scene."""
+    """Write the text of a file that reads back as the same scene."""
     lines = []
     for key, value in document_of(scene).items():
         if isinstance(value, dict):
