@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.evaluation import Built, build
-from domino_env.env import DominoChain
+from domino_env import DominoChain
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.env import DominoChain
+from domino_env import DominoChain
 from domino_env.layout import Layout
 from domino_env.scenes.baseline import gain
 from domino_env.scenes.files import load_scene

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from domino_env import DominoChainVector
 from domino_env.scenes.scene import Scene
-from domino_env.vector_env import DominoChainVector
 
 NOTHING: dict[str, Any] = {}
 

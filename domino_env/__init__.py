@@ -7,18 +7,20 @@
 
     env = gymnasium.make("DominoChain-v0", scene="sprint")
 
-Names load when they are first used, so that importing the package costs nothing.  All that
-importing does is to register the environments, where and when Gymnasium is loaded.
+Names load when they are first used.  All that importing the package does is to register the
+environments with Gymnasium.
 """
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from domino_env.registration import register_with_gymnasium
-
 if TYPE_CHECKING:
+    from domino_env.envs.chain_env import DominoChain
+    from domino_env.envs.layout_env import DominoLayout
+    from domino_env.envs.vector_env import DominoChainVector
     from domino_env.forces import Diagnosis, diagnose
     from domino_env.gradient import Gradient
     from domino_env.layout import Layout
@@ -37,6 +39,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "DominoChain": "envs.chain_env",
+    "DominoChainVector": "envs.vector_env",
+    "DominoLayout": "envs.layout_env",
     "Layout": "layout",
     "Physics": "physics",
     "Gradient": "gradient",
@@ -60,6 +65,9 @@ _HOMES = {
 
 __all__ = [
     "Diagnosis",
+    "DominoChain",
+    "DominoChainVector",
+    "DominoLayout",
     "Gradient",
     "Layout",
     "Outcome",
@@ -93,4 +101,7 @@ def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
 
 
-register_with_gymnasium()
+if "_domino_command" not in sys.modules:  # which has no use for them, and should not wait
+    from domino_env.envs import register
+
+    register()

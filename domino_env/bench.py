@@ -111,7 +111,7 @@ def gradients() -> list[str]:
 
 def environments() -> list[str]:
     """Tabulate steps of the environments, beside CartPole's."""
-    from domino_env.env_bench import environment_steps
+    from domino_env.envs.bench import environment_steps
 
     return environment_steps()
 

@@ -61,9 +61,19 @@ def loaded_by(script: str) -> set[str]:
     return {m.partition(".")[0] for m in modules} | ({"scipy.optimize"} & set(modules))
 
 
-def test_importing_the_package_loads_next_to_nothing() -> None:
-    loaded = loaded_by("import domino_env")
-    assert "domino_env" in loaded
+def test_importing_the_package_loads_gymnasium_alone() -> None:
+    more = loaded_by("import domino_env") - loaded_by("import gymnasium")
+    assert more == {"domino_env"}
+
+
+def test_help_loads_nothing_that_is_heavy() -> None:
+    loaded = loaded_by(
+        "import contextlib, io, _domino_command as command, sys; sys.argv = ['domino', '--help']\n"
+        "with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):"
+        " command.main()\n"
+        "pass"
+    )
+    assert {"domino_env", "optimize", "agents"} <= loaded
     assert not loaded & {"numpy", "numba", "scipy", "gymnasium", "torch", "cvxpy", "cma"}
     assert not loaded & {"matplotlib", "pygame", "tqdm"}
 
@@ -78,7 +88,7 @@ def test_simulating_loads_no_search_and_no_picture() -> None:
         "import domino_env as de; s = de.load_scene('sprint'); s.score(s.layout(0.018))"
     )
     assert "numba" in loaded
-    heavy = {"torch", "cvxpy", "cma", "matplotlib", "pygame", "gymnasium", "scipy.optimize"}
+    heavy = {"torch", "cvxpy", "cma", "matplotlib", "pygame", "scipy.optimize"}
     assert not loaded & heavy
 
 
@@ -101,7 +111,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     litter = shutil.ignore_patterns("__pycache__", "*.egg-info")
     for name in (*PACKAGES, "tests"):
         shutil.copytree(ROOT / name, source / name, ignore=litter)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "README.md", "LICENSE", "_domino_command.py"):
         shutil.copy(ROOT / name, source / name)
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "--no-deps"]
     output_of(*pip, "--no-build-isolation", "--no-index", "--wheel-dir", folder, source)
@@ -124,7 +134,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
             "policies/*/*",
         )
         for path in (ROOT / package).rglob(pattern)
-    } | {"domino_env/look/verified.json"}
+    } | {"domino_env/look/verified.json", "_domino_command.py"}
     assert {"domino_env/scenes/shipped/sprint.toml", "domino_env/py.typed"} <= sources
     kept = {name for name in names if ".dist-info/" not in name}
     assert kept == sources

@@ -18,7 +18,7 @@ from agents.learner import learner
 from agents.presets import preset
 from agents.sb3_vec_env import DominoVecEnv
 from agents.training import SLACK, train
-from domino_env.vector_env import DominoChainVector
+from domino_env import DominoChainVector
 from optimize import search
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")

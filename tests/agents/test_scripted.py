@@ -12,8 +12,8 @@ import pytest
 import domino_env as de
 from agents.builders import BUILDERS
 from agents.evaluation import build
+from domino_env import DominoChain
 from domino_env.command import main
-from domino_env.env import DominoChain
 
 
 @pytest.fixture(scope="module")

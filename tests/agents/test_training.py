@@ -19,7 +19,7 @@ from agents.evaluation import evaluate
 from agents.presets import ALGORITHMS, preset
 from agents.sb3_vec_env import DominoVecEnv
 from agents.training import train
-from domino_env.env import DominoChain
+from domino_env import DominoChain
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 

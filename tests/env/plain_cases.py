@@ -11,10 +11,9 @@ from unittest.mock import patch
 import numpy as np
 
 import domino_env as de
-from domino_env.layout_env import DominoLayout
+from domino_env import DominoChainVector, DominoLayout
 from domino_env.motion import Motion
 from domino_env.scenes.stock import Stock
-from domino_env.vector_env import DominoChainVector
 
 H = 0.048
 

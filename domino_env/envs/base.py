@@ -11,8 +11,8 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.moment import Moment
-from domino_env.rows import Floats, Seen, shared_scene
+from domino_env.envs.episodes import Floats, Seen, shared_scene
+from domino_env.envs.snapshot import Moment
 from domino_env.scenes.scene import Scene
 
 RENDER_MODES = ("rgb_array", "human", "ansi")
@@ -71,7 +71,7 @@ class RowEnv(gymnasium.Env[Seen, Seen]):
 
 def new_painter(scene: Scene, render_mode: str) -> Any:
     """Load what draws, now that somebody asks for it."""
-    return import_module("domino_env.render").Painter(scene, render_mode)
+    return import_module("domino_env.envs.render").Painter(scene, render_mode)
 
 
 def checked_render_mode(mode: str | None, allowed: tuple[str, ...] = RENDER_MODES) -> str | None:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.envs.snapshot import Moment
 from domino_env.layout import Layout
-from domino_env.moment import Moment
 from domino_env.motion import lean_behind
 from domino_env.scenes.scene import Scene
 

@@ -11,9 +11,9 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
 from domino_env import kernels
-from domino_env.moment import Moment
-from domino_env.row_env import RTOL, WINDOW, RowEnv, checked_options, wrong_actions
-from domino_env.rows import Rows, Seen
+from domino_env.envs.base import RTOL, WINDOW, RowEnv, checked_options, wrong_actions
+from domino_env.envs.episodes import Rows, Seen
+from domino_env.envs.snapshot import Moment
 from domino_env.scenes.scene import Scene
 
 

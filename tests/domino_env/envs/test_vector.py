@@ -12,10 +12,9 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import domino_env as de
-from domino_env.env import DominoChain
+from domino_env import DominoChain, DominoChainVector
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.stock import Stock
-from domino_env.vector_env import DominoChainVector
 
 NEXT, SAME, OFF = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env import kernels
-from domino_env.ending import Endings
+from domino_env.envs.endings import Endings
+from domino_env.envs.snapshot import Moment
 from domino_env.layout import Layout
-from domino_env.moment import Moment
 from domino_env.scenes.files import load_scene, parse_scene
 from domino_env.scenes.scene import LENGTH_TOLERANCE, Scene
 from domino_env.threads import share_rows
