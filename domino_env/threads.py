@@ -29,7 +29,8 @@ def share_rows(task: Callable[..., object], rows: int, least: int, *arguments: o
     The calling thread takes the first piece itself: waking another one costs some 20 µs, which
     pieces of at least `least` rows should be worth.
     """
-    threads = min(allowed_threads(), rows // max(least, 1))
+    most = rows // max(least, 1)
+    threads = min(allowed_threads(), most) if most > 1 else 1
     if threads <= 1:
         task(0, rows, *arguments)
         return

@@ -290,29 +290,29 @@ def simulate(
             0, 1, rows, physics.friction, physics.gravity, physics.push, _checked(rtol), True,
             summaries, arrivals, tape,
         )  # fmt: skip
-        told, arrival = summaries[0], arrivals[0]
-        if told.taped <= len(tape) or not gradient:
+        summary, arrival = kernels.Summary._make(summaries[0].item()), arrivals[0]
+        if summary.taped <= len(tape) or not gradient:
             break
-        tape = np.empty(told.taped, kernels.EVENT)  # the same run writes as many again
+        tape = np.empty(summary.taped, kernels.EVENT)  # the same run writes as many again
     return Wave(
         layout=layout,
         physics=physics,
-        outcome=Outcome(told.outcome),
-        hit=int(told.hit),
-        toppled=int(told.toppled),
+        outcome=Outcome(summary.outcome),
+        hit=summary.hit,
+        toppled=summary.toppled,
         arrival_times=arrival["time"],
         release_velocity=arrival["release"],
         impact_velocity=arrival["impact"][:-1],
         stall_margin=arrival["margin"],
-        reach=float(told.reach),
-        error_estimate=float(told.estimate),
-        converged=bool(told.estimate <= rtol),
-        flushes=int(told.flushes),
-        releases=int(told.releases),
-        largest_flush_loss=float(told.flush_loss),
+        reach=summary.reach,
+        error_estimate=summary.estimate,
+        converged=summary.estimate <= rtol,
+        flushes=summary.flushes,
+        releases=summary.releases,
+        largest_flush_loss=summary.flush_loss,
         rtol=rtol,
         run_time=time.perf_counter() - began,
-        tape=tape[: told.taped].copy() if gradient else None,
+        tape=tape[: summary.taped].copy() if gradient else None,
     )
 
 

@@ -191,10 +191,10 @@ class DominoChain(RowEnv):
         if values.shape != self.action_space.shape or not np.isfinite(values).all():
             raise ValueError(wrong_actions(values, self.action_space))
         rows = self._rows
-        if rows.episodes[0].phase != kernels.RUNNING:
+        if rows.phases[0] != kernels.RUNNING:
             raise ResetNeeded(
                 "the episode is over: call reset() before the next step()"
-                if rows.episodes[0].phase == kernels.OVER
+                if rows.phases[0] == kernels.OVER
                 else "call reset() before the first step()"
             )
         seen, rewards, ended = rows.step(values[None])

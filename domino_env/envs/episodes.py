@@ -154,6 +154,7 @@ class Rows:
         )
         self._rules = self._batch.rules[0]
         self.episodes = self._batch.episodes
+        self.phases = self.episodes["phase"]
         self.reference_speed = self._speed_of_uniform() if reference_speed is None else (
             reference_speed
         )  # fmt: skip
@@ -310,7 +311,7 @@ class Rows:
         Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
         """
         actions = np.zeros((self.number, self.choices))
-        for b in np.flatnonzero(self.episodes["phase"] == kernels.RUNNING):
+        for b in np.flatnonzero(self.phases == kernels.RUNNING):
             actions[b] = self._action_towards(int(b), layout)
         return actions
 

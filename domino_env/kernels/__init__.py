@@ -56,6 +56,7 @@ from domino_env.kernels.slots import (
     STATE,
     SUMMARY,
     Row,
+    Summary,
 )
 
 __all__ = [
@@ -84,6 +85,7 @@ __all__ = [
     "WHOLE",
     "Batch",
     "Row",
+    "Summary",
     "choose_all",
     "compose_row",
     "diagnose_chain",

@@ -127,19 +127,23 @@ PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4
 ARRIVAL = record_type(time=float, release=float, impact=float, margin=float)  # of each domino
 FALL = record_type(time=float, release=float, impact=float)  # of a pattern that repeats
 SNAPSHOT = record_type(angle=float, time=float, speed=float)  # of a leader
-SUMMARY = record_type(  # of each chain
-    reach=float,
-    total_time=float,
-    estimate=float,
-    flush_loss=float,
-    lowest_margin=float,
-    outcome=int,
-    hit=int,
-    toppled=int,
-    flushes=int,
-    releases=int,
-    taped=int,
-)
+class Summary(NamedTuple):
+    """What is told of a whole chain."""
+
+    outcome: int
+    hit: int
+    toppled: int
+    reach: float
+    total_time: float
+    estimate: float
+    flushes: int
+    releases: int
+    flush_loss: float
+    lowest_margin: float
+    taped: int
+
+
+SUMMARY = record_type(**Summary.__annotations__)
 
 # --- Numbers --------------------------------------------------------------------------------------
 EPS = 2.220446049250313e-16
