@@ -105,12 +105,12 @@ class _Interruption:
 
 
 def _say_that_it_compiles(arguments: argparse.Namespace) -> None:
-    """Explain a long silence: the kernel is compiled at its first use after an install."""
-    kernel = sys.modules.get("domino_env.kernel")
-    rows = getattr(kernel, "solve_rows", None)  # loading may not be over
+    """Explain a long silence: kernels are compiled at their first use after an install."""
+    kernels = sys.modules.get("domino_env.kernels")
+    rows = getattr(kernels, "solve_rows", None)  # loading may not be over
     elsewhere = getattr(arguments, "workers", None) or getattr(arguments, "dask", None)
     if rows is not None and not rows.signatures and not elsewhere:
-        print("compiling the simulator, once, for about half a minute ...", file=sys.stderr)
+        print("compiling the simulator, once: some ten seconds ...", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -127,6 +127,8 @@ PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4
 ARRIVAL = record_type(time=float, release=float, impact=float, margin=float)  # of each domino
 FALL = record_type(time=float, release=float, impact=float)  # of a pattern that repeats
 SNAPSHOT = record_type(angle=float, time=float, speed=float)  # of a leader
+
+
 class Summary(NamedTuple):
     """What is told of a whole chain."""
 

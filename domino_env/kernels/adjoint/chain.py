@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.adjoint.interval import ride_back, ride_seeds, trace
+from domino_env.kernels.adjoint.interval import ride_back
 from domino_env.kernels.adjoint.slots import (
     BARS,
     FLUSHING,
@@ -16,13 +16,13 @@ from domino_env.kernels.adjoint.slots import (
     PART_THICK,
     PARTS,
 )
-from domino_env.kernels.adjoint.stack import mass_back, stack_back_again, tabulate
+from domino_env.kernels.adjoint.stack import mass_back
 from domino_env.kernels.adjoint.switch import flush_back, hit_back, switch_back
+from domino_env.kernels.adjoint.uniform import SHARED, fall_back, forget, room_for_table
 from domino_env.kernels.chain import ring_size, row_of, solve
 from domino_env.kernels.fall import fall_angle
 from domino_env.kernels.jit import apart, door, keep, part
 from domino_env.kernels.links import join, stand
-from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 from domino_env.kernels.slots import (
     ARRIVAL,
@@ -53,7 +53,9 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
     table: room for what the falls of a uniform row share; empty for others.
     """
     u_bar, m_bar, t_bar = 0.0, 0.0, 0.0
-    held_rule, held_depth, sums = -1, -1, np.empty(table.shape[1])
+    own_shared = np.empty(1, SHARED)
+    shared = own_shared[0]
+    forget(shared)
     edge, edge_bar, edge_row = AT_SPLIT, 0.0, 0
     counted = len(arrival_bar)
     last_hit = used - 1
@@ -92,21 +94,14 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
                 switch_back(trail, ring, event, edge_bar, mu, parts)
                 edge, edge_bar = AT_SPLIT, 0.0
         else:
-            k, depth = event.rule, n - event.low
-            if len(table) > 0 and depth < n and edge == AT_HIT and event.angle == 0.0:
-                if k != held_rule or depth != held_depth:
-                    trace(lanes, trail, ring, event, mu, gravity)
-                    tabulate(bars, k, ring, n, n - depth, mu, trail, table)
-                    held_rule, held_depth = k, depth
-                u_bar, end_bar = ride_seeds(
-                    lanes, bars, event, u_bar, t_bar, m_bar, mu, gravity, whole
-                )
-                end_bar += stack_back_again(
-                    bars, ORDERS[k] + 2, n, n - depth, table, sums, parts, whole
-                )
+            if len(table) > 0 and edge == AT_HIT and event.angle == 0.0:
+                u_bar, end_bar = fall_back(
+                    shared, lanes, bars, trail, table, ring, event, u_bar, t_bar, m_bar, mu,
+                    gravity, parts, whole,
+                )  # fmt: skip
                 start_bar = 0.0  # a fall starts upright, always
             else:
-                held_rule = -1
+                forget(shared)
                 u_bar, start_bar, end_bar = ride_back(
                     lanes, bars, trail, ring, event, u_bar, t_bar, m_bar, mu, gravity, parts, whole
                 )
@@ -117,6 +112,7 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
             elif edge == AT_SWITCH:
                 switch_back(trail, ring, tape[edge_row], edge_bar, mu, parts)
             edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
+    keep(own_shared)
     return u_bar
 
 
@@ -170,11 +166,11 @@ def pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
         else:
             depth = max(depth, event.leader - event.low)
     lanes, bars = np.zeros(LANES), np.zeros(BARS)
-    trail, parts = np.empty((depth + 2, 5 * PITCH)), np.zeros((count, PARTS))
+    trail, parts = np.empty((depth + 2, 8 * PITCH)), np.zeros((count, PARTS))
     whole.friction = whole.gravity = 0.0
     table = np.empty((0, 0))
     if count > 3 and is_uniform(row):
-        table = np.empty((3 * PITCH, (depth + 2) * PARTS))
+        table = room_for_table(depth)
     u_bar = rewind(
         tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole
     )

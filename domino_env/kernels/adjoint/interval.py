@@ -96,11 +96,20 @@ def ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole):
 
 
 @part
-def trace(lanes, trail, ring, ride, mu, gravity):
-    """Sweep and map of an interval once more."""
-    count = spread(lanes, ride.rule, ride.angle, ride.length)
-    retrace(lanes, count, ring, ride.leader, ride.low, mu, trail)
-    affine_map(lanes, ride.rule, ride.length, mu, gravity)
+def stack_of_ride_back(bars, k, ring, n, low, end_bar, mu, trail, parts, whole):
+    """The stack of an interval in reverse, from its seeds; bars of its first and last angle.
+
+    end_bar: what is known of the last one already.
+    """
+    count, first_bar = ORDERS[k] + 2, 0.0
+    stack_back(bars, count, ring, n, low, mu, trail, parts)
+    for j in range(count):  # the angles a + h x_j of the lanes
+        x = angle_bar(bars, trail[0], j)
+        first_bar += x
+        end_bar += PLACES[k, j] * x
+        if mu > 0.0:
+            whole.friction += bars[B_MU + j]
+    return first_bar - end_bar, end_bar
 
 
 @part
@@ -111,15 +120,9 @@ def ride_back(lanes, bars, trail, ring, ride, u_bar, t_bar, m_bar, mu, gravity, 
     Returns bars of u at its start, of its first and of its last angle.
     """
     n, k, low = ride.leader, ride.rule, ride.low
-    count = ORDERS[k] + 2
-    trace(lanes, trail, ring, ride, mu, gravity)
+    count = spread(lanes, k, ride.angle, ride.length)
+    retrace(lanes, count, ring, n, low, mu, trail, False)
+    affine_map(lanes, k, ride.length, mu, gravity)
     u0_bar, end_bar = ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole)
-    stack_back(bars, count, ring, n, low, mu, trail, parts)
-    first_bar = 0.0
-    for j in range(count):  # the angles a + h x_j of the lanes
-        x = angle_bar(bars, trail[0], j)
-        first_bar += x
-        end_bar += PLACES[k, j] * x
-        if mu > 0.0:
-            whole.friction += bars[B_MU + j]
-    return u0_bar, first_bar - end_bar, end_bar
+    first_bar, end_bar = stack_of_ride_back(bars, k, ring, n, low, end_bar, mu, trail, parts, whole)
+    return u0_bar, first_bar, end_bar

@@ -28,7 +28,18 @@ from domino_env.kernels.adjoint.slots import (
 from domino_env.kernels.contact import pose
 from domino_env.kernels.jit import inlined, part
 from domino_env.kernels.quadrature import ORDERS, PLACES
-from domino_env.kernels.slots import DRV, JAC, PITCH, SIN, TIP, VER, WGT
+from domino_env.kernels.slots import (
+    DRV,
+    JAC,
+    PITCH,
+    SIN,
+    SUM_D,
+    SUM_G,
+    SUM_M,
+    TIP,
+    VER,
+    WGT,
+)
 from domino_env.kernels.stack import lead, lean, lean_free
 
 
@@ -115,23 +126,39 @@ def gather(bars, count, parts):
 
 
 @part
-def retrace(lanes, count, ring, n, low, mu, trail):
-    """Lead the lanes down the stack once more, keeping what they were at every domino."""
+def retrace(lanes, count, ring, n, low, mu, trail, shared):
+    """Lead the lanes down the stack once more, keeping what they were at every domino.
+
+    shared: keep the sums down to there too, for stacks that end at any of them.
+    """
     lead(lanes, count, ring[n], mu)
-    keep = trail[0]
+    here = trail[0]
     for j in range(count):
-        keep[SIN + j], keep[VER + j] = lanes[SIN + j], lanes[VER + j]
-        keep[WGT + j], keep[JAC + j], keep[DRV + j] = 1.0, 1.0, 0.0
+        here[SIN + j], here[VER + j] = lanes[SIN + j], lanes[VER + j]
+        here[WGT + j], here[JAC + j], here[DRV + j] = 1.0, 1.0, 0.0
+    if shared:
+        copy_sums(lanes, here, count)
     for i in range(n - 1, low - 1, -1):
-        keep = trail[n - i]
+        here = trail[n - i]
         if mu > 0.0:
             lean(lanes, count, ring[i], mu)
             for j in range(count):
-                keep[WGT + j], keep[DRV + j] = lanes[WGT + j], lanes[DRV + j]
+                here[WGT + j], here[DRV + j] = lanes[WGT + j], lanes[DRV + j]
         else:
             lean_free(lanes, count, ring[i])
         for j in range(count):
-            keep[SIN + j], keep[VER + j], keep[JAC + j] = lanes[SIN + j], lanes[VER + j], lanes[JAC + j]  # noqa: E501  # fmt: skip
+            here[SIN + j], here[VER + j] = lanes[SIN + j], lanes[VER + j]
+            here[JAC + j] = lanes[JAC + j]
+        if shared:
+            copy_sums(lanes, here, count)
+
+
+@inlined
+def copy_sums(source, target, count):
+    """The three sums of all lanes."""
+    for j in range(count):
+        target[SUM_M + j], target[SUM_G + j] = source[SUM_M + j], source[SUM_G + j]
+        target[SUM_D + j] = source[SUM_D + j]
 
 
 @part
@@ -246,7 +273,7 @@ def stack_back_again(bars, count, n, low, table, sums, parts, whole):
 def mass_back(lanes, bars, trail, ring, n, low, angle, m_bar, mu, parts, whole):
     """M of the stack at one angle in reverse; returns the bar of the angle."""
     lanes[SIN], lanes[VER] = pose(angle)
-    retrace(lanes, 1, ring, n, low, mu, trail)
+    retrace(lanes, 1, ring, n, low, mu, trail, False)
     bars[SEED_M], bars[SEED_G], bars[SEED_D] = m_bar, 0.0, 0.0
     stack_back(bars, 1, ring, n, low, mu, trail, parts)
     whole.friction += bars[B_MU]
