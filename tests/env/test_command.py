@@ -224,8 +224,5 @@ def test_who_waits_for_the_compiler_is_told():
     """In a process that has compiled nothing yet."""
     words = "import argparse; from domino_env import kernels; from domino_env.command import "
     words += "_say_that_it_compiles as say; say(argparse.Namespace())"
-    done = subprocess.run(
-        [sys.executable, "-c", words], capture_output=True, text=True, check=True
-    )
-    assert done.stderr == "compiling the simulator, once: some ten seconds ...
-"
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert done.stderr == "compiling the simulator, once: some ten seconds ...\n"
