@@ -100,12 +100,12 @@ def row_to_clone(scene: Scene, what: str | Path | Layout, seed: int = 0) -> tupl
     if isinstance(what, Layout):
         row, source = what, "a row"
     elif what == "auto":
-        from optimize.searching import search
+        from optimize.searching.runner import search
 
         found = search(scene, budget=SEARCHED, seed=seed, progress=False)
         row, source = found.layout, f"searched with {found.evaluations} evaluations"
     elif what == "best-known":
-        from optimize.best_known import best_known
+        from optimize.records.shipped import best_known
 
         known = best_known().get(scene.name)
         if known is None:

@@ -105,7 +105,7 @@ def _designed(designer: Designer, name: str | None) -> Built:
 def sentence(built: Built) -> str:
     """Say score, gain over uniform, gap to the best known."""
     from domino_env.scenes.baseline import gain
-    from optimize.best_known import best_known
+    from optimize.records.shipped import best_known
 
     words = f"{built.scene.name}: score {built.score:.6f} ({built.wave.outcome.name})"
     if built.gain is not None:

@@ -22,7 +22,7 @@ from agents.training import train
 from domino_env.files import write_bytes
 from domino_env.scenes.files import load_scene
 from domino_env.support.tables import markdown_table, write_csv
-from optimize.best_known import best_known
+from optimize.records.shipped import best_known
 
 SCENES = ("sprint", "sprint-thickness", "ideal", "course")
 SEEDS = 3

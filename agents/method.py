@@ -29,7 +29,7 @@ from agents.learner import NOISY, builder, learner, set_deviation  # noqa: E402
 from agents.presets import Preset, preset  # noqa: E402
 from agents.sb3_vec_env import DominoVecEnv  # noqa: E402
 from agents.streams import streams_put_back  # noqa: E402
-from optimize.budget import Budget, BudgetSpent  # noqa: E402
+from optimize.evaluation.budget import Budget, BudgetSpent  # noqa: E402
 
 LOOKS = 50  # rows built without noise in a whole search
 FEWEST = 8  # generations of rows that a budget of evaluations is to last for

@@ -23,12 +23,12 @@ from domino_env.support.plot_style import (
     style,
     write_png,
 )
-from optimize.best_known import best_known
+from optimize.records.shipped import best_known
 
 if TYPE_CHECKING:
     from agents.long_runs import Learned
     from agents.training import Run
-    from optimize.result import SearchResult
+    from optimize.evaluation.result import SearchResult
 
 SEED_COLOURS = (BLUE, SKY, GREEN)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
-    from optimize.budget import Budget
+    from optimize.evaluation.budget import Budget
 
     Method = Callable[[Budget, np.random.Generator], None]
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from agents.cloning import Cloned
     from domino_env.layout import Layout
-    from optimize.result import SearchResult
+    from optimize.evaluation.result import SearchResult
 
 SLACK = 1e-4  # of score that a policy may lose against its clone before it is put back
 LOOKS = 200  # evaluations of the policy in a run
@@ -409,7 +409,7 @@ class _Training:
 
 def _rival(scene: Scene, seconds: float) -> SearchResult | None:
     """What CMA-ES finds meanwhile; None where the training was too short to compare."""
-    from optimize.searching import search
+    from optimize.searching.runner import search
 
     if seconds < 1.0:
         return None

@@ -21,7 +21,7 @@ import numpy as np
 from agents.presets import ALGORITHMS, Preset, preset
 from domino_env.scenes.files import load_scene
 from domino_env.scenes.scene import Scene
-from optimize.budget import Budget
+from optimize.evaluation.budget import Budget
 from optimize.problem import Problem
 
 REPORTS = 10  # looks of the pruner at a trial

@@ -16,8 +16,8 @@ from domino_env.look.verified import known_verification, markdown, read_verified
 from domino_env.motion import Motion, outlines
 from domino_env.scenes.files.schema import scene_schema
 from domino_env.support.tables import markdown_table
-from optimize.best_known import BestKnown, best_known
 from optimize.methods import METHODS, PEERS
+from optimize.records.shipped import BestKnown, best_known
 
 if TYPE_CHECKING:
     from mkdocs.structure.files import Files

@@ -11,20 +11,42 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from optimize.comparison.runner import Comparison, compare
+    from optimize.evaluation.result import SearchResult
     from optimize.methods import METHODS
     from optimize.problem import Problem
-    from optimize.result import SearchResult
-    from optimize.searching import search
-    from optimize.sweeping import sweep
+    from optimize.records.shipped import BestKnown, best_known
+    from optimize.searching.runner import search
+    from optimize.sweeps.points import axis_of
+    from optimize.sweeps.runner import Sweep, sweep
 
-__all__ = ["METHODS", "Problem", "SearchResult", "search", "sweep"]
+__all__ = [
+    "METHODS",
+    "BestKnown",
+    "Comparison",
+    "Problem",
+    "SearchResult",
+    "Sweep",
+    "axis_of",
+    "best_known",
+    "compare",
+    "search",
+    "sweep",
+]
 
+# no module has the name of a function here: it would hide it in some order of imports
 _HOMES = {
     "METHODS": "methods",
+    "BestKnown": "records.shipped",
+    "Comparison": "comparison.runner",
     "Problem": "problem",
-    "SearchResult": "result",
-    "search": "searching",  # a module called search would hide the function
-    "sweep": "sweeping",
+    "SearchResult": "evaluation.result",
+    "Sweep": "sweeps.runner",
+    "axis_of": "sweeps.points",
+    "best_known": "records.shipped",
+    "compare": "comparison.runner",
+    "search": "searching.runner",
+    "sweep": "sweeps.runner",
 }
 
 

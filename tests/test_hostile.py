@@ -26,7 +26,7 @@ from domino_env.look.report import read_racers, write_report
 from domino_env.look.sound import Heard, clicks, listen, read_wav
 from domino_env.look.template import sheets
 from domino_env.scenes.files import parse_scene
-from optimize.comparison_page import _about
+from optimize.comparison.page import _about
 
 FUZZ = settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "60")), derandomize=True)
 if "FUZZ_EXAMPLES" in os.environ:

@@ -18,26 +18,26 @@ from typing import TYPE_CHECKING, cast
 if TYPE_CHECKING:
     import numpy as np
 
-    from optimize.budget import Budget
+    from optimize.evaluation.budget import Budget
 
     Method = Callable[[Budget, np.random.Generator], None]
 
 METHODS = {
-    "auto": "structured",
-    "cma": "evolution",
-    "l-bfgs": "quasi_newton",
-    "gauss-newton": "least_squares",
-    "assign": "assignment",
-    "slsqp": "quadratic_programs",
-    "scp": "convex_steps",
-    "trust-constr": "trust_regions",
-    "cobyqa": "quadratic_models",
-    "powell": "directions",
-    "nelder-mead": "simplex",
-    "differential-evolution": "differential_evolution",
-    "dual-annealing": "annealing",
-    "direct": "rectangles",
-    "random": "random_layouts",
+    "auto": "structured.race",
+    "cma": "stochastic.evolution",
+    "l-bfgs": "gradient.quasi_newton",
+    "gauss-newton": "gradient.least_squares",
+    "assign": "structured.assignment",
+    "slsqp": "gradient.quadratic_programs",
+    "scp": "gradient.convex_steps",
+    "trust-constr": "gradient.trust_regions",
+    "cobyqa": "derivative_free.quadratic_models",
+    "powell": "derivative_free.directions",
+    "nelder-mead": "derivative_free.simplex",
+    "differential-evolution": "stochastic.differential_evolution",
+    "dual-annealing": "stochastic.annealing",
+    "direct": "derivative_free.rectangles",
+    "random": "stochastic.random_layouts",
     "uniform": "uniform_pitch",
 }
 """Name of each method, and the module here that holds it."""
@@ -51,7 +51,7 @@ The function for a name such as `agent` makes a method of what follows a colon, 
 
 OF_SOMETHING = ("agent",)  # names that a colon and more belong to
 
-PEERS = {"ngopt": ("ngopt", "nevergrad"), "tpe": ("parzen", "optuna")}
+PEERS = {"ngopt": ("stochastic.ngopt", "nevergrad"), "tpe": ("stochastic.parzen", "optuna")}
 """Methods of other projects to compare with: the module here, and what must be installed for it."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from optimize.budget import Budget
+from optimize.evaluation.budget import Budget
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:

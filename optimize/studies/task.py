@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from domino_env.scenes.files import parse_scene
 from domino_env.scenes.scene import Scene
 from domino_env.support.provenance import versions
-from optimize.budget import Budget, Step
-from optimize.result import SearchResult
-from optimize.searching import search
+from optimize.evaluation.budget import Budget, Step
+from optimize.evaluation.result import SearchResult
+from optimize.searching.runner import search
 
 Floats = NDArray[np.float64]
 Label = float | int | str

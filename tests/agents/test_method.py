@@ -20,7 +20,7 @@ from agents.candidates import SideBySideARS
 from agents.evaluation import evaluate
 from agents.sb3_vec_env import DominoVecEnv
 from optimize import METHODS, Problem, search
-from optimize.budget import Budget
+from optimize.evaluation.budget import Budget
 from optimize.methods import load, of_others
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 import pytest
 
 import domino_env as de
-from optimize.best_known import best_known
 from optimize.methods import METHODS
+from optimize.records.shipped import best_known
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted((ROOT / "docs").glob("*.md"))

@@ -15,7 +15,7 @@ from domino_env.look.verified import (
     summary,
     write_verified,
 )
-from optimize.best_known import best_known
+from optimize.records.shipped import best_known
 
 KEPT = read_verified()
 

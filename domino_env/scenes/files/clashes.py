@@ -121,7 +121,7 @@ def _too_many(asked: SceneFile) -> Iterator[str]:
 
 
 def _clashes_of_length(asked: SceneFile) -> Iterator[str]:
-    """Whether any row within the bounds meets it; lists and steps: `optimize.feasible`."""
+    """Whether any row within the bounds meets it; lists, steps: `optimize.projection.feasible`."""
     length, count = asked.row.length, asked.row.count
     if length is None:
         return

@@ -1,0 +1,143 @@
+"""Compare methods with each other and with the best uniform pitch, over seeds, with equal budgets.
+
+SCENE is the name of a scene that ships, a .toml file, or `all`.  The folder gets a page of Markdown
+(a table a scene: score, gain over uniform, gap to the best known, time to 1 % and 0.1 % of it), the
+runs and their traces as CSV, and two pictures: the gap against run time, and the part of a ladder
+of targets that was reached.  Ctrl-C ends it with the runs that are complete.
+
+Every run goes into the study store as it comes; --resume goes on with a comparison that was
+stopped.  Runs are independent: --workers or --dask spread them.  With --evaluations the results
+can be repeated to the bit; equal --seconds are equal chances only where there are no more workers
+than cores and nothing else to do.
+
+Learners (ppo, sac, td3, tqc, ars) and trained agents (agent:RUN, whose clock began with its
+training) run where they are named in --methods.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from optimize.executors.choice import add_executor_options, asked_executor, require_executor
+from optimize.studies.options import add_study_options, asked_study
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from optimize.evaluation.result import SearchResult
+
+SUMMARY = "compare search methods over seeds, with equal budgets"
+DEFAULT_SECONDS = 10.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino compare`."""
+    parser.add_argument("scenes", metavar="SCENE", nargs="+", help="names, .toml files, or all")
+    parser.add_argument(
+        "--methods", help="names with commas between (all, and the peers that are installed)"
+    )
+    parser.add_argument("--seeds", type=int, default=5, help="how many, from 0 (5)")
+    parser.add_argument(
+        "--seconds", type=float, help=f"for each run ({DEFAULT_SECONDS:g}), or instead:"
+    )
+    parser.add_argument("--evaluations", type=int, help="rows that each run may simulate")
+    parser.add_argument("--out", metavar="FOLDER", default="runs/comparison", help="%(default)s")
+    add_executor_options(parser)
+    add_study_options(parser)
+    parser.add_argument(
+        "--update-best",
+        action="store_true",
+        help="write new records of scenes that ship into optimize/records/best_known.json",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare, write the folder, print the tables."""
+    from domino_env.files import require_room
+    from domino_env.scenes.files import load_scene, scene_names
+    from optimize import methods
+    from optimize.comparison.page import FILES, table, write
+    from optimize.comparison.runner import compare, comparison_tasks
+    from optimize.records.shipped import update
+
+    names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
+    scenes = [load_scene(name) for name in names]
+    if arguments.methods is None:
+        chosen = [*methods.METHODS, *methods.installed_peers()]
+    else:
+        chosen = [name.strip() for name in arguments.methods.split(",")]
+    for name in chosen:
+        methods.load(name)
+    if arguments.seeds < 1:
+        raise ValueError(f"--seeds {arguments.seeds}: give at least one")
+    seconds, evaluations = arguments.seconds, arguments.evaluations
+    if seconds is None and evaluations is None:
+        seconds = DEFAULT_SECONDS
+    seeds = range(arguments.seeds)
+    tasks = comparison_tasks(scenes, chosen, seeds, seconds, evaluations)
+    names = [scene.name for scene in scenes]
+    settings = {
+        "scenes": names, "methods": chosen, "seeds": arguments.seeds, "seconds": seconds,
+        "evaluations": evaluations,
+    }  # fmt: skip
+    default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
+    require_executor(arguments)
+    study = asked_study(arguments, "comparison", default, tasks, settings)
+    folder = Path(arguments.out)
+    require_room(folder)
+    left = len(tasks) - study.tasks
+    go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
+    try:
+        with asked_executor(arguments) as executor:
+            print(_announced(left, seconds, evaluations, executor), flush=True)
+            comparison = compare(
+                scenes, chosen, seeds, seconds, _tell, evaluations=evaluations, executor=executor,
+                study=study, progress=None,
+            )  # fmt: skip
+            if comparison.interrupted and executor is not None:
+                executor.kill()
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("interrupted before any run was complete") from None
+    except OSError as error:
+        raise OSError(f"{error}; {go_on}") from None
+    write(comparison, folder)
+    for name in comparison.scenes:
+        print(f"\n{name}\n" + "\n".join(table(comparison, name)))
+    print(f"\nwritten to {folder}: {', '.join(FILES)}")
+    if arguments.update_best:
+        shipped = [r for r in comparison.results if r.scene.name in scene_names()]
+        improved = update(shipped)
+        print(f"new records: {', '.join(improved) or 'none'}")
+    for failure in comparison.failures:
+        print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
+    if comparison.interrupted:
+        done = len(comparison.results)
+        raise KeyboardInterrupt(f"interrupted: {done} runs are complete; {go_on}")
+    return 1 if comparison.failures else 0
+
+
+def _announced(
+    runs: int, seconds: float | None, evaluations: int | None, executor: Executor | None
+) -> str:
+    """What is about to be run, and how long it takes where that is known."""
+    if seconds is None:
+        return f"{runs} runs of {evaluations} rows"
+    workers = getattr(executor, "workers", 1)
+    said = f"{runs} runs of {seconds:g} s: {-(-runs // workers) * seconds / 60.0:.1f} min"
+    cores = os.cpu_count() or 1
+    if workers > cores:
+        said += f"\n{workers} workers on {cores} cores: equal seconds are no equal chances so"
+    return said
+
+
+def _tell(result: SearchResult) -> None:
+    gain = "" if result.gain is None else f", {result.gain:+.2%}"
+    print(
+        f"{result.scene.name}, {result.method}, seed {result.seed}: {result.score:.6f}{gain} "
+        f"({result.evaluations} rows)",
+        flush=True,
+    )

@@ -1,0 +1,95 @@
+"""Search a row that beats the best uniform pitch of a scene, and write it down.
+
+SCENE is the name of a scene that ships (sprint, course, …) or the path of a TOML file.  The folder
+of the run holds the scene, the best row (CSV and JSON), the trace of the search, a summary and a
+picture; an earlier run there is replaced.  Ctrl-C ends the search and writes the best so far;
+--resume goes on from there, after a kill too, or further with a larger budget, and comes to what an
+undisturbed search would have.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from optimize.executors.choice import add_executor_options, asked_executor
+
+if TYPE_CHECKING:
+    from domino_env.scenes.scene import Scene
+    from optimize.evaluation.result import SearchResult
+
+SUMMARY = "search a better row than the best uniform one"
+DEFAULT_SECONDS = 60.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino optimize`."""
+    parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file")
+    parser.add_argument(
+        "--method", default="auto", help="auto (default), cma, l-bfgs, slsqp, scp, … (see README)"
+    )
+    parser.add_argument("--evaluations", type=int, help="rows that may be simulated")
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        help=f"time that may be spent ({DEFAULT_SECONDS:g} if --evaluations is not given either)",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
+    parser.add_argument("--out", metavar="FOLDER", help="the run's folder (runs/SCENE)")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the search in the folder; its seconds so far count",
+    )
+    add_executor_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Search, write the folder, and say what was found."""
+    from domino_env.scenes.files import load_scene
+    from optimize import methods
+    from optimize.searching.folder import FILES
+    from optimize.searching.runner import search
+
+    methods.load(arguments.method)
+    scene = load_scene(arguments.scene)
+    seconds = arguments.seconds
+    if seconds is None and arguments.evaluations is None:
+        seconds = DEFAULT_SECONDS
+    folder = arguments.out or f"runs/{scene.name}"
+    print(f"{scene.name}: {scene.title}")
+    print(f"best uniform row: {_uniform(scene)}", flush=True)
+    with asked_executor(arguments) as executor:
+        result = search(
+            scene,
+            arguments.method,
+            arguments.evaluations,
+            arguments.seed,
+            seconds=seconds,
+            folder=folder,
+            executor=executor,
+            resume=arguments.resume,
+        )
+    print(f"best row found:   {_found(result)}")
+    print(f"written to {folder}: {', '.join(FILES)}")
+    return 0
+
+
+def _uniform(scene: Scene) -> str:
+    mark = scene.uniform()
+    gap, thickness = mark.layout.spacing[0] * 1e3, mark.layout.thickness[-1] * 1e3
+    worth = scene.in_words(mark.score, mark.wave)
+    return f"{worth}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({mark.wave.outcome.name})"
+
+
+def _found(result: SearchResult) -> str:
+    wave = result.wave
+    worth = result.scene.in_words(result.score, wave)
+    # of a score without a unit, the ratio says nothing
+    gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+.2%}"
+    ended = "interrupted after " if result.interrupted else ""
+    text = (
+        f"{worth}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
+        f"{ended}{result.evaluations} rows in {result.seconds:.1f} s)"
+    )
+    return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

@@ -1,0 +1,85 @@
+"""Search many variations of a scene: a grid over keys of its file, or scenes drawn from ranges.
+
+    domino sweep sprint --set physics.friction=0:0.5:11 --set physics.push=4,8,12
+    domino sweep sprint --set spacing.min=0.001:0.004 --set row.count=20:80 --random 500
+
+KEY is any key of a scene's file, as scene.toml in a run's folder writes it.  --set takes
+KEY=FROM:TO:NUMBER (with :log behind it evenly in the logarithm), KEY=VALUE,VALUE,… or, with
+--random, KEY=FROM:TO.  Every point is checked before anything runs.  Results go into the study
+store as they come; a sweep that was stopped goes on with --resume.  The folder gets a page of
+Markdown, a table (CSV) and a picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from optimize.executors.choice import add_executor_options, asked_executor, require_executor
+from optimize.studies.options import add_study_options, asked_study
+
+SUMMARY = "search many variations of a scene, on one machine or many"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino sweep`."""
+    parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file")
+    parser.add_argument(
+        "--set", metavar="KEY=VALUES", action="append", default=[], help="what is varied; repeat"
+    )
+    parser.add_argument(
+        "--random", type=int, metavar="N", help="draw N scenes instead of all on the grid"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of these draws (0)")
+    parser.add_argument("--methods", default="auto", help="names with commas between (auto)")
+    parser.add_argument("--seeds", type=int, default=1, help="for each method, from 0 (1)")
+    parser.add_argument("--evaluations", type=int, help="rows that each search may simulate (2000)")
+    parser.add_argument("--seconds", type=float, help="time of each search; not repeatable")
+    parser.add_argument("--out", metavar="FOLDER", help="for page, table, picture (runs/NAME)")
+    add_executor_options(parser)
+    add_study_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check, search, write the folder, and say what was found."""
+    from domino_env.files import require_room
+    from domino_env.scenes.files import load_scene
+    from optimize.studies.progress import TaskLines
+    from optimize.sweeps.page import FILES, write
+    from optimize.sweeps.runner import run_sweep, sweep_tasks
+
+    scene = load_scene(arguments.scene)
+    methods = [name.strip() for name in arguments.methods.split(",")]
+    tasks = sweep_tasks(
+        scene, arguments.set, methods, arguments.seeds, arguments.evaluations, arguments.seconds,
+        random=arguments.random, seed=arguments.seed,
+    )  # fmt: skip
+    settings = {
+        "scene": scene.name, "set": arguments.set, "random": arguments.random,
+        "seed": arguments.seed, "methods": methods, "seeds": arguments.seeds,
+        "evaluations": tasks[0].evaluations, "seconds": arguments.seconds,
+    }  # fmt: skip
+    require_executor(arguments)
+    study = asked_study(arguments, "sweep", f"sweep-{scene.name}", tasks, settings)
+    folder = Path(arguments.out or f"runs/{study.name}")
+    require_room(folder)
+    before = f", {study.tasks} of them done before" if study.tasks else ""
+    print(f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}", flush=True)
+    lines = TaskLines(len({task.key for task in tasks}), study.name, plain=True)
+    go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
+    try:
+        with asked_executor(arguments) as executor:
+            found = run_sweep(scene, tasks, executor=executor, study=study, lines=lines)
+            if found.interrupted:
+                raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"interrupted: {go_on}") from None
+    except OSError as error:
+        raise OSError(f"{error}; {go_on}") from None
+    if found.results:
+        write(found, folder)
+        print(f"{len(found.results)} results; written to {folder}: {', '.join(FILES)}")
+    for failure in found.failures:
+        print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
+    return 1 if found.failures else 0

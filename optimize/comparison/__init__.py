@@ -1,0 +1,1 @@
+"""Methods against each other: the runs, the page, the pictures."""

@@ -1,0 +1,105 @@
+"""Levenberg–Marquardt within the box, for schedules (Moré 1978).
+
+The arrival times are what a schedule is about, and the exact slope of each is known: so all of them
+are met at once by least squares, where a method that sees only their mean square error creeps. With
+more to choose than times to meet, the damped step is the shortest one that helps, and rows stay
+near where the search began. Then again from elsewhere, for some starts end at a row that cannot
+follow, or at a kink.
+
+Without a schedule the score is the only thing to meet: the level to meet is a little above the best
+so far, and rises or falls with success (Polyak 1987, a level that is estimated).
+
+References
+----------
+Moré, J. J. (1978). The Levenberg-Marquardt algorithm: implementation and theory. Lecture Notes in
+Mathematics 630, 105-116.
+
+Polyak, B. T. (1987). Introduction to Optimization. Optimization Software, New York.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from optimize.evaluation.budget import Budget
+from optimize.methods.starts import starts
+from optimize.problem import Floats
+
+ON_TIME = 1e-9  # [s] RMS error below which a row is on time
+DAMPING = 1e-2  # at first, as a part of the largest squared slope
+TRIES = 12  # dampings tried before a row counts as an end
+ROUNDS = 100
+SLOW, PATIENCE = 0.999, 8  # the error that counts as no gain, and how many such rounds end it
+LEVEL = 0.02  # relative rise asked for at first, where there is no schedule
+
+
+def run(budget: Budget, rng: np.random.Generator) -> None:
+    """Descend from one start after the other until the budget is spent; a row on time ends it."""
+    descend = _level if budget.problem.scene.tempo is None else _least_squares
+    for start in starts(budget, rng):
+        if descend(budget, start):
+            return
+
+
+def _least_squares(budget: Budget, design: Floats) -> bool:
+    """Whether a row on time was found."""
+    problem = budget.problem
+    score, late, slopes = budget.lateness(problem.project(design[None])[0])
+    design = problem.project(design[None])[0]
+    if len(late) == 0:
+        return False
+    damping = DAMPING
+    idle = 0
+    for _ in range(ROUNDS):
+        if np.sqrt(np.mean(late**2)) < ON_TIME:
+            return True
+        scale = float(np.square(slopes).sum(axis=0).max())
+        for _ in range(TRIES):
+            step = _step(design, late, slopes, damping * scale)
+            ahead = problem.project((design + step)[None])[0]
+            found = budget.lateness(ahead)
+            if found[0] > score:
+                break
+            damping *= 4.0
+        else:
+            return False
+        gained = np.square(found[1]).sum() < SLOW * np.square(late).sum()
+        idle = 0 if gained else idle + 1
+        if idle == PATIENCE:
+            return False
+        design, (score, late, slopes) = ahead, found
+        damping = max(damping / 10.0, 1e-14)
+    return False
+
+
+def _step(design: Floats, late: Floats, slopes: Floats, damping: float) -> Floats:
+    """The step within the box that makes |late + slopes·step|² + damping·|step|² least."""
+    n = len(design)
+    matrix = np.concatenate([slopes, np.sqrt(damping) * np.eye(n)])
+    right = np.concatenate([-late, np.zeros(n)])
+    room = np.maximum(1.0 - design, 1e-12), np.maximum(design, 1e-12)
+    free = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    if np.all(free <= room[0]) and np.all(free >= -room[1]):
+        return np.asarray(free)
+    return np.asarray(lsq_linear(matrix, right, bounds=(-room[1], room[0]), method="bvls").x)
+
+
+def _level(budget: Budget, design: Floats) -> bool:
+    """Steps to where the slope promises the mark; never on time."""
+    problem = budget.problem
+    design = problem.project(design[None])[0]
+    best, gradient = budget.score_and_gradient(design)
+    rise = LEVEL * max(abs(best), 1e-3)
+    while rise > 1e-7 * max(abs(best), 1e-3):
+        if not gradient.any():
+            return False
+        step = np.clip(rise * gradient / float(gradient @ gradient), -0.2, 0.2)
+        ahead = problem.project(np.clip(design + step, 0.0, 1.0)[None])[0]
+        score, slope = budget.score_and_gradient(ahead)
+        if score > best:
+            design, best, gradient = ahead, score, slope
+            rise *= 1.5
+        else:
+            rise *= 0.5
+    return False

@@ -1,0 +1,1 @@
+"""Methods that know how good rows look: `auto`, and what stands where."""

@@ -1,0 +1,1 @@
+"""The best layouts known of the scenes that ship, and who found them."""

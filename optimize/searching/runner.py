@@ -1,0 +1,165 @@
+"""search(): one method on one scene under one budget."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from domino_env.layout import Layout
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
+from domino_env.wave import Wave
+from optimize import methods
+from optimize.evaluation.budget import Budget, BudgetSpent
+from optimize.evaluation.result import SearchResult
+from optimize.problem import Problem
+from optimize.searching.folder import RunFolder
+from optimize.searching.progress import Watch, progress_line
+
+DEFAULT_BUDGET = 20_000  # evaluations, where nothing is said
+
+
+def search(
+    scene: Scene | str | Path,
+    method: str = "auto",
+    budget: int | None = None,
+    seed: int = 0,
+    *,
+    seconds: float | None = None,
+    progress: bool | None = None,
+    folder: str | Path | None = None,
+    watch: Watch | None = None,
+    executor: Executor | None = None,
+    resume: bool = False,
+) -> SearchResult:
+    """Search a layout of a scene that beats the best uniform pitch.
+
+    Ctrl-C ends the search with the best so far.
+
+    Parameters
+    ----------
+    scene
+        A scene, its name, or the path of its file.
+    method
+        One of `METHODS`.
+    budget
+        Layouts that may be simulated, never exceeded; 20 000 where neither budget nor seconds is
+        given. The best few are simulated once more, closely, at the end; that is not counted.
+    seed
+        Of all randomness; the same seed and budget of evaluations give the same result to the bit
+        (a budget of seconds cannot).
+    seconds
+        Time that may be spent, not counting the search of the uniform pitch.
+    progress
+        Whether to show a line with the best so far; None: on a terminal.
+    folder
+        Where to write the run, see `optimize.searching.folder`; None: nowhere.
+    watch
+        Called with the Budget after every batch.
+    executor
+        Scores batches of thousands of rows, see `optimize.executors`; smaller ones are not sent.
+        None: threads of this process. The result is the same to the bit.
+    resume
+        Go on with the search in the folder, from where its journal ends (from the start where there
+        is none), or further with a larger budget. The result is the same to the bit as that of a
+        search that was never stopped; seconds that it took before are counted.
+
+    Returns
+    -------
+    SearchResult
+        The best layout, beside the best uniform one.
+
+    Raises
+    ------
+    ValueError
+        For an unknown method or scene, a budget that is not positive, a folder that holds something
+        else or, with resume, another search, a result that cannot be written, or a scene that
+        leaves nothing free.
+    """
+    if not isinstance(scene, Scene):
+        scene = load_scene(scene)
+    run = methods.load(method)
+    if budget is None and seconds is None:
+        budget = DEFAULT_BUDGET
+    if budget is not None and budget < 1:
+        raise ValueError(f"budget = {budget}: give at least one evaluation")
+    if seconds is not None and not seconds > 0.0:
+        raise ValueError(f"seconds = {seconds}: give a time of more than 0 s")
+    if seed < 0:
+        raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
+    if resume and folder is None:
+        raise ValueError("resume: name the folder of the search to go on with")
+    problem = Problem(scene)
+    files = None
+    interrupted = False
+    with ExitStack() as stack:
+        if folder is not None:
+            files = RunFolder(Path(folder), scene, method, seed, resume=resume)
+            problem.journal = files.journal
+            stack.callback(files.journal.close)
+        uniform = scene.uniform()
+        warmed = Problem(scene)
+        warm = Budget(warmed)
+        mark = warmed.design(uniform.layout)[None]
+        warm.scores(mark)  # compiles what is not compiled yet, and so do gradients
+        warm.scores_and_gradients(mark, of_dying=False)
+        show = stack.enter_context(
+            progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
+        )
+
+        def look(meter: Budget) -> None:
+            show(meter)
+            if files is not None:
+                files.save(meter)
+            if watch is not None:
+                watch(meter)
+
+        meter = Budget(problem, budget, seconds, look, executor)
+        try:
+            # Matrices are small here: threads of the linear algebra only wait for each other.
+            with threadpool_limits(1, user_api="blas"):
+                run(meter, np.random.default_rng(seed))
+        except BudgetSpent:
+            pass
+        except KeyboardInterrupt:
+            interrupted = True
+        spent = meter.elapsed
+    layout, wave, score = _best(scene, meter)
+    end = (problem.evaluations, problem.falls, spent, meter.best_score)
+    result = SearchResult(
+        scene=scene,
+        method=method,
+        seed=seed,
+        layout=layout,
+        wave=wave,
+        score=score,
+        uniform=uniform,
+        trace=(*meter.trace, end),
+        slopes=(*meter.slopes, meter.slopes[-1] if meter.slopes else None),
+        evaluations=problem.evaluations,
+        falls=problem.falls,
+        seconds=spent,
+        interrupted=interrupted,
+    )
+    if files is not None:
+        files.finish(result)
+    return result
+
+
+def _best(scene: Scene, meter: Budget) -> tuple[Layout, Wave, float]:
+    """The best of the finalists, simulated closely.
+
+    A hair above a stall, a row may run through at the search's tolerance and not at a closer one.
+    """
+    if not meter.finalists:
+        raise KeyboardInterrupt  # ended by hand before anything was found
+    found = []
+    for _, design in reversed(meter.finalists):
+        layout = meter.problem.layout(design)
+        wave = scene.simulate(layout)
+        found.append((layout, wave, scene.score_wave(wave)))
+    return max(found, key=lambda one: one[2])

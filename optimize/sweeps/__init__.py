@@ -1,0 +1,1 @@
+"""One scene varied: its points, the runs, the page, the pictures, how fast it goes."""

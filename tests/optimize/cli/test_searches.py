@@ -1,0 +1,129 @@
+"""`domino optimize`: what a person types, sees and is told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import domino_env as de
+from domino_env.command import main
+from optimize.searching.folder import FILES, JOURNAL
+
+
+@pytest.fixture(autouse=True)
+def _no_notice(monkeypatch) -> None:
+    """How long the kernel takes to load says something about the machine."""
+    monkeypatch.setattr("domino_env.command.NOTICE_AFTER", 1e6)
+
+
+@pytest.fixture
+def scene_file(scenes, tmp_path: Path) -> Path:
+    """A scene of one's own."""
+    path = tmp_path / "mine.toml"
+    path.write_text(scenes["both"].to_toml())
+    return path
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    assert main([str(w) for w in words]) == 0
+    output = capsys.readouterr()
+    assert output.err == ""  # quiet where there is no terminal
+    return output.out
+
+
+def test_a_search_says_what_it_found_and_where_it_is(
+    capsys, scene_file: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    text = said(capsys, "optimize", scene_file, "--evaluations", 400, "--seed", 5, "--out", out)
+    summary = json.loads((out / "summary.json").read_text())
+    mark = de.load_scene(scene_file).uniform()
+    assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "auto")
+    lines = text.splitlines()
+    assert lines[0] == "both: a small scene: both"
+    assert lines[1].startswith(f"best uniform row: {mark.wave.mean_speed:.6f} m/s, gaps ")
+    assert lines[1].endswith("(PROPAGATED)")
+    speed, gain = summary["mean_speed"], summary["gain"]
+    assert lines[2].startswith(f"best row found:   {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; auto,")
+    assert lines[3] == f"written to {out}: {', '.join(FILES)}"
+
+
+@pytest.mark.parametrize("method", ["uniform", "random", "l-bfgs"])
+def test_methods(capsys, scene_file: Path, tmp_path: Path, method: str) -> None:
+    words = ["--method", method, "--evaluations", 100, "--out", tmp_path / method]
+    assert f"(PROPAGATED; {method}, seed 0, " in said(capsys, "optimize", scene_file, *words)
+
+
+def test_a_run_goes_to_runs_and_the_name_of_the_scene(
+    capsys, monkeypatch, scene_file: Path, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said(capsys, "optimize", "mine.toml", "--evaluations", 20)
+    names = sorted(f.name for f in (tmp_path / "runs" / "both").iterdir())
+    assert names == sorted((*FILES, JOURNAL))
+
+
+def test_without_a_budget_there_is_a_time(capsys, monkeypatch, scene_file: Path, tmp_path) -> None:
+    monkeypatch.setattr("optimize.cli.searches.DEFAULT_SECONDS", 1e-9)
+    said(capsys, "optimize", scene_file, "--method", "random", "--out", tmp_path / "run")
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["evaluations"] == 256
+
+
+def test_rows_that_die_are_told(capsys, scenes, tmp_path: Path) -> None:
+    (tmp_path / "dead.toml").write_text(scenes["dead"].to_toml())
+    words = ["--evaluations", 10, "--out", tmp_path / "run"]
+    text = said(capsys, "optimize", tmp_path / "dead.toml", *words)
+    assert "best uniform row: no speed" in text
+    assert "best row found:   no speed (STALLED;" in text
+    assert "push harder" in text
+    assert "%" not in text
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["sprint", "--method", "cmae"], "there is no method 'cmae': did you mean 'cma'?"),
+    (["sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
+    (["sprint", "--evaluations", "0"], "budget = 0: give at least one evaluation"),
+    (["sprint", "--seconds", "-1"], "seconds = -1.0: give a time of more than 0 s"),
+    (["sprint", "--seed", "-1"], "seed = -1: give a whole number"),
+    (["sprint", "--out", "."], "and is no run's folder: name another one"),
+])  # fmt: skip
+def test_what_is_wrong_is_said_in_one_line(capsys, monkeypatch, tmp_path, words, message) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    assert main(["optimize", *words]) == 2
+    output = capsys.readouterr()
+    assert output.err.startswith("domino: ")
+    assert message in output.err
+    assert output.err.count("\n") == 1
+    assert [f.name for f in tmp_path.rglob("*")] == ["notes.txt"]
+
+
+class Terminal:
+    """Stands for standard error on a terminal."""
+
+    def __init__(self) -> None:
+        self.text = ""
+
+    def write(self, text: str) -> int:
+        self.text += text
+        return len(text)
+
+    def flush(self) -> None: ...
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_sees_a_line_with_the_best_speed_and_the_gain(
+    monkeypatch, scene_file: Path, tmp_path: Path
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    monkeypatch.setattr("tqdm.tqdm.monitor_interval", 0)
+    words = ["--evaluations", "4000", "--out", str(tmp_path / "run")]
+    assert main(["optimize", str(scene_file), *words]) == 0
+    shown = terminal.text.split("\r")
+    assert any(line.startswith("both, auto") and "%|" in line for line in shown)
+    assert any("m/s, +" in line and "% against uniform" in line for line in shown)

@@ -1,0 +1,207 @@
+"""What every method owes, whatever its idea."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import domino_env as de
+import optimize.evaluation.budget
+from domino_env.scenes.scene import Scene
+from optimize import METHODS, search
+from optimize.evaluation.budget import Budget
+from optimize.evaluation.result import SearchResult
+
+SCENES = ["spacing", "one-gap", "thickness", "both", "length", "length-both", "dying", "dead"]
+WARM = 2  # rows that are simulated first, to compile the simulator and its gradients
+ENDLESS = [name for name in METHODS if name != "uniform"]  # they go on until they are stopped
+
+every_method = pytest.mark.parametrize("method", METHODS)
+endless_method = pytest.mark.parametrize("method", ENDLESS)
+every_scene = pytest.mark.parametrize("name", SCENES)
+
+
+class Witness:
+    """Sees every layout that is simulated while a search runs."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.layouts: list[de.Layout] = []
+        self.scores: list[float] = []
+        for name in ("score_batch", "score_batch_gradient"):
+            monkeypatch.setattr(Scene, name, self._seeing(getattr(Scene, name)))
+
+    def _seeing(self, original):
+        def score(scene: Scene, spacing, thickness, rtol=1e-6):
+            found = original(scene, spacing, thickness, rtol)
+            for i in range(len(spacing)):
+                rest = None if thickness is None else thickness[i]
+                self.layouts.append(scene.layout(spacing[i], rest))
+            self.scores += (found[0] if isinstance(found, tuple) else found).tolist()
+            return found
+
+        return score
+
+
+def same(one: SearchResult, other: SearchResult) -> bool:
+    """Equal to the bit in everything but time."""
+    return (
+        np.array_equal(one.layout.spacing, other.layout.spacing)
+        and np.array_equal(one.layout.thickness, other.layout.thickness)
+        and one.score == other.score
+        and [(n, f, s) for n, f, _, s in one.trace] == [(n, f, s) for n, f, _, s in other.trace]
+    )
+
+
+@every_method
+@every_scene
+def test_it_keeps_the_budget_and_the_rules_of_the_scene(
+    scenes, monkeypatch, method: str, name: str
+) -> None:
+    scene = scenes[name]
+    scene.uniform()
+    witness = Witness(monkeypatch)
+    result = search(scene, method, budget=150, seed=3)
+    proposed = witness.layouts[WARM:]
+    assert result.evaluations == len(proposed) == (150 if method in ENDLESS else 1)
+    for layout in proposed:
+        assert scene.violations(layout) == []
+        if scene.length is not None:
+            assert abs(layout.length - scene.length) < 1e-12
+    best = max(witness.scores[WARM:])
+    assert result.trace[-1][3] == best
+    assert result.score == pytest.approx(best, abs=2e-6)
+
+
+@every_method
+@every_scene
+def test_its_result_is_simulated_closely(scenes, method: str, name: str) -> None:
+    scene = scenes[name]
+    result = search(scene, method, budget=60)
+    assert result.wave.rtol == 1e-10
+    assert result.uniform.wave.rtol == 1e-10
+    assert result.score == scene.score(result.layout)
+    assert result.uniform is scene.uniform()
+    assert np.isfinite(result.score)
+    alive = result.score > 0.0 and result.uniform.score > 0.0
+    assert (result.gain is not None) == alive
+    if alive:
+        assert result.gain == result.wave.mean_speed / result.uniform.wave.mean_speed - 1.0
+
+
+@every_method
+@pytest.mark.parametrize("budget", [1, 2, 7, 100])
+def test_small_budgets_are_spent_to_the_last_evaluation(scenes, method: str, budget: int) -> None:
+    result = search(scenes["spacing"], method, budget=budget)
+    assert result.evaluations == (budget if method in ENDLESS else 1)
+
+
+@every_method
+@pytest.mark.parametrize("name", ["spacing", "length-both", "dying"])
+def test_it_is_repeatable_to_the_bit(scenes, method: str, name: str) -> None:
+    first = search(scenes[name], method, budget=250, seed=11)
+    np.random.seed(1)  # noqa: NPY002 - the global stream must not matter
+    assert same(first, search(scenes[name], method, budget=250, seed=11))
+
+
+@pytest.mark.parametrize("method", ["random", "cma"])
+def test_another_seed_is_another_search(scenes, method: str) -> None:
+    first = search(scenes["spacing"], method, budget=50, seed=1)
+    assert not same(first, search(scenes["spacing"], method, budget=50, seed=2))
+
+
+@every_method
+def test_it_leaves_global_random_state_alone(scenes, method: str) -> None:
+    before = np.random.get_state(legacy=False), random.getstate()  # noqa: NPY002
+    search(scenes["both"], method, budget=200)
+    after = np.random.get_state(legacy=False), random.getstate()  # noqa: NPY002
+    assert np.array_equal(before[0]["state"]["key"], after[0]["state"]["key"])
+    assert before[0]["state"]["pos"] == after[0]["state"]["pos"]
+    assert before[1] == after[1]
+
+
+@every_method
+def test_its_trace_only_improves(scenes, method: str) -> None:
+    result = search(scenes["dying"], method, budget=200)
+    evaluations, falls, seconds, best = (
+        np.array(column) for column in zip(*result.trace, strict=True)
+    )
+    assert np.all(np.diff(evaluations) >= 0)
+    assert np.all(np.diff(falls) >= 0)
+    assert np.all(np.diff(seconds) >= 0.0)
+    assert np.all(np.diff(best[:-1]) > 0.0)
+    assert result.trace[-1] == (result.evaluations, result.falls, result.seconds, best[-2])
+    assert np.all(falls <= evaluations * result.scene.count)
+
+
+@endless_method
+def test_ctrl_c_ends_it_with_the_best_so_far(scenes, monkeypatch, method: str) -> None:
+    scene = scenes["spacing"]
+    scene.uniform()
+    witness = Witness(monkeypatch)
+    batches = []
+
+    def press(budget: Budget) -> None:
+        batches.append(budget.problem.evaluations)
+        if len(batches) == 5:
+            raise KeyboardInterrupt
+
+    result = search(scene, method, budget=100_000, watch=press)
+    assert result.interrupted
+    assert result.evaluations == batches[-1] == len(witness.scores) - WARM
+    assert result.score == pytest.approx(max(witness.scores[WARM:]), abs=2e-6)
+
+
+@endless_method
+def test_ctrl_c_before_anything_was_found_is_ctrl_c(scenes, monkeypatch, method: str) -> None:
+    scenes["spacing"].uniform()
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Budget, "scores", interrupted)
+    monkeypatch.setattr(Budget, "scores_and_gradients", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        search(scenes["spacing"], method, budget=10)
+
+
+@endless_method
+def test_a_budget_of_seconds_ends_it(scenes, monkeypatch, method: str) -> None:
+    scenes["spacing"].uniform()
+    ticks = iter(range(10_000_000))
+    clock = SimpleNamespace(perf_counter=lambda: 0.01 * next(ticks))
+    monkeypatch.setattr(optimize.evaluation.budget, "time", clock)
+    result = search(scenes["spacing"], method, seconds=1.0)
+    assert not result.interrupted
+    assert 1.0 <= result.seconds < 1.1
+    assert result.evaluations > 1
+
+
+@every_method
+def test_a_budget_of_no_time_still_gives_a_row(scenes, method: str) -> None:
+    result = search(scenes["spacing"], method, seconds=1e-9)
+    assert result.evaluations >= 1
+    assert result.score > 0.0
+
+
+@every_method
+def test_it_writes_and_reads_no_files(scenes, monkeypatch, tmp_path: Path, method: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    expected = search(scenes["spacing"], method, budget=150)
+    (tmp_path / "cma_signals.in").write_text("{'timeout': 0, 'popsize': 3}")  # pycma's back door
+    assert same(expected, search(scenes["spacing"], method, budget=150))
+    assert [f.name for f in tmp_path.iterdir()] == ["cma_signals.in"]
+
+
+@pytest.mark.parametrize(
+    ("method", "budget", "least"),
+    [("cma", 3000, 1.02), ("l-bfgs", 1000, 1.02), ("scp", 500, 1.02), ("auto", 800, 1.031)],
+)
+def test_it_beats_the_best_uniform_pitch_of_sprint(method: str, budget: int, least: float) -> None:
+    result = search("sprint", method, budget=budget)
+    assert result.wave.outcome == de.Outcome.PROPAGATED
+    assert result.score > least * result.uniform.score
+    assert result.wave.error_estimate < 1e-10

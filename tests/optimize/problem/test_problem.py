@@ -1,0 +1,166 @@
+"""Problem: designs, layouts, lengths, scores, gradients."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import domino_env as de
+from optimize import Problem
+from optimize.projection.length import nearest_with_sum
+
+FREE = ["spacing", "one-gap", "thickness", "both", "dying"]
+LENGTH = ["length", "length-both"]
+
+
+def designs_of(problem: Problem, count: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).random((count, problem.dimension))
+
+
+@pytest.mark.parametrize("name", FREE + LENGTH)
+def test_designs_and_layouts_are_the_same_thing(scenes, name: str) -> None:
+    problem = Problem(scenes[name])
+    designs = problem.project(designs_of(problem, 20))
+    for x in designs:
+        assert problem.design(problem.layout(x)) == pytest.approx(x, abs=1e-14)
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_the_corners_of_the_box_are_the_scenes_bounds(scenes, name: str) -> None:
+    scene = scenes[name]
+    problem = Problem(scene)
+    for corner, bound in ((0.0, 0), (1.0, 1)):
+        layout = problem.layout(np.full(problem.dimension, corner))
+        assert np.all(layout.spacing == scene.spacing[bound])
+        assert np.all(layout.thickness[1:] == scene.thickness[bound])
+        assert layout.thickness[0] == scene.first_thickness
+    assert problem.equality is None
+
+
+@pytest.mark.parametrize("name", LENGTH)
+def test_every_design_has_the_length_exactly(scenes, name: str) -> None:
+    scene = scenes[name]
+    problem = Problem(scene)
+    wild = 3.0 * designs_of(problem, 200) - 1.0
+    coefficients, total = problem.equality
+    for x, near in zip(wild, problem.project(wild), strict=True):
+        layout = problem.layout(x)
+        assert abs(layout.length - scene.length) < 1e-15 * scene.count
+        assert scene.violations(layout) == []
+        assert problem.design(layout) == pytest.approx(near, abs=1e-14)
+        assert coefficients @ near == pytest.approx(total, abs=1e-14)
+
+
+def test_the_length_of_course() -> None:
+    scene = de.load_scene("course")
+    problem = Problem(scene)
+    for x in designs_of(problem, 50):
+        layout = problem.layout(x)
+        assert abs(layout.length - 1.2) < 1e-14
+        assert scene.violations(layout) == []
+
+
+numbers = st.floats(-2.0, 2.0)
+
+
+@given(
+    arrays(np.float64, (3, 6), elements=numbers),
+    arrays(np.float64, 6, elements=st.floats(-1.0, 1.0)),
+    arrays(np.float64, 6, elements=st.floats(0.01, 1.0)),
+    st.floats(0.0, 1.0),
+    arrays(np.float64, 6, elements=st.floats(0.0, 1.0)),
+)
+def test_the_projection_is_the_nearest_point(values, low, room, part, elsewhere) -> None:
+    """p is nearest to v among the convex set if and only if (v - p)·(y - p) ≤ 0 for all its y."""
+    high = low + room
+    total = float(low.sum() + part * room.sum())
+    near = nearest_with_sum(values, low, high, total)
+    assert np.all((near >= low) & (near <= high))
+    assert near.sum(axis=1) == pytest.approx(np.full(3, total), abs=1e-14)
+    # another point of the set: the corner-to-corner line through a random point of the box
+    y = low + elsewhere * room
+    short = y.sum() < total
+    end = high if short else low
+    way = end.sum() - y.sum()
+    y = y + (end - y) * ((total - y.sum()) / way if way else 0.0)
+    assert np.all(((values - near) * (y - near)).sum(axis=1) <= 1e-12)
+
+
+def test_the_projection_at_the_ends_of_what_is_possible() -> None:
+    low, high = np.array([0.0, 0.1, 0.2]), np.array([1.0, 0.5, 0.9])
+    values = np.random.default_rng(0).random((4, 3))
+    assert np.all(nearest_with_sum(values, low, high, low.sum()) == low)
+    assert nearest_with_sum(values, low, high, high.sum()) == pytest.approx(np.tile(high, (4, 1)))
+
+
+@pytest.mark.parametrize("name", [*FREE, *LENGTH, "dead"])
+def test_scores_are_the_scenes(scenes, name: str) -> None:
+    scene = scenes[name]
+    problem = Problem(scene, rtol=1e-10)
+    designs = designs_of(problem, 12)
+    scores = problem.scores(designs)
+    assert scores.tolist() == [scene.score(problem.layout(x)) for x in designs]
+    assert problem.score(designs[0]) == scores[0]
+    assert problem.evaluations == 13
+
+
+def test_falls_count_what_was_simulated(scenes) -> None:
+    scene = scenes["dying"]
+    problem = Problem(scene)
+    designs = designs_of(problem, 40)
+    waves = [scene.simulate(problem.layout(x)) for x in designs]
+    assert len({wave.outcome for wave in waves}) > 1
+    problem.scores(designs)
+    expected = sum(int(np.isfinite(wave.stall_margin).sum()) for wave in waves)
+    assert problem.falls == expected
+
+
+@pytest.mark.parametrize("name", FREE + LENGTH)
+def test_gradients(scenes, name: str) -> None:
+    """Against Richardson's extrapolation of wider differences at a closer tolerance."""
+    problem = Problem(scenes[name])
+    exact = Problem(scenes[name], rtol=1e-13)
+    checked = 0
+    for x in 0.1 + 0.8 * designs_of(problem, 30, seed=5):
+        steps = []
+        for h in (1e-4, 2e-4, 4e-4):
+            box = h * np.eye(problem.dimension)
+            ahead, behind = exact.scores(x + box), exact.scores(x - box)
+            steps.append((ahead - behind) / (2.0 * h))
+        fine = (4.0 * steps[0] - steps[1]) / 3.0
+        coarse = (4.0 * steps[1] - steps[2]) / 3.0
+        size = np.abs(fine).max()
+        if np.abs(fine - coarse).max() > 1e-7 * size:
+            continue  # a kink within reach of the differences, where there is no gradient
+        score, gradient = problem.score_and_gradient(x)
+        assert score == pytest.approx(exact.score(x), rel=1e-9)
+        assert gradient == pytest.approx(fine, abs=2e-7 * size)
+        checked += 1
+    assert checked >= 10
+
+
+def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes) -> None:
+    problem = Problem(scenes["spacing"])
+    x = np.full(problem.dimension, 0.4)
+    x[0], x[1] = 0.0, 1.0
+    _, gradient = problem.score_and_gradient(x)
+    assert problem.evaluations == 1
+    h = 1e-4
+    for i, sign in ((0, 1.0), (1, -1.0)):
+        y = x.copy()
+        y[i] += sign * h
+        slope = sign * (problem.score(y) - problem.score(x)) / h
+        assert gradient[i] == pytest.approx(slope, rel=2e-2)
+
+
+@pytest.mark.parametrize(("designs", "message"), [
+    (np.zeros(6), r"designs have shape \(6,\): expected \(any number, 6\)"),
+    (np.zeros((2, 5)), r"designs have shape \(2, 5\)"),
+    (np.full((2, 6), np.nan), "design 0 has nan at place 0"),
+])  # fmt: skip
+def test_what_is_no_design_is_told(scenes, designs, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Problem(scenes["spacing"]).scores(designs)

@@ -1,0 +1,116 @@
+"""search(): what it asks for, and how it ends."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import domino_env as de
+import optimize
+from domino_env.scenes.baseline import gain
+from domino_env.scenes.scene import Scene
+from optimize import METHODS, Problem, search
+from optimize.evaluation.budget import Budget, BudgetSpent
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    ({"method": "cmaes"}, "there is no method 'cmaes': did you mean 'cma'? choose auto, cma"),
+    ({"method": "lbfgs"}, "did you mean 'l-bfgs'?"),
+    ({"method": "L_BFGS"}, "did you mean 'l-bfgs'?"),
+    ({"method": "quantum"}, "there is no method 'quantum': choose auto, cma, l-bfgs"),
+    ({"budget": 0}, "budget = 0: give at least one evaluation"),
+    ({"seconds": 0.0}, "seconds = 0.0: give a time of more than 0 s"),
+    ({"seconds": float("nan")}, "seconds = nan: give a time"),
+    ({"seed": -1}, "seed = -1: give a whole number, 0 or more"),
+    ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
+])  # fmt: skip
+def test_what_cannot_be_searched_is_told(words, message: str) -> None:
+    with pytest.raises(ValueError, match=message.replace("?", r"\?")):
+        search(**({"scene": "sprint"} | words))
+
+
+def test_a_scene_that_leaves_nothing_free() -> None:
+    scene = replace(de.load_scene("sprint"), spacing=(0.02, 0.02))
+    with pytest.raises(ValueError, match="scene 'sprint' leaves nothing free"):
+        search(scene)
+
+
+def test_a_scene_by_name_and_a_default_budget(scenes, monkeypatch) -> None:
+    monkeypatch.setattr("optimize.searching.runner.DEFAULT_BUDGET", 30)
+    assert search("sprint", "random").evaluations == 30
+
+
+def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypatch) -> None:
+    """A hair above a stall, the search's tolerance may see a wave where a closer look sees none."""
+    scene = scenes["spacing"]
+    honest = search(scene, "random", budget=300)
+    original, rows = Scene.score_batch, []
+
+    def flattering(scene: Scene, spacing, thickness, rtol=1e-6):
+        rows.extend(spacing)
+        scores = original(scene, spacing, thickness, rtol)
+        scores[-1] = 5.0 if len(rows) == 301 else scores[-1]  # one row warms up
+        return scores
+
+    monkeypatch.setattr(Scene, "score_batch", flattering)
+    result = search(scene, "random", budget=300)
+    assert result.trace[-1][3] == 5.0
+    assert result.score == honest.score == scene.score(result.layout)
+
+
+def test_a_budget_that_is_spent_raises_into_the_method(scenes) -> None:
+    problem = Problem(scenes["spacing"])
+    budget = Budget(problem, evaluations=10)
+    designs = np.random.default_rng(0).random((7, problem.dimension))
+    assert budget.scores(designs).shape == (7,)
+    with pytest.raises(BudgetSpent):
+        budget.scores(designs)
+    assert problem.evaluations == 10  # what could be paid for was simulated
+    assert budget.part == 1.0
+    with pytest.raises(BudgetSpent):
+        budget.score(designs[0])
+    assert problem.evaluations == 10
+
+
+def test_a_budget_keeps_the_best(scenes) -> None:
+    problem = Problem(scenes["spacing"])
+    seen = []
+    budget = Budget(problem, watch=lambda b: seen.append(b.best_score))
+    with pytest.raises(ValueError, match="nothing has been scored yet"):
+        budget.best  # noqa: B018 - reading it is the test
+    designs = np.random.default_rng(0).random((50, problem.dimension))
+    scores = [budget.score(x) for x in designs]
+    assert seen == np.maximum.accumulate(scores).tolist()
+    assert budget.best_score == max(scores)
+    assert np.array_equal(budget.best, designs[np.argmax(scores)])
+    assert [s for _, _, _, s in budget.trace] == sorted(set(seen))
+    assert budget.part == 0.0  # nothing limits it
+
+
+def test_gain_needs_two_rows_that_run_through() -> None:
+    assert gain(1.1, 1.0) == pytest.approx(0.1)
+    assert gain(-0.5, 1.0) is None
+    assert gain(1.0, -0.5) is None
+
+
+def test_public_names() -> None:
+    for name in optimize.__all__:
+        assert getattr(optimize, name) is not None
+    assert callable(optimize.search)  # not a module of that name
+    with pytest.raises(AttributeError, match="no attribute 'serach'"):
+        optimize.serach  # noqa: B018 - reading it is the test
+
+
+def test_methods_load_only_when_asked_for() -> None:
+    script = (
+        "import sys; from optimize import METHODS, Problem, search; "
+        "print([m for m in ('cma', 'scipy.optimize', 'tqdm', 'matplotlib', 'cvxpy')"
+        " if m in sys.modules], *METHODS)"
+    )
+    words = [sys.executable, "-c", script]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]", *METHODS]
