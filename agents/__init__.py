@@ -15,17 +15,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from agents.designer import Design, design
-    from agents.evaluation import Built, evaluate
-    from agents.training import Run, train
+    from agents.conditioned.policy import Design, design
+    from agents.single.evaluation import Built, evaluate
+    from agents.single.training import Run, train
 
 _HOMES = {
-    "train": "training",
-    "Run": "training",
-    "evaluate": "evaluation",
-    "Built": "evaluation",
-    "design": "designer",
-    "Design": "designer",
+    "train": "single.training",
+    "Run": "single.training",
+    "evaluate": "single.evaluation",
+    "Built": "single.evaluation",
+    "design": "conditioned.policy",
+    "Design": "conditioned.policy",
 }
 
 __all__ = ["Built", "Design", "Run", "design", "evaluate", "train"]

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import domino_env as de
-from agents.presets import Preset, preset
+from agents.sb3.presets import Preset, preset
 from domino_env.command import main, parser
 from domino_env.look.sound import clicks, write_wav
 
@@ -74,7 +74,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("desk")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("agents.training.preset", small_preset)
+        patch.setattr("agents.single.training.preset", small_preset)
         assert run("domino optimize sprint --evaluations 50") == 0
         assert run("domino train sprint --algorithm ppo") == 0
     shutil.copy(ROOT / "domino_env" / "scenes" / "gentle.toml", folder / "my-row.toml")
@@ -92,7 +92,7 @@ def run(line: str) -> int:
 @pytest.mark.parametrize("line", LINES)
 def test_its_commands_run_as_typed(line: str, desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(desk)
-    monkeypatch.setattr("agents.training.preset", small_preset)
+    monkeypatch.setattr("agents.single.training.preset", small_preset)
     if line not in TOO_LONG:
         assert run(f"{line} {CHEAPER.get(line, '')}") == 0
 
@@ -105,7 +105,7 @@ def test_its_python_runs_and_says_what_it_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("agents.training.preset", small_preset)
+    monkeypatch.setattr("agents.single.training.preset", small_preset)
     names: dict[str, Any] = {}
     for code in blocks("python"):
         exec(compile(code, "README.md", "exec"), names)

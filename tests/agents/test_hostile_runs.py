@@ -22,13 +22,13 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 import domino_env as de
-from agents.arrays import read_weights
-from agents.evaluation import evaluate
-from agents.learner import learner, load_state, save_state
-from agents.presets import preset
-from agents.run_files import read_config
-from agents.sb3_vec_env import DominoVecEnv
-from agents.training import _as_begun, train
+from agents.base.arrays import read_weights
+from agents.base.run_files import read_config
+from agents.sb3.learner import learner, load_state, save_state
+from agents.sb3.presets import preset
+from agents.sb3.vec_env import DominoVecEnv
+from agents.single.evaluation import evaluate
+from agents.single.training import _as_begun, train
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 FUZZ = settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "60")), derandomize=True)

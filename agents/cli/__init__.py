@@ -1,0 +1,1 @@
+"""The commands `domino train` and `domino evaluate`."""

@@ -1,0 +1,1 @@
+"""Experiments: long trainings, presets that are searched for, ways to train that are compared."""

@@ -1,0 +1,1 @@
+"""Agents as methods of a search."""

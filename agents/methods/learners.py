@@ -1,0 +1,219 @@
+"""Learners as methods of `optimize`: what they build counts, on the same clock.
+
+Named in the entry-point group `domino.methods`. A learner begins anew in each search; every row it
+builds while it learns is an evaluation, and so is the one it builds without noise now and then.
+Loading this takes the seconds that torch takes to load, before the clock of a search begins, and
+raises ImportError, with what to install, where the extra "rl" is missing.
+"""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.base.requirements import require_extra
+
+require_extra()
+
+import torch  # noqa: E402
+from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
+from stable_baselines3.common.logger import Logger  # noqa: E402
+
+from agents.base.random_state import streams_put_back  # noqa: E402
+from agents.sb3.learner import NOISY, builder, learner, set_deviation  # noqa: E402
+from agents.sb3.presets import Preset, preset  # noqa: E402
+from agents.sb3.vec_env import DominoVecEnv  # noqa: E402
+from agents.single.evaluation import build, completed  # noqa: E402
+from optimize.evaluation.budget import Budget, BudgetSpent  # noqa: E402
+
+LOOKS = 50  # rows built without noise in a whole search
+FEWEST = 8  # generations of rows that a budget of evaluations is to last for
+
+
+def ppo(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with proximal policy optimisation.
+
+    References
+    ----------
+    Schulman, J., et al. (2017). Proximal policy optimization algorithms. arXiv:1707.06347.
+    """
+    learn("ppo", budget, rng)
+
+
+def sac(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with soft actor-critic.
+
+    References
+    ----------
+    Haarnoja, T., et al. (2018). Soft actor-critic: off-policy maximum entropy deep reinforcement
+    learning with a stochastic actor. arXiv:1801.01290.
+    """
+    learn("sac", budget, rng)
+
+
+def td3(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with twin delayed deterministic policy gradients.
+
+    References
+    ----------
+    Fujimoto, S., van Hoof, H., Meger, D. (2018). Addressing function approximation error in
+    actor-critic methods. arXiv:1802.09477.
+    """
+    learn("td3", budget, rng)
+
+
+def tqc(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with truncated quantile critics.
+
+    References
+    ----------
+    Kuznetsov, A., et al. (2020). Controlling overestimation bias with truncated mixture of
+    continuous distributional quantile critics. arXiv:2005.04269.
+    """
+    learn("tqc", budget, rng)
+
+
+def ars(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with augmented random search over linear policies.
+
+    References
+    ----------
+    Mania, H., Guy, A., Recht, B. (2018). Simple random search provides a competitive approach to
+    reinforcement learning. arXiv:1803.07055.
+    """
+    learn("ars", budget, rng)
+
+
+def learn(
+    algorithm: str, budget: Budget, rng: np.random.Generator, plan: Preset | None = None
+) -> None:
+    """Train until the budget is spent.
+
+    Repeatable to the bit under a budget of evaluations. Rows are built side by side, and all that
+    are under way could still be paid for; a rest smaller than that is left.
+
+    Parameters
+    ----------
+    algorithm
+        One of `agents.sb3.presets.ALGORITHMS`.
+    budget
+        Of the search.
+    rng
+        Of all randomness.
+    plan
+        Hyperparameters; None for the algorithm's preset.
+    """
+    plan = plan or preset(algorithm, budget.problem.scene.count - 1)
+    with streams_put_back(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
+        warnings.simplefilter("ignore", DeprecationWarning)
+        _Learning(algorithm, _within(plan, budget), budget, int(rng.integers(2**31))).run()
+
+
+def _within(plan: Preset, budget: Budget) -> Preset:
+    """Fewer rows side by side where a budget of evaluations would not last."""
+    if budget.evaluations is None:
+        return plan
+    rows = int(min(plan.rows, max(budget.evaluations // FEWEST, 1)))
+    options = dict(plan.options)
+    if "n_steps" in options:  # batches of the same part of a rollout
+        options["batch_size"] = max(options["batch_size"] * rows // plan.rows, 2)
+    if "n_delta" in options:  # of ARS: two rows each
+        options["n_delta"] = max(min(options["n_delta"], rows // 2), 1)
+        options["n_top"] = min(options["n_top"], options["n_delta"])
+    return replace(plan, rows=rows, options=options)
+
+
+class _Learning:
+    """One learner while it learns."""
+
+    def __init__(self, algorithm: str, plan: Preset, budget: Budget, seed: int) -> None:
+        self.algorithm, self.plan, self.budget = algorithm, plan, budget
+        self.scene = budget.problem.scene
+        self.env = DominoVecEnv(self.scene, plan.rows)
+        self.model: Any = learner(algorithm, plan, self.env, seed)
+        self.follows = plan.follow and self.scene.objective == "mean_speed"
+        self.next_look = 0.0
+
+    def run(self) -> None:
+        """Learn; what the policy builds in the end is looked at if that can be paid for."""
+        self.model.set_logger(Logger(folder=None, output_formats=[]))
+        model = self.model
+        # all schedules follow what is spent of the budget, not the steps taken
+        model._update_current_progress_remaining = self._progress
+        for optimizer in _optimizers(model):
+            optimizer.register_step_pre_hook(lambda *_: self._keep_the_clock())
+        with suppress(BudgetSpent):
+            model.learn(10**12, callback=self._watch(), reset_num_timesteps=False)
+        self._look()
+
+    def _progress(self, steps: int, total: int) -> None:
+        self.model._current_progress_remaining = 1.0 - self.budget.part
+
+    def _keep_the_clock(self) -> None:
+        budget = self.budget
+        if budget.seconds is not None and budget.elapsed >= budget.seconds and budget.finalists:
+            raise BudgetSpent
+
+    def _tune(self) -> None:
+        if self.algorithm in NOISY:
+            set_deviation(self.model, self.plan.deviation(self.budget.part))
+        if self.follows and self.budget.best_score > 0.0:
+            mark = self.scene.uniform().wave.mean_speed
+            self.env.rows.reference_speed = max(self.budget.best_score, mark)
+
+    def _look(self) -> None:
+        """A row without noise."""
+        if self.budget.left < 1:
+            return
+        policy = builder(self.model, self.algorithm)
+        built = build(policy, self.scene, float(self.env.rows.reference_speed))
+        self._note([built.layout], np.array([built.score]))
+
+    def _note(self, layouts: Any, scores: NDArray[np.float64]) -> None:
+        def design(i: int) -> NDArray[np.float64]:
+            return self.budget.problem.design(completed(layouts[i], self.scene))
+
+        self.budget.note(scores, design)
+
+    def _watch(self) -> Any:
+        learning = self
+
+        class Watch(BaseCallback):
+            def _on_rollout_start(self) -> None:
+                learning.between()
+
+            def _on_step(self) -> bool:
+                learning.after_step(self.locals["infos"])
+                return True
+
+        return Watch()
+
+    def between(self) -> None:
+        """Between two updates: look now and then, and tune."""
+        if self.budget.part >= self.next_look and self.budget.left > self.plan.rows:
+            self._look()
+            self.next_look += 1.0 / LOOKS
+        self._tune()
+
+    def after_step(self, infos: Any) -> None:
+        """Count the rows that are complete; stop where those to come could not be paid for."""
+        ended = [info for info in infos if "score" in info]
+        if ended:
+            scores = np.array([info["score"] for info in ended])
+            self._note([info["layout"] for info in ended], scores)
+            if self.budget.left < self.plan.rows:
+                raise BudgetSpent
+        self._keep_the_clock()
+
+
+def _optimizers(model: Any) -> list[Any]:
+    parts = [getattr(model, name, None) for name in ("policy", "actor", "critic")]
+    found = [getattr(part, "optimizer", None) for part in parts]
+    found.append(getattr(model, "ent_coef_optimizer", None))
+    return [one for one in found if isinstance(one, torch.optim.Optimizer)]

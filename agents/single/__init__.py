@@ -1,0 +1,1 @@
+"""Policies for one scene: they build in the environment, domino by domino."""
