@@ -77,7 +77,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr("agents.single.training.preset", small_preset)
         assert run("domino optimize sprint --evaluations 50") == 0
         assert run("domino train sprint --algorithm ppo") == 0
-    shutil.copy(ROOT / "domino_env" / "scenes" / "gentle.toml", folder / "my-row.toml")
+    shutil.copy(ROOT / "domino_env" / "scenes" / "shipped" / "gentle.toml", folder / "my-row.toml")
     shutil.copy(folder / "runs" / "sprint" / "layout.csv", folder / "LAYOUT.csv")
     row = de.simulate(de.Layout.uniform(60, pitch=0.024), de.Physics(push=8.0))
     write_wav(clicks(row), folder / "recording.wav")
@@ -117,7 +117,7 @@ def test_its_python_runs_and_says_what_it_says(
 
 def test_its_scene_is_one(tmp_path: Path) -> None:
     (asked,) = blocks("toml")
-    whole = (ROOT / "domino_env" / "scenes" / "sprint.toml").read_text("utf-8")
+    whole = (ROOT / "domino_env" / "scenes" / "shipped" / "sprint.toml").read_text("utf-8")
     head, *tables = re.split(r"^(?=\[)", whole, flags=re.MULTILINE)
     kept = [t for t in tables if t.split("]")[0] not in ("[spacing", "[thickness")]
     head = re.sub(r"^objective.*", "", head, flags=re.MULTILINE)
