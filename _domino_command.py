@@ -9,8 +9,8 @@ import sys
 
 
 def main() -> int:
-    """Run the command; see `domino_env.command.main`."""
-    from domino_env.command import main
+    """Run the command; see `domino_env.cli.main.main`."""
+    from domino_env.cli.main import main
 
     return main()
 

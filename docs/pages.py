@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import domino_env as de
-from domino_env.look.verified import known_verification, markdown, read_verified
-from domino_env.motion import Motion, outlines
+from domino_env.chain.motion import Motion, outlines
+from domino_env.rigid.known import known_verification, markdown, read_verified
 from domino_env.scenes.files.schema import scene_schema
 from domino_env.support.tables import markdown_table
 from optimize.methods import METHODS, PEERS

@@ -18,23 +18,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from domino_env.envs.chain_env import DominoChain
-    from domino_env.envs.layout_env import DominoLayout
-    from domino_env.envs.vector_env import DominoChainVector
-    from domino_env.forces import Diagnosis, diagnose
-    from domino_env.gradient import Gradient
-    from domino_env.layout import Layout
-    from domino_env.physics import Physics
-    from domino_env.scenes.files import load_scene, scene_names
-    from domino_env.scenes.scene import Scene, UniformMark
-    from domino_env.steady import (
+    from domino_env.chain.forces import Diagnosis, diagnose
+    from domino_env.chain.gradient import Gradient
+    from domino_env.chain.layout import Layout
+    from domino_env.chain.physics import Physics
+    from domino_env.chain.steady import (
         SteadyWave,
         existence_limit,
         smallest_push,
         steady_wave,
         terminal_speed_estimate,
     )
-    from domino_env.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
+    from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
+    from domino_env.envs.chain_env import DominoChain
+    from domino_env.envs.layout_env import DominoLayout
+    from domino_env.envs.vector_env import DominoChainVector
+    from domino_env.scenes.files import load_scene, scene_names
+    from domino_env.scenes.scene import Scene, UniformMark
 
 __version__ = "0.1.0"
 
@@ -42,22 +42,22 @@ _HOMES = {
     "DominoChain": "envs.chain_env",
     "DominoChainVector": "envs.vector_env",
     "DominoLayout": "envs.layout_env",
-    "Layout": "layout",
-    "Physics": "physics",
-    "Gradient": "gradient",
-    "Outcome": "wave",
-    "Wave": "wave",
-    "WaveBatch": "wave",
-    "simulate": "wave",
-    "simulate_batch": "wave",
+    "Layout": "chain.layout",
+    "Physics": "chain.physics",
+    "Gradient": "chain.gradient",
+    "Outcome": "chain.wave",
+    "Wave": "chain.wave",
+    "WaveBatch": "chain.wave",
+    "simulate": "chain.wave",
+    "simulate_batch": "chain.wave",
     "Scene": "scenes.scene",
-    "Diagnosis": "forces",
-    "diagnose": "forces",
-    "SteadyWave": "steady",
-    "existence_limit": "steady",
-    "smallest_push": "steady",
-    "steady_wave": "steady",
-    "terminal_speed_estimate": "steady",
+    "Diagnosis": "chain.forces",
+    "diagnose": "chain.forces",
+    "SteadyWave": "chain.steady",
+    "existence_limit": "chain.steady",
+    "smallest_push": "chain.steady",
+    "steady_wave": "chain.steady",
+    "terminal_speed_estimate": "chain.steady",
     "UniformMark": "scenes.scene",
     "load_scene": "scenes.files",
     "scene_names": "scenes.files",

@@ -103,7 +103,7 @@ def _exit_code(child: int, until: float) -> int | None:
 
 def _command(words: Sequence[str], log: str) -> int:
     """Run a command with its output in a file; its exit code."""
-    from domino_env.command import main
+    from domino_env.cli.main import main
 
     # a test run in the background would have its children deaf to Ctrl-C
     signal.signal(signal.SIGINT, signal.default_int_handler)

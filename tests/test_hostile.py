@@ -18,14 +18,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import domino_env as de
-from domino_env.animation import Runner, frames
-from domino_env.command import main
-from domino_env.layout import Layout
-from domino_env.look.race_data import Racer
-from domino_env.look.report import read_racers, write_report
-from domino_env.look.sound import Heard, clicks, listen, read_wav
-from domino_env.look.template import sheets
+from domino_env.chain.layout import Layout
+from domino_env.cli.main import main
 from domino_env.scenes.files import parse_scene
+from domino_env.view.animation import Runner, frames
+from domino_env.view.report.page import read_racers, write_report
+from domino_env.view.report.race import Racer
+from domino_env.view.sound import Heard, clicks, listen, read_wav
+from domino_env.view.template import sheets
 from optimize.comparison.page import _about
 
 FUZZ = settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "60")), derandomize=True)
@@ -161,7 +161,7 @@ def test_the_command_line_prints_one_safe_line(tmp_path: Path, capsys: Any) -> N
 def test_a_file_too_large_to_be_one_of_ours_is_not_read(tmp_path: Path, monkeypatch: Any) -> None:
     Layout([0.02] * 9, 0.0075).to_csv(tmp_path / "row.csv")
     Layout([0.02] * 9, 0.0075).to_json(tmp_path / "row.json")
-    monkeypatch.setattr("domino_env.layout_files.MOST_DOMINOES", 9)
+    monkeypatch.setattr("domino_env.chain.files.MOST_DOMINOES", 9)
     for name in ("row.csv", "row.json"):
         with pytest.raises(ValueError, match="it has 10 dominoes, where at most 9 are read"):
             Layout.read(tmp_path / name)

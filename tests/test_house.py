@@ -134,7 +134,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
             "policies/*/*",
         )
         for path in (ROOT / package).rglob(pattern)
-    } | {"domino_env/look/verified.json", "_domino_command.py"}
+    } | {"domino_env/rigid/known.json", "_domino_command.py"}
     assert {"domino_env/scenes/shipped/sprint.toml", "domino_env/py.typed"} <= sources
     kept = {name for name in names if ".dist-info/" not in name}
     assert kept == sources
@@ -157,7 +157,7 @@ def test_an_installed_wheel_works_away_from_the_sources(wheel: Path, tmp_path: P
     script = (
         "import domino_env as de; assert de.__file__.startswith(r'" + str(site) + "'), de.__file__;"
         "print(*(de.load_scene(n).count for n in de.scene_names()));"
-        "from domino_env.command import main; main(['--help'])"
+        "from domino_env.cli.main import main; main(['--help'])"
     )
     said = output_of(sys.executable, "-c", script, cwd=work, PYTHONPATH=str(site))
     counts = (domino_env.load_scene(name).count for name in domino_env.scene_names())

@@ -15,8 +15,8 @@ import pytest
 
 import domino_env as de
 from agents.sb3.presets import Preset, preset
-from domino_env.command import main, parser
-from domino_env.look.sound import clicks, write_wav
+from domino_env.cli.main import main, parser
+from domino_env.view.sound import clicks, write_wav
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text("utf-8")

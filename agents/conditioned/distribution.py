@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.physics import Physics
+from domino_env.chain.physics import Physics
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]

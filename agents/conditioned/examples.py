@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from agents.base.arrays import read_arrays
 from agents.conditioned.distribution import FEATURES, SceneFamily, numbers, scene_of
-from domino_env.files import write_bytes
 from domino_env.scenes.scene import Scene
+from domino_env.support.files import write_bytes
 
 Floats = NDArray[np.float64]
 

@@ -20,10 +20,10 @@ from threadpoolctl import ThreadpoolController
 
 from agents.base.arrays import read_arrays
 from agents.conditioned.distribution import FEATURES, SceneFamily, numbers, require_kind
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Wave
 from domino_env.scenes.files import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.wave import Wave
 
 Floats = NDArray[np.float64]
 Single = NDArray[np.float32]

@@ -22,8 +22,8 @@ from agents.conditioned.distribution import SceneFamily
 from agents.conditioned.examples import Examples, make_examples
 from agents.conditioned.policy import Designer, arrays_of, load_designer, plans_of
 from agents.conditioned.preset import EXAMPLES_SEED, Teaching
-from domino_env.files import write_bytes, write_text
 from domino_env.scenes.scene import Scene
+from domino_env.support.files import write_bytes, write_text
 from domino_env.support.models import Document, model_of
 from domino_env.support.reading import naming, read_json
 from domino_env.support.tables import write_csv

@@ -21,7 +21,7 @@ from agents.conditioned.examples import make_examples
 from agents.conditioned.policy import load_designer
 from agents.conditioned.preset import Teaching
 from agents.conditioned.training import teach
-from domino_env.files import write_text
+from domino_env.support.files import write_text
 from domino_env.support.tables import markdown_table
 
 WAYS = {

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from agents.sb3.learner import builder
 from agents.single.evaluation import build
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
 from domino_env.scenes.scene import Scene
 
 if TYPE_CHECKING:

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env import DominoChain
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Wave
 from domino_env.scenes.baseline import gain
 from domino_env.scenes.files import load_scene
 from domino_env.scenes.scene import Scene, UniformMark
 from domino_env.support.reading import naming
-from domino_env.wave import Wave
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm

@@ -23,9 +23,9 @@ from agents.base.requirements import require_extra
 from agents.base.run_files import ProgressDocument, read_config, require_columns
 from agents.sb3.presets import ALGORITHMS, Preset, preset
 from agents.single.evaluation import Built, build
-from domino_env.files import write_text
 from domino_env.scenes.files import load_scene
 from domino_env.scenes.scene import Scene
+from domino_env.support.files import write_text
 from domino_env.support.models import model_of
 from domino_env.support.reading import naming
 from domino_env.support.tables import write_csv
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from stable_baselines3.common.callbacks import BaseCallback
 
     from agents.single.cloning import Cloned
-    from domino_env.layout import Layout
+    from domino_env.chain.layout import Layout
     from optimize.evaluation.result import SearchResult
 
 SLACK = 1e-4  # of score that a policy may lose against its clone before it is put back

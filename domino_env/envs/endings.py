@@ -11,9 +11,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Wave, simulate
 from domino_env.scenes.scene import Scene
-from domino_env.wave import Wave, simulate
 
 Floats = NDArray[np.float64]
 Objects = NDArray[np.object_]

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env import kernels
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import LOOSEST, TIGHTEST, Outcome, Wave, simulate
 from domino_env.envs.endings import Endings
 from domino_env.envs.snapshot import Moment
-from domino_env.layout import Layout
 from domino_env.scenes.files import load_scene, parse_scene
 from domino_env.scenes.scene import LENGTH_TOLERANCE, Scene
-from domino_env.threads import share_rows
-from domino_env.wave import LOOSEST, TIGHTEST, Outcome, Wave, simulate
+from domino_env.support.threads import share_rows
 
 Floats = NDArray[np.float64]
 Seen = NDArray[np.float32]

@@ -11,11 +11,11 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike
 
 from domino_env import kernels
+from domino_env.chain.layout import Layout
 from domino_env.envs.base import RTOL, RowEnv, checked_options, wrong_actions
 from domino_env.envs.endings import LateWave
 from domino_env.envs.episodes import Floats, Rows, Seen
 from domino_env.envs.snapshot import Moment
-from domino_env.layout import Layout
 from domino_env.scenes.scene import Scene
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain.layout import Layout
+from domino_env.chain.motion import lean_behind
 from domino_env.envs.snapshot import Moment
-from domino_env.layout import Layout
-from domino_env.motion import lean_behind
 from domino_env.scenes.scene import Scene
 
 WIDTH, HEIGHT = 1200, 200
@@ -49,7 +49,7 @@ class Painter:
         leans = lean_behind(layout, np.array([leader]), np.zeros(1))[0]
         if self.mode == "ansi":
             return self._words(moment, layout, leader, leans)
-        from domino_env.drawing import Scale, strip
+        from domino_env.view.drawing import Scale, strip
 
         if self._scale is None:
             length = self.scene.length or 1.1 * float(self.scene.uniform().layout.length)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from domino_env.wave import Wave
+    from domino_env.chain.wave import Wave
 
 Floats = NDArray[np.float64]
 

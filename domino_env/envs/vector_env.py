@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.chain.layout import Layout
 from domino_env.envs.base import (
     RENDER_FPS,
     RTOL,
@@ -24,7 +25,6 @@ from domino_env.envs.base import (
     wrong_actions,
 )
 from domino_env.envs.episodes import Bools, Floats, Rows, Seen, shared_scene
-from domino_env.layout import Layout
 from domino_env.scenes.scene import Scene
 
 RENDER_MODES = ("rgb_array", "ansi")

@@ -12,7 +12,7 @@ from domino_env.scenes.rules import ON_LIST, nearest_of
 from domino_env.support.distinct import distinct_rows
 
 if TYPE_CHECKING:
-    from domino_env.layout import Layout
+    from domino_env.chain.layout import Layout
     from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.wave import Outcome, Wave, WaveBatch
 
 Floats = NDArray[np.float64]
 

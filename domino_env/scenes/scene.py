@@ -8,15 +8,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.layout import Layout
-from domino_env.physics import Physics
+from domino_env.chain.layout import Layout
+from domino_env.chain.physics import Physics
+from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
 from domino_env.scenes import limits as worth
 from domino_env.scenes.limits import Limits, Waves
 from domino_env.scenes.objectives.robust import Placement
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import off_list, outside, too_steep
 from domino_env.scenes.stock import Stock
-from domino_env.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
 
 Floats = NDArray[np.float64]
 Bounds = tuple[float, float]

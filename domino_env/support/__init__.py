@@ -1,1 +1,1 @@
-"""What the whole house needs and no part of it owns."""
+"""What every other folder may use, and none of them owns."""

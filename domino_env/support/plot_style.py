@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from domino_env.files import write_bytes
+from domino_env.support.files import write_bytes
 
 INK, SOFT, PALE, FAINT, SHADE = "#1d2126", "#5c636d", "#969ea8", "#dfe2e6", "#f1f3f5"
 BLUE, RED, GREEN, PINK, AMBER, SKY = (

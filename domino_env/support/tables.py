@@ -7,7 +7,7 @@ import io
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
-from domino_env.files import write_text
+from domino_env.support.files import write_text
 from domino_env.support.reading import one_line
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how what a spreadsheet runs begins

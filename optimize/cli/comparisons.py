@@ -57,8 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
-    from domino_env.files import require_room
     from domino_env.scenes.files import load_scene, scene_names
+    from domino_env.support.files import require_room
     from optimize import methods
     from optimize.comparison.page import FILES, table, write
     from optimize.comparison.runner import compare, comparison_tasks

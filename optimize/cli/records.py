@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from domino_env.look.verified import Verified
+    from domino_env.rigid.known import Verified
     from optimize.records.shipped import BestKnown
 
 SUMMARY = "the best layouts known: list, write, verify"
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(records: dict[str, BestKnown]) -> None:
-    from domino_env.look.verified import known_verification
+    from domino_env.rigid.known import known_verification
     from domino_env.scenes.files import load_scene
 
     print(f"{'scene':18}{'best known':48}{'by':12}hinged engine over ours")
@@ -80,8 +80,8 @@ def _list(records: dict[str, BestKnown]) -> None:
 def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from domino_env.look.verification import AGREES, STEPS
-    from domino_env.look.verified import markdown, read_verified, write_verified
+    from domino_env.rigid.comparison import AGREES, STEPS
+    from domino_env.rigid.known import markdown, read_verified, write_verified
 
     steps = [h * 1e-6 for h in arguments.steps] if arguments.steps else STEPS
     found = verify_records(records, steps)
@@ -97,8 +97,8 @@ def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int
 
 def verify_records(records: dict[str, BestKnown], steps: Sequence[float]) -> dict[str, Verified]:
     """Topple every row in the engine, and print a line when one is done."""
-    from domino_env.look.verification import verify
-    from domino_env.look.verified import summary
+    from domino_env.rigid.comparison import verify
+    from domino_env.rigid.known import summary
     from domino_env.scenes.files import load_scene
 
     found = {}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.files import write_text
+from domino_env.support.files import write_text
 from domino_env.support.tables import markdown_table, write_csv
 from optimize.comparison.runner import Comparison
 from optimize.evaluation.result import SearchResult

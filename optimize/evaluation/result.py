@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Wave
 from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene, UniformMark
-from domino_env.wave import Wave
 
 Trace = tuple[tuple[int, int, float, float], ...]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Outcome, simulate
 from domino_env.scenes.scene import Scene
-from domino_env.wave import Outcome, simulate
 from optimize.projection.allowed import Allowed
 from optimize.projection.feasible import require_feasible
 

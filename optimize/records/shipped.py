@@ -15,10 +15,10 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env import __version__
-from domino_env.files import write_text
-from domino_env.layout import Layout
-from domino_env.layout_files import LayoutTable
+from domino_env.chain.files import LayoutTable
+from domino_env.chain.layout import Layout
 from domino_env.scenes.scene import Scene
+from domino_env.support.files import write_text
 from domino_env.support.models import LARGEST, Number, model_of
 from domino_env.support.reading import naming, read_json
 from optimize.evaluation.result import SearchResult

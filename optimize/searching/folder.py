@@ -22,9 +22,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from domino_env.files import require_room, write_text
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
 from domino_env.scenes.scene import Scene
+from domino_env.support.files import require_room, write_text
 from domino_env.support.provenance import versions
 from domino_env.support.tables import write_csv
 from optimize.evaluation.budget import Budget, Step

@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Wave
 from domino_env.scenes.scene import Scene
 from domino_env.support.plot_style import (
     FAINT,
@@ -31,7 +32,6 @@ from domino_env.support.plot_style import (
     style,
     write_png,
 )
-from domino_env.wave import Wave
 from optimize.evaluation.result import SearchResult
 from optimize.problem import Floats
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Wave
 from domino_env.scenes.files import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.wave import Wave
 from optimize import methods
 from optimize.evaluation.budget import Budget, BudgetSpent
 from optimize.evaluation.result import SearchResult

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from domino_env.files import write_bytes
-from domino_env.layout import Layout
+from domino_env.chain.layout import Layout
+from domino_env.support.files import write_bytes
 from domino_env.support.tables import write_csv
 from optimize.studies.store import Study
 from optimize.studies.task import TaskResult, scene_of

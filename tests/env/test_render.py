@@ -12,9 +12,9 @@ import pytest
 from PIL import Image
 
 import domino_env as de
-from domino_env.animation import Runner, frames, write_gif
-from domino_env.command import main
-from domino_env.drawing import FALLS, LEADS, STANDS
+from domino_env.cli.main import main
+from domino_env.view.animation import Runner, frames, write_gif
+from domino_env.view.drawing import FALLS, LEADS, STANDS
 
 
 def played(mode: str, steps: int, scene: str = "sprint") -> gymnasium.Env:

@@ -12,8 +12,8 @@ from typing import Any
 
 import msgspec
 
-from domino_env.files import write_text
 from domino_env.scenes.files import tables
+from domino_env.support.files import write_text
 
 PATH = Path(__file__).parents[1] / "shipped" / "scene.schema.json"
 

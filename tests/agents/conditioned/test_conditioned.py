@@ -29,7 +29,7 @@ from agents.conditioned.policy import (
 )
 from agents.conditioned.preset import EXAMPLES_SEED, Teaching
 from agents.single.evaluation import build, evaluate
-from domino_env.command import main
+from domino_env.cli.main import main
 
 SHORT = SceneFamily(count=(15, 24))  # its marks are found quickly
 TINY = SceneFamily(count=(8, 10))
@@ -173,7 +173,7 @@ def test_it_works_without_torch(tmp_path: Path) -> None:
         "import sys\n"
         "for name in ('torch', 'stable_baselines3', 'sb3_contrib'):\n"
         "    sys.modules[name] = None\n"
-        "from domino_env.command import main\n"
+        "from domino_env.cli.main import main\n"
         f"sys.exit(main(['evaluate', 'family', '--scene', 'sprint', '--layout', {row!r}]))"
     )
     done = subprocess.run(

@@ -13,7 +13,7 @@ import domino_env as de
 from agents.single.evaluation import build
 from agents.single.scripted import BUILDERS
 from domino_env import DominoChain
-from domino_env.command import main
+from domino_env.cli.main import main
 
 
 @pytest.fixture(scope="module")

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 import domino_env as de
-from domino_env.command import main
+from domino_env.cli.main import main
 from optimize.searching.folder import FILES, JOURNAL
 
 
 @pytest.fixture(autouse=True)
 def _no_notice(monkeypatch) -> None:
     """How long the kernel takes to load says something about the machine."""
-    monkeypatch.setattr("domino_env.command.NOTICE_AFTER", 1e6)
+    monkeypatch.setattr("domino_env.cli.main.NOTICE_AFTER", 1e6)
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ import pytest
 from nursery import Nursery
 
 import domino_env as de
-from domino_env.command import main
+from domino_env.cli.main import main
 from optimize.searching.folder import JOURNAL
 from optimize.studies import open_store
 from optimize.studies.task import TaskResult

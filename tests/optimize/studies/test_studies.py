@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.command import main
+from domino_env.cli.main import main
 from optimize.studies import open_store
 from optimize.studies.task import Task, TaskResult, run_task, scene_of
 

@@ -290,7 +290,7 @@ def test_a_folder_that_cannot_be_written_is_told_at_once(here: Path, monkeypatch
 
 PROGRAM = """
 import sys
-from domino_env import command
+from domino_env.cli import main as command
 from optimize.cli import sweeps
 
 class Entry:

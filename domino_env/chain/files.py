@@ -1,0 +1,226 @@
+"""Layouts as files: CSV as spreadsheets write it, and JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from domino_env.chain.layout import DENSITY, HEIGHT, WIDTH, Layout
+from domino_env.support import tables
+from domino_env.support.files import write_text
+from domino_env.support.models import LARGEST, SMALLEST, Size, Table, model_of
+from domino_env.support.reading import encoding_of, naming, one_line, read_bytes
+from domino_env.support.reading import read_json as read_document
+
+MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
+UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
+_POSITIVE = f"more than 0 and finite, {SMALLEST:g} to {LARGEST:g} in SI units"
+# divided by, not multiplied with 0.001: 18 mm then reads as the very number 0.018
+_PER_UNIT = {"spacing": 1.0, "thickness": 1.0, "height": 1.0, "density": 1.0}
+for _name in ("spacing", "thickness", "height"):
+    _PER_UNIT[f"{_name}_mm"] = 1000.0
+    _PER_UNIT[f"{_name}_m"] = 1.0
+
+
+class LayoutTable(Table):
+    """A layout as JSON, SI units; one number serves all dominoes."""
+
+    spacing: Annotated[list[Size], Meta(description="free gaps, one fewer than dominoes [m]")]
+    thickness: Annotated[Size | list[Size], Meta(description="along the row [m]")]
+    height: Annotated[Size | list[Size], Meta(description="[m]")] = HEIGHT
+    width: Annotated[Size, Meta(description="across the row [m]")] = WIDTH
+    density: Annotated[Size | list[Size], Meta(description="[kg/m³]")] = DENSITY
+    unit: Annotated[
+        Literal["SI: m, kg/m3"], Meta(description="the only one that is read")
+    ] = UNIT  # fmt: skip
+
+    def layout(self) -> Layout:
+        """Lay the row.
+
+        Raises
+        ------
+        ValueError
+            Where it cannot stand, or has more than `MOST_DOMINOES`.
+        """
+        _require_few(len(self.spacing) + 1)
+        return Layout(self.spacing, self.thickness, self.height, self.width, self.density)
+
+
+def write_csv(layout: Layout, path: Path) -> None:
+    """Write one row a domino, SI units, shortest digits that read back to the same bits."""
+    gaps = [*layout.spacing.tolist(), None]
+    others = (column.tolist() for column in (layout.thickness, layout.height, layout.density))
+    rows = zip(range(layout.count), gaps, *others, strict=True)
+    tables.write_csv(path, ("number", "spacing", "thickness", "height", "density"), rows)
+
+
+def write_json(layout: Layout, path: Path) -> None:
+    """Write every array in full, SI units."""
+    document = {
+        "unit": UNIT,
+        "spacing": layout.spacing.tolist(),
+        "thickness": layout.thickness.tolist(),
+        "height": layout.height.tolist(),
+        "width": layout.width,
+        "density": layout.density.tolist(),
+    }
+    write_text(path, json.dumps(document, indent=1) + "\n")
+
+
+def read_csv(path: Path) -> Layout:
+    """Read a row measured by hand or written by `write_csv`.
+
+    One line a domino under a line of names:
+
+    - spacing (or spacing_mm): the free gap in front of it. The last one leads nowhere: it may be
+      empty or missing, and is not used.
+    - thickness (or thickness_mm).
+    - height (height_mm) and density, if they differ.
+
+    Comma, semicolon or tab between the cells, decimal commas where the cells are not divided by
+    commas. Other columns are left alone.
+
+    Raises
+    ------
+    ValueError
+        With file, line and column, and for more than `MOST_DOMINOES`.
+    """
+    with naming(path):
+        return _layout_of_table(path, read_bytes(path))
+
+
+def read_json(path: Path) -> Layout:
+    """Read what `write_json` wrote; height, width and density may be missing.
+
+    Raises
+    ------
+    ValueError
+        With file and key, and for more than `MOST_DOMINOES`.
+    """
+    with naming(path):
+        return layout_of_document(read_document(path))
+
+
+def _layout_of_table(path: Path, data: bytes) -> Layout:
+    divider, rows = _table(path, data)
+    head, first = next(rows, (0, []))
+    if not first:
+        raise ValueError("the file is empty; the first line names the columns")
+    names = [_column_name(cell) for cell in first]
+    places: dict[str, tuple[int, float]] = {}
+    for place, name in enumerate(names):
+        if name in _PER_UNIT:
+            kind = name.removesuffix("_mm").removesuffix("_m")
+            if kind in places:
+                raise ValueError(f"{path}, line {head}: two columns give the {kind}; keep one")
+            places[kind] = (place, _PER_UNIT[name])
+    for kind in ("spacing", "thickness"):
+        if kind not in places:
+            found = ", ".join(one_line(n, 40) for n in names[:20] if n)
+            raise ValueError(
+                f"{path}, line {head}: no column for the {kind}; name one '{kind}' (metres) or "
+                f"'{kind}_mm' (found: {found or 'nothing'})"
+            )
+    columns = {kind: array("d") for kind in places}
+
+    def keep(kind: str, line: int, row: list[str]) -> None:
+        place, per_unit = places[kind]
+        cell = row[place].strip() if place < len(row) else ""
+        if cell:
+            try:
+                value = float(cell.replace(",", ".") if divider != "," else cell) / per_unit
+            except ValueError:
+                value, wrong = 0.0, f"'{one_line(cell, 60)}' is not a number"
+            else:
+                wrong = f"{one_line(cell, 60)} must be {_POSITIVE}"
+            if SMALLEST <= value <= LARGEST:
+                columns[kind].append(value)
+                return
+        elif kind == "spacing":
+            wrong = "empty; give the free gap in front of every domino but the last"
+        else:
+            wrong = f"empty; every domino needs a {kind}"
+        raise ValueError(f"{path}, line {line}, column '{one_line(names[place], 60)}': {wrong}")
+
+    others = [kind for kind in places if kind != "spacing"]
+    before: tuple[int, list[str]] | None = None
+    for line, row in rows:
+        # only now is it known that the one before is not the last, whose gap leads nowhere
+        if before is not None:
+            keep("spacing", *before)
+        before = line, row
+        for kind in others:
+            keep(kind, line, row)
+    if before is None:
+        raise ValueError("no dominoes below the line of names")
+    _require_few(len(columns["thickness"]))
+    values = {kind: np.frombuffer(column) for kind, column in columns.items()}
+    return Layout(
+        values["spacing"] if len(columns["spacing"]) else [],
+        values["thickness"],
+        values.get("height", HEIGHT),
+        WIDTH,
+        values.get("density", DENSITY),
+    )
+
+
+def layout_of_document(document: object) -> Layout:
+    """Read the layout in a JSON document.
+
+    Raises
+    ------
+    ValueError
+        With the key, its value and what is allowed.
+    """
+    return model_of(LayoutTable, document).layout()
+
+
+def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
+    """The sign between the cells, and every line that is not blank with its number."""
+    encoding = encoding_of(data)
+    first = next((line for line in _text(data, encoding) if line.strip()), "").lstrip()
+    # some spreadsheets say on a line of its own what stands between the cells
+    told = first[4:5] if re.match(r"sep=[;,\t]\s*$", first, re.IGNORECASE) else ""
+    # otherwise what finds most names; of equals the first, as a comma may be part of a name
+    divider = told or max(
+        ";\t,", key=lambda sign: len(next(_lines(path, data, encoding, sign), (0, []))[1])
+    )
+    rows = _lines(path, data, encoding, divider)
+    if told:
+        next(rows, None)
+    return divider, rows
+
+
+def _text(data: bytes, encoding: str) -> Iterator[str]:
+    """The lines of the text with their ends."""
+    return io.TextIOWrapper(io.BytesIO(data), encoding, newline="")
+
+
+def _require_few(count: int) -> None:
+    if count > MOST_DOMINOES:
+        raise ValueError(f"it has {count:,} dominoes, where at most {MOST_DOMINOES:,} are read")
+
+
+def _lines(path: Path, data: bytes, encoding: str, divider: str) -> Iterator[tuple[int, list[str]]]:
+    reader = csv.reader(_text(data, encoding), delimiter=divider)
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                yield reader.line_num, row
+    except csv.Error as error:
+        raise ValueError(f"{path}, line {reader.line_num}: not a table: {error}") from None
+
+
+def _column_name(cell: str) -> str:
+    """`Spacing (mm)`, `spacing [mm]` and `spacing_mm` are one name."""
+    words = re.sub(r"[\s_()\[\]]+", " ", cell.lower()).split()
+    return "_".join(words)

@@ -1,0 +1,114 @@
+"""Gradient: derivatives of what a wave does with respect to everything it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domino_env import kernels
+from domino_env.chain.layout import Layout
+from domino_env.chain.physics import Physics
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """Derivatives of one number, in its unit over the unit of what is changed; all else fixed.
+
+    Of B layouts, every field has a leading B.
+
+    Attributes
+    ----------
+    spacing
+        (N-1,) [1/m]; a free gap changes and all later dominoes move with it.
+    thickness
+        (N,) [1/m]; a thickness changes and the gaps stay.
+    height
+        (N,) [1/m]
+    density
+        (N,) [m³/kg]
+    friction
+        [1]
+    gravity
+        [s²/m]
+    push
+        [s/rad]
+
+    Notes
+    -----
+    The derivative exists almost everywhere. Where a switch of contact coincides with a hit, where
+    links flush together, and at the onset of a flush, it jumps: then it is that of the sequence of
+    events that the simulation went through, one side of the kink.
+    """
+
+    spacing: Floats
+    thickness: Floats
+    height: Floats
+    density: Floats
+    friction: float | Floats
+    gravity: float | Floats
+    push: float | Floats
+
+    def scaled(self, factor: float) -> Gradient:
+        """Return the gradient of `factor` times the number."""
+        return Gradient(
+            self.spacing * factor,
+            self.thickness * factor,
+            self.height * factor,
+            self.density * factor,
+            self.friction * factor,
+            self.gravity * factor,
+            self.push * factor,
+        )
+
+
+Tape = NDArray[np.record]
+
+
+def room_for(count: int) -> Tape:
+    """Allocate an empty tape, long enough for most rows of that many dominoes."""
+    return np.empty(4 * count + 16, kernels.EVENT)
+
+
+def pull(
+    layout: Layout, physics: Physics, tape: Tape, arrival_bar: ArrayLike, hit: int
+) -> Gradient:
+    """Return Σ_k arrival_bar[k] ∂t_k, as `Wave.pullback` gives it.
+
+    Parameters
+    ----------
+    layout
+        What stood.
+    physics
+        What made it fall.
+    tape
+        What the chain wrote while it ran.
+    arrival_bar
+        (N,) as of `Wave.pullback`.
+    hit
+        Dominoes that were struck.
+    """
+    bar = np.array(arrival_bar, dtype=np.float64)
+    if bar.shape != (layout.count,):
+        raise ValueError(
+            f"arrival_bar has shape {bar.shape}: give one number for each of the {layout.count} "
+            "dominoes"
+        )
+    if not np.isfinite(bar).all():
+        k = int(np.flatnonzero(~np.isfinite(bar))[0])
+        raise ValueError(f"arrival_bar[{k}] = {bar[k]}: must be finite")
+    if bar[hit:].any():
+        k = hit + int(np.flatnonzero(bar[hit:])[0])
+        raise ValueError(
+            f"arrival_bar[{k}] = {bar[k]}, but the wave never came to domino {k}: leave it at 0"
+        )
+    count, whole = layout.count, np.zeros(1, kernels.WHOLE)[0]
+    row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
+    slopes = kernels.Row(np.zeros(count - 1), *(np.zeros(count) for _ in range(3)))
+    kernels.pull(
+        row, physics.friction, physics.gravity, physics.push, tape, len(tape), bar, slopes, whole
+    )
+    return Gradient(*slopes, float(whole.friction), float(whole.gravity), float(whole.push))

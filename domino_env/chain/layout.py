@@ -1,0 +1,255 @@
+"""Layout: what is built.  Geometry in SI units, checked once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+HEIGHT, WIDTH, DENSITY = 0.048, 0.024, 1040.0  # the standard domino [m], [m], [kg/m³]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A row of N dominoes that topples towards +x.
+
+    Every array is kept as a read-only float64 copy of full length.
+
+    Parameters
+    ----------
+    spacing
+        (N-1,) free gaps between the front of each domino and the back of the next [m].
+    thickness
+        (N,) size along the fall [m]; a single number serves all.
+    height
+        Scalar or (N,) [m]; unless given, the standard domino's 0.048.
+    width
+        Size across the fall [m]; it changes no time. Unless given, 0.024.
+    density
+        Scalar or (N,) [kg/m³]; unless given, 1040.
+
+    Raises
+    ------
+    ValueError
+        For what cannot stand: lengths that do not match, values that are not positive and finite,
+        a tip that would strike above the next domino's top. Names the element, its value and what
+        to do.
+    """
+
+    spacing: Floats
+    thickness: Floats
+    height: Floats
+    width: float
+    density: Floats
+
+    def __init__(
+        self,
+        spacing: ArrayLike,
+        thickness: ArrayLike,
+        height: ArrayLike = HEIGHT,
+        width: float = WIDTH,
+        density: ArrayLike = DENSITY,
+    ) -> None:
+        gaps = np.array(spacing, dtype=np.float64)
+        if gaps.ndim != 1:
+            raise ValueError(f"spacing has shape {gaps.shape}: give one gap a pair, shape (N-1,)")
+        count = len(gaps) + 1
+        values = {
+            "spacing": gaps,
+            "thickness": _full("thickness", thickness, count),
+            "height": _full("height", height, count),
+            "density": _full("density", density, count),
+        }
+        for name, array in values.items():
+            _require_positive(name, array)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if not (isinstance(width, int | float | np.number) and 0.0 < width < np.inf):
+            raise ValueError(f"width = {width!r} m: must be one number, positive and finite")
+        object.__setattr__(self, "width", float(width))
+        _require_low_tips(gaps, values["height"])
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # built anew, so that a copy's arrays are read-only too: the kernel is compiled for those
+        return Layout, (self.spacing, self.thickness, self.height, self.width, self.density)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether two layouts are the same to the last bit."""
+        if not isinstance(other, Layout):
+            return NotImplemented
+        return self.width == other.width and all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("spacing", "thickness", "height", "density")
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.spacing.tobytes(), self.thickness.tobytes(), self.height.tobytes()))
+
+    @classmethod
+    def uniform(
+        cls,
+        count: int,
+        *,
+        pitch: float | None = None,
+        spacing: float | None = None,
+        thickness: float = 0.0075,
+        height: float = HEIGHT,
+        width: float = WIDTH,
+        density: float = DENSITY,
+    ) -> Layout:
+        """Stand `count` equal dominoes in a row.
+
+        Parameters
+        ----------
+        count
+            Number of dominoes N.
+        pitch
+            Pivot to pivot [m]; give either this or `spacing`.
+        spacing
+            Free gap [m].
+        thickness
+            Size along the fall [m].
+        height
+            Of every domino [m].
+        width
+            Size across the fall [m].
+        density
+            Of every domino [kg/m³].
+
+        Raises
+        ------
+        ValueError
+            For neither or both of pitch and spacing, dominoes that overlap, and as of the class.
+        """
+        if count < 1:
+            raise ValueError(f"count = {count}: a row has at least one domino")
+        if (pitch is None) == (spacing is None):
+            raise ValueError("give either pitch (pivot to pivot) or spacing (the free gap), in m")
+        gap = float(spacing if spacing is not None else pitch - thickness)  # type: ignore[operator]
+        if pitch is not None and not gap > 0.0:
+            raise ValueError(
+                f"pitch = {pitch} m is not more than thickness = {thickness} m: dominoes overlap"
+            )
+        return cls(np.full(count - 1, gap), np.full(count, thickness), height, width, density)
+
+    @property
+    def count(self) -> int:
+        """Number of dominoes N."""
+        return len(self.thickness)
+
+    @property
+    def pitch(self) -> Floats:
+        """(N-1,) pivot to pivot [m]."""
+        return self.spacing + self.thickness[1:]
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all gaps are equal, and all dominoes."""
+        arrays = (self.spacing, self.thickness, self.height, self.density)
+        return all(bool(np.all(array == array[:1])) for array in arrays)
+
+    @cached_property
+    def positions(self) -> Floats:
+        """(N,) pivots (front bottom edges) along the row, the first at 0 [m]."""
+        places = np.concatenate(([0.0], np.cumsum(self.pitch)))
+        places.flags.writeable = False
+        return places
+
+    @property
+    def length(self) -> float:
+        """Last pivot minus first [m]."""
+        return float(self.positions[-1])
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write one row a domino, in metres; the last spacing is empty."""
+        from domino_env.chain.files import write_csv
+
+        write_csv(self, Path(path))
+
+    def to_json(self, path: str | Path) -> None:
+        """Write every array, in SI units."""
+        from domino_env.chain.files import write_json
+
+        write_json(self, Path(path))
+
+    @classmethod
+    def from_csv(cls, path: str | Path) -> Layout:
+        """Read a table with a row a domino, as `domino_env.chain.files.read_csv` does."""
+        from domino_env.chain.files import read_csv
+
+        return read_csv(Path(path))
+
+    @classmethod
+    def from_json(cls, path: str | Path) -> Layout:
+        """Read what `to_json` wrote; height, width and density may be missing."""
+        from domino_env.chain.files import read_json
+
+        return read_json(Path(path))
+
+    @classmethod
+    def read(cls, path: str | Path) -> Layout:
+        """Read a `.csv` or `.json` file.
+
+        Raises
+        ------
+        ValueError
+            For another ending of the name, and for what `from_csv` and `from_json` refuse.
+        """
+        suffix = Path(path).suffix.lower()
+        if suffix == ".csv":
+            return cls.from_csv(path)
+        if suffix == ".json":
+            return cls.from_json(path)
+        raise ValueError(f"{path}: a layout is a .csv or .json file, not '{suffix}'")
+
+
+def _full(name: str, values: ArrayLike, count: int) -> Floats:
+    array = np.array(values, dtype=np.float64)
+    if array.ndim == 0:
+        return np.full(count, float(array))
+    if array.shape != (count,):
+        raise ValueError(
+            f"{name} has shape {array.shape}, but {count - 1} spacings stand between {count} "
+            f"dominoes: give one number or {count}"
+        )
+    return array
+
+
+_UNITS = {"spacing": "m", "thickness": "m", "height": "m", "density": "kg/m³"}
+
+
+def _require_positive(name: str, array: Floats) -> None:
+    good = np.isfinite(array) & (array > 0.0)
+    if good.all():
+        return
+    i = int(np.argmin(good))
+    value = array[i]
+    if name == "spacing" and value <= 0.0:
+        what = "touch" if value == 0.0 else "overlap"
+        raise ValueError(
+            f"spacing[{i}] = {value} m: dominoes {i} and {i + 1} {what}; widen the gap"
+        )
+    unit = _UNITS[name]
+    raise ValueError(f"{name}[{i}] = {value} {unit}: must be positive and finite")
+
+
+def _require_low_tips(spacing: Floats, height: Floats) -> None:
+    """Every tip in reach strikes below the top of the next domino: L_i² - s_i² ≤ L_{i+1}²."""
+    tall, short = height[:-1], height[1:]
+    strike = tall**2 - spacing**2
+    good = (spacing >= tall) | (strike <= short**2 * (1.0 + 1e-12))
+    if good.all():
+        return
+    i = int(np.argmin(good))
+    # rounded up, so that doing what the sentence says is enough
+    need = np.ceil(np.sqrt([tall[i] ** 2 - short[i] ** 2, strike[i]]) * 1e6) / 1e6
+    raise ValueError(
+        f"domino {i} (height {tall[i]} m) would strike {np.sqrt(strike[i]):.6g} m up, above the "
+        f"top of domino {i + 1} (height[{i + 1}] = {short[i]} m): make spacing[{i}] = {spacing[i]} "
+        f"m at least {need[0]:.6g} m, or height[{i + 1}] at least {need[1]:.6g} m"
+    )

@@ -1,0 +1,32 @@
+"""Draw the figures and tables of Chapman, The physics of toppling dominoes, anew.
+
+Every number comes from this simulator; what is misprinted in the source is marked.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "the seed's figures and tables, from our own numbers"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino figures`."""
+    parser.add_argument("--out", metavar="FOLDER", default="figures", help="where to (figures)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draw, write, print the tables."""
+    from pathlib import Path
+
+    from domino_env.lab.chapman.figures import FIGURES
+    from domino_env.lab.chapman.tables import markdown
+    from domino_env.support.files import write_text
+
+    folder = Path(arguments.out)
+    for name, draw in FIGURES.items():
+        draw(folder / f"{name}.png")
+    tables = markdown()
+    write_text(folder / "tables.md", tables)
+    print(tables + f"\n{len(FIGURES)} figures and tables.md in {folder}")
+    return 0

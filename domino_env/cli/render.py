@@ -1,0 +1,51 @@
+"""Let rows topple before your eyes: an animated picture or a film, slower than nature.
+
+Several layouts race one below the other; --scene adds its best uniform row.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from domino_env.cli.physics_options import add_physics_options, asked_physics
+
+SUMMARY = "rows that topple, as an animated GIF or a film"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino render`."""
+    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="a .csv or .json file")
+    add_physics_options(parser, "its physics, and its best uniform row as a rival")
+    parser.add_argument("--gif", metavar="FILE", help="write an animated picture")
+    parser.add_argument("--mp4", metavar="FILE", help="write a film (needs the extra 'render')")
+    parser.add_argument("--slow", type=float, default=5.0, help="times slower than nature (5)")
+    parser.add_argument("--rate", type=float, default=25.0, help="images a second (25)")
+    parser.add_argument("--width", type=int, default=1000, help="[px] (1000)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate, draw, write."""
+    from pathlib import Path
+
+    from domino_env.chain.layout import Layout
+    from domino_env.chain.wave import simulate
+    from domino_env.support.reading import one_line
+    from domino_env.view.animation import Runner, frames, write_gif, write_mp4
+
+    wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]
+    wanted = [one for one in wanted if one[0]]
+    if not wanted:
+        raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or both")
+    for name, ending, _ in wanted:
+        if Path(name).suffix.lower() != ending:
+            raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
+    scene, physics = asked_physics(arguments)
+    rows = [(one_line(Path(name).stem, 100), Layout.read(name)) for name in arguments.layouts]
+    if scene:
+        rows.append(("best uniform", scene.uniform().layout))
+    runners = [Runner(name, simulate(layout, physics)) for name, layout in rows]
+    for name, _, write in wanted:
+        images = frames(runners, arguments.rate, arguments.slow, arguments.width)
+        number = write(images, Path(name), arguments.rate)
+        print(f"{name}: {number} images, {number / arguments.rate:.1f} s")
+    return 0

@@ -1,0 +1,173 @@
+"""Topple one row and print when each domino is hit, how fast the wave runs and how it ends.
+
+LAYOUT is a .csv file, one line a domino under a line of names (spacing_mm and thickness_mm, or
+spacing and thickness in metres; height and density if they differ), or a .json file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from domino_env.cli.physics_options import add_physics_options, asked_physics
+
+if TYPE_CHECKING:
+    from domino_env.chain.wave import Wave
+    from domino_env.scenes.scene import Scene
+
+SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
+CSV_NAMES = (
+    "number", "position", "arrival_time", "release_velocity", "impact_velocity", "stall_margin",
+)  # fmt: skip
+THICK = 0.5  # [m] a domino thicker than this was probably measured in millimetres
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino simulate`."""
+    parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
+    add_physics_options(parser, "a scene's physics and rules, by name or .toml file")
+    parser.add_argument("--rtol", type=float, default=1e-8, help="relative error allowed (1e-8)")
+    parser.add_argument(
+        "--csv", metavar="FILE", help="write the table, SI units, for other programs"
+    )
+    parser.add_argument("--json", action="store_true", help="print all of it as JSON, SI units")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate, print, and write the table if asked to."""
+    import json
+    from pathlib import Path
+
+    from domino_env.chain.layout import Layout
+    from domino_env.chain.wave import simulate
+    from domino_env.support.tables import write_csv
+
+    layout = Layout.read(arguments.layout)
+    scene, physics = asked_physics(arguments)
+    wave = simulate(layout, physics, rtol=arguments.rtol)
+    judged = _judged(wave, scene) if scene else {}
+    if arguments.csv:
+        write_csv(Path(arguments.csv), CSV_NAMES, _csv_rows(wave))
+    if arguments.json:
+        print(json.dumps(_document(wave) | judged, indent=1, allow_nan=False))
+        return 0
+    print("\n".join(_table(wave) + _verdict(wave)))
+    if scene:
+        print("\n".join(_judgement(judged)))
+    if arguments.csv:
+        print(f"table written to {arguments.csv}")
+    return 0
+
+
+def _table(wave: Wave) -> list[str]:
+    """A line a domino, up to the last one that was struck."""
+    layout = wave.layout
+    lines = ["domino  gap behind   thickness     arrival   wave speed  hit with"]
+    lines += ["            [mm]        [mm]         [s]        [m/s]   [rad/s]"]
+    for i in range(wave.hit):
+        t = wave.arrival_times[i]
+        start = f"{i:6d}"
+        thick = f"{layout.thickness[i] * 1e3:10.3f}"
+        if i == 0:
+            lines.append(
+                f"{start}{'':12}  {thick}  {t:10.6f}   {'':10}  push {wave.physics.push:g}"
+            )
+            continue
+        gap = f"{layout.spacing[i - 1] * 1e3:10.3f}"
+        speed = layout.pitch[i - 1] / (t - wave.arrival_times[i - 1])
+        with_ = wave.impact_velocity[i - 1]
+        lines.append(f"{start}  {gap}  {thick}  {t:10.6f}   {speed:10.4f}  {with_:8.3f}")
+    return lines
+
+
+def _verdict(wave: Wave) -> list[str]:
+    lines = ["", f"{wave.outcome.name}: {wave.explanation}"]
+    if wave.mean_speed > 0.0:
+        lines.append(
+            f"mean speed {wave.mean_speed:.6f} m/s over {wave.layout.length:.4f} m, "
+            f"last domino hit after {wave.arrival_times[-1]:.6f} s"
+        )
+    lines.append(
+        f"{wave.flushes} flushes (largest loss of speed {wave.largest_flush_loss:.2%}), "
+        f"{wave.releases} releases; relative error of the times below {wave.error_estimate:.1e}"
+    )
+    if not wave.converged:
+        lines.append(
+            f"the row is so close to a stall that rounding keeps the tolerance {wave.rtol:g} out "
+            "of reach; the error estimate holds"
+        )
+    thickest = wave.layout.thickness.max()
+    if thickest > THICK:
+        lines.append(
+            f"a domino is {thickest:g} m thick: if the file is in millimetres, name its columns "
+            "spacing_mm and thickness_mm"
+        )
+    return lines
+
+
+def _judged(wave: Wave, scene: Scene) -> dict[str, object]:
+    """What the scene says of the wave: the rules it breaks, or its score and the mark's."""
+    from domino_env.scenes.baseline import gain
+
+    broken = scene.violations(wave.layout)
+    if wave.physics != scene.physics:
+        broken.append(f"friction, gravity or push differ: the scene has {scene.physics}")
+    if broken:
+        return {"scene": scene.name, "violations": broken}
+    score, mark = scene.score_wave(wave), scene.uniform().score
+    lead = gain(score, mark)
+    return {"scene": scene.name, "violations": [], "score": score, "uniform_score": mark} | (
+        {} if lead is None else {"gain": lead}
+    )
+
+
+def _judgement(judged: dict[str, object]) -> list[str]:
+    name, broken = judged["scene"], judged["violations"]
+    if isinstance(broken, list) and broken:
+        return [f"not a layout of scene '{name}': {sentence}" for sentence in broken]
+    if "gain" in judged:
+        against = f"{judged['gain']:+.2%} against the best uniform pitch"
+    else:
+        against = "below zero for a wave that dies; the best uniform pitch"
+    return [f"score {judged['score']:.6f} on '{name}', {against} ({judged['uniform_score']:.6f})"]
+
+
+def _document(wave: Wave) -> dict[str, object]:
+    """The wave as JSON; null where the wave did not come."""
+
+    def cells(values: object) -> list[float | None]:
+        return [x if math.isfinite(x) else None for x in map(float, values)]  # type: ignore[call-overload]
+
+    return {
+        "outcome": wave.outcome.name,
+        "explanation": wave.explanation,
+        "mean_speed": wave.mean_speed,
+        "hit": wave.hit,
+        "toppled": wave.toppled,
+        "reach": wave.reach,
+        "error_estimate": wave.error_estimate,
+        "converged": wave.converged,
+        "flushes": wave.flushes,
+        "releases": wave.releases,
+        "largest_flush_loss": wave.largest_flush_loss,
+        "friction": wave.physics.friction,
+        "gravity": wave.physics.gravity,
+        "push": wave.physics.push,
+        "positions": cells(wave.layout.positions),
+        "arrival_times": cells(wave.arrival_times),
+        "release_velocity": cells(wave.release_velocity),
+        "impact_velocity": cells(wave.impact_velocity),
+        "stall_margin": cells(wave.stall_margin),
+    }
+
+
+def _csv_rows(wave: Wave) -> Iterator[list[float | None]]:
+    """A line for each domino that was struck; an empty cell for what did not come."""
+    columns = (
+        wave.layout.positions, wave.arrival_times, wave.release_velocity,
+        [*wave.impact_velocity, math.nan], wave.stall_margin,
+    )  # fmt: skip
+    for i in range(wave.hit):
+        yield [i, *(float(c[i]) if math.isfinite(c[i]) else None for c in columns)]

@@ -1,0 +1,29 @@
+"""Write a PDF to lay under the row: every domino's footprint at 1:1, numbered, over sheets."""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "a paper template of a row, at 1:1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino template`."""
+    parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
+    parser.add_argument("--paper", default="a4", choices=["a4", "letter"], help="(a4)")
+    parser.add_argument("--pdf", metavar="FILE", help="where to (beside the layout)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write, and say what to do with it."""
+    from pathlib import Path
+
+    from domino_env.chain.layout import Layout
+    from domino_env.view.template import sheets, words, write_template
+
+    source = Path(arguments.layout)
+    layout = Layout.read(source)
+    target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
+    write_template(layout, target, arguments.paper, source.stem)
+    print(f"{target}: {words(sheets(layout, arguments.paper))}")
+    return 0

@@ -1,0 +1,1 @@
+"""The figures and tables of Chapman's article, from our own numbers."""

@@ -1,1 +1,0 @@
-"""Look: what people look at and build, and checks against other physics."""

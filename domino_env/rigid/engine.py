@@ -1,0 +1,207 @@
+"""Rigid engine: the same row in Chipmunk (pymunk), which knows nothing of our equations.
+
+Every domino is a box with its mass and moment of inertia; neighbours collide without restitution
+and rub with the row's friction.  *Hinged*: each turns about its front bottom edge, as the model
+has it, and a stop keeps it from leaning back.  *Free*: it stands on a rough floor and may slide or
+lift.  Lengths are millimetres inside, as the engine's tolerances are made for numbers near one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.chain.layout import Layout
+from domino_env.chain.physics import Physics
+
+Floats = NDArray[np.float64]
+
+MM = 1000.0
+ITERATIONS = 30  # of the engine's contact solver in every step
+FLOOR_FRICTION = 1.0  # of a free row: rough
+PATIENCE = 3.0  # [√(L/g)] without a hit before a wave counts as dead; a fall takes about one
+KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart
+STIR = 1e-5  # [rad] a lean that grows by less has come to rest
+GRAIN = 1e-4  # [mm] overlap of faces that the engine leaves alone
+
+
+@dataclass(frozen=True, eq=False)
+class Fallen:
+    """What became of a row in the engine.
+
+    Attributes
+    ----------
+    arrivals
+        (N,) when each domino is hit [s]: the tip before it reaches its rear face; inf if never.
+    toppled
+        Whether the last one passed its tipping angle.
+    """
+
+    arrivals: Floats
+    toppled: bool
+
+
+def topple(
+    layout: Layout, physics: Physics, step: float, *, hinged: bool = True, window: int | None = None
+) -> Fallen:
+    """Follow a row in the engine until its last domino has toppled or nothing more happens.
+
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    step
+        Of time [s].
+    hinged
+        Whether each domino turns about its front bottom edge; else it stands free on the floor.
+    window
+        So many dominoes behind the leader still move, and those further back lie still, which is
+        what makes long rows affordable; None: all move.
+
+    Raises
+    ------
+    ImportError
+        Without pymunk; says what to install.
+    ValueError
+        For a step that is not between 0 and 1 ms, or no window.
+    """
+    if not 0.0 < step <= 1e-3:
+        raise ValueError(f"step = {step} s: give one above 0 and up to 0.001")
+    if window is not None and window < 1:
+        raise ValueError(f"window = {window}: at least one domino must be able to move")
+    row = _Row(layout, physics, hinged)
+    arrivals = np.full(layout.count, np.inf)
+    arrivals[0] = 0.0
+    patience = patience_with(layout, physics)
+    now, leader, before = 0.0, 0, row.room(0) if layout.count > 1 else 0.0
+    while leader < layout.count - 1:
+        row.advance(step)
+        after = row.room(leader)
+        now += step
+        if after <= 0.0:
+            leader += 1
+            arrivals[leader] = now - step * after / (after - before)
+            if leader == layout.count - 1:
+                break
+            row.place_up_to(leader + 1)
+            if window is not None:
+                row.fix_up_to(leader - window - 1)
+            after = row.room(leader)
+        elif now - arrivals[leader] > patience:
+            break
+        before = after
+    toppled = bool(np.isfinite(arrivals[-1])) and row.topples(step, patience)
+    return Fallen(arrivals, toppled)
+
+
+def patience_with(layout: Layout, physics: Physics) -> float:
+    """Time without a hit before a wave counts as dead [s]."""
+    fall = math.sqrt(float(layout.height.max()) / physics.gravity)
+    return PATIENCE * fall + 2.0 / physics.push
+
+
+class _Row:
+    """The engine's space with the row in it; dominoes come in as the wave comes near."""
+
+    def __init__(self, layout: Layout, physics: Physics, hinged: bool) -> None:
+        self._pymunk = _engine()
+        self._layout, self._hinged = layout, hinged
+        space = self._pymunk.Space()
+        space.gravity = (0.0, -physics.gravity * MM)
+        space.iterations = ITERATIONS
+        space.collision_slop = GRAIN
+        self._space = space
+        self.bodies: list[Any] = []
+        self._fixed = 0
+        self.advance: Callable[[float], None] = space.step
+        # the engine multiplies the two coefficients that meet; a smooth row still has a rough floor
+        self._rub = math.sqrt(max(physics.friction, 1e-6))
+        if not hinged:
+            reach = 2.0 * float(layout.height.max())
+            floor = self._pymunk.Poly(
+                space.static_body,
+                [
+                    (-reach * MM, -10.0),
+                    ((layout.length + reach) * MM, -10.0),
+                    ((layout.length + reach) * MM, 0.0),
+                    (-reach * MM, 0.0),
+                ],
+            )
+            floor.friction = FLOOR_FRICTION / self._rub
+            space.add(floor)
+        self._rows = layout.positions - layout.thickness  # rear faces
+        self.place_up_to(min(1, layout.count - 1))
+        first = self.bodies[0]
+        first.angular_velocity = -physics.push
+        first.velocity = (
+            physics.push * float(layout.height[0]) * MM / 2.0,
+            physics.push * float(layout.thickness[0]) * MM / 2.0,
+        )
+
+    def place_up_to(self, last: int) -> None:
+        """Stand the dominoes up to this one."""
+        pymunk, layout = self._pymunk, self._layout
+        for i in range(len(self.bodies), last + 1):
+            high, thick = float(layout.height[i]) * MM, float(layout.thickness[i]) * MM
+            mass = float(layout.density[i] * layout.height[i] * layout.thickness[i])
+            body = pymunk.Body(mass, mass * (high * high + thick * thick) / 12.0)
+            edge = float(layout.positions[i]) * MM
+            body.position = (edge - thick / 2.0, high / 2.0)
+            shape = pymunk.Poly.create_box(body, (thick, high))
+            shape.friction, shape.elasticity = self._rub, 0.0
+            kind = 1 << i % KINDS
+            near = 1 << (i - 1) % KINDS | 1 << (i + 1) % KINDS
+            shape.filter = pymunk.ShapeFilter(categories=kind, mask=near)
+            self._space.add(body, shape)
+            if self._hinged:
+                hinge = pymunk.PivotJoint(self._space.static_body, body, (edge, 0.0))
+                stop = pymunk.RotaryLimitJoint(self._space.static_body, body, -math.pi, 0.0)
+                hinge.collide_bodies = stop.collide_bodies = False
+                self._space.add(hinge, stop)
+            self.bodies.append(body)
+
+    def fix_up_to(self, last: int) -> None:
+        """Let the dominoes up to this one lie still for good."""
+        for body in self.bodies[self._fixed : max(last + 1, 0)]:
+            # a joint that could move neither of its two bodies has no answer
+            self._space.remove(*body.constraints)
+            body.body_type = self._pymunk.Body.STATIC
+            self._fixed += 1
+
+    def topples(self, step: float, patience: float) -> bool:
+        """Whether the last domino passes its tipping angle, without resting for so long [s]."""
+        last = self.bodies[-1]
+        tipping = math.atan2(float(self._layout.thickness[-1]), float(self._layout.height[-1]))
+        furthest, since = 0.0, 0.0
+        while since < patience:
+            self.advance(step)
+            if -last.angle > tipping:
+                return True
+            since = 0.0 if -last.angle > furthest + STIR else since + step
+            furthest = max(furthest, -last.angle)
+        return False
+
+    def room(self, i: int) -> float:
+        """From the top front edge of i to the rear face of i+1, which stands [mm]."""
+        body = self.bodies[i]
+        half = float(self._layout.thickness[i]) * MM / 2.0, float(self._layout.height[i]) * MM / 2.0
+        angle = body.angle
+        tip: float = body.position.x + half[0] * math.cos(angle) - half[1] * math.sin(angle)
+        return float(self._rows[i + 1]) * MM - tip
+
+
+def _engine() -> Any:
+    try:
+        import pymunk
+    except ImportError:
+        raise ImportError(
+            'the check in another engine needs pymunk: pip install "domino-chains[verify]"'
+        ) from None
+    return pymunk

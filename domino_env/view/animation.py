@@ -1,0 +1,170 @@
+"""Animation: rows that topple side by side, as frames at equal steps of time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from domino_env.chain.motion import Motion
+from domino_env.chain.wave import Wave
+from domino_env.support.files import write_bytes
+from domino_env.view.drawing import Scale, palette, stacked, strip
+
+MOST_DOMINOES = 5_000  # in a picture of a row: drawing takes time by its square
+MOST_IMAGES = 5_000  # more than three minutes at 25 a second; 1 GB
+REST = 0.08  # [s] of stillness before the push and after the end, in the time of the row
+
+
+@dataclass(frozen=True)
+class Runner:
+    """One row of a race.
+
+    Attributes
+    ----------
+    name
+        What it is called.
+    wave
+        How it topples.
+    """
+
+    name: str
+    wave: Wave
+
+
+def frames(
+    runners: Sequence[Runner], rate: float = 30.0, slow: float = 5.0, width: int = 1000
+) -> Iterator[Image.Image]:
+    """Draw all rows toppling at once, one below the other, until all lie.
+
+    Parameters
+    ----------
+    runners
+        The rows.
+    rate
+        Images a second.
+    slow
+        How many times slower than nature.
+    width
+        Of an image [px], even.
+
+    Yields
+    ------
+    Image
+        Frame after frame.
+
+    Raises
+    ------
+    ValueError
+        For a rate, a slowness or a width that is not positive, and for rows that are longer or
+        take longer than `MOST_DOMINOES` and `MOST_IMAGES`.
+    """
+    for name, value in (("rate", rate), ("slow", slow), ("width", width)):
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"{name} = {value}: must be positive and finite")
+    if width % 2 or width < 200:
+        raise ValueError(f"width = {width} px: give an even number of at least 200")
+    for one in runners:
+        require_drawable(one.name, one.wave.layout.count)
+    motions = [Motion(one.wave.layout, one.wave.physics) for one in runners]
+    longest = max(float(one.wave.layout.length) for one in runners)
+    tallest = max(float(one.wave.layout.height.max()) for one in runners)
+    scale = Scale.fitting(longest, tallest, width, 150)
+    end = max(motion.end for motion in motions)
+    images = int((end + 2.0 * REST) * rate * slow)
+    if images > MOST_IMAGES:
+        raise ValueError(
+            f"{end:.4g} s of toppling take {images:,} images, where at most {MOST_IMAGES:,} are "
+            "drawn: ask for fewer a second, or for a less slow motion"
+        )
+    times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
+    for t in times:
+        yield stacked(
+            [
+                _strip(one, motion, float(t), scale)
+                for one, motion in zip(runners, motions, strict=True)
+            ]
+        )
+
+
+def require_drawable(name: str, count: int) -> None:
+    """Refuse a row too long to be drawn domino by domino.
+
+    Raises
+    ------
+    ValueError
+        With its name and its number of dominoes.
+    """
+    if count > MOST_DOMINOES:
+        raise ValueError(
+            f"{name}: it has {count:,} dominoes, where rows of at most {MOST_DOMINOES:,} are drawn"
+        )
+
+
+def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
+    """Write an animated GIF whole, and return the number of images."""
+    few = [image.quantize(palette=palette(), dither=Image.Dither.NONE) for image in images]
+
+    def fill(file: BinaryIO) -> None:
+        few[0].save(
+            file, "GIF", save_all=True, append_images=few[1:], duration=1000.0 / rate, loop=0,
+            optimize=True,
+        )  # fmt: skip
+
+    write_bytes(path, fill)
+    return len(few)
+
+
+def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
+    """Write a film whole, and return the number of images.
+
+    Raises
+    ------
+    ImportError
+        Without imageio-ffmpeg; says what to install.
+    """
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        raise ImportError(
+            'films need imageio-ffmpeg: pip install "domino-chains[render]", or ask for --gif'
+        ) from None
+    path.parent.mkdir(parents=True, exist_ok=True)
+    first = next(images)
+    draft = path.with_name(f".{path.stem}.draft.mp4")
+    writer = imageio_ffmpeg.write_frames(
+        str(draft), first.size, fps=rate, macro_block_size=2, quality=8
+    )
+    try:
+        writer.send(None)
+        writer.send(np.asarray(first).tobytes())
+        number = 1
+        for image in images:
+            writer.send(np.asarray(image).tobytes())
+            number += 1
+        writer.close()
+        draft.replace(path)
+    finally:
+        writer.close()
+        draft.unlink(missing_ok=True)
+    return number
+
+
+def _strip(one: Runner, motion: Motion, t: float, scale: Scale) -> Image.Image:
+    wave = one.wave
+    leans: NDArray[np.float64] = motion.angles([t])[0]
+    leader = int(motion.leader([t])[0][0])
+    hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))
+    clock = min(max(t, 0.0), float(wave.arrival_times[wave.hit - 1]))
+    line = f"{one.name}   {clock * 1e3:6.0f} ms   {hit} of {wave.layout.count}"
+    if t >= clock > 0.0 and hit == wave.hit:
+        ending = (
+            f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else wave.outcome.name.lower()
+        )
+        line += f"   {ending.replace('_', ' ')}"
+    return strip(wave.layout, leans, leader, scale, line)

@@ -1,0 +1,133 @@
+"""Drawing: a falling row as an image, with Pillow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from domino_env.chain.layout import Layout
+from domino_env.chain.motion import outlines
+
+Floats = NDArray[np.float64]
+
+# Okabe and Ito's colours, told apart by colour-blind eyes
+PAPER, INK, PALE = (255, 255, 255), (40, 44, 52), (150, 158, 168)
+STANDS, FALLS, LEADS = (176, 186, 197), (0, 114, 178), (213, 94, 0)
+AHEAD = 0.72  # of the picture's width: where the front is kept once the row is longer than that
+FINER = 2  # drawn so much larger, then scaled down
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How a row fits a picture.
+
+    Attributes
+    ----------
+    width
+        Of the strip [px].
+    height
+        Of the strip [px].
+    pixels
+        Per metre.
+    floor
+        Height of the floor line [px].
+    """
+
+    width: int
+    height: int
+    pixels: float
+    floor: int
+
+    @classmethod
+    def fitting(cls, length: float, tallest: float, width: int, height: int) -> Scale:
+        """Fit a length [m] into the width; the tallest takes a fifth of the height or more."""
+        margin = 2.0 * tallest
+        pixels = min((width - 40) / (length + margin), 0.62 * height / tallest)
+        pixels = max(pixels, height / 5.0 / tallest)
+        return cls(width, height, pixels, int(0.80 * height))
+
+
+def strip(
+    layout: Layout, leans: Floats, leader: int, scale: Scale, line: str, ghost: float | None = None
+) -> Image.Image:
+    """Draw one row as it is at one instant.
+
+    Parameters
+    ----------
+    layout
+        The row.
+    leans
+        (N,) angles from upright [rad].
+    leader
+        Who leads, drawn in its own colour.
+    scale
+        How the row fits the picture.
+    line
+        What is said above it.
+    ghost
+        Where another wave's front is [m], marked below the floor.
+    """
+    w, h, k = scale.width * FINER, scale.height * FINER, scale.pixels * FINER
+    image = Image.new("RGB", (w, h), PAPER)
+    draw = ImageDraw.Draw(image)
+    front = float(layout.positions[leader])
+    left = 20 * FINER + 1.2 * float(layout.thickness[0]) * k
+    left -= max(0.0, left + front * k - AHEAD * w)
+    floor = scale.floor * FINER
+    draw.line([(0, floor), (w, floor)], fill=PALE, width=FINER)
+    corners = outlines(layout, leans)
+    x, y = left + corners[..., 0] * k, floor - corners[..., 1] * k
+    seen = np.flatnonzero((x.max(axis=1) > 0.0) & (x.min(axis=1) < w))
+    for i in seen:
+        colour = LEADS if i == leader else FALLS if i < leader else STANDS
+        draw.polygon(list(zip(x[i], y[i], strict=True)), fill=colour, outline=PAPER)
+    _mark(draw, left + front * k, floor, LEADS)
+    if ghost is not None:
+        _mark(draw, left + ghost * k, floor, INK)
+    image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
+    ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
+    if ghost is not None:
+        at = min(max((left + ghost * k) / FINER, 30.0), scale.width - 60.0)
+        ImageDraw.Draw(image).text(
+            (at, scale.floor + 14), "uniform", fill=INK, font=font(12), anchor="mt"
+        )
+    return image
+
+
+def stacked(strips: list[Image.Image]) -> Image.Image:
+    """Put strips below each other."""
+    image = Image.new("RGB", (strips[0].width, sum(s.height for s in strips)), PAPER)
+    at = 0
+    for one in strips:
+        image.paste(one, (0, at))
+        at += one.height
+    return image
+
+
+@cache
+def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Load Pillow's own font."""
+    return ImageFont.load_default(size)
+
+
+@cache
+def palette() -> Image.Image:
+    """List all colours of a picture and their blends into the paper, for formats with few."""
+    colours = []
+    for colour in (INK, PALE, STANDS, FALLS, LEADS):
+        for part in np.linspace(1.0, 0.0, 9)[:-1]:
+            mixed = part * np.array(colour) + (1.0 - part) * np.array(PAPER)
+            colours += [round(x) for x in mixed]
+    image = Image.new("P", (1, 1))
+    image.putpalette(colours + list(PAPER))
+    return image
+
+
+def _mark(draw: ImageDraw.ImageDraw, x: float, floor: float, colour: tuple[int, int, int]) -> None:
+    """A small triangle that points at a place on the floor."""
+    r = 5 * FINER
+    draw.polygon([(x, floor + FINER), (x - r, floor + 2 * r), (x + r, floor + 2 * r)], fill=colour)

@@ -1,0 +1,1 @@
+"""One page that plays rows against each other."""

@@ -1,0 +1,191 @@
+"""Race reading: rows from layout files and folders of runs, with what the folders tell of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+from msgspec import Meta
+
+from domino_env.chain.layout import Layout
+from domino_env.chain.physics import Physics
+from domino_env.chain.wave import simulate
+from domino_env.rigid.known import known_verification
+from domino_env.scenes.files import load_scene
+from domino_env.scenes.scene import Scene
+from domino_env.support.models import Document, Number, model_of
+from domino_env.support.reading import decoded, naming, one_line, read_bytes, read_json, shown
+from domino_env.view.animation import require_drawable
+from domino_env.view.report.race import Racer
+
+MARK = "best equal gaps"
+
+Times = tuple[Number | None, ...]
+
+
+class SummaryDocument(Document):
+    """What is read of a run's summary.json."""
+
+    algorithm: str | None = None
+    method: str | None = None
+
+
+class VerificationDocument(Document):
+    """What is read of a run's verification.json; differences are engine over model - 1 [1]."""
+
+    engine: str
+    verdict: str
+    difference: Number | None = None
+    free_difference: Number | None = None
+    model: Annotated[Times, Meta(description="when each domino is hit [s]")] = ()
+    hinged: Times = ()
+    free: Times = ()
+
+
+def read_racers(
+    paths: Sequence[Path], scene: Scene | None = None, physics: Physics | None = None
+) -> tuple[list[Racer], str]:
+    """Read the rows to race, and a title, from layout files and folders of runs.
+
+    A run, of a search or of a training, brings its scene, its curve and, if `domino verify --json`
+    wrote one there, its verification.json; rows that ship bring the verification that is kept of
+    them. Where there is a scene its best uniform row races too, last.
+
+    Parameters
+    ----------
+    paths
+        Files of layouts and folders of runs.
+    scene
+        The scene of all, where the runs bring none.
+    physics
+        Instead of the scene's.
+
+    Raises
+    ------
+    ValueError
+        For a folder without a layout.csv, and for runs of different scenes.
+    """
+    found: list[tuple[str, Layout, Path | None]] = []
+    for path in paths:
+        if not path.is_dir():
+            found.append((one_line(path.stem, 100), _shown_layout(path), None))
+            continue
+        if not (path / "layout.csv").exists():
+            raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
+        if (path / "scene.toml").exists():
+            own = load_scene(path / "scene.toml")
+            if scene is not None and scene.to_toml() != own.to_toml():
+                raise ValueError(f"{path}: its scene differs from '{scene.name}'; race one scene")
+            scene = own
+        found.append((one_line(_called(path), 100), _shown_layout(path / "layout.csv"), path))
+    names = [name for name, _, _ in found]
+    judged = scene is not None and physics is None  # another physics is another problem
+    physics = physics or (scene.physics if scene else Physics())
+    objective = scene.objective if scene and judged else "mean_speed"
+    racers = []
+    for (name, layout, folder), path in zip(found, paths, strict=True):
+        wave = simulate(layout, physics)
+        # two runs of one kind are told apart by their folders
+        label = name if names.count(name) == 1 else f"{name} ({one_line(path.resolve().name, 100)})"
+        score = worth = None
+        if judged and scene and not scene.violations(layout):
+            score = scene.score_wave(wave)
+            worth = scene.in_words(score, wave)
+        racers.append(
+            Racer(
+                label,
+                wave,
+                _curve(folder, "trace.csv", "evaluations", "best_score"),
+                _curve(folder, "progress.csv", "steps", "score"),
+                _verification(folder, layout, physics),
+                score,
+                worth,
+                objective,
+            )
+        )
+    if scene and judged:
+        mark = scene.uniform()
+        worth = scene.in_words(mark.score, mark.wave)
+        racers.append(Racer(MARK, mark.wave, score=mark.score, worth=worth, objective=objective))
+    elif scene:
+        racers.append(Racer(MARK, simulate(scene.uniform().layout, physics)))
+    return racers, scene.title if scene else "race"
+
+
+def _shown_layout(path: Path) -> Layout:
+    layout = Layout.read(path)
+    require_drawable(one_line(str(path)), layout.count)
+    return layout
+
+
+def _called(folder: Path) -> str:
+    """What a run's row is called: by what made it, if the folder says so."""
+    path = folder / "summary.json"
+    if path.exists():
+        with naming(path):
+            told = model_of(SummaryDocument, read_json(path))
+        if told.algorithm is not None:
+            return f"{one_line(told.algorithm, 20).upper()} agent's row"
+        if told.method is not None:
+            return "optimised row"
+    return folder.resolve().name
+
+
+def _curve(
+    folder: Path | None, name: str, across: str, up: str
+) -> tuple[list[float], list[float]] | None:
+    """Two columns of a CSV file in a run's folder; None where there is no such file."""
+    if folder is None or not (folder / name).exists():
+        return None
+    path = folder / name
+    with naming(path):
+        text = decoded(read_bytes(path))
+        found: tuple[list[float], list[float]] = [], []
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        try:
+            for line in reader:
+                for key, values in zip((across, up), found, strict=True):
+                    values.append(_number(line.get(key), f"line {reader.line_num}, {key}"))
+        except csv.Error as error:
+            raise ValueError(f"line {reader.line_num}: not a table: {error}") from None
+    return found
+
+
+def _number(told: object, where: str) -> float:
+    try:
+        value = float(told) if isinstance(told, str) else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{where}: {shown(told)} is no finite number")
+    return value
+
+
+def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
+    """Return what is known of a check of this row.
+
+    Of the folder's file, else what is kept of rows that ship. No more of the file is passed on than
+    the page shows.
+    """
+    path = folder / "verification.json" if folder else None
+    if path is None or not path.exists():
+        known = known_verification(layout, physics)
+        return None if known is None else asdict(known)
+    with naming(path):
+        check = model_of(VerificationDocument, read_json(path))
+    told: dict[str, Any] = {
+        "engine": one_line(check.engine, 1000),
+        "verdict": one_line(check.verdict, 1000),
+        "hinged_last": check.difference,
+        "free_last": check.free_difference,
+    }
+    times = {"model": check.model, "hinged": check.hinged, "free": check.free}
+    # of an older version, or of another row: the verdict alone
+    if all(len(values) == layout.count for values in times.values()):
+        told |= {name: list(values) for name, values in times.items()}
+    return told

@@ -1,0 +1,225 @@
+"""Numbers computed twice elsewhere, measured, or published."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+
+import domino_env as de
+
+PUSH = 5.0 * np.pi
+# pitch [m], friction, frequency [1/s], speed [m/s], ω after and before a hit, time of the 100th
+UNIFORM = [
+    (0.016, 0.00, 86.25528, 1.38008, 13.63153, 17.24773, 1.267629),
+    (0.024, 0.00, 51.41199, 1.23389, 14.82572, 21.74023, 2.008020),
+    (0.032, 0.00, 36.18886, 1.15804, 14.79539, 24.80159, 2.795324),
+    (0.016, 0.25, 59.87259, 0.957961, 9.21285, 12.30576, 1.746404),
+    (0.024, 0.25, 37.22842, 0.893482, 10.32537, 16.38651, 2.715589),
+    (0.032, 0.25, 26.25904, 0.840289, 10.18480, 19.00991, 3.802060),
+]
+MM = 1e-3
+
+
+def uniform_wave(pitch, friction, count=100, push=PUSH, gravity=9.8, **given):
+    layout = de.Layout.uniform(count, pitch=pitch, **given)
+    return de.simulate(layout, de.Physics(friction, gravity, push), rtol=1e-11)
+
+
+@pytest.mark.parametrize("row", UNIFORM)
+def test_uniform_chains(row):
+    pitch, friction, frequency, speed, after, before, last = row
+    wave = uniform_wave(pitch, friction)
+    between = wave.arrival_times[99] - wave.arrival_times[98]
+    assert 1.0 / between == pytest.approx(frequency, abs=6e-6)
+    assert pitch / between == pytest.approx(speed, abs=6e-6)
+    assert wave.release_velocity[98] == pytest.approx(after, abs=6e-6)
+    assert wave.impact_velocity[98] == pytest.approx(before, abs=6e-6)
+    assert wave.arrival_times[99] == pytest.approx(last, abs=6e-7)
+
+
+def test_wrong_models_are_told_apart():
+    """Friction in hits only, and angular momenta about different pivots (Shaw), are far off."""
+    friction_in_hits_only = [71.36, 43.23, 30.39]
+    shaw = [137.5, 76.5, 49.7]
+    for row, wrong in zip(UNIFORM, [*shaw, *friction_in_hits_only], strict=True):
+        frequency = 1.0 / np.diff(uniform_wave(row[0], row[1]).arrival_times)[-1]
+        assert frequency < 0.9 * wrong
+
+
+def test_eulers_steps_are_told_apart():
+    """The seed's Euler steps of 0.1 ms: angle over time 15.38, 18.16, 19.54 rad/s without friction.
+
+    Solved exactly these are 15.355, 18.041, 19.385.
+    """
+    exact, euler = (15.355, 18.041, 19.385), (15.38, 18.16, 19.54)
+    for pitch, true, stepped in zip((0.016, 0.024, 0.032), exact, euler, strict=True):
+        fall = np.diff(uniform_wave(pitch, 0.0).arrival_times)[-1]
+        mean = np.arcsin((pitch - 0.0075) / 0.048) / fall
+        assert mean == pytest.approx(true, abs=6e-4)
+        assert stepped - mean > 0.02
+
+
+def test_no_single_exponent_tells_of_friction():
+    """Speeds fall like (1+μ)^-1.4 to -2, far more than Cantor & Wojtacki's (1+μ)^-0.4."""
+    for free, rubbing in zip(UNIFORM[:3], UNIFORM[3:], strict=True):
+        f = [1.0 / np.diff(uniform_wave(*row[:2]).arrival_times)[-1] for row in (free, rubbing)]
+        assert -2.0 < np.log(f[1] / f[0]) / np.log(1.25) < -1.4
+
+
+def test_first_falls():
+    times = uniform_wave(0.016, 0.25).arrival_times
+    expected = [0.011453522, 0.023813754, 0.033659993, 0.035582197, 0.032064033]
+    np.testing.assert_allclose(np.diff(times)[:5], expected, atol=6e-10)
+
+
+def test_the_first_hit_loses_half_the_energy():
+    wave = uniform_wave(0.024, 0.0)
+    ratio = 2.0 * wave.release_velocity[1] ** 2 / wave.impact_velocity[0] ** 2
+    assert ratio == pytest.approx(0.5, abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("friction", "push", "gap"),
+    [
+        (0.0, 2.694, 11.07), (0.0, 7.85, 3.18), (0.0, 15.7, 1.61), (0.0, 60.0, 0.54),
+        (0.25, 2.694, 11.46), (0.25, 7.85, 3.54), (0.25, 15.7, 1.97), (0.25, 60.0, 0.91),
+    ],
+)  # fmt: skip
+def test_smallest_gap_that_carries_a_hundred(friction, push, gap):
+    gaps = np.linspace(gap - 0.03, gap + 0.03, 61) * MM
+    batch = de.simulate_batch(
+        gaps[:, None] * np.ones(99), np.full(100, 0.0075), de.Physics(friction, 9.8, push)
+    )
+    carried = gaps[batch.outcome == de.Outcome.PROPAGATED]
+    assert carried.min() / MM == pytest.approx(gap, abs=0.008)
+
+
+# the gap, over the height, at which the largest factor is carried
+@pytest.mark.parametrize(("friction", "limit", "gap"), [(0.0, 1.775, 0.963), (0.25, 1.541, 0.82)])
+class TestGrowingRows:
+    """Everything scaled by a factor a domino, thickness/height 0.15625: limits by any gap.
+
+    Widths grow too, so masses grow as the cube: the density stands for it.
+    """
+
+    @staticmethod
+    def row(factor, gap, count):
+        scale = 0.048 * factor ** np.arange(count)
+        return gap * scale[:-1], 0.15625 * scale, scale, 1040.0 * scale / 0.048
+
+    def lives(self, factor, gap, friction):
+        s, d, height, density = self.row(factor, gap, 14)
+        layout = de.Layout(s, d, height, density=density)
+        outcome = de.simulate(layout, de.Physics(friction, 9.81, 300.0)).outcome
+        return outcome is de.Outcome.PROPAGATED
+
+    def test_they_live_below(self, friction, limit, gap):
+        assert self.lives(limit - 0.002, gap, friction)
+
+    def test_they_die_above_whatever_the_gap(self, friction, limit, gap):
+        assert not any(self.lives(limit, g, friction) for g in np.linspace(0.05, 0.9995, 400))
+
+    def test_the_oracle_agrees(self, friction, limit, gap):
+        """A hair to either side of the limit, under the same leader."""
+        for factor, lives in ((limit - 0.002, True), (limit + 0.002, False)):
+            s, d, height, density = self.row(factor, gap, 7)
+            slow = oracle.topple(
+                s, d, friction, push=20.0, height=height, density=density, rtol=1e-10
+            )
+            wave = de.simulate(
+                de.Layout(s, d, height, density=density), de.Physics(friction, push=20.0)
+            )
+            assert slow.outcome == wave.outcome.name
+            assert slow.hit == wave.hit
+            assert (slow.outcome == "PROPAGATED") is lives
+
+
+@pytest.mark.parametrize("slender", [0.05, 0.15625, 0.25, 0.35])
+def test_the_steady_wave_without_friction_exists_up_to_a_pitch(slender):
+    """van Leeuwen 2004, eq. 79: d/λ < (1-a²)/(1+a²), within 0.2 %."""
+    limit = (1.0 - slender**2) / (1.0 + slender**2)
+    for lean, exists in ((0.997 * limit, True), (1.003 * limit, False)):
+        pitch = slender / lean
+        assert de.steady_wave(pitch, slender, 1.0, de.Physics(0.0)).exists is exists
+
+
+@pytest.mark.parametrize(
+    ("gap", "speed"), [(0.1, 2.261), (0.2, 1.968), (0.4, 1.757), (0.6, 1.641), (0.833, 1.540)]
+)
+def test_van_leeuwens_own_program(gap, speed):
+    """v/√(gL) without friction, thickness/height 0.15625."""
+    steady = de.steady_wave(gap + 0.15625, 0.15625, 1.0, de.Physics(0.0, 1.0))
+    assert steady.speed == pytest.approx(speed, abs=0.0016)
+
+
+@pytest.mark.parametrize(("slender", "ratio"), [(0.01, 1.4999), (0.15625, 1.4767)])
+def test_least_gap_that_topples_the_second(slender, ratio):
+    """USA Physics Olympiad 2017, B1: with the least push, s ≥ 1.5 d for thin dominoes."""
+
+    def second_topples(gap):
+        layout = de.Layout([gap], [slender, slender], 1.0)
+        least = np.sqrt(3.0 * 9.81 * (np.hypot(1.0, slender) - 1.0) / (1.0 + slender**2))
+        push = least * (1.0 + 1e-9)
+        return de.simulate(layout, de.Physics(0.0, 9.81, push)).outcome is de.Outcome.PROPAGATED
+
+    low, high = slender, 3.0 * slender
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if second_topples(middle) else (middle, high)
+    assert high / slender == pytest.approx(ratio, abs=2e-3)
+
+
+def test_hinged_rows_of_a_rigid_body_engine():
+    document = json.loads((Path(__file__).parents[2] / "data" / "hinged_rows.json").read_text())
+    for row in document["rows"]:
+        layout = de.Layout(
+            row["spacing"], row["thickness"], row["height"], row["width"], row["density"]
+        )
+        wave = de.simulate(layout, de.Physics(row["friction"], row["gravity"], row["push"]))
+        engine = np.array(row["hit_times"])
+        ours, theirs = wave.arrival_times[39] - wave.arrival_times[10], engine[39] - engine[10]
+        assert ours == pytest.approx(theirs, rel=1e-3)
+
+
+@pytest.mark.parametrize(("pitch", "frequency"), [(16, 64.4), (24, 42.3), (32, 28.1)])
+def test_chapmans_measured_rows(pitch, frequency):
+    """A hundred real dominoes: an unfitted model is held to a quarter."""
+    times = uniform_wave(pitch * MM, 0.25, push=8.0).arrival_times
+    assert 90.0 / (times[99] - times[9]) == pytest.approx(frequency, rel=0.25)
+
+
+@pytest.mark.parametrize(("multiple", "speed"), [(1, 0.877), (2, 0.867), (3, 0.859)])
+def test_photogates_in_toronto(multiple, speed):
+    """Gaps of one, two and three times the thickness."""
+    pitch = (multiple + 1) * 0.0075
+    times = uniform_wave(pitch, 0.25, push=8.0).arrival_times
+    assert 90.0 * pitch / (times[99] - times[9]) == pytest.approx(speed, rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "speed"),
+    [(0.284, 1.481), (0.357, 1.322), (0.427, 1.256), (0.568, 1.177), (0.714, 1.10)],
+)
+def test_mclachlans_measured_rows(pitch, speed):
+    """McLachlan et al. 1983, thickness/height 0.179: v/√(gh) over pitch/h."""
+    steady = de.steady_wave(pitch, 0.179, 1.0, de.Physics(0.25, 1.0))
+    assert steady.speed == pytest.approx(speed, rel=0.25)
+
+
+@pytest.mark.parametrize(("friction", "gap"), [(0.0, 1.0), (0.1, 1.6), (0.25, 3.0), (0.5, 7.2)])
+def test_fastest_uniform_gap(friction, gap):
+    gaps = np.linspace(0.8 * gap, 1.2 * gap, 81) * MM
+    speeds = [de.steady_wave(g + 0.0075, 0.0075, physics=de.Physics(friction)).speed for g in gaps]
+    assert gaps[int(np.argmax(speeds))] / MM == pytest.approx(gap, abs=0.11)
+
+
+@pytest.mark.parametrize(("friction", "counts"), [(0.0, (26, 15, 11)), (0.25, (19, 12, 8))])
+def test_how_soon_the_speed_is_steady(friction, counts):
+    for pitch, count in zip((0.016, 0.024, 0.032), counts, strict=True):
+        wave = uniform_wave(pitch, friction)
+        local = 1.0 / np.diff(wave.arrival_times)
+        steady = de.steady_wave(pitch, 0.0075, physics=de.Physics(friction, 9.8)).frequency
+        away = np.flatnonzero(np.abs(local / steady - 1.0) > 0.01)
+        assert abs(int(away.max()) + 2 - count) <= 1

@@ -1,0 +1,216 @@
+"""The `domino` command: what a person types, sees, and is told when something is wrong."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.cli.main import main
+
+GAPS, THICKNESS = [0.018, 0.0205, 0.022, 0.016], [0.0075, 0.007, 0.0075, 0.0075, 0.0075]
+
+
+@pytest.fixture
+def row(tmp_path: Path) -> Path:
+    """A row measured in millimetres, as a spreadsheet with decimal commas writes it."""
+    path = tmp_path / "row.csv"
+    path.write_text("spacing_mm;thickness_mm\n18,0;7,5\n20,5;7\n22;7,5\n16;7,5\n;7,5\n")
+    return path
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """What a command that succeeds prints."""
+    assert main([str(w) for w in words]) == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    return output.out
+
+
+def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, row: Path) -> None:
+    text = said(capsys, "simulate", row)
+    wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics())
+    table = [line.split() for line in text.splitlines()[2:7]]
+    assert [int(cells[0]) for cells in table] == [0, 1, 2, 3, 4]
+    assert [float(cells[3]) for cells in table[1:]] == pytest.approx(
+        wave.arrival_times[1:], abs=1e-6
+    )
+    speeds = np.diff(wave.layout.positions) / np.diff(wave.arrival_times)
+    assert [float(cells[4]) for cells in table[1:]] == pytest.approx(speeds, abs=1e-4)
+    assert "PROPAGATED: the wave ran through" in text
+    assert f"mean speed {wave.mean_speed:.6f} m/s over 0.1060 m" in text
+    assert "relative error of the times below" in text
+
+
+def test_millimetres_and_metres_are_the_same_row(capsys, row: Path, tmp_path: Path) -> None:
+    metres = tmp_path / "metres.csv"
+    de.Layout(GAPS, THICKNESS).to_csv(metres)
+    other = tmp_path / "row.json"
+    de.Layout(GAPS, THICKNESS).to_json(other)
+    first = said(capsys, "simulate", row)
+    assert said(capsys, "simulate", metres) == first
+    assert said(capsys, "simulate", other) == first
+
+
+def test_physics_from_the_command_line(capsys, row: Path) -> None:
+    text = said(capsys, "simulate", row, "--friction", 0, "--gravity", 1.62, "--push", 2)
+    wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(0.0, 1.62, 2.0))
+    assert f"mean speed {wave.mean_speed:.6f} m/s" in text
+    assert "push 2" in text
+
+
+def test_a_wave_that_dies_is_a_result(capsys, row: Path) -> None:
+    text = said(capsys, "simulate", row, "--push", 1.5)
+    assert "STALLED: the wave stalled" in text
+    assert "push harder" in text
+    assert "mean speed" not in text
+
+
+def test_a_layout_of_a_scene_is_scored_against_the_mark(capsys, tmp_path: Path) -> None:
+    scene = de.load_scene("sprint")
+    layout = scene.layout(0.012)
+    layout.to_csv(tmp_path / "row.csv")
+    text = said(capsys, "simulate", tmp_path / "row.csv", "--scene", "sprint")
+    score, mark = scene.score(layout), scene.uniform().score
+    assert f"score {score:.6f} on 'sprint', {score / mark - 1:+.2%} against the best" in text
+
+
+def test_a_scene_of_one_s_own_and_a_wave_that_dies_in_it(capsys, tmp_path: Path) -> None:
+    scene = de.load_scene("gentle")
+    (tmp_path / "mine.toml").write_text(scene.to_toml().replace('"gentle"', '"mine"'))
+    scene.layout(0.003, 0.014).to_csv(tmp_path / "row.csv")
+    text = said(capsys, "simulate", tmp_path / "row.csv", "--scene", tmp_path / "mine.toml")
+    assert "score -" in text
+    assert "on 'mine', below zero for a wave that dies" in text
+    assert "%" not in text.splitlines()[-1]  # no speed, no gain
+
+
+def test_broken_rules_are_told_instead_of_a_score(capsys, row: Path, tmp_path: Path) -> None:
+    text = said(capsys, "simulate", row, "--scene", "sprint", "--push", 9)
+    assert "not a layout of scene 'sprint': 5 dominoes stand where the scene asks for 40" in text
+    assert "not a layout of scene 'sprint': friction, gravity or push differ" in text
+    assert "score" not in text
+
+
+def test_millimetres_taken_for_metres_are_noticed(capsys, tmp_path: Path) -> None:
+    (tmp_path / "row.csv").write_text("spacing,thickness\n18,7.5\n,7.5\n")
+    text = said(capsys, "simulate", tmp_path / "row.csv")
+    assert "OUT_OF_REACH" in text
+    assert "a domino is 7.5 m thick: if the file is in millimetres, name its columns" in text
+
+
+def test_the_table_for_other_programs(capsys, row: Path, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "table.csv"
+    text = said(capsys, "simulate", row, "--csv", path)
+    assert f"table written to {path}" in text
+    with path.open(newline="") as file:
+        table = list(csv.DictReader(file))
+    wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics())
+    assert [float(r["arrival_time"]) for r in table] == wave.arrival_times.tolist()
+    assert [float(r["impact_velocity"]) for r in table[:-1]] == wave.impact_velocity.tolist()
+    assert table[-1]["impact_velocity"] == ""
+
+
+def test_json_for_other_programs(capsys, row: Path) -> None:
+    document = json.loads(said(capsys, "simulate", row, "--json", "--push", 1.5))
+    wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(push=1.5))
+    assert document["outcome"] == "STALLED"
+    assert (document["hit"], document["mean_speed"]) == (wave.hit, 0.0)
+    came = np.isfinite(wave.arrival_times)
+    assert [t is not None for t in document["arrival_times"]] == came.tolist()
+    assert not came.all()
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["nothing.csv"], "No such file or directory: 'nothing.csv'"),
+    (["row.xls"], "row.xls: a layout is a .csv or .json file, not '.xls'"),
+    (["ROW", "--friction", "-1"], "friction = -1.0: give a finite number, 0 (no friction) or more"),
+    (["ROW", "--push", "nan"], "push = nan rad/s: give a finite number"),
+    (["ROW", "--rtol", "1"], "rtol = 1.0: choose a tolerance between"),
+    (["ROW", "--scene", "sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
+    (["BAD"], "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
+])  # fmt: skip
+def test_what_is_wrong_is_said_in_one_line(capsys, row: Path, words, message: str) -> None:
+    bad = row.with_name("bad.csv")
+    bad.write_text("spacing_mm,thickness_mm\n18,7.5\n18,thin\n,7.5\n")
+    places = {"ROW": str(row), "BAD": str(bad)}
+    assert main(["simulate", *(places.get(w, w) for w in words)]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith("domino: ")
+    assert message in output.err
+    assert output.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("becomes", [None, ValueError, TypeError])
+def test_an_interruption_is_one_whatever_a_library_makes_of_it(
+    capsys, monkeypatch, row: Path, number: int, code: int, becomes: type[Exception] | None
+) -> None:
+    """NumPy looks for an error of its own while it compares, and finds that of Ctrl-C."""
+
+    def interrupted(arguments: object) -> int:
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt:
+            if becomes is None:
+                raise
+            raise becomes from None
+        return 0
+
+    monkeypatch.setattr("domino_env.cli.simulate.run", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert main(["simulate", str(row)]) == code
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert capsys.readouterr().err.startswith("domino: interrupted")
+
+
+def test_wrong_usage_ends_with_status_2(capsys) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["simulate", "row.csv", "--frictoin", "1"])
+    assert ended.value.code == 2
+    assert "unrecognized arguments" in capsys.readouterr().err
+
+
+def test_the_program_itself(row: Path) -> None:
+    program = Path(sys.executable).with_name("domino")
+    assert program.exists(), "install the package: make test does"
+    done = subprocess.run([program, "--help"], capture_output=True, text=True, check=True)
+    assert "simulate" in done.stdout
+    assert "optimize" in done.stdout
+    module = [sys.executable, "-m", "domino_env", "simulate", "nothing.csv"]
+    done = subprocess.run(module, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_reader_that_has_enough_is_no_error(row: Path, tmp_path: Path) -> None:
+    de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
+    program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv")]
+    with subprocess.Popen(
+        program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as running:
+        assert running.stdout is not None
+        assert running.stderr is not None
+        running.stdout.readline()
+        running.stdout.close()
+        said = running.stderr.read().splitlines()
+        assert [line for line in said if not line.startswith("compiling")] == []
+        assert running.wait() == 0
+
+
+def test_who_waits_for_the_compiler_is_told():
+    """In a process that has compiled nothing yet."""
+    words = "import argparse; from domino_env import kernels; from domino_env.cli.main import "
+    words += "_say_that_it_compiles as say; say(argparse.Namespace())"
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert done.stderr == "compiling the simulator, once: some ten seconds ...\n"

@@ -1,0 +1,260 @@
+"""The report: its numbers in Python, its behaviour in a real browser where there is one."""
+
+import dataclasses
+import json
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.chain.motion import Motion
+from domino_env.view.energy import energies
+from domino_env.view.report.page import read_racers, write_report
+from domino_env.view.report.race import Racer, headline, race_data
+
+PHYSICS = de.Physics(push=8.0)
+RNG = np.random.default_rng(2)
+ROWS = [
+    Racer("wild", de.simulate(de.Layout(RNG.uniform(0.004, 0.03, 19), 0.0075), PHYSICS)),
+    Racer("even", de.simulate(de.Layout.uniform(20, pitch=0.024), PHYSICS)),
+]
+
+
+def test_energy_is_kept_without_friction_but_for_hits() -> None:
+    wave = de.simulate(de.Layout.uniform(12, pitch=0.024), de.Physics(friction=0.0, push=8.0))
+    energy = energies(Motion(wave.layout, wave.physics), wave)
+    given = energy.released.max()
+    assert np.abs(energy.flushes).max() < 1e-4 * given
+    assert np.all(energy.friction == 0.0)
+    assert np.all(np.diff(energy.hits) >= 0.0)
+
+
+def test_energy_books_balance_and_a_little_friction_takes_a_little() -> None:
+    layout = de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008)
+    smooth, hardly, rough = (
+        energies(Motion(layout, physics), de.simulate(layout, physics))
+        for physics in (de.Physics(friction=mu, push=10.0) for mu in (0.0, 1e-3, 0.25))
+    )
+    for one in (smooth, hardly, rough):
+        spent = one.kinetic + one.hits + one.flushes + one.friction
+        np.testing.assert_allclose(one.pushed + one.released, spent, rtol=1e-12)
+    given = smooth.released[-1]
+    assert smooth.flushes[-1] > 0.02 * given  # a row that has some to lose
+    # found in quite another way where there is friction: as what jumps beyond its rate
+    assert hardly.flushes[-1] == pytest.approx(smooth.flushes[-1], rel=0.02)
+    assert hardly.hits[-1] == pytest.approx(smooth.hits[-1], rel=0.005)
+    assert 0.0 < hardly.friction[-1] < 0.01 * given < rough.friction[-1]
+    assert np.diff(rough.friction).min() > -1e-4 * given
+
+
+def test_first_hit_of_equal_dominoes_takes_half() -> None:
+    wave = de.simulate(de.Layout.uniform(3, pitch=0.024), de.Physics(friction=0.0, push=8.0))
+    energy = energies(Motion(wave.layout, wave.physics), wave)
+    at = int(np.argmax(energy.hits > 0.0))
+    assert energy.hits[at] == pytest.approx(energy.kinetic[at - 1] / 2.0, rel=1e-3)
+
+
+def test_headline_names_the_faster_row_in_any_order() -> None:
+    fast = max(ROWS, key=lambda one: one.wave.mean_speed)
+    assert headline(ROWS)["who"].startswith(f"{fast.name.capitalize()} wins")
+    assert headline(ROWS[::-1]) == headline(ROWS)
+    dead = Racer("dead", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
+    assert headline([dead, *ROWS])["who"].startswith(f"{fast.name.capitalize()} wins")
+    assert headline([dead])["who"] == "No row topples to its end"
+
+
+def test_headline_follows_the_score_where_speed_is_not_what_counts() -> None:
+    fast, slow = sorted(ROWS, key=lambda one: -one.wave.mean_speed)
+    judged = [
+        dataclasses.replace(fast, score=0.2, worth="RMS error 4 ms", objective="tempo"),
+        dataclasses.replace(slow, score=0.5, worth="RMS error 1 ms", objective="tempo"),
+    ]
+    assert headline(judged)["who"] == f"{slow.name.capitalize()} wins"
+    assert race_data(judged)["winner"] == 1
+    broken = dataclasses.replace(slow, score=-0.1, worth="breaks a limit of the scene")
+    assert "breaks a limit" in headline([judged[0], broken])["why"]
+
+
+def test_page_of_a_hundred_dominoes_is_small(tmp_path: Path) -> None:
+    layout = de.Layout(np.random.default_rng(0).uniform(0.01, 0.02, 99), 0.0075)
+    rows = tuple(Racer(str(k), de.simulate(layout, PHYSICS)) for k in range(3))
+    assert write_report(rows, "</script><b>&", tmp_path / "page.html") < 2_000_000
+    text = (tmp_path / "page.html").read_text("utf-8")
+    assert "<title>&lt;/script&gt;" in text
+    assert "src=" not in text.replace("{{", "")
+
+
+def test_row_that_dies_and_names_that_break_scripts(tmp_path: Path) -> None:
+    dead = Racer("</script>", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
+    write_report([dead], "t", tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text("utf-8")
+    inside = text.split('id="data">')[1].split("</script>")[0]
+    assert json.loads(inside)["rows"][0]["arrivals"][-1] is None
+
+
+def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
+    scene = de.load_scene("sprint")
+    run = tmp_path / "one"
+    run.mkdir()
+    (run / "scene.toml").write_text(scene.to_toml())
+    scene.uniform().layout.to_csv(run / "layout.csv")
+    (run / "trace.csv").write_text("evaluations,best_score\n1,0.5\n7,0.8\n")
+    (run / "verification.json").write_text('{"engine": "pymunk", "verdict": "AGREES"}')
+    racers, title = read_racers([run])
+    assert title == scene.title
+    assert [one.name for one in racers] == ["one", "best equal gaps"]
+    first, mark = racers
+    assert first.score == pytest.approx(mark.score) == pytest.approx(scene.uniform().score)
+    assert first.trace == ([1.0, 7.0], [0.5, 0.8])
+    assert first.verification is not None
+    # under another physics the scene's verdict means nothing
+    assert read_racers([run], physics=de.Physics(push=9.0))[0][0].score is None
+    with pytest.raises(ValueError, match=r"no layout\.csv"):
+        read_racers([tmp_path])
+    with pytest.raises(ValueError, match="race one scene"):
+        read_racers([run], de.load_scene("ideal"))
+    with pytest.raises(ValueError, match="nothing to race"):
+        race_data([])
+
+
+def test_rows_are_called_after_what_made_them_and_bring_their_curves(tmp_path: Path) -> None:
+    from optimize.records.shipped import best_known
+
+    row = best_known()["sprint"].layout
+    for name, made in (
+        ("a", '"method": "auto"'),
+        ("b", '"algorithm": "ppo"'),
+        ("c", '"method": "cma"'),
+    ):
+        (tmp_path / name).mkdir()
+        row.to_csv(tmp_path / name / "layout.csv")
+        (tmp_path / name / "summary.json").write_text(f"{{{made}}}")
+    (tmp_path / "b" / "progress.csv").write_text("steps,score\n10,0.5\n30,0.8\n")
+    racers, _ = read_racers([tmp_path / name for name in "abc"], de.load_scene("sprint"))
+    names = ["optimised row (a)", "PPO agent's row", "optimised row (c)", "best equal gaps"]
+    assert [one.name for one in racers] == names
+    assert racers[1].learning == ([10.0, 30.0], [0.5, 0.8])
+    assert "AGREES" in racers[0].verification["verdict"]  # as is kept of rows that ship
+
+
+BROWSED = (
+    dataclasses.replace(ROWS[0], trace=([1.0, 9.0], [0.5, 0.6])),
+    dataclasses.replace(ROWS[1], learning=([0.0, 3e6], [0.5, 0.6])),
+)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
+    webdriver = pytest.importorskip("selenium.webdriver")
+    binary, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if binary is None or driver is None:
+        pytest.skip("no Chromium here")
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    for flag in ("headless=new", "no-sandbox", "disable-gpu", "window-size=1100,900"):
+        options.add_argument(f"--{flag}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    window = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    page = tmp_path_factory.mktemp("report") / "page.html"
+    write_report(BROWSED, "test", page)
+    window.get(page.as_uri())
+    yield window
+    window.quit()
+
+
+def test_page_loads_in_silence_and_asks_nobody(browser) -> None:
+    assert browser.get_log("browser") == []
+    told = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    asked = [m["params"]["request"]["url"] for m in told if m["method"].endswith("WillBeSent")]
+    assert asked
+    assert all(url.startswith(("file:", "data:")) for url in asked)
+    assert len(browser.find_elements("css selector", ".uplot canvas")) == 6
+
+
+def test_dominoes_lean_on_the_page_as_in_the_model(browser) -> None:
+    for k, one in enumerate(ROWS):
+        motion = Motion(one.wave.layout, one.wave.physics)
+        for t in np.linspace(0.0, motion.end, 23):
+            page = browser.execute_script(f"return race.leans(race.rows[{k}], {float(t)!r})")
+            np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
+
+
+def test_page_plays_scrubs_and_obeys_the_keyboard(browser) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    body = browser.find_element("css selector", "#race")
+    browser.find_element("id", "play").click()
+    time.sleep(0.3)
+    assert browser.execute_script("return race.playing() && race.now() > 0")
+    browser.find_element("id", "play").click()
+    stopped = browser.execute_script("return race.now()")
+    browser.execute_script(
+        "const s = document.getElementById('scrub'); s.value = 500; "
+        "s.dispatchEvent(new Event('input'))"
+    )
+    half = browser.execute_script("return race.now() / race.end")
+    assert half == pytest.approx(0.5)
+    assert browser.execute_script("return race.now()") != stopped
+    body.send_keys(Keys.HOME)
+    assert browser.execute_script("return race.now()") == 0
+    body.send_keys(Keys.END)
+    assert browser.execute_script("return race.now() === race.end")
+
+
+def test_page_fits_a_phone_and_follows_the_front(browser) -> None:
+    size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        browser.execute_script("race.go(race.end)")
+        wide = browser.execute_script("return document.documentElement.scrollWidth")
+        assert wide <= 390
+        at_end = browser.execute_script("return race.view().shift")
+        browser.execute_script("race.go(0)")
+        assert browser.execute_script("return race.view().shift") == 0
+        assert (at_end > 0) == browser.execute_script("return race.view().follows")
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_page_goes_dark_and_prints_light(browser) -> None:
+    def paper() -> str:
+        style = "return getComputedStyle(document.body).backgroundColor"
+        return browser.execute_script(style)
+
+    dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": dark})
+    try:
+        assert paper() != "rgb(255, 255, 255)"
+        browser.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+        assert paper() == "rgb(255, 255, 255)"
+        browser.execute_script("window.dispatchEvent(new Event('afterprint'))")
+        assert paper() != "rgb(255, 255, 255)"
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_numbers_can_be_read_instead_of_seen(browser) -> None:
+    browser.execute_script("document.getElementById('numbers').open = true")
+    time.sleep(0.1)
+    lines = browser.find_elements("css selector", "#each table:first-child tbody tr")
+    assert len(lines) == 20
+    assert lines[3].text.split()[1] == f"{ROWS[0].wave.layout.spacing[3] * 1e3:.2f}"
+    for chart in browser.find_elements("css selector", "figure > div[role=img]"):
+        assert ": from " in chart.get_attribute("aria-label")
+
+
+def test_pointing_at_a_domino_tells_its_numbers(browser) -> None:
+    from selenium.webdriver import ActionChains
+
+    browser.execute_script("race.go(0)")
+    canvas = browser.find_element("id", "race")
+    ActionChains(browser).move_to_element_with_offset(canvas, 0, -30).perform()
+    tip = browser.find_element("id", "tip").text
+    assert tip.startswith("wild, domino")
+    number = int(tip.split("domino ")[1].split()[0])
+    gap = ROWS[0].wave.layout.spacing[number] * 1e3
+    assert f"gap in front {gap:.2f} mm" in tip

@@ -1,0 +1,103 @@
+"""Sound out and in, and friction from frequencies."""
+
+import wave as wav
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+import domino_env as de
+from domino_env.lab.measured.fit import fit_friction
+from domino_env.view.sound import RATE, REST, clicks, listen, read_wav, write_wav
+
+PUSH = 5 * np.pi
+
+
+@pytest.mark.parametrize("pitch", [0.016, 0.024, 0.032])
+def test_own_sound_is_heard_at_its_frequency(pitch: float, tmp_path: Path) -> None:
+    physics = de.Physics(push=PUSH)
+    write_wav(clicks(de.simulate(de.Layout.uniform(100, pitch=pitch), physics)), tmp_path / "w.wav")
+    heard = listen(*read_wav(tmp_path / "w.wav"))
+    true = de.steady_wave(pitch, 0.0075, physics=physics).frequency
+    assert heard.frequency == pytest.approx(true, rel=0.005)
+    assert heard.uncertainty < 0.02 * true
+
+
+def test_noise_does_not_mislead_and_is_told() -> None:
+    wave = de.simulate(de.Layout.uniform(100, pitch=0.024), de.Physics(push=PUSH))
+    sound = clicks(wave)
+    rng = np.random.default_rng(0)
+    noisy = sound + 0.02 * rng.standard_normal(len(sound))
+    assert listen(noisy, RATE).frequency == pytest.approx(listen(sound, RATE).frequency, rel=0.02)
+    assert listen(rng.standard_normal(2 * RATE), RATE).clarity < 0.5
+
+
+def test_clicks_come_when_the_dominoes_are_hit() -> None:
+    wave = de.simulate(de.Layout([0.02, 0.035, 0.01], 0.0075), de.Physics(push=8.0))
+    sound = clicks(wave)
+    for t in wave.arrival_times[1:]:
+        at = int((t + REST) * RATE)
+        assert np.abs(sound[at - 40 : at]).max() < 0.2 * np.abs(sound[at : at + 40]).max()
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_recordings_of_every_width_read_the_same(size: int, tmp_path: Path) -> None:
+    told = np.round(100 * np.sin(np.arange(500) / 7)) / 128.0
+    with wav.open(str(tmp_path / "w.wav"), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(size)
+        file.setframerate(8000)
+        whole = (told * 2.0 ** (8 * size - 1)).astype(np.int64) + (128 if size == 1 else 0)
+        frames = [int(x).to_bytes(size, "little", signed=size > 1) * 2 for x in whole]
+        file.writeframes(b"".join(frames))
+    samples, rate = read_wav(tmp_path / "w.wav")
+    assert rate == 8000
+    np.testing.assert_allclose(samples, told, atol=1e-12)
+
+
+def test_recordings_in_floating_point_are_read_and_must_be_finite(tmp_path: Path) -> None:
+    told = np.sin(np.arange(500) / 7).astype(np.float32)
+    wavfile.write(tmp_path / "w.wav", 8000, told)
+    samples, rate = read_wav(tmp_path / "w.wav")
+    assert rate == 8000
+    np.testing.assert_array_equal(samples, told)
+    wavfile.write(tmp_path / "nan.wav", 8000, np.array([0.0, np.nan], np.float32))
+    with pytest.raises(ValueError, match="no finite numbers"):
+        listen(*read_wav(tmp_path / "nan.wav"))
+
+
+def test_silence_and_other_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="silent"):
+        listen(np.zeros(1000), RATE)
+    (tmp_path / "x.wav").write_text("no")
+    with pytest.raises(ValueError, match="not a plain WAV"):
+        read_wav(tmp_path / "x.wav")
+
+
+def test_friction_is_found_again() -> None:
+    pitches = (0.016, 0.024, 0.032)
+    told = [de.steady_wave(p, 0.0075, physics=de.Physics(0.31)).frequency for p in pitches]
+    found = fit_friction(pitches, told)
+    assert found.friction == pytest.approx(0.31, abs=1e-5)
+    assert found.uncertainty < 1e-4
+    np.testing.assert_allclose(found.single, 0.31, atol=1e-5)
+
+
+def test_seeds_table_asks_for_less_friction_than_it_names() -> None:
+    pitches, measured = (0.016, 0.024, 0.032), (64.4, 42.3, 28.1)
+    found = fit_friction(pitches, measured, gravity=9.8)
+    assert 0.1 < found.friction < 0.25
+    for pitch, told, alone in zip(pitches, measured, found.single, strict=True):
+        wave = de.steady_wave(pitch, 0.0075, physics=de.Physics(alone, 9.8))
+        assert wave.frequency == pytest.approx(told, rel=1e-5)
+
+
+def test_what_cannot_be_explained_is_nan_and_bad_rows_are_refused() -> None:
+    assert np.isnan(fit_friction((0.016,), (500.0,)).single[0])
+    with pytest.raises(ValueError, match="must be between"):
+        fit_friction((0.005,), (60.0,))
+    with pytest.raises(ValueError, match="positive"):
+        fit_friction((0.016,), (0.0,))
+    with pytest.raises(ValueError, match="give pairs"):
+        fit_friction((0.016,), ())

@@ -1,0 +1,54 @@
+"""The template: lengths on paper are those of the row."""
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.view.template import PAPERS, sheets, write_template
+
+LAYOUT = de.Layout(np.random.default_rng(1).uniform(0.004, 0.03, 59), 0.0075)
+POINT = 0.0254 / 72.0
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_every_domino_is_whole_on_a_sheet_or_shared_by_neighbours(paper: str) -> None:
+    plan = sheets(LAYOUT, paper)
+    assert sorted({i for sheet in plan for i in sheet.dominoes}) == list(range(60))
+    for before, after in pairwise(plan):
+        assert before.end == pytest.approx(after.begin)
+    for sheet in plan:
+        assert sheet.end - sheet.begin < PAPERS[paper][0]
+
+
+def test_footprints_are_drawn_at_one_to_one(tmp_path: Path) -> None:
+    write_template(LAYOUT, tmp_path / "row.pdf")
+    text = (tmp_path / "row.pdf").read_bytes().decode("latin-1")
+    boxes = re.findall(
+        r"([\d.]+) ([\d.]+) m\n([\d.]+) \2 l\n\3 ([\d.]+) l\n\1 \4 l\n\1 \2 l\nh\n\nS", text
+    )
+    found = np.array(boxes, dtype=float) * POINT
+    assert len(found) >= 60
+    np.testing.assert_allclose(found[:, 2] - found[:, 0], 0.0075, atol=2e-6)
+    np.testing.assert_allclose(found[:, 3] - found[:, 1], LAYOUT.width, atol=2e-6)
+    first = len(sheets(LAYOUT)[0].dominoes)
+    gaps = np.diff(found[:first, 0])
+    np.testing.assert_allclose(gaps, LAYOUT.pitch[: first - 1], atol=2e-6)
+
+
+def test_same_row_gives_same_file(tmp_path: Path) -> None:
+    files = [tmp_path / "a.pdf", tmp_path / "b.pdf"]
+    for file in files:
+        assert write_template(LAYOUT, file) == len(sheets(LAYOUT))
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_unknown_paper_and_giants_are_refused() -> None:
+    with pytest.raises(ValueError, match="known are a4, letter"):
+        sheets(LAYOUT, "b5")
+    giant = de.Layout([0.1], 0.1, height=1.0, width=0.5)
+    with pytest.raises(ValueError, match="wider than a4"):
+        sheets(giant)

@@ -1,0 +1,73 @@
+"""The documentation: its examples run, its pictures are there."""
+
+import dataclasses
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+from xml.etree import ElementTree
+
+import pytest
+
+import domino_env as de
+from optimize.methods import METHODS
+from optimize.records.shipped import best_known
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_examples_run(page: Path) -> None:
+    names: dict[str, object] = {}
+    for code in re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
+        exec(compile(code, str(page), "exec"), names)
+
+
+def made() -> ModuleType:
+    """The module that makes pages when the site is built."""
+    spec = importlib.util.spec_from_file_location("pages", ROOT / "docs" / "pages.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_scene_has_a_page_with_its_row_drawn_and_numbers_from_the_data() -> None:
+    pages, record = made(), best_known()["course"]
+    text = pages.scene_page("course", record)
+    assert f"**{record.score:.6f} m/s**" in text
+    for name, dominoes in (("to scale", 60), ("gap in front", 59)):
+        (drawn,) = (line for line in text.splitlines()[9:] if name in line and "<svg" in line)
+        shapes = [e for e in ElementTree.fromstring(drawn).iter() if e.tag in ("polygon", "rect")]
+        assert len(shapes) == dominoes
+    assert (ROOT / "domino_env" / "scenes" / "shipped" / "course.toml").read_text(
+        "utf-8"
+    ).rstrip() in text
+
+
+def test_long_rows_are_drawn_by_their_ends() -> None:
+    scene = dataclasses.replace(de.load_scene("sprint"), count=200)
+    drawn = made().drawing(scene.layout(0.012), scene)
+    assert drawn.count("<polygon") == 2 * made().ENDS
+    assert f"{200 - 2 * made().ENDS} more" in drawn
+
+
+def test_every_key_of_a_scene_s_file_is_explained() -> None:
+    lines = made().keys()
+    assert "| [row] | `count` | number of dominoes |  |" in lines
+    assert any(line.startswith("| [tempo] | `tolerance` | ") for line in lines)
+    assert all(line.split(" | ")[2].strip() for line in lines)
+
+
+def test_every_method_has_a_section() -> None:
+    text = made().methods_page()
+    assert all(f"## `{name}`\n\n" in text for name in METHODS)
+
+
+def test_pictures_are_there_or_drawn() -> None:
+    from domino_env.lab.chapman.figures import FIGURES
+
+    for page in PAGES:
+        for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page.read_text("utf-8")):
+            path = Path(target)
+            assert (page.parent / path).exists() or path.stem in FIGURES, f"{page.name}: {target}"
