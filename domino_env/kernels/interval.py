@@ -8,7 +8,7 @@ is stepped in time.
 import math
 
 from domino_env.kernels.crawl import slow_time
-from domino_env.kernels.jit import apart, part
+from domino_env.kernels.jit import apart, inlined, part
 from domino_env.kernels.polynomial import first_zero, lowest_point, series
 from domino_env.kernels.quadrature import HIGH, ORDERS, RUNNING, TO_END, TO_START, TOP, WEIGHTS
 from domino_env.kernels.slots import (
@@ -28,6 +28,27 @@ from domino_env.kernels.slots import (
 
 FINE, ROUGH, DEAD = 0, 1, 2  # what a ride comes to
 RUN, CREEP, LAST_RESORT = 0, 1, 2  # how hard it tries
+
+
+@inlined
+def integrals(lanes, values, k):
+    """Integrals of a row of lanes up to every node, in COEF, and up to the end.
+
+    Returns the last, what the nodes predict at both ends, and the largest size at a node.
+    """
+    m = ORDERS[k]
+    total, low, high, size = 0.0, 0.0, 0.0, 0.0
+    for j in range(m):
+        lanes[COEF + j] = 0.0
+    for i in range(m):
+        y = lanes[values + 1 + i]
+        total += WEIGHTS[k, i] * y
+        low += TO_START[k, i] * y
+        high += TO_END[k, i] * y
+        size = max(size, abs(y))
+        for j in range(m):
+            lanes[COEF + j] += RUNNING[k, i, j] * y
+    return total, low, high, size
 
 
 @part
@@ -55,33 +76,15 @@ def affine_map(lanes, k, h, mu, gravity):
         inv = 1.0 / lanes[SUM_M + j]
         lanes[EXPO + j] = -2.0 * h * lanes[SUM_D + j] * inv  # 2 Q h
         lanes[RATE + j] = g2 * lanes[SUM_G + j] * inv  # 2 P h, then 2 P h / E
-        lanes[COEF + j] = 0.0
-    q_end, q_lo, q_hi, q_size = 0.0, 0.0, 0.0, 0.0
-    for i in range(m):
-        q = lanes[EXPO + 1 + i]
-        q_end += WEIGHTS[k, i] * q
-        q_lo += TO_START[k, i] * q
-        q_hi += TO_END[k, i] * q
-        q_size = max(q_size, abs(q))
-        for j in range(m):
-            lanes[COEF + j] += RUNNING[k, i, j] * q
+    q_end, q_lo, q_hi, q_size = integrals(lanes, EXPO, k)
     for j in range(m):
         e = math.exp(lanes[COEF + j])
         lanes[MAP_E + 1 + j] = e
         lanes[RATE + 1 + j] /= e
-        lanes[COEF + j] = 0.0
     e_end = math.exp(q_end)
     lanes[MAP_E + end] = e_end
     lanes[RATE + end] /= e_end
-    r_end, r_lo, r_hi, r_size = 0.0, 0.0, 0.0, 0.0
-    for i in range(m):
-        r = lanes[RATE + 1 + i]
-        r_end += WEIGHTS[k, i] * r
-        r_lo += TO_START[k, i] * r
-        r_hi += TO_END[k, i] * r
-        r_size = max(r_size, abs(r))
-        for j in range(m):
-            lanes[COEF + j] += RUNNING[k, i, j] * r
+    r_end, r_lo, r_hi, r_size = integrals(lanes, RATE, k)
     for j in range(m):
         lanes[MAP_U + 1 + j] = lanes[COEF + j]
     lanes[MAP_U + end] = r_end
