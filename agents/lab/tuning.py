@@ -22,6 +22,7 @@ from agents.sb3.presets import ALGORITHMS, Preset, preset
 from domino_env.scenes.files import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.evaluation.budget import Budget
+from optimize.evaluation.recorder import Recorder
 from optimize.problem import Problem
 
 REPORTS = 10  # looks of the pruner at a trial
@@ -118,7 +119,8 @@ def train_for(
 
     problem = Problem(scene)
     scene.uniform()
-    budget = Budget(problem, None, seconds, told, clock=time.process_time)
+    recorder = Recorder(problem, clock=time.process_time)
+    budget = Budget(recorder, None, seconds, told)
     learn(algorithm, budget, np.random.default_rng(seed), plan)
     return budget.best_score
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
+from collections.abc import Callable
 
 import numpy as np
 
-from optimize.evaluation.bulk import scores_elsewhere, tasks_of
-from optimize.problem import Floats, Problem
+from optimize.evaluation.recorder import Recorder
+from optimize.problem import STEP_RTOL, Floats
 
 PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
 MOST_ROWS = 256  # between two looks, so that enough of the good ones become finalists
@@ -38,37 +36,34 @@ def slope_left(design: Floats, gradient: Floats) -> float:
     return float(np.abs(np.where(held, 0.0, gradient)).max())
 
 
-def _nothing(designs: Floats, rtol: float) -> Floats:
-    """Differences that are not asked for."""
-    return np.zeros(len(designs))
-
-
 class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a search
     """Raised into a method when its budget is used up."""
 
 
 class Budget:
-    """A problem with a meter: methods ask it for scores until it raises `BudgetSpent`.
+    """A meter: methods ask it for scores until it raises `BudgetSpent`.
 
     The clock starts with the object.
 
     Parameters
     ----------
-    problem
-        What is searched.
+    recorder
+        Who is asked, and remembers.
     evaluations
         Layouts that may be simulated; None for no limit.
     seconds
         Time that may be spent; None for no limit.
     watch
         Called with the budget after every batch.
-    executor
-        Scores batches of several pieces, see `optimize.evaluation.bulk`; None: this process.
-    clock
-        Gives the seconds; processor time where the machine has other things to do.
 
     Attributes
     ----------
+    problem
+        What is searched.
+    spent
+        Layouts simulated so far.
+    falls
+        Single falls simulated so far; an evaluation of a "robust" scene topples hundreds of rows.
     trace
         (evaluations, falls, seconds, best score) at every improvement.
     slopes
@@ -79,33 +74,34 @@ class Budget:
 
     def __init__(
         self,
-        problem: Problem,
+        recorder: Recorder,
         evaluations: int | None = None,
         seconds: float | None = None,
         watch: Callable[[Budget], None] | None = None,
-        executor: Executor | None = None,
-        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.problem = problem
+        self.problem = recorder.problem
         self.evaluations = evaluations
         self.seconds = seconds
+        self.spent = 0
+        self.falls = 0
         self.trace: list[Step] = []
         self.slopes: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
+        self._recorder = recorder
         self._watch = watch
-        self._executor = executor
-        self._dominoes = problem.scene.count * problem.scene.waves_a_score  # of a row
-        self._piece = min(max(8, PIECE // self._dominoes), MOST_ROWS)
-        self._clock = clock
-        self._began = clock()
-        if problem.journal is not None:
-            problem.journal.start()
+        self._piece = min(max(8, PIECE // self.problem.dominoes), MOST_ROWS)
+        self._before = 0.0  # seconds that went into what the search builds on
+        recorder.start()
 
     @property
     def elapsed(self) -> float:
         """Seconds since the search began, those before it was stopped and resumed among them."""
-        journal = self.problem.journal
-        return self._clock() - self._began if journal is None else journal.seconds
+        return self._before + self._recorder.seconds
+
+    @property
+    def replaying(self) -> bool:
+        """Whether the search still comes to what it had found before it was stopped."""
+        return self._recorder.replaying
 
     @property
     def bulk(self) -> int:
@@ -113,14 +109,14 @@ class Budget:
 
         A multiple of what is scored between two looks at the clock.
         """
-        return max(1, BULK // (self._dominoes * self._piece)) * self._piece
+        return max(1, BULK // (self.problem.dominoes * self._piece)) * self._piece
 
     @property
     def part(self) -> float:
         """Part that is spent, 0 to 1, of what runs out first."""
         parts = [0.0]
         if self.evaluations is not None:
-            parts.append(self.problem.evaluations / self.evaluations)
+            parts.append(self.spent / self.evaluations)
         if self.seconds is not None:
             parts.append(self.elapsed / self.seconds)
         return min(max(parts), 1.0)
@@ -130,7 +126,7 @@ class Budget:
         """Evaluations that may still be spent; inf where only the clock ends the search."""
         if self.evaluations is None:
             return np.inf
-        return float(self.evaluations - self.problem.evaluations)
+        return float(self.evaluations - self.spent)
 
     @property
     def best_score(self) -> float:
@@ -177,35 +173,22 @@ class Budget:
         while at < len(designs):
             if self.finalists and self.part >= 1.0:  # even a budget of no time gets a first look
                 raise BudgetSpent
-            most = self._piece if self._executor is None else self.bulk
+            most = self.bulk if self._recorder.elsewhere else self._piece
             size = min(most, len(designs) - at)
             if self.evaluations is not None:
-                size = min(size, self.evaluations - self.problem.evaluations)
+                size = min(size, self.evaluations - self.spent)
             # the same pieces with and without an executor: what is noted must not depend on it
             pieces = [
                 designs[i : min(i + self._piece, at + size)]
                 for i in range(at, at + size, self._piece)
             ]
-            for piece, part in zip(pieces, self._found(pieces, rtol), strict=True):
+            parts = self._recorder.scores(pieces, rtol)
+            for piece, part in zip(pieces, parts, strict=True):
                 scores[at : at + len(piece)] = part
+                self._count(part)
                 self._note(piece, part)
                 at += len(piece)
         return scores
-
-    def _found(self, pieces: list[Floats], rtol: float | None) -> Iterator[Floats]:
-        """The scores of one piece after the other."""
-        journal, pieces = self.problem.journal, list(pieces)
-        while pieces and journal is not None and journal.replaying:
-            yield self.problem.scores(pieces.pop(0), rtol)
-        tasks = [] if self._executor is None else tasks_of(pieces, self._dominoes)
-        if self._executor is None or len(tasks) < 2:
-            for piece in pieces:
-                yield self.problem.scores(piece, rtol)
-        else:
-            parts = scores_elsewhere(self._executor, self.problem, tasks, rtol)
-            for piece, part in zip(pieces, parts, strict=True):
-                self.problem.remember_scores(piece, rtol, part)
-                yield part
 
     def score(self, design: Floats) -> float:
         """Score one design (n,)."""
@@ -252,13 +235,15 @@ class Budget:
                 raise BudgetSpent
             size = min(piece, len(designs) - at)
             if self.evaluations is not None:
-                size = min(size, self.evaluations - self.problem.evaluations)
+                size = min(size, self.evaluations - self.spent)
             part = slice(at, at + size)
-            found = self.problem.scores_and_gradients(
-                designs[part], self.scores if of_dying else _nothing, at_will=at_will
-            )
-            scores[part], gradients[part] = found
-            self._note(designs[part], *found)
+            found, slopes = self._recorder.scores_and_gradients(designs[part], at_will=at_will)
+            self._count(found)
+            for b in np.flatnonzero(self.problem.without_gradient(found)) if of_dying else ():
+                around = self.scores(self.problem.neighbours(designs[at + b]), STEP_RTOL)
+                slopes[b] = self.problem.difference(designs[at + b], around)
+            scores[part], gradients[part] = found, slopes
+            self._note(designs[part], found, slopes)
             at += size
         return scores, gradients
 
@@ -270,12 +255,13 @@ class Budget:
         BudgetSpent
             Where it cannot be paid for.
         """
-        spent = self.evaluations is not None and self.problem.evaluations >= self.evaluations
-        if spent or (self.finalists and self.part >= 1.0):
+        if self.left < 1 or (self.finalists and self.part >= 1.0):
             raise BudgetSpent
-        found = self.problem.lateness(design)
-        self._note(np.asarray(design)[None], np.array([found[0]]))
-        return found
+        design = np.asarray(design, dtype=np.float64)
+        score, late, slopes = self._recorder.lateness(design)
+        self._count(np.array([score]))
+        self._note(design[None], np.array([score]))
+        return score, late, slopes
 
     def note(self, scores: Floats, design: Callable[[int], Floats]) -> None:
         """Count rows that were simulated elsewhere, as closely as the problem's, and remember them.
@@ -294,7 +280,7 @@ class Budget:
         """
         if len(scores) > self.left:
             raise ValueError(f"{len(scores)} rows are noted, where {self.left:g} are left to spend")
-        self.problem.count(scores)
+        self._count(scores)
         i = int(np.argmax(scores))
         if scores[i] > self.best_score:
             self._note(np.asarray(design(i))[None], scores[i : i + 1])
@@ -303,13 +289,16 @@ class Budget:
 
     def already_spent(self, seconds: float) -> None:
         """Count time that went into what the search builds on, before it began [s]."""
-        self._began -= seconds
+        self._before += seconds
+
+    def _count(self, scores: Floats) -> None:
+        self.spent += len(scores)
+        self.falls += self.problem.scene.falls(scores)
 
     def _note(self, designs: Floats, scores: Floats, gradients: Floats | None = None) -> None:
         i = int(np.argmax(scores))
         if scores[i] > self.best_score:
-            spent = self.problem.evaluations, self.problem.falls, self.elapsed
-            self.trace.append((*spent, float(scores[i])))
+            self.trace.append((self.spent, self.falls, self.elapsed, float(scores[i])))
             self.slopes.append(None if gradients is None else slope_left(designs[i], gradients[i]))
             self.finalists.append((float(scores[i]), designs[i].copy()))
         if self._watch is not None:

@@ -1,8 +1,7 @@
-"""Scores of very many designs, found by an executor."""
+"""Scores of many designs, here or by an executor."""
 
 from __future__ import annotations
 
-import copy
 import pickle
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -30,34 +29,40 @@ def tasks_of(pieces: Sequence[Floats], dominoes: int) -> list[list[Floats]]:
     return groups
 
 
-def scores_elsewhere(
-    executor: Executor, problem: Problem, tasks: Sequence[Sequence[Floats]], rtol: float | None
+def scores_of_pieces(
+    problem: Problem, pieces: Sequence[Floats], rtol: float | None, executor: Executor | None
 ) -> Iterator[Floats]:
-    """Yield the scores of each piece of designs of all tasks, in order.
+    """Score pieces of designs, here or, where they are worth sending, elsewhere.
 
-    Every piece is scored as a whole, as `problem` itself would do it, so that no bit depends on who
-    does it.
+    Every piece is scored as a whole, so that no bit depends on who does it.
 
     Parameters
     ----------
-    executor
-        Who scores.
     problem
-        Whose designs they are; it counts none of these evaluations.
-    tasks
-        Pieces (B, n) of designs, those of a task together.
+        Whose designs they are.
+    pieces
+        (B, n) designs each.
     rtol
         As of `Problem.scores`.
+    executor
+        Who scores; None: this process.
+
+    Yields
+    ------
+    ndarray
+        (B,) scores of the next piece.
 
     Raises
     ------
     ExecutorLost
         Where the executor is gone.
     """
-    blank = copy.copy(problem)
-    blank.journal = None
-    blank.evaluations = blank.falls = 0  # equal problems are equal bytes
-    words = pickle.dumps(blank)
+    tasks = [] if executor is None else tasks_of(pieces, problem.dominoes)
+    if executor is None or len(tasks) < 2:
+        for piece in pieces:
+            yield problem.scores(piece, rtol)
+        return
+    words = pickle.dumps(problem)
     futures = [executor.submit(score_pieces, words, task, rtol) for task in tasks]
     try:
         for future in futures:

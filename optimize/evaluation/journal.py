@@ -36,6 +36,7 @@ PAUSE = 1.0  # [s] of work that a kill may lose
 CHUNK = 4 * 2**20  # [bytes] kept in memory at most
 PAGE = 16384  # [bytes] that the file grows by; some fifty short answers
 LARGEST = 2**30  # [bytes] of a journal: some ten minutes of gradients on two cores
+KEPT = 128 * 2**20  # [bytes]; a larger one goes when its search has finished
 SIDE_FILES = ("-wal", "-shm", "-journal")  # of a database, while it is open or after a kill
 
 SEARCH = "CREATE TABLE IF NOT EXISTS search (header TEXT)"
@@ -179,6 +180,11 @@ class Journal:
         if self._waiting:
             self._flush()
         self._leave()
+
+    def drop_if_large(self) -> None:
+        """Remove the file, once it is closed, where it is too large for what it can still give."""
+        if self.path.exists() and self.path.stat().st_size > KEPT:
+            self.path.unlink()
 
     def _flush(self) -> None:
         self._flushed = self.seconds

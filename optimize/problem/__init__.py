@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from optimize.problem.scores import Floats, Problem
+from optimize.problem.scores import STEP_RTOL, Problem
+from optimize.problem.variables import Floats
 
-__all__ = ["Floats", "Problem"]
+__all__ = ["STEP_RTOL", "Floats", "Problem"]

@@ -28,7 +28,6 @@ from domino_env.support.files import require_room, write_text
 from domino_env.support.provenance import versions
 from domino_env.support.tables import write_csv
 from optimize.evaluation.budget import Budget, Step
-from optimize.evaluation.journal import Journal
 from optimize.evaluation.result import SearchResult
 
 PAUSE = 2.0  # [s] between two savings of the best so far
@@ -36,7 +35,6 @@ SUMMARY = "summary.json"
 FILES = ("scene.toml", "layout.csv", "layout.json", "trace.csv", SUMMARY, "result.png")
 JOURNAL = "journal.sqlite"
 OLD_JOURNAL = "journal.bin"  # of version 0.1.0
-JOURNAL_KEPT = 128 * 2**20  # [bytes]; a larger one goes when its search has finished
 STAGE = ".new-"  # how the folder begins in which files wait for each other
 # what other commands make of a run, and would be stale beside the next one
 DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav", OLD_JOURNAL)
@@ -60,13 +58,13 @@ class RunFolder:
     Attributes
     ----------
     journal
-        Of the search.
+        Path of the search's journal.
 
     Raises
     ------
     ValueError
         Before any time is spent: for a folder that holds anything else or that cannot be written,
-        and for the journal of another search.
+        and, with `resume`, for the journal of version 0.1.0.
     """
 
     def __init__(
@@ -84,13 +82,12 @@ class RunFolder:
         if path.is_dir():
             _require_a_run(path)
         require_room(path)
-        where = path / JOURNAL
-        if resume and (path / OLD_JOURNAL).exists() and not where.exists():
+        self.journal = path / JOURNAL
+        if resume and (path / OLD_JOURNAL).exists() and not self.journal.exists():
             raise ValueError(
                 f"{path / OLD_JOURNAL} was written by version 0.1.0, and only that can go on with "
                 "its search: begin anew, without --resume"
             )
-        self.journal = Journal(where, scene, method, seed, versions(), resume=resume)
 
     def save(self, budget: Budget) -> None:
         """Keep the best so far, if there is a new one and the last saving is some seconds old.
@@ -99,7 +96,7 @@ class RunFolder:
         """
         if budget.best_score == self._score or time.monotonic() - self._saved < PAUSE:
             return
-        if self.journal.replaying:  # what is here is better
+        if budget.replaying:  # what is here is better
             return
         self._saved, self._score = time.monotonic(), budget.best_score
         # a full disk now may have room at the end, and must not cost the search
@@ -113,8 +110,8 @@ class RunFolder:
                     "method": self.method,
                     "seed": self.seed,
                     "score": budget.best_score,
-                    "evaluations": budget.problem.evaluations,
-                    "simulated_falls": budget.problem.falls,
+                    "evaluations": budget.spent,
+                    "simulated_falls": budget.falls,
                     "seconds": budget.elapsed,
                     "versions": versions(),
                 },
@@ -130,7 +127,6 @@ class RunFolder:
         """
         from optimize.searching.picture import draw
 
-        self.journal.close()
         try:
             with self._together() as stage:
                 self._keep(stage, result.layout, result.trace, result.slopes)
@@ -141,9 +137,6 @@ class RunFolder:
                 f"{self.path}: the result cannot be written: {error.strerror or error}; what was "
                 "there is intact: make room, and go on with --resume"
             ) from None
-        kept = self.journal.path
-        if not result.interrupted and kept.exists() and kept.stat().st_size > JOURNAL_KEPT:
-            kept.unlink()
 
     @contextmanager
     def _together(self) -> Iterator[Path]:

@@ -13,10 +13,14 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
 from domino_env.scenes.files import load_scene
 from domino_env.scenes.scene import Scene
+from domino_env.support.provenance import versions
 from optimize import methods
 from optimize.evaluation.budget import Budget, BudgetSpent
+from optimize.evaluation.journal import Journal
+from optimize.evaluation.recorder import Recorder
 from optimize.evaluation.result import SearchResult
 from optimize.problem import Problem
+from optimize.searching.compiling import compile_scores
 from optimize.searching.folder import RunFolder
 from optimize.searching.progress import Watch, progress_line
 
@@ -94,19 +98,15 @@ def search(
     if resume and folder is None:
         raise ValueError("resume: name the folder of the search to go on with")
     problem = Problem(scene)
-    files = None
+    files = journal = None
     interrupted = False
     with ExitStack() as stack:
         if folder is not None:
             files = RunFolder(Path(folder), scene, method, seed, resume=resume)
-            problem.journal = files.journal
-            stack.callback(files.journal.close)
+            journal = Journal(files.journal, scene, method, seed, versions(), resume=resume)
+        recorder = stack.enter_context(Recorder(problem, journal, executor))
         uniform = scene.uniform()
-        warmed = Problem(scene)
-        warm = Budget(warmed)
-        mark = warmed.design(uniform.layout)[None]
-        warm.scores(mark)  # compiles what is not compiled yet, and so do gradients
-        warm.scores_and_gradients(mark, of_dying=False)
+        compile_scores(problem)
         show = stack.enter_context(
             progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
         )
@@ -118,7 +118,7 @@ def search(
             if watch is not None:
                 watch(meter)
 
-        meter = Budget(problem, budget, seconds, look, executor)
+        meter = Budget(recorder, budget, seconds, look)
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
@@ -129,7 +129,7 @@ def search(
             interrupted = True
         spent = meter.elapsed
     layout, wave, score = _best(scene, meter)
-    end = (problem.evaluations, problem.falls, spent, meter.best_score)
+    end = (meter.spent, meter.falls, spent, meter.best_score)
     result = SearchResult(
         scene=scene,
         method=method,
@@ -140,13 +140,15 @@ def search(
         uniform=uniform,
         trace=(*meter.trace, end),
         slopes=(*meter.slopes, meter.slopes[-1] if meter.slopes else None),
-        evaluations=problem.evaluations,
-        falls=problem.falls,
+        evaluations=meter.spent,
+        falls=meter.falls,
         seconds=spent,
         interrupted=interrupted,
     )
     if files is not None:
         files.finish(result)
+        if not interrupted:
+            recorder.finish()
     return result
 
 

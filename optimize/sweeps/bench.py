@@ -64,8 +64,8 @@ def _measured(tasks: list[Task], workers: int, kill: float | None) -> tuple[floa
     with tempfile.TemporaryDirectory() as folder, DaskExecutor("local", workers) as cluster:
         study = open_store(Path(folder) / "studies.sqlite").begin("bench", "sweep", {})
         # loading and compiling is paid once, whatever the number of tasks
-        for warm in [cluster.submit(_warm, tasks[0]) for _ in range(4 * workers)]:
-            warm.result()
+        for one in [cluster.submit(_compile, tasks[0]) for _ in range(4 * workers)]:
+            one.result()
         over, deaths = threading.Event(), [0]
         killer = threading.Thread(target=_kill, args=(cluster, kill or 0.0, over, deaths))
         if kill is not None:
@@ -88,10 +88,12 @@ def _measured(tasks: list[Task], workers: int, kill: float | None) -> tuple[floa
         return seconds, {key: _bits(result) for key, result in study.done().items()}
 
 
-def _warm(task: Task) -> None:
-    from optimize.studies.task import run_task
+def _compile(task: Task) -> None:
+    from optimize.problem import Problem
+    from optimize.searching.compiling import compile_scores
+    from optimize.studies.task import scene_of
 
-    run_task(task)
+    compile_scores(Problem(scene_of(task.scene)))
 
 
 def _bits(result: TaskResult) -> tuple[float, bytes, int]:

@@ -64,7 +64,7 @@ def _descend(
 ) -> int:
     """One run until it has converged; returns its evaluations."""
     problem, n = budget.problem, len(start)
-    before = problem.evaluations
+    before = budget.spent
     centre = np.full(max(n, 2), 0.5)  # pycma wants two variables; the second may be idle
     centre[:n] = np.clip(start, 0.02, 0.98)
     strategy = cma.CMAEvolutionStrategy(centre, step, _options(rng, n, size))
@@ -76,7 +76,7 @@ def _descend(
         if problem.equality is not None or problem.linear is not None:
             costs += price * np.mean((designs - problem.project(designs)) ** 2, axis=1)
         strategy.tell(proposed, costs)
-    return problem.evaluations - before
+    return budget.spent - before
 
 
 def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:

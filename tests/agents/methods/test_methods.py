@@ -21,6 +21,7 @@ from agents.sb3.vec_env import DominoVecEnv
 from agents.single.evaluation import POLICIES, evaluate
 from optimize import METHODS, Problem, search
 from optimize.evaluation.budget import Budget
+from optimize.evaluation.recorder import Recorder
 from optimize.methods import load, of_others
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
@@ -109,14 +110,14 @@ def test_without_the_extra_it_is_said_what_to_install() -> None:
 
 def test_rows_from_elsewhere_are_counted_and_not_beyond_the_budget(small) -> None:
     problem = Problem(small)
-    budget = Budget(problem, evaluations=5)
+    budget = Budget(Recorder(problem), evaluations=5)
     designs = np.random.default_rng(0).random((4, problem.dimension))
     scores = Problem(small).scores(designs)
     asked = []
     budget.note(scores, lambda i: asked.append(i) or designs[i])
     assert asked == [int(np.argmax(scores))]
-    assert (budget.left, problem.evaluations, budget.best_score) == (1.0, 4, scores.max())
-    assert problem.falls == small.falls(scores)
+    assert (budget.left, budget.spent, budget.best_score) == (1.0, 4, scores.max())
+    assert budget.falls == small.falls(scores)
     with pytest.raises(ValueError, match="2 rows are noted, where 1 are left"):
         budget.note(scores[:2], lambda i: designs[i])
     budget.already_spent(100.0)

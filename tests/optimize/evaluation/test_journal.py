@@ -16,6 +16,7 @@ from domino_env.support.provenance import versions
 from optimize import METHODS, search
 from optimize.evaluation.budget import Budget
 from optimize.evaluation.journal import PAGE, Journal
+from optimize.evaluation.recorder import Recorder
 from optimize.evaluation.result import SearchResult
 from optimize.problem import Problem
 from optimize.searching.folder import JOURNAL
@@ -326,7 +327,7 @@ def test_answers_of_other_shapes_are_refused(problems, tmp_path: Path) -> None:
 
 def test_other_versions_are_refused_by_name(problems, monkeypatch, tmp_path: Path) -> None:
     search(problems["both"], "random", 30, folder=tmp_path)
-    monkeypatch.setattr("optimize.searching.folder.versions", lambda: versions() | {"numpy": "1.0"})
+    monkeypatch.setattr("optimize.searching.runner.versions", lambda: versions() | {"numpy": "1.0"})
     with pytest.raises(ValueError, match=r"with versions = .*numpy 2.*, not .*numpy 1\.0"):
         search(problems["both"], "random", 30, folder=tmp_path, resume=True)
 
@@ -353,13 +354,12 @@ def test_answers_are_those_of_the_questions(problems, tmp_path: Path) -> None:
     designs = rng.random((9, Problem(scene).dimension))
 
     def asked(journal: Journal | None) -> list[np.ndarray]:
-        problem = Problem(scene)
-        problem.journal = journal
-        found = [problem.scores(designs), problem.scores(designs, 1e-9)]
-        found += problem.scores_and_gradients(designs)
-        found += problem.scores_and_gradients(designs, at_will=True)
-        found += [np.asarray(part) for part in problem.lateness(designs[0])]
-        return [*found, np.array([problem.evaluations, problem.falls])]
+        budget = Budget(Recorder(Problem(scene), journal))
+        found = [budget.scores(designs), budget.scores(designs, 1e-9)]
+        found += budget.scores_and_gradients(designs)
+        found += budget.scores_and_gradients(designs, at_will=True)
+        found += [np.asarray(part) for part in budget.lateness(designs[0])]
+        return [*found, np.array([budget.spent, budget.falls])]
 
     truth = asked(None)
     for resume in (False, True):

@@ -145,7 +145,7 @@ def test_ctrl_c_ends_it_with_the_best_so_far(scenes, monkeypatch, method: str) -
     batches = []
 
     def press(budget: Budget) -> None:
-        batches.append(budget.problem.evaluations)
+        batches.append(budget.spent)
         if len(batches) == 5:
             raise KeyboardInterrupt
 

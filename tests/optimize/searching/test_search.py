@@ -6,15 +6,13 @@ import subprocess
 import sys
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import domino_env as de
 import optimize
 from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
-from optimize import METHODS, Problem, search
-from optimize.evaluation.budget import Budget, BudgetSpent
+from optimize import METHODS, search
 
 
 @pytest.mark.parametrize(("words", "message"), [
@@ -62,35 +60,6 @@ def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypat
     assert result.score == honest.score == scene.score(result.layout)
 
 
-def test_a_budget_that_is_spent_raises_into_the_method(scenes) -> None:
-    problem = Problem(scenes["spacing"])
-    budget = Budget(problem, evaluations=10)
-    designs = np.random.default_rng(0).random((7, problem.dimension))
-    assert budget.scores(designs).shape == (7,)
-    with pytest.raises(BudgetSpent):
-        budget.scores(designs)
-    assert problem.evaluations == 10  # what could be paid for was simulated
-    assert budget.part == 1.0
-    with pytest.raises(BudgetSpent):
-        budget.score(designs[0])
-    assert problem.evaluations == 10
-
-
-def test_a_budget_keeps_the_best(scenes) -> None:
-    problem = Problem(scenes["spacing"])
-    seen = []
-    budget = Budget(problem, watch=lambda b: seen.append(b.best_score))
-    with pytest.raises(ValueError, match="nothing has been scored yet"):
-        budget.best  # noqa: B018 - reading it is the test
-    designs = np.random.default_rng(0).random((50, problem.dimension))
-    scores = [budget.score(x) for x in designs]
-    assert seen == np.maximum.accumulate(scores).tolist()
-    assert budget.best_score == max(scores)
-    assert np.array_equal(budget.best, designs[np.argmax(scores)])
-    assert [s for _, _, _, s in budget.trace] == sorted(set(seen))
-    assert budget.part == 0.0  # nothing limits it
-
-
 def test_gain_needs_two_rows_that_run_through() -> None:
     assert gain(1.1, 1.0) == pytest.approx(0.1)
     assert gain(-0.5, 1.0) is None
@@ -107,7 +76,7 @@ def test_public_names() -> None:
 
 def test_methods_load_only_when_asked_for() -> None:
     script = (
-        "import sys; from optimize import METHODS, Problem, search; "
+        "import sys; from optimize import METHODS, search; "
         "print([m for m in ('cma', 'scipy.optimize', 'tqdm', 'matplotlib', 'cvxpy')"
         " if m in sys.modules], *METHODS)"
     )
