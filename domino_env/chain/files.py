@@ -1,4 +1,7 @@
-"""Layouts as files: CSV as spreadsheets write it, and JSON."""
+"""Layouts as files: CSV as spreadsheets write it, and JSON.
+
+Files hold the arguments of a `Layout`; whether it can stand, `Layout` says.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +12,20 @@ import re
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
-from domino_env.chain.layout import DENSITY, HEIGHT, WIDTH, Layout
+from domino_env.chain.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.support import tables
 from domino_env.support.files import write_text
 from domino_env.support.models import LARGEST, SMALLEST, Size, Table, model_of
 from domino_env.support.reading import encoding_of, naming, one_line, read_bytes
 from domino_env.support.reading import read_json as read_document
+
+Floats = NDArray[np.float64]
 
 MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
@@ -43,40 +49,46 @@ class LayoutTable(Table):
         Literal["SI: m, kg/m3"], Meta(description="the only one that is read")
     ] = UNIT  # fmt: skip
 
-    def layout(self) -> Layout:
-        """Lay the row.
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of the `Layout`.
 
         Raises
         ------
         ValueError
-            Where it cannot stand, or has more than `MOST_DOMINOES`.
+            It has more than `MOST_DOMINOES`.
         """
         _require_few(len(self.spacing) + 1)
-        return Layout(self.spacing, self.thickness, self.height, self.width, self.density)
+        return {
+            name: getattr(self, name) for name in LayoutTable.__struct_fields__ if name != "unit"
+        }
 
 
-def write_csv(layout: Layout, path: Path) -> None:
+def write_csv(
+    path: Path, spacing: Floats, thickness: Floats, height: Floats, density: Floats
+) -> None:
     """Write one row a domino, SI units, shortest digits that read back to the same bits."""
-    gaps = [*layout.spacing.tolist(), None]
-    others = (column.tolist() for column in (layout.thickness, layout.height, layout.density))
-    rows = zip(range(layout.count), gaps, *others, strict=True)
+    gaps = [*spacing.tolist(), None]
+    others = (column.tolist() for column in (thickness, height, density))
+    rows = zip(range(len(thickness)), gaps, *others, strict=True)
     tables.write_csv(path, ("number", "spacing", "thickness", "height", "density"), rows)
 
 
-def write_json(layout: Layout, path: Path) -> None:
+def write_json(
+    path: Path, spacing: Floats, thickness: Floats, height: Floats, width: float, density: Floats
+) -> None:
     """Write every array in full, SI units."""
     document = {
         "unit": UNIT,
-        "spacing": layout.spacing.tolist(),
-        "thickness": layout.thickness.tolist(),
-        "height": layout.height.tolist(),
-        "width": layout.width,
-        "density": layout.density.tolist(),
+        "spacing": spacing.tolist(),
+        "thickness": thickness.tolist(),
+        "height": height.tolist(),
+        "width": width,
+        "density": density.tolist(),
     }
     write_text(path, json.dumps(document, indent=1) + "\n")
 
 
-def read_csv(path: Path) -> Layout:
+def read_csv(path: Path) -> dict[str, Any]:
     """Read a row measured by hand or written by `write_csv`.
 
     One line a domino under a line of names:
@@ -95,10 +107,10 @@ def read_csv(path: Path) -> Layout:
         With file, line and column, and for more than `MOST_DOMINOES`.
     """
     with naming(path):
-        return _layout_of_table(path, read_bytes(path))
+        return _arguments_of_table(path, read_bytes(path))
 
 
-def read_json(path: Path) -> Layout:
+def read_json(path: Path) -> dict[str, Any]:
     """Read what `write_json` wrote; height, width and density may be missing.
 
     Raises
@@ -107,10 +119,10 @@ def read_json(path: Path) -> Layout:
         With file and key, and for more than `MOST_DOMINOES`.
     """
     with naming(path):
-        return layout_of_document(read_document(path))
+        return model_of(LayoutTable, read_document(path)).arguments()
 
 
-def _layout_of_table(path: Path, data: bytes) -> Layout:
+def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
     divider, rows = _table(path, data)
     head, first = next(rows, (0, []))
     if not first:
@@ -163,25 +175,7 @@ def _layout_of_table(path: Path, data: bytes) -> Layout:
     if before is None:
         raise ValueError("no dominoes below the line of names")
     _require_few(len(columns["thickness"]))
-    values = {kind: np.frombuffer(column) for kind, column in columns.items()}
-    return Layout(
-        values["spacing"] if len(columns["spacing"]) else [],
-        values["thickness"],
-        values.get("height", HEIGHT),
-        WIDTH,
-        values.get("density", DENSITY),
-    )
-
-
-def layout_of_document(document: object) -> Layout:
-    """Read the layout in a JSON document.
-
-    Raises
-    ------
-    ValueError
-        With the key, its value and what is allowed.
-    """
-    return model_of(LayoutTable, document).layout()
+    return {kind: np.frombuffer(column) if column else [] for kind, column in columns.items()}
 
 
 def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from domino_env.chain.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
 
-HEIGHT, WIDTH, DENSITY = 0.048, 0.024, 1040.0  # the standard domino [m], [m], [kg/m³]
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class Layout:
         *,
         pitch: float | None = None,
         spacing: float | None = None,
-        thickness: float = 0.0075,
+        thickness: float = THICKNESS,
         height: float = HEIGHT,
         width: float = WIDTH,
         density: float = DENSITY,
@@ -169,27 +169,32 @@ class Layout:
         """Write one row a domino, in metres; the last spacing is empty."""
         from domino_env.chain.files import write_csv
 
-        write_csv(self, Path(path))
+        write_csv(Path(path), self.spacing, self.thickness, self.height, self.density)
 
     def to_json(self, path: str | Path) -> None:
         """Write every array, in SI units."""
         from domino_env.chain.files import write_json
 
-        write_json(self, Path(path))
+        columns = self.spacing, self.thickness, self.height
+        write_json(Path(path), *columns, self.width, self.density)
 
     @classmethod
     def from_csv(cls, path: str | Path) -> Layout:
         """Read a table with a row a domino, as `domino_env.chain.files.read_csv` does."""
         from domino_env.chain.files import read_csv
+        from domino_env.support.reading import naming
 
-        return read_csv(Path(path))
+        with naming(path):
+            return cls(**read_csv(Path(path)))
 
     @classmethod
     def from_json(cls, path: str | Path) -> Layout:
         """Read what `to_json` wrote; height, width and density may be missing."""
         from domino_env.chain.files import read_json
+        from domino_env.support.reading import naming
 
-        return read_json(Path(path))
+        with naming(path):
+            return cls(**read_json(Path(path)))
 
     @classmethod
     def read(cls, path: str | Path) -> Layout:

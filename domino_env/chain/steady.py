@@ -1,4 +1,4 @@
-"""Waves without a simulation: the steady wave, the smallest push, the seed's closed forms.
+"""Waves without a simulation: the steady wave, the smallest push, Chapman's closed forms.
 
 A fall, a flush and a hit are affine maps of u = ω², so a period of an endless row is one too, and
 so is a whole chain: a fixed point is the steady wave, a lower bound on u_0 the smallest push.
@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.chain.layout import DENSITY, HEIGHT, Layout
+from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
+from domino_env.chain.standard import DENSITY, HEIGHT
 from domino_env.chain.wave import Outcome
 
 Floats = NDArray[np.float64]

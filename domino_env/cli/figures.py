@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-SUMMARY = "the seed's figures and tables, from our own numbers"
+SUMMARY = "Chapman's figures and tables, from our own numbers"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -127,7 +127,7 @@ def closest_score(scene: Scene, layout: Layout) -> float:
 
 def _record(told: RecordTable) -> BestKnown:
     return BestKnown(
-        told.layout(), told.score, told.method, told.seed, told.seconds, told.version
+        Layout(**told.arguments()), told.score, told.method, told.seed, told.seconds, told.version
     )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """The steppers of the field on the same equations, compiled: arithmetic only.
 
-Fixed steps in time: explicit Euler and classic Runge-Kutta (RK4) as the seed's program takes them,
+Fixed steps in time: explicit Euler and classic Runge-Kutta (RK4) as Chapman's program takes them,
 a hit or switch falling on the first step past it; and RK4 with hits and switches located, which
 keeps its order four.  Their equations serve the adaptive steppers of SciPy too
 (`steppers.py`).

@@ -37,7 +37,7 @@ FLOOR = 1e-16  # errors below rounding are drawn here
 LOOKS = {
     OURS: (BLUE, "o", "our solver"),
     "euler": (PALE, "v", "Euler, hits to the step"),
-    "rk4-seed": (SOFT, "^", "RK4, hits to the step"),
+    "rk4-step": (SOFT, "^", "RK4, hits to the step"),
     "rk4": (INK, "s", "RK4, hits located"),
     "RK45": (SKY, "D", "SciPy RK45"),
     "DOP853": (PINK, "D", "SciPy DOP853"),

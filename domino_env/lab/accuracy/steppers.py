@@ -4,7 +4,7 @@ All of them solve the equations of `equations.py`: every contact state, flushes 
 friction, unequal dominoes.  They differ in how they move through time:
 
     euler      explicit Euler, hits and switches at the end of the step that passed them
-    rk4-seed   classic Runge-Kutta, the same; both are of order one for that
+    rk4-step   classic Runge-Kutta, the same; both are of order one for that
     rk4        classic Runge-Kutta with hits and switches located: order four, our best stepper
     RK45, DOP853, Radau, LSODA   SciPy's solve_ivp with events
 """
@@ -25,7 +25,7 @@ from domino_env.lab.accuracy import equations as eq
 
 Floats = NDArray[np.float64]
 
-FIXED = ("euler", "rk4-seed", "rk4")
+FIXED = ("euler", "rk4-step", "rk4")
 ADAPTIVE = ("RK45", "DOP853", "Radau", "LSODA")
 
 

@@ -1,4 +1,4 @@
-"""Seed's figures: those of Chapman, The physics of toppling dominoes, from our own numbers."""
+"""The figures of Chapman, The physics of toppling dominoes, from our own numbers."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import HEIGHT, Layout
+from domino_env.chain.layout import Layout
 from domino_env.chain.motion import lean_behind
 from domino_env.chain.physics import Physics
+from domino_env.chain.standard import HEIGHT
 from domino_env.chain.steady import existence_limit, steady_wave, terminal_speed_estimate
 from domino_env.chain.wave import simulate
 from domino_env.lab.chapman.tables import FRICTION, GRAVITY, THICKNESS

@@ -1,20 +1,20 @@
-"""Seed's tables: those of Chapman, The physics of toppling dominoes, from our own numbers."""
+"""The tables of Chapman, The physics of toppling dominoes, from our own numbers."""
 
 from __future__ import annotations
 
 import math
 
-from domino_env.chain.layout import HEIGHT
 from domino_env.chain.physics import Physics
+from domino_env.chain.standard import HEIGHT
 from domino_env.chain.steady import steady_wave
 from domino_env.support.tables import markdown_table
 
-GRAVITY, THICKNESS = 9.8, 0.0075  # the seed's [m/s²] and the standard domino's [m]
+GRAVITY, THICKNESS = 9.8, 0.0075  # Chapman's [m/s²] and the standard domino's [m]
 PITCHES = (0.016, 0.024, 0.032)  # [m]
 # as printed: after and before a hit, and "true" average [rad/s]
 PRINTED = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
-SOURCES = ("ours", "seed's simulation", "LMGC90", "experiment")
-# hits a second: experiment, the seed's simulation, LMGC90
+SOURCES = ("ours", "Chapman's simulation", "LMGC90", "experiment")
+# hits a second: experiment, Chapman's simulation, LMGC90
 MEASURED = ((64.4, 59.7, 59.1), (42.3, 37.2, 36.9), (28.1, 26.2, 26.1))
 FRICTION = 0.25
 
@@ -80,7 +80,7 @@ def markdown() -> str:
         for pitch, ours, experiment, seed, engine in frequencies()
     ]  # fmt: skip
     text = [
-        "# The seed's tables, solved to rounding",
+        "# Chapman's tables, solved to rounding",
         "",
         "Standard dominoes (48 × 24 × 7.5 mm), g = 9.8 m/s²; in brackets what is printed.",
         "",

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from domino_env.chain.layout import HEIGHT
 from domino_env.chain.physics import Physics
+from domino_env.chain.standard import HEIGHT
 from domino_env.chain.steady import steady_wave
 
 HIGHEST = 1.5  # friction looked for

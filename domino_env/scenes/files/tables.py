@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from domino_env.chain.layout import DENSITY, HEIGHT, WIDTH
 from domino_env.chain.physics import Physics
+from domino_env.chain.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.limits import OBJECTIVES, Limits
 from domino_env.scenes.objectives.robust import LARGEST_DRAWS, Placement
 from domino_env.scenes.objectives.tempo import TOLERANCE, Tempo

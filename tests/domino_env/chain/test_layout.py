@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from domino_env.chain.layout import DENSITY, HEIGHT, WIDTH, Layout
+from domino_env.chain.layout import Layout
+from domino_env.chain.standard import DENSITY, HEIGHT, WIDTH
 
 
 def same(one: Layout, other: Layout) -> bool:

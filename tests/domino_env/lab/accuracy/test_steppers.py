@@ -59,7 +59,7 @@ def test_runge_kutta_with_located_hits_is_of_order_four(name: str) -> None:
     assert _error(name, "rk4", 5e-5) < 2e-12
 
 
-@pytest.mark.parametrize("method", ["euler", "rk4-seed"])
+@pytest.mark.parametrize("method", ["euler", "rk4-step"])
 @pytest.mark.parametrize("name", ROWS)
 def test_hits_located_to_the_step_leave_order_one(name: str, method: str) -> None:
     # an error depends on where in its step a hit falls: the mean over several steps tells
@@ -123,7 +123,7 @@ def test_the_evaluations_allowed_are_kept(method: str) -> None:
 
 def test_what_cannot_be_stepped_is_refused() -> None:
     row, physics = ROWS["uniform"]
-    with pytest.raises(ValueError, match="choose one of euler, rk4-seed, rk4, RK45"):
+    with pytest.raises(ValueError, match="choose one of euler, rk4-step, rk4, RK45"):
         step_row(row, physics, "heun", 1e-3)
     for bad in (0.0, -1e-3, math.inf, math.nan):
         with pytest.raises(ValueError, match="positive and finite"):

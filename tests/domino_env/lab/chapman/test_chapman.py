@@ -1,4 +1,4 @@
-"""The seed's tables and figures."""
+"""Chapman's tables and figures."""
 
 from pathlib import Path
 
