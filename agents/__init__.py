@@ -11,29 +11,25 @@ Importing this loads no torch; learning needs the extra: pip install "domino-cha
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from domino_env.support.lazy import lazy_names
 
 if TYPE_CHECKING:
     from agents.conditioned.policy import Design, design
     from agents.single.evaluation import Built, evaluate
     from agents.single.training import Run, train
 
-_HOMES = {
-    "train": "single.training",
-    "Run": "single.training",
-    "evaluate": "single.evaluation",
-    "Built": "single.evaluation",
-    "design": "conditioned.policy",
-    "Design": "conditioned.policy",
-}
-
 __all__ = ["Built", "Design", "Run", "design", "evaluate", "train"]
 
-
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'agents' has no attribute '{name}'")
-    value = getattr(import_module(f"agents.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "Design": "conditioned.policy",
+        "design": "conditioned.policy",
+        "Built": "single.evaluation",
+        "evaluate": "single.evaluation",
+        "Run": "single.training",
+        "train": "single.training",
+    },
+)

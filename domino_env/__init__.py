@@ -14,13 +14,15 @@ environments with Gymnasium.
 from __future__ import annotations
 
 import sys
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from domino_env.support.lazy import lazy_names
 
 if TYPE_CHECKING:
     from domino_env.chain.forces import Diagnosis, diagnose
     from domino_env.chain.gradient import Gradient
     from domino_env.chain.layout import Layout
+    from domino_env.chain.motion import Motion
     from domino_env.chain.physics import Physics
     from domino_env.chain.steady import (
         SteadyWave,
@@ -33,52 +35,45 @@ if TYPE_CHECKING:
     from domino_env.envs.chain_env import DominoChain
     from domino_env.envs.layout_env import DominoLayout
     from domino_env.envs.vector_env import DominoChainVector
+    from domino_env.lab.measured.fit import Fit, fit_friction
+    from domino_env.rigid.comparison import Verification, verify
     from domino_env.scenes.files import load_scene, scene_names
+    from domino_env.scenes.limits import Limits
+    from domino_env.scenes.objectives.robust import Placement
+    from domino_env.scenes.objectives.tempo import Tempo
     from domino_env.scenes.scene import Scene, UniformMark
+    from domino_env.scenes.stock import Stock
+    from domino_env.view.sound import Heard, clicks, listen
 
 __version__ = "0.1.0"
-
-_HOMES = {
-    "DominoChain": "envs.chain_env",
-    "DominoChainVector": "envs.vector_env",
-    "DominoLayout": "envs.layout_env",
-    "Layout": "chain.layout",
-    "Physics": "chain.physics",
-    "Gradient": "chain.gradient",
-    "Outcome": "chain.wave",
-    "Wave": "chain.wave",
-    "WaveBatch": "chain.wave",
-    "simulate": "chain.wave",
-    "simulate_batch": "chain.wave",
-    "Scene": "scenes.scene",
-    "Diagnosis": "chain.forces",
-    "diagnose": "chain.forces",
-    "SteadyWave": "chain.steady",
-    "existence_limit": "chain.steady",
-    "smallest_push": "chain.steady",
-    "steady_wave": "chain.steady",
-    "terminal_speed_estimate": "chain.steady",
-    "UniformMark": "scenes.scene",
-    "load_scene": "scenes.files",
-    "scene_names": "scenes.files",
-}
 
 __all__ = [
     "Diagnosis",
     "DominoChain",
     "DominoChainVector",
     "DominoLayout",
+    "Fit",
     "Gradient",
+    "Heard",
     "Layout",
+    "Limits",
+    "Motion",
     "Outcome",
     "Physics",
+    "Placement",
     "Scene",
     "SteadyWave",
+    "Stock",
+    "Tempo",
     "UniformMark",
+    "Verification",
     "Wave",
     "WaveBatch",
+    "clicks",
     "diagnose",
     "existence_limit",
+    "fit_friction",
+    "listen",
     "load_scene",
     "scene_names",
     "simulate",
@@ -86,19 +81,48 @@ __all__ = [
     "smallest_push",
     "steady_wave",
     "terminal_speed_estimate",
+    "verify",
 ]
 
-
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'domino_env' has no attribute '{name}'")
-    value = getattr(import_module(f"domino_env.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "Diagnosis": "chain.forces",
+        "diagnose": "chain.forces",
+        "Gradient": "chain.gradient",
+        "Layout": "chain.layout",
+        "Motion": "chain.motion",
+        "Physics": "chain.physics",
+        "SteadyWave": "chain.steady",
+        "existence_limit": "chain.steady",
+        "smallest_push": "chain.steady",
+        "steady_wave": "chain.steady",
+        "terminal_speed_estimate": "chain.steady",
+        "Outcome": "chain.wave",
+        "Wave": "chain.wave",
+        "WaveBatch": "chain.wave",
+        "simulate": "chain.wave",
+        "simulate_batch": "chain.wave",
+        "DominoChain": "envs.chain_env",
+        "DominoLayout": "envs.layout_env",
+        "DominoChainVector": "envs.vector_env",
+        "Fit": "lab.measured.fit",
+        "fit_friction": "lab.measured.fit",
+        "Verification": "rigid.comparison",
+        "verify": "rigid.comparison",
+        "load_scene": "scenes.files",
+        "scene_names": "scenes.files",
+        "Limits": "scenes.limits",
+        "Placement": "scenes.objectives.robust",
+        "Tempo": "scenes.objectives.tempo",
+        "Scene": "scenes.scene",
+        "UniformMark": "scenes.scene",
+        "Stock": "scenes.stock",
+        "Heard": "view.sound",
+        "clicks": "view.sound",
+        "listen": "view.sound",
+    },
+)
 
 
 if "_domino_command" not in sys.modules:  # which has no use for them, and should not wait

@@ -7,16 +7,21 @@ result = search("sprint", method="cma", budget=5000, seed=0)
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from domino_env.support.lazy import lazy_names
 
 if TYPE_CHECKING:
     from optimize.comparison.runner import Comparison, compare
     from optimize.evaluation.result import SearchResult
+    from optimize.executors.choice import open_executor
     from optimize.methods import METHODS
     from optimize.problem import Problem
     from optimize.records.shipped import BestKnown, best_known
     from optimize.searching.runner import search
+    from optimize.studies import open_store
+    from optimize.studies.running import run_tasks
+    from optimize.studies.task import Task, TaskResult
     from optimize.sweeps.points import axis_of
     from optimize.sweeps.runner import Sweep, sweep
 
@@ -27,32 +32,36 @@ __all__ = [
     "Problem",
     "SearchResult",
     "Sweep",
+    "Task",
+    "TaskResult",
     "axis_of",
     "best_known",
     "compare",
+    "open_executor",
+    "open_store",
+    "run_tasks",
     "search",
     "sweep",
 ]
 
-# no module has the name of a function here: it would hide it in some order of imports
-_HOMES = {
-    "METHODS": "methods",
-    "BestKnown": "records.shipped",
-    "Comparison": "comparison.runner",
-    "Problem": "problem",
-    "SearchResult": "evaluation.result",
-    "Sweep": "sweeps.runner",
-    "axis_of": "sweeps.points",
-    "best_known": "records.shipped",
-    "compare": "comparison.runner",
-    "search": "searching.runner",
-    "sweep": "sweeps.runner",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'optimize' has no attribute '{name}'")
-    value = getattr(import_module(f"optimize.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "Comparison": "comparison.runner",
+        "compare": "comparison.runner",
+        "SearchResult": "evaluation.result",
+        "open_executor": "executors.choice",
+        "METHODS": "methods",
+        "Problem": "problem",
+        "BestKnown": "records.shipped",
+        "best_known": "records.shipped",
+        "search": "searching.runner",
+        "open_store": "studies",
+        "run_tasks": "studies.running",
+        "Task": "studies.task",
+        "TaskResult": "studies.task",
+        "axis_of": "sweeps.points",
+        "Sweep": "sweeps.runner",
+        "sweep": "sweeps.runner",
+    },
+)

@@ -9,8 +9,9 @@ Results are the same to the bit whoever works: a task carries all that decides t
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from domino_env.support.lazy import lazy_names
 
 if TYPE_CHECKING:
     from optimize.executors.base import ExecutorLost, WorkerLost
@@ -19,10 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["ExecutorLost", "WorkerLost", "open_executor"]
 
 # loaded when asked for: every command has the options, few start an executor
-_HOMES = {"ExecutorLost": "base", "WorkerLost": "base", "open_executor": "choice"}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'optimize.executors' has no attribute '{name}'")
-    return getattr(import_module(f"optimize.executors.{_HOMES[name]}"), name)
+__getattr__, __dir__ = lazy_names(
+    __name__, {"ExecutorLost": "base", "WorkerLost": "base", "open_executor": "choice"}
+)

@@ -17,6 +17,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from domino_env.support.lazy import lazy_names
+
 if TYPE_CHECKING:
     from optimize.studies.store import Store, Study
 
@@ -55,9 +57,4 @@ def open_store(where: str | Path = DEFAULT_STORE, *, create: bool = True) -> Sto
     return Store(connect(where, create=create))
 
 
-def __getattr__(name: str) -> object:
-    if name not in __all__:
-        raise AttributeError(f"module 'optimize.studies' has no attribute '{name}'")
-    from optimize.studies import store
-
-    return getattr(store, name)
+__getattr__, __dir__ = lazy_names(__name__, {"Store": "store", "Study": "store"})
