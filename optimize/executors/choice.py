@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
+
+from optimize.executors.possible import require_possible
 
 if TYPE_CHECKING:
     from optimize.executors.base import WorkersExecutor
-
-MOST_WORKERS = 1024  # on one machine
-ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")  # of a scheduler
 
 
 @contextmanager
@@ -55,29 +52,6 @@ def open_executor(
             yield pool
     else:
         yield None
-
-
-def require_possible(workers: int | None = None, dask: str | None = None) -> None:
-    """Refuse what cannot be an executor without starting it; raises as `open_executor` does."""
-    if workers is not None and not 1 <= workers <= MOST_WORKERS:
-        raise ValueError(f"--workers {workers}: give 1 to {MOST_WORKERS}")
-    if dask is None:
-        return
-    if find_spec("distributed") is None:
-        raise ImportError(
-            'a Dask cluster needs dask and distributed: pip install "domino-chains[dist]" '
-            "(in this folder: pip install -c constraints.txt -e .[dist])"
-        )
-    if dask != "local" and workers is not None:
-        raise ValueError(
-            "--workers and the --dask address of a scheduler: its workers are its own; "
-            "give one or the other"
-        )
-    if dask != "local" and not ADDRESS.fullmatch(dask):
-        raise ValueError(
-            f"--dask {dask}: give the address of a scheduler, such as "
-            "tcp://127.0.0.1:8786, or local"
-        )
 
 
 def add_executor_options(parser: argparse.ArgumentParser) -> None:

@@ -25,7 +25,7 @@ from optimize.executors.base import (
     WorkersExecutor,
     without_ctrl_c,
 )
-from optimize.executors.choice import require_possible
+from optimize.executors.possible import require_possible
 from optimize.executors.reports import TOPIC
 
 LOOPBACK = "127.0.0.1"
