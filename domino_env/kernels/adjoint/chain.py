@@ -23,6 +23,7 @@ from domino_env.kernels.chain import ring_size, row_of, solve
 from domino_env.kernels.fall import fall_angle
 from domino_env.kernels.jit import apart, door, keep, part
 from domino_env.kernels.links import join, stand
+from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 from domino_env.kernels.slots import (
     ARRIVAL,
@@ -158,19 +159,21 @@ def pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
         stand(ring, -1, i, row.height[i], row.thickness[i], row.density[i])
         if i + 1 < count:
             join(ring, -1, i, row.height[i], row.spacing[i], row.thickness[i + 1])
-    depth = 0
+    depth, count_lanes = 0, 0
     for at in range(used):
         event = tape[at]
         if event.kind == FLIP:
             ring[event.leader].contact = CORNER
         else:
             depth = max(depth, event.leader - event.low)
+            if event.kind == RIDE:
+                count_lanes = max(count_lanes, ORDERS[event.rule] + 2)
     lanes, bars = np.zeros(LANES), np.zeros(BARS)
     trail, parts = np.empty((depth + 2, 8 * PITCH)), np.zeros((count, PARTS))
     whole.friction = whole.gravity = 0.0
     table = np.empty((0, 0))
     if count > 3 and is_uniform(row):
-        table = room_for_table(depth)
+        table = room_for_table(depth, count_lanes)
     u_bar = rewind(
         tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole
     )

@@ -228,7 +228,7 @@ def tabulate(bars, k, ring, n, low, mu, trail, table):
     angle and of the friction.
     """
     count, depth = ORDERS[k] + 2, n - low
-    table[:] = 0.0
+    table[: 3 * count] = 0.0
     for q in range(3):
         for j in range(count):
             bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
@@ -241,11 +241,11 @@ def tabulate(bars, k, ring, n, low, mu, trail, table):
                 lead_back(bars, trail[0], count, ring[n], mu)
             for j in range(count):
                 for c in range(6):
-                    table[q * PITCH + j, (n - i) * PARTS + c] = bars[B_PITCH + c * PITCH + j]
+                    table[q * count + j, (n - i) * PARTS + c] = bars[B_PITCH + c * PITCH + j]
         for j in range(count):
             x, at = angle_bar(bars, trail[0], j), (depth + 1) * PARTS
-            table[q * PITCH + j, at] = PLACES[k, j] * x
-            table[q * PITCH + j, at + 1] = bars[B_MU + j] if mu > 0.0 else 0.0
+            table[q * count + j, at] = PLACES[k, j] * x
+            table[q * count + j, at + 1] = bars[B_MU + j] if mu > 0.0 else 0.0
 
 
 @part
@@ -257,7 +257,7 @@ def stack_back_again(bars, count, n, low, table, sums, parts, whole):
         sums[x] = 0.0
     for q in range(3):
         for j in range(count):
-            seed, row = bars[SEED_M + q * PITCH + j], table[q * PITCH + j]
+            seed, row = bars[SEED_M + q * PITCH + j], table[q * count + j]
             if seed != 0.0:
                 for x in range(size):
                     sums[x] += seed * row[x]

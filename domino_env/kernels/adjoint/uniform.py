@@ -13,7 +13,7 @@ from domino_env.kernels.adjoint.stack import (
 from domino_env.kernels.interval import affine_map
 from domino_env.kernels.jit import part
 from domino_env.kernels.quadrature import ORDERS
-from domino_env.kernels.slots import PITCH, record_type
+from domino_env.kernels.slots import record_type
 from domino_env.kernels.stack import spread
 
 SHARED = record_type(  # which stack the trail, the lanes and the table hold; -1 for none
@@ -31,9 +31,9 @@ def forget(shared):
 
 
 @part
-def room_for_table(depth):
-    """Room for the table of a stack, and for a row of sums over it."""
-    return np.empty((3 * PITCH + 1, (depth + 2) * PARTS))
+def room_for_table(depth, count):
+    """Room for the table of a stack in `count` lanes, and for a row of sums over it."""
+    return np.empty((3 * count + 1, (depth + 2) * PARTS))
 
 
 @part
@@ -57,7 +57,7 @@ def fall_back(
         shared.tabled = depth
     u_bar, end_bar = ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole)
     if low > 0:
-        sums = table[3 * PITCH]
+        sums = table[len(table) - 1]
         end_bar += stack_back_again(bars, count, n, low, table, sums, parts, whole)
     else:
         _, end_bar = stack_of_ride_back(bars, k, ring, n, low, end_bar, mu, trail, parts, whole)
