@@ -28,7 +28,7 @@ class Nursery:
 
     def __init__(self) -> None:
         self._server = subprocess.Popen(
-            [sys.executable, __file__],
+            [sys.executable, "-P", __file__],  # beside it, tests/domino_env hides the package
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ | ALONE,
         )  # fmt: skip
 
