@@ -37,11 +37,12 @@ if TYPE_CHECKING:
     from domino_env.envs.vector_env import DominoChainVector
     from domino_env.lab.measured.fit import Fit, fit_friction
     from domino_env.rigid.comparison import Verification, verify
-    from domino_env.scenes.files import load_scene, scene_names
+    from domino_env.scenes.baseline import UniformMark
+    from domino_env.scenes.files.reading import load_scene, scene_names
     from domino_env.scenes.limits import Limits
     from domino_env.scenes.objectives.robust import Placement
     from domino_env.scenes.objectives.tempo import Tempo
-    from domino_env.scenes.scene import Scene, UniformMark
+    from domino_env.scenes.scene import Scene
     from domino_env.scenes.stock import Stock
     from domino_env.view.sound import Heard, clicks, listen
 
@@ -110,13 +111,13 @@ __getattr__, __dir__ = lazy_names(
         "fit_friction": "lab.measured.fit",
         "Verification": "rigid.comparison",
         "verify": "rigid.comparison",
-        "load_scene": "scenes.files",
-        "scene_names": "scenes.files",
+        "load_scene": "scenes.files.reading",
+        "scene_names": "scenes.files.reading",
         "Limits": "scenes.limits",
         "Placement": "scenes.objectives.robust",
         "Tempo": "scenes.objectives.tempo",
         "Scene": "scenes.scene",
-        "UniformMark": "scenes.scene",
+        "UniformMark": "scenes.baseline",
         "Stock": "scenes.stock",
         "Heard": "view.sound",
         "clicks": "view.sound",

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import domino_env as de
 from domino_env.chain.layout import Layout
 from domino_env.cli.main import main
-from domino_env.scenes.files import parse_scene
+from domino_env.scenes.files.reading import parse_scene
 from domino_env.view.animation import Runner, frames
 from domino_env.view.report.page import read_racers, write_report
 from domino_env.view.report.race import Racer

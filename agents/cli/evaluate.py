@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.conditioned.evaluation import designer_of
     from agents.single.evaluation import evaluate
     from agents.single.scripted import BUILDERS
-    from domino_env.scenes.files import load_scene
+    from domino_env.scenes.files.reading import load_scene
 
     designer = None if arguments.agent in BUILDERS else designer_of(arguments.agent)
     if designer is not None and arguments.scenes is not None:
@@ -92,7 +92,7 @@ def _designed(designer: Designer, name: str | None) -> Built:
     """Its row for one scene."""
     from agents.conditioned.policy import design
     from agents.single.evaluation import Built
-    from domino_env.scenes.files import load_scene
+    from domino_env.scenes.files.reading import load_scene
 
     scene = load_scene(name or "sprint")
     design(scene, designer=designer)  # compiles what is not compiled yet

@@ -139,7 +139,7 @@ def scene_of(features: Floats, name: str = "drawn") -> Scene:
 def require_kind(scene: Scene) -> None:
     """Raise ValueError for a scene that does not ask for fast rows of equal dominoes."""
     other = []
-    if scene.objective != "mean_speed":
+    if not scene.criterion.is_ratio:
         other.append(f"its objective is {scene.objective}")
     if not scene.free_spacing:
         other.append("its gaps are not free")

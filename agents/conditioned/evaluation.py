@@ -14,7 +14,7 @@ from agents.conditioned.distribution import FEATURES, SceneFamily, numbers
 from agents.conditioned.examples import Examples
 from agents.conditioned.policy import PLANS, SHIPPED, Designer, design, load_designer
 from agents.conditioned.preset import EXAMPLES_SEED
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.support.tables import markdown_table, write_csv
 

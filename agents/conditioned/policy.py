@@ -22,7 +22,7 @@ from agents.base.arrays import read_arrays
 from agents.conditioned.distribution import FEATURES, SceneFamily, numbers, require_kind
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.single.training import train
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.support.files import write_bytes
 from domino_env.support.tables import markdown_table, write_csv
 from optimize.records.shipped import best_known

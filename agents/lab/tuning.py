@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from agents.sb3.presets import ALGORITHMS, Preset, preset
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.evaluation.budget import Budget
 from optimize.evaluation.recorder import Recorder

@@ -137,7 +137,7 @@ class _Learning:
         self.scene = budget.problem.scene
         self.env = DominoVecEnv(self.scene, plan.rows)
         self.model: Any = learner(algorithm, plan, self.env, seed)
-        self.follows = plan.follow and self.scene.objective == "mean_speed"
+        self.follows = plan.follow and self.scene.criterion.is_ratio
         self.next_look = 0.0
 
     def run(self) -> None:

@@ -154,7 +154,7 @@ def clone(
     scene, policy = env.rows.scene, model.policy
     row, source = row_to_clone(scene, what, seed)
     score = scene.score(row)
-    if scene.objective == "mean_speed":  # what the training will lead against, and the policy sees
+    if scene.criterion.is_ratio:  # what the training will lead against, and the policy sees
         env.rows.reference_speed = score
     rng = np.random.default_rng(seed)
     best, kept = -np.inf, policy.state_dict()

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from domino_env import DominoChain
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
-from domino_env.scenes.baseline import gain
-from domino_env.scenes.files import load_scene
-from domino_env.scenes.scene import Scene, UniformMark
+from domino_env.scenes.baseline import UniformMark, gain
+from domino_env.scenes.files.reading import load_scene
+from domino_env.scenes.scene import Scene
 from domino_env.support.reading import naming
 
 if TYPE_CHECKING:

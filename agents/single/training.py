@@ -23,7 +23,7 @@ from agents.base.requirements import require_extra
 from agents.base.run_files import ProgressDocument, read_config, require_columns
 from agents.sb3.presets import ALGORITHMS, Preset, preset
 from agents.single.evaluation import Built, build
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.support.files import write_text
 from domino_env.support.models import model_of
@@ -239,7 +239,7 @@ class _Training:
 
         if self.algorithm in NOISY:
             set_deviation(self.model, self.deviation())
-        if self.plan.follow and self.scene.objective == "mean_speed":
+        if self.plan.follow and self.scene.criterion.is_ratio:
             found = max(self.best, self.sampled)
             self.env.rows.reference_speed = float(max(found, self.uniform_speed))
 

@@ -52,7 +52,7 @@ def _error_against_time(folder: Path, arguments: argparse.Namespace) -> int:
         standard_rows,
     )
     from domino_env.lab.accuracy.pictures import draw_accuracy
-    from domino_env.scenes.files import load_scene
+    from domino_env.scenes.files.reading import load_scene
     from domino_env.support.files import write_text
 
     with _progress() as tell:

@@ -29,7 +29,7 @@ def asked_physics(arguments: argparse.Namespace) -> tuple[Scene | None, Physics]
     from dataclasses import replace
 
     from domino_env.chain.physics import Physics
-    from domino_env.scenes.files import load_scene
+    from domino_env.scenes.files.reading import load_scene
 
     scene = load_scene(arguments.scene) if arguments.scene else None
     return scene, replace(scene.physics if scene else Physics(), **given_physics(arguments))

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from domino_env import kernels
 from domino_env.chain.layout import Layout
-from domino_env.chain.wave import LOOSEST, TIGHTEST, Outcome, Wave, simulate
+from domino_env.chain.wave import LOOSEST, TIGHTEST, Outcome, simulate
 from domino_env.envs.endings import Endings
 from domino_env.envs.snapshot import Moment
-from domino_env.scenes.files import load_scene, parse_scene
-from domino_env.scenes.scene import LENGTH_TOLERANCE, Scene
+from domino_env.scenes.files.reading import load_scene
+from domino_env.scenes.scene import Scene
+from domino_env.scenes.specification import LENGTH_TOLERANCE
 from domino_env.support.threads import share_rows
 
 Floats = NDArray[np.float64]
@@ -27,22 +28,17 @@ Bools = NDArray[np.bool_]
 SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] over which the ends of the row make themselves felt
 LARGEST_RING = 1024  # dominoes remembered behind a front; the wave feels some thirty
 _OUTCOMES = [Outcome(i) for i in range(len(Outcome))]
-SPEEDS = ("mean_speed", "time", "robust")  # objectives that a lead on the way tells about
 ALONE = 128  # rows from which on it pays to wake another thread
 
 
 @lru_cache(maxsize=64)
-def _scene_of(text: str) -> Scene:
-    return parse_scene(text, "scene", "scene")
+def _shared(scene: Scene) -> Scene:
+    return scene  # the first of those that are equal
 
 
 def shared_scene(scene: str | Path | Scene) -> Scene:
     """Load a scene, the same object for all who ask for equal ones: its mark is found once."""
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
-    try:
-        return _scene_of(loaded.to_toml())
-    except ValueError:  # made in Python, of what no file would say
-        return loaded
+    return _shared(scene if isinstance(scene, Scene) else load_scene(scene))
 
 
 def require_choice(scene: Scene) -> None:
@@ -74,14 +70,6 @@ def kinds_to_choose(scene: Scene) -> tuple[Floats, Floats]:
         return np.array(box.thickness)[order], np.array(box.count, dtype=np.float64)[order]
     kinds = np.array(scene.thickness_values or (), dtype=np.float64)
     return kinds, np.full(len(kinds), np.inf)
-
-
-def scene_score(scene: Scene, wave: Wave) -> float:
-    """Score a wave; also one that died before all dominoes were placed."""
-    if wave.layout.count == scene.count:
-        return scene.score_wave(wave)
-    # how a wave that dies is judged depends on nothing that is not yet placed
-    return replace(scene, count=wave.layout.count, placement=None).score_wave(wave)
 
 
 def checked_rtol(rtol: float) -> float:
@@ -199,8 +187,8 @@ class Rows:
         rules.growth_low, rules.growth_high = scene.growth or (1.0, 1.0)
         rules.unit, rules.in_heights = scene.height, scene.in_heights
         rules.has_stock = scene.stock is not None
-        rules.pays = float(scene.objective in SPEEDS)
-        rules.score_is_speed = scene.objective in ("mean_speed", "time") and scene.limits is None
+        rules.pays = float(scene.criterion.rewards_speed)
+        rules.score_is_speed = scene.criterion.is_mean_speed and scene.limits is None
         rules.window = self.window
         return array
 
@@ -376,7 +364,7 @@ class Rows:
                 episode.outcome, episode.reach = wave.outcome, wave.reach
             else:
                 wave = endings.waves()[i]
-            episode.score = scene_score(scene, wave)
+            episode.score = scene.score_wave(wave)
             rewards[rows[i]] = self._return(episode.score) - episode.paid
         endings = self._endings(rows)
         episodes = self.episodes[rows]

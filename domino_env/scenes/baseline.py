@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Wave
 from domino_env.scenes.rules import ON_LIST, nearest_of
+from domino_env.scenes.specification import Specification
 from domino_env.support.distinct import distinct_rows
 
-if TYPE_CHECKING:
-    from domino_env.chain.layout import Layout
-    from domino_env.scenes.scene import Scene
-
 Floats = NDArray[np.float64]
+ScoreBatch = Callable[[Floats, Floats, float, Floats | None], Floats]
 
 GRID_1D, GRID_2D = 1024, 96  # first look at the whole range, per axis
 COARSE_1D, COARSE_2D = 128, 24  # where every look topples hundreds of rows
@@ -24,6 +24,25 @@ FINEST = 1e-9  # [m] where looking closer ends
 FINEST_DRAWN = 1e-7  # the same where rows are drawn at random: the draws are worth no more
 RTOL, RTOL_DRAWN = 1e-11, 1e-8
 LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
+
+
+@dataclass(frozen=True, eq=False)
+class UniformMark:
+    """The best uniform row of a scene: the mark to beat.
+
+    Attributes
+    ----------
+    layout
+        The row.
+    wave
+        Its wave.
+    score
+        Its score.
+    """
+
+    layout: Layout
+    wave: Wave
+    score: float
 
 
 def gain(score: float, other: float) -> float | None:
@@ -42,7 +61,7 @@ def gain(score: float, other: float) -> float | None:
     return score / other - 1.0 if score > 0.0 and other > 0.0 else None
 
 
-def best_uniform(scene: Scene) -> Layout:
+def best_uniform(scene: Specification, score_batch: ScoreBatch) -> Layout:
     """Find the best layout of one pitch and one thickness within the scene's rules.
 
     The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
@@ -50,6 +69,13 @@ def best_uniform(scene: Scene) -> Layout:
     growing row, gaps have one ratio to the heights, and heights to those before. Where a length
     and a list of allowed gaps leave no equal pitch, those next to it take turns evenly; where the
     lists leave no such row either, the mark is the best row without the lists.
+
+    Parameters
+    ----------
+    scene
+        Whose rules they are.
+    score_batch
+        As of `Scene.score_batch`.
 
     Raises
     ------
@@ -62,12 +88,13 @@ def best_uniform(scene: Scene) -> Layout:
     several peaks, and steps where a wave dies. Where no row is a success, the best of the others.
     """
     try:
-        rows = _Rows(scene)
+        rows = _Rows(scene, score_batch)
     except ValueError:
         if scene.stock or not (scene.spacing_values or scene.thickness_values):
             raise
-        return best_uniform(replace(scene, spacing_values=None, thickness_values=None))
-    drawn = scene.placement is not None
+        without = replace(scene, spacing_values=None, thickness_values=None)
+        return best_uniform(without, score_batch)
+    drawn = scene.criterion.waves_a_score > 1
     low, high = rows.low, rows.high
     both = float(np.min(high - low)) > 0.0
     fine = (COARSE_2D if both else COARSE_1D) if drawn else (GRID_2D if both else GRID_1D)
@@ -109,8 +136,9 @@ class _Rows:
     `low`, `high`: (2,) their bounds; `allowed`: for each, the values that are tried, None for any.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Specification, score_batch: ScoreBatch) -> None:
         self.scene = scene
+        self._score_batch = score_batch
         pairs = scene.count - 1
         self.allowed = [scene.spacing_values, scene.thickness_values]
         first, second = scene.spacing, scene.thickness
@@ -219,12 +247,12 @@ class _Rows:
         scene = self.scene
         spacing, thickness, height = self.at(points)
         scores = np.empty(len(points))
-        piece = max(1, LARGEST_BATCH // (scene.count * scene.waves_a_score))
-        rtol = RTOL if scene.placement is None else RTOL_DRAWN
+        piece = max(1, LARGEST_BATCH // (scene.count * scene.criterion.waves_a_score))
+        rtol = RTOL if scene.criterion.waves_a_score == 1 else RTOL_DRAWN
         for i in range(0, len(points), piece):
             part = slice(i, i + piece)
             tall = None if height is None else height[part]
-            scores[part] = scene.score_batch(spacing[part], thickness[part], rtol, tall)
+            scores[part] = self._score_batch(spacing[part], thickness[part], rtol, tall)
         return scores
 
 

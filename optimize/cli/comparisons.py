@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
-    from domino_env.scenes.files import load_scene, scene_names
+    from domino_env.scenes.files.reading import load_scene, scene_names
     from domino_env.support.files import require_room
     from optimize import methods
     from optimize.comparison.page import FILES, table, write

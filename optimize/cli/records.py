@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _list(records: dict[str, BestKnown]) -> None:
     from domino_env.rigid.known import known_verification
-    from domino_env.scenes.files import load_scene
+    from domino_env.scenes.files.reading import load_scene
 
     print(f"{'scene':18}{'best known':48}{'by':12}hinged engine over ours")
     for name, record in records.items():
@@ -99,7 +99,7 @@ def verify_records(records: dict[str, BestKnown], steps: Sequence[float]) -> dic
     """Topple every row in the engine, and print a line when one is done."""
     from domino_env.rigid.comparison import verify
     from domino_env.rigid.known import summary
-    from domino_env.scenes.files import load_scene
+    from domino_env.scenes.files.reading import load_scene
 
     found = {}
     for name, record in records.items():

@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and say what was found."""
-    from domino_env.scenes.files import load_scene
+    from domino_env.scenes.files.reading import load_scene
     from optimize import methods
     from optimize.searching.folder import FILES
     from optimize.searching.runner import search

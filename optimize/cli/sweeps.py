@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check, search, write the folder, and say what was found."""
-    from domino_env.scenes.files import load_scene
+    from domino_env.scenes.files.reading import load_scene
     from domino_env.support.files import require_room
     from optimize.studies.progress import TaskLines
     from optimize.sweeps.page import FILES, write

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.evaluation.result import SearchResult
 from optimize.records.shipped import best_known

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
-from domino_env.scenes.baseline import gain
-from domino_env.scenes.scene import Scene, UniformMark
+from domino_env.scenes.baseline import UniformMark, gain
+from domino_env.scenes.scene import Scene
 
 Trace = tuple[tuple[int, int, float, float], ...]
 

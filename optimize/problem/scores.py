@@ -133,9 +133,7 @@ class Problem(Variables):
 
     def without_gradient(self, scores: Floats) -> NDArray[np.bool_]:
         """Tell which of these scores (B,) have no exact gradient."""
-        if self.scene.objective == "toppled":
-            return np.asarray(scores < self.scene.count)
-        return np.asarray(scores < 0.0)
+        return self.scene.criterion.without_slope(scores, self.scene.count)
 
     def neighbours(self, design: Floats) -> Floats:
         """Give the (2n, n) designs whose scores, at `STEP_RTOL`, show the slope at a design (n,).

@@ -154,7 +154,7 @@ def _headline(result: SearchResult) -> str:
     name, speed, gain = result.scene.name, result.wave.mean_speed, result.gain
     if result.score <= 0.0:
         return f"{name}: no row found that topples to the end"
-    if result.scene.objective not in ("mean_speed", "time"):
+    if not result.scene.criterion.is_mean_speed:
         scene, mark = result.scene, result.uniform
         found = scene.in_words(result.score, result.wave)
         return f"{name}: {found} (uniform: {scene.in_words(mark.score, mark.wave)})"

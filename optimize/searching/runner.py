@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.support.provenance import versions
 from optimize import methods

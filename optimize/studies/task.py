@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scenes.files import parse_scene
+from domino_env.scenes.files.reading import parse_scene
 from domino_env.scenes.scene import Scene
 from domino_env.support.provenance import versions
 from optimize.evaluation.budget import Budget, Step

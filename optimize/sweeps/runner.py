@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize import methods as known_methods
 from optimize.problem import Problem

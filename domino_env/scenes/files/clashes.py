@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 from domino_env.scenes.files.tables import MOST_PAIRS, SceneFile, ThicknessTable
+from domino_env.scenes.objectives import OBJECTIVES
 
-MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
 TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
 
 
@@ -54,25 +54,22 @@ def _clashes_of_heights(asked: SceneFile) -> Iterator[str]:
 
 
 def _clashes_of_objective(asked: SceneFile) -> Iterator[str]:
-    for objective in ("tempo", "robust"):
-        there = getattr(asked, objective) is not None
-        if (asked.objective == objective) != there:
+    for name, objective in OBJECTIVES.items():
+        there = objective.table is not None and asked.settings(name) is not None
+        needed = objective.table is not None and asked.objective == name
+        if there != needed:
             what = "stands there" if there else "is missing"
             yield (
-                f"the table [{objective}] {what} and objective = {asked.objective!r}: "
-                f"[{objective}] and objective = {objective!r} go together"
+                f"the table [{name}] {what} and objective = {asked.objective!r}: "
+                f"[{name}] and objective = {name!r} go together"
             )
-    if asked.objective == "time" and asked.row.length is None:
-        yield "row.length is missing: objective = 'time' needs a course"
-    if asked.objective == "magnify" and asked.growth is None:
-        yield "the table [growth] is missing: objective = 'magnify' needs free heights"
-    if asked.objective == "toppled" and asked.limits is not None:
-        yield "[limits] judge waves that run through: not with objective = 'toppled'"
-    if asked.tempo is not None:
-        try:
-            asked.tempo.tempo().schedule(asked.row.count)
-        except ValueError as error:
-            yield f"tempo.{error}"
+    yield from OBJECTIVES[asked.objective].clashes(
+        count=asked.row.count,
+        length=asked.row.length,
+        grows=asked.growth is not None,
+        limited=asked.limits is not None,
+        settings=asked.settings(asked.objective),
+    )
 
 
 def _clashes_of_first(asked: SceneFile) -> Iterator[str]:
@@ -106,12 +103,6 @@ def _clashes_of_first(asked: SceneFile) -> Iterator[str]:
 
 
 def _too_many(asked: SceneFile) -> Iterator[str]:
-    count = asked.row.count
-    if asked.robust is not None and count * asked.robust.draws > MOST_DRAWN:
-        yield (
-            f"robust.draws = {asked.robust.draws} of {count} dominoes are "
-            f"{count * asked.robust.draws:,}: draw at most {MOST_DRAWN // count} rows"
-        )
     listed = len(asked.spacing.allowed()[1] or "1") * len(asked.thickness_allowed()[1] or "1")
     if listed > MOST_PAIRS:
         yield (

@@ -108,6 +108,5 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
             growth=(asked.growth.min, asked.growth.max) if asked.growth else None,
             in_heights=asked.in_heights,
             limits=asked.limits_asked(),
-            tempo=asked.tempo.tempo() if asked.tempo else None,
-            placement=asked.robust.placement() if asked.robust else None,
+            settings=asked.settings(asked.objective),
         )

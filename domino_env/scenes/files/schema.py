@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 
 from domino_env.scenes.files import tables
+from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.support.files import write_text
 
 PATH = Path(__file__).parents[1] / "shipped" / "scene.schema.json"
@@ -21,8 +22,9 @@ PATH = Path(__file__).parents[1] / "shipped" / "scene.schema.json"
 def scene_schema() -> dict[str, Any]:
     """Write the schema of a scene's file, draft 2020-12."""
     found = msgspec.json.schema(tables.SceneFile)
+    classes = vars(tables) | {o.table.__name__: o.table for o in OBJECTIVES.values() if o.table}
     definitions: dict[str, dict[str, Any]] = {
-        name: _without_null(told) | getattr(getattr(tables, name), "SCHEMA", {})
+        name: _without_null(told) | getattr(classes[name], "SCHEMA", {})
         for name, told in found["$defs"].items()
     }
     scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}

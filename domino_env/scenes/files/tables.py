@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
+import msgspec
 from msgspec import Meta
 
 from domino_env.chain.physics import Physics
 from domino_env.chain.standard import DENSITY, HEIGHT, WIDTH
-from domino_env.scenes.limits import OBJECTIVES, Limits
-from domino_env.scenes.objectives.robust import LARGEST_DRAWS, Placement
-from domino_env.scenes.objectives.tempo import TOLERANCE, Tempo
+from domino_env.scenes.limits import Limits
+from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.stock import Stock
 from domino_env.support.models import LARGEST, Size, Table
 
@@ -35,7 +35,7 @@ LINE = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
 if TYPE_CHECKING:
     Objective = str
 else:
-    Objective = Literal[OBJECTIVES]
+    Objective = Literal[tuple(OBJECTIVES)]
 
 Part = Annotated[float, Meta(ge=0, le=LARGEST)]
 """0 or more, as small as it likes: nothing is divided by it."""
@@ -195,47 +195,7 @@ class LimitsTable(Table):
             raise ValueError("the table is empty; it holds stall_margin, flush_loss")
 
 
-class TempoTable(Table, rename={"first": "from", "last": "to"}):
-    """The schedule of the objective "tempo"."""
-
-    first: Annotated[
-        Size | None, Meta(description="frequency between dominoes 0 and 1 [hits/s]")
-    ] = None
-    last: Annotated[Size | None, Meta(description="frequency between the last two [hits/s]")] = None
-    times: Annotated[
-        list[Size] | None, Meta(description="instead: when dominoes 1, 2, … are to be hit [s]")
-    ] = None
-    tolerance: Annotated[
-        Size, Meta(description="root-mean-square error that halves the score [s]")
-    ] = TOLERANCE
-
-    SCHEMA: ClassVar = {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]}
-
-    def __post_init__(self) -> None:
-        self.tempo()
-
-    def tempo(self) -> Tempo:
-        """The schedule."""
-        times = None if self.times is None else tuple(self.times)
-        return Tempo(self.first, self.last, times, self.tolerance)
-
-
-class RobustTable(Table):
-    """The placement errors of the objective "robust"."""
-
-    deviation: Annotated[Part, Meta(description="standard deviation of each gap's error [m]")]
-    quantile: Annotated[
-        float, Meta(gt=0, le=1, description="the part of the draws that may be slower")
-    ] = 0.05
-    draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="rows that are drawn")] = 256
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
-
-    def placement(self) -> Placement:
-        """The errors."""
-        return Placement(self.deviation, self.quantile, self.draws, self.seed)
-
-
-class SceneFile(Table, kw_only=True):
+class SceneTables(Table, kw_only=True):
     """A design problem: what stands, what may be chosen, what counts."""
 
     name: Annotated[
@@ -249,7 +209,7 @@ class SceneFile(Table, kw_only=True):
         Annotated[str, Meta(pattern=LINE, max_length=300)] | None,
         Meta(description="what it is about, in a line"),
     ] = None
-    objective: Annotated[Objective, Meta(description="what counts")] = OBJECTIVES[0]
+    objective: Annotated[Objective, Meta(description="what counts")] = "mean_speed"
     row: RowTable
     spacing: SpacingTable
     thickness: ThicknessTable | None = None
@@ -257,8 +217,6 @@ class SceneFile(Table, kw_only=True):
     growth: GrowthTable | None = None
     physics: PhysicsTable
     limits: LimitsTable | None = None
-    tempo: TempoTable | None = None
-    robust: RobustTable | None = None
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
 
@@ -270,6 +228,11 @@ class SceneFile(Table, kw_only=True):
     def physics_asked(self) -> Physics:
         """Friction, gravity and push."""
         return Physics(self.physics.friction, self.physics.gravity, self.physics.push)
+
+    def settings(self, objective: str) -> Any:
+        """Give what the table of an objective says; None where it is not there."""
+        table = getattr(self, objective, None) if OBJECTIVES[objective].table else None
+        return None if table is None else table.settings()
 
     def limits_asked(self) -> Limits | None:
         """What the wave must keep."""
@@ -298,3 +261,17 @@ def steps(low: float, high: float, step: float) -> Values:
     """List low, low + step, … up to high [m], to the picometre."""
     number = math.floor((high - low) / step + 1e-9) + 1
     return tuple(round(low + k * step, 12) for k in range(number))
+
+
+if TYPE_CHECKING:
+    SceneFile = SceneTables
+else:
+    SceneFile = msgspec.defstruct(
+        "SceneFile",
+        [(name, kind.table | None, None) for name, kind in OBJECTIVES.items() if kind.table],
+        bases=(SceneTables,),
+        namespace={"__doc__": SceneTables.__doc__},
+        module=__name__,
+        kw_only=True,
+    )
+"""All that a scene's file says: `SceneTables`, and the tables of objectives, named as they are."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import Any
 
+import msgspec
+
 from domino_env.scenes.files.tables import Bounds, Values, steps
-from domino_env.scenes.scene import Scene
+from domino_env.scenes.specification import Specification
 
 
-def document_of(scene: Scene) -> dict[str, Any]:
+def document_of(scene: Specification) -> dict[str, Any]:
     """Write the tables of the file that reads back as the same scene."""
     of = "height" if scene.in_heights else None
     change = scene.largest_change
@@ -30,15 +33,15 @@ def document_of(scene: Scene) -> dict[str, Any]:
         found["stock"] = {"thickness": scene.stock.thickness, "count": scene.stock.count}
     if scene.growth is not None:
         found["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
-    for table, held, keys in (
-        ("physics", scene.physics, ("friction", "gravity", "push")),
-        ("limits", scene.limits, ("stall_margin", "flush_loss")),
-        ("tempo", scene.tempo, ("first", "last", "times", "tolerance")),
-        ("robust", scene.placement, ("deviation", "quantile", "draws", "seed")),
-    ):
+    for name, held in (("physics", scene.physics), ("limits", scene.limits)):
         if held is not None:
-            named = {"first": "from", "last": "to"}
-            found[table] = {named.get(key, key): getattr(held, key) for key in keys}
+            found[name] = asdict(held)
+    table = scene.criterion.table
+    if table is not None:
+        found[scene.objective] = {
+            field.encode_name: getattr(scene.settings, field.name)
+            for field in msgspec.structs.fields(table)
+        }
     for key, table in found.items():
         if isinstance(table, dict):
             found[key] = {
@@ -47,7 +50,7 @@ def document_of(scene: Scene) -> dict[str, Any]:
     return found
 
 
-def to_toml(scene: Scene) -> str:
+def to_toml(scene: Specification) -> str:
     """Write the text of a file that reads back as the same scene."""
     lines = []
     for key, value in document_of(scene).items():

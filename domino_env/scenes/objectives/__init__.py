@@ -1,1 +1,26 @@
-"""What counts."""
+"""What may count in a scene, one class each.
+
+Every module of this folder is looked through, so that a new objective is one file.
+"""
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+from domino_env.scenes.objectives.base import Evaluation, Objective, Settings, Slopes
+
+__all__ = ["OBJECTIVES", "Evaluation", "Objective", "Settings", "Slopes"]
+
+
+def _found() -> dict[str, type[Objective]]:
+    modules = [import_module(f"{__name__}.{found.name}") for found in iter_modules(__path__)]
+    classes = [value for module in modules for value in vars(module).values()]
+    named = {
+        kind.name: kind
+        for kind in classes
+        if isinstance(kind, type) and issubclass(kind, Objective) and hasattr(kind, "name")
+    }
+    return dict(sorted(named.items()))
+
+
+OBJECTIVES = _found()
+"""All objectives, by name."""

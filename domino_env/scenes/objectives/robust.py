@@ -1,19 +1,25 @@
-"""Placement errors: what a row is worth when it is not built exactly as drawn."""
+"""The speed that most rows reach whose gaps are off at random."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from msgspec import Meta
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from domino_env.chain.wave import Wave
+from domino_env.scenes.objectives.base import Evaluation, Objective, Settings, Slopes
+from domino_env.scenes.objectives.speed import speed_slopes
+from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
+from domino_env.support.models import LARGEST
 
 LEAST_GAP = 0.0002  # [m] no gap is ever placed tighter
 LARGEST_DRAWS = 100_000
+MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
 
 
 @dataclass(frozen=True)
@@ -76,3 +82,116 @@ class Placement:
     def decisive(self, speeds: Floats) -> Ints:
         """Return (B,) which draw counts of speeds (B, draws): the one at `rank`."""
         return np.argsort(speeds, axis=1, kind="stable")[:, self.rank]
+
+
+class RobustTable(Settings):
+    """The placement errors of the objective "robust"."""
+
+    deviation: Annotated[
+        float, Meta(ge=0, le=LARGEST, description="standard deviation of each gap's error [m]")
+    ]
+    quantile: Annotated[
+        float, Meta(gt=0, le=1, description="the part of the draws that may be slower")
+    ] = 0.05
+    draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="rows that are drawn")] = 256
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
+
+    def settings(self) -> Placement:
+        """Give the errors."""
+        return Placement(self.deviation, self.quantile, self.draws, self.seed)
+
+
+@dataclass(frozen=True)
+class Robust(Objective):
+    """The mean speed that most of the rows reach whose gaps are off at random [m/s]."""
+
+    settings: Placement
+
+    name: ClassVar[str] = "robust"
+    unit: ClassVar[str] = "m/s"
+    needs_settings: ClassVar[type] = Placement
+    table: ClassVar[type[Settings] | None] = RobustTable
+    failure: ClassVar[str] = "no speed"
+    rewards_speed: ClassVar[bool] = True
+
+    @property
+    def waves_a_score(self) -> int:
+        """How many rows are simulated for one score: with limits, the row as it is drawn too."""
+        return self.settings.draws + (self.limits is not None)
+
+    def falls(self, scores: Floats, count: int) -> int:
+        """Count the falls simulated for scores of rows of `count` dominoes: at most so many."""
+        return self.waves_a_score * count * len(scores)
+
+    def success(self, waves: Waves) -> Floats:
+        """Take the speeds of waves (B,) as they are: these are no draws."""
+        return waves.mean_speed
+
+    def evaluate(self, rows: LayoutBatch) -> Evaluation:
+        """Simulate all draws of layouts and score them."""
+        return self._evaluate(rows)[0]
+
+    def evaluate_wave(self, wave: Wave) -> Evaluation:
+        """Score a row whose own wave has been simulated, by its draws."""
+        return self._evaluate(LayoutBatch.of_one(wave), Waves.of_one(wave))[0]
+
+    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
+        """Simulate all draws, then once more, with its slopes, the one that decides each score."""
+        found, decisive = self._evaluate(rows)
+        placed = self.settings.rows(rows.spacing).reshape(len(rows), -1, rows.count - 1)
+        gaps = placed[np.arange(len(rows)), decisive]
+        errors = self.settings.errors(rows.count - 1)[decisive]
+        moved = np.abs(gaps - rows.spacing - errors) < 1e-15  # those not at the least gap
+        slopes = speed_slopes(replace(rows, spacing=gaps).simulate(gradient=True))
+        return found, replace(slopes, spacing=moved * slopes.spacing)
+
+    def _evaluate(self, rows: LayoutBatch, drawn: Waves | None = None) -> tuple[Evaluation, Ints]:
+        """Score layouts, and say which draw decided each; `drawn`: their waves without errors."""
+        draws = self.settings.draws
+        score, reach = np.empty(len(rows)), np.empty(len(rows))
+        falls, decisive = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64)
+        size = max(1, MOST_DRAWN // (draws * rows.count))
+        for i in range(0, len(rows), size):
+            part = slice(i, i + size)
+            placed = self._placed(rows.rows(part))
+            waves = Waves.of_batch(placed.simulate(), placed)
+            speeds = np.where(waves.propagated, waves.mean_speed, 0.0).reshape(-1, draws)
+            decisive[part] = self.settings.decisive(speeds)
+            speed = speeds[np.arange(len(speeds)), decisive[part]]
+            # where too many draws die for a speed, how far they came on average
+            mean = waves.reach.reshape(-1, draws).mean(axis=1)
+            score[part] = np.where(speed > 0.0, speed, mean - 1.0)
+            reach[part] = np.where(speed > 0.0, 1.0, mean)
+            falls[part] = waves.falls.reshape(-1, draws).sum(axis=1)
+        if self.limits is not None:  # of the row as it is drawn
+            if drawn is None:
+                drawn = Waves.of_batch(rows.simulate(record=True), rows)
+                falls += drawn.falls
+            score = self.limits.lower(score, drawn)
+        return Evaluation(score, reach, falls), decisive
+
+    def _placed(self, rows: LayoutBatch) -> LayoutBatch:
+        """The rows as they are placed, all draws of a row together."""
+        draws, tall = self.settings.draws, rows.height
+        return replace(
+            rows,
+            spacing=self.settings.rows(rows.spacing),
+            thickness=np.repeat(rows.thickness, draws, axis=0),
+            height=tall if len(tall) == 1 else np.repeat(tall, draws, axis=0),
+        )
+
+    def in_words(self, score: float, wave: Wave) -> str:
+        """Say the speed, and how many of the rows reach it."""
+        part = 1.0 - self.settings.quantile
+        return f"{score:.6f} m/s reached by {part:.4g} of the rows as placed"
+
+    @classmethod
+    def clashes(
+        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
+    ) -> Iterator[str]:
+        """Refuse more draws than memory holds."""
+        if count * settings.draws > MOST_DRAWN:
+            yield (
+                f"robust.draws = {settings.draws} of {count} dominoes are "
+                f"{count * settings.draws:,}: draw at most {MOST_DRAWN // count} rows"
+            )

@@ -1,13 +1,18 @@
-"""Tempo: a schedule that the arrival times of a wave are to follow."""
+"""How closely the hits follow a schedule."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from msgspec import Meta
 
-Floats = NDArray[np.float64]
+from domino_env.chain.wave import Outcome, Wave, simulate
+from domino_env.scenes.objectives.base import Evaluation, Objective, Settings, Slopes
+from domino_env.scenes.waves import Floats, LayoutBatch, Waves
+from domino_env.support.models import Size
 
 TOLERANCE = 1e-3  # [s]
 
@@ -95,3 +100,75 @@ class Tempo:
         error, score = self.error(arrivals)[:, None], self.score(arrivals)[:, None]
         by_time = -(score**2) / self.tolerance * late / (late.shape[1] * np.maximum(error, 1e-300))
         return np.concatenate([np.zeros((len(late), 1)), by_time], axis=1)
+
+
+class TempoTable(Settings, rename={"first": "from", "last": "to"}):
+    """The schedule of the objective "tempo"."""
+
+    first: Annotated[
+        Size | None, Meta(description="frequency between dominoes 0 and 1 [hits/s]")
+    ] = None
+    last: Annotated[Size | None, Meta(description="frequency between the last two [hits/s]")] = None
+    times: Annotated[
+        list[Size] | None, Meta(description="instead: when dominoes 1, 2, … are to be hit [s]")
+    ] = None
+    tolerance: Annotated[
+        Size, Meta(description="root-mean-square error that halves the score [s]")
+    ] = TOLERANCE
+
+    SCHEMA: ClassVar = {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]}
+
+    def __post_init__(self) -> None:
+        self.settings()
+
+    def settings(self) -> Tempo:
+        """Give the schedule."""
+        times = None if self.times is None else tuple(self.times)
+        return Tempo(self.first, self.last, times, self.tolerance)
+
+
+@dataclass(frozen=True)
+class InTempo(Objective):
+    """How closely the arrival times follow a schedule, see `Tempo` [1]."""
+
+    settings: Tempo
+
+    name: ClassVar[str] = "tempo"
+    needs_settings: ClassVar[type] = Tempo
+    table: ClassVar[type[Settings] | None] = TempoTable
+    needs_arrivals: ClassVar[bool] = True
+
+    def success(self, waves: Waves) -> Floats:
+        """Score waves (B,) by their arrival times."""
+        # a wave that died has no score of this kind, and inf no place in a mean
+        times = np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
+        return self.settings.score(times)
+
+    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
+        """Simulate layouts one by one and score them, with the derivatives of the scores."""
+        score, reach = np.empty(len(rows)), np.empty(len(rows))
+        falls, slopes = np.empty(len(rows), np.int64), Slopes.zero(rows)
+        for b in range(len(rows)):
+            wave = simulate(rows.layout(b), rows.physics, rtol=rows.rtol, gradient=True)
+            found = self.evaluate_wave(wave)
+            score[b], reach[b], falls[b] = found.score[0], found.reach[0], found.falls[0]
+            if wave.outcome == Outcome.PROPAGATED:
+                pulled = wave.pullback(self.settings.slope(wave.arrival_times[None])[0])
+                slopes.spacing[b] = pulled.spacing
+                slopes.thickness[b] = pulled.thickness[1:]
+                slopes.height[b] = pulled.height[1:]
+        return Evaluation(score, reach, falls), slopes
+
+    def in_words(self, score: float, wave: Wave) -> str:
+        """Say how far off the schedule the hits are."""
+        return f"RMS error {1e3 * self.settings.error(wave.arrival_times[None])[0]:.6g} ms"
+
+    @classmethod
+    def clashes(
+        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
+    ) -> Iterator[str]:
+        """Ask for as many times as there are hits."""
+        try:
+            settings.schedule(count)
+        except ValueError as error:
+            yield f"tempo.{error}"

@@ -15,7 +15,6 @@ from domino_env.view.energy import energies
 
 Floats = NDArray[np.float64]
 
-SPEEDS = ("mean_speed", "time", "robust")  # objectives whose score is a speed [m/s]
 DRAW = 1e-6  # relative; who is ahead by less has not won
 LOOKS = 32  # at the leader in every fall; straight lines between them are within 1e-4 rad
 
@@ -40,8 +39,8 @@ class Racer:
         What the scene gives it; None where there is no scene, or the row breaks its rules.
     worth
         The same in words.
-    objective
-        What counts in the scene.
+    unit
+        Of the score.
     """
 
     name: str
@@ -51,7 +50,7 @@ class Racer:
     verification: dict[str, Any] | None = None
     score: float | None = None
     worth: str | None = None
-    objective: str = "mean_speed"
+    unit: str = "m/s"
 
 
 def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
@@ -82,7 +81,7 @@ def headline(racers: Sequence[Racer]) -> dict[str, str]:
     The scene's score decides where every row has one, else the mean speed.
     """
     merits = _merits(racers)
-    by_speed = all(one.score is None or one.objective in SPEEDS for one in racers)
+    by_speed = all(one.score is None or one.unit == "m/s" for one in racers)
     by_speed |= any(one.score is None for one in racers)
     # the first of equals first
     order = sorted(range(len(racers)), key=lambda k: -merits[k])

@@ -16,7 +16,7 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
 from domino_env.chain.wave import simulate
 from domino_env.rigid.known import known_verification
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.support.models import Document, Number, model_of
 from domino_env.support.reading import decoded, naming, one_line, read_bytes, read_json, shown
@@ -79,14 +79,14 @@ def read_racers(
             raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
         if (path / "scene.toml").exists():
             own = load_scene(path / "scene.toml")
-            if scene is not None and scene.to_toml() != own.to_toml():
+            if scene is not None and scene != own:
                 raise ValueError(f"{path}: its scene differs from '{scene.name}'; race one scene")
             scene = own
         found.append((one_line(_called(path), 100), _shown_layout(path / "layout.csv"), path))
     names = [name for name, _, _ in found]
     judged = scene is not None and physics is None  # another physics is another problem
     physics = physics or (scene.physics if scene else Physics())
-    objective = scene.objective if scene and judged else "mean_speed"
+    unit = scene.unit if scene and judged else "m/s"
     racers = []
     for (name, layout, folder), path in zip(found, paths, strict=True):
         wave = simulate(layout, physics)
@@ -105,13 +105,13 @@ def read_racers(
                 _verification(folder, layout, physics),
                 score,
                 worth,
-                objective,
+                unit,
             )
         )
     if scene and judged:
         mark = scene.uniform()
         worth = scene.in_words(mark.score, mark.wave)
-        racers.append(Racer(MARK, mark.wave, score=mark.score, worth=worth, objective=objective))
+        racers.append(Racer(MARK, mark.wave, score=mark.score, worth=worth, unit=unit))
     elif scene:
         racers.append(Racer(MARK, simulate(scene.uniform().layout, physics)))
     return racers, scene.title if scene else "race"

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import domino_env as de
-from domino_env.scenes.files import parse_scene
+from domino_env.scenes.files.reading import parse_scene
 
 BASE = """
 [row]

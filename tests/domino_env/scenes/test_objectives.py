@@ -40,7 +40,7 @@ def test_the_schedule_of_a_row_is_met_by_it() -> None:
     plain = some("tempo", count=9)
     row = plain.layout(0.005 + 0.3 * gaps_of(plain, 1)[0], 0.006)
     times = plain.simulate(row).arrival_times
-    scene = replace(plain, tempo=Tempo(times=tuple(times[1:])))
+    scene = replace(plain, settings=Tempo(times=tuple(times[1:])))
     assert scene.tempo.error(times[None])[0] == 0.0
     assert scene.score(row) == 1.0
     late = times.copy()
@@ -87,14 +87,14 @@ def test_the_robust_score_is_the_quantile_computed_by_hand() -> None:
 
 
 def test_draws_that_die_count_as_zero() -> None:
-    scene = some("jitter", count=9, placement=Placement(0.002, 0.25, 40, seed=3))
+    scene = some("jitter", count=9, settings=Placement(0.002, 0.25, 40, seed=3))
     gaps = np.full((1, 8), 0.02)
     gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
     placed = scene.placement.rows(gaps)
     died = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in placed])
     assert 10 < died.sum() < 30
     assert scene.score_batch(gaps, None)[0] < 0.0  # more than a quarter
-    few = replace(scene, placement=Placement(0.002, (died.sum() + 1) / 40, 40, seed=3))
+    few = replace(scene, settings=Placement(0.002, (died.sum() + 1) / 40, 40, seed=3))
     assert few.score_batch(gaps, None)[0] > 0.0
 
 
@@ -112,9 +112,9 @@ def test_the_rank_of_a_quantile() -> None:
 
 
 def test_without_errors_robust_is_the_mean_speed() -> None:
-    scene = some("jitter", count=9, placement=Placement(0.0, draws=3))
+    scene = some("jitter", count=9, settings=Placement(0.0, draws=3))
     rows = 0.005 + 0.4 * gaps_of(scene, 5)
-    plain = replace(scene, objective="mean_speed", placement=None)
+    plain = replace(scene, objective="mean_speed", settings=None)
     assert np.array_equal(scene.score_batch(rows, None), plain.score_batch(rows, None))
 
 

@@ -11,8 +11,9 @@ import jsonschema
 import pytest
 
 import domino_env as de
-from domino_env.scenes.files import document_of, scene_of_document
+from domino_env.scenes.files.reading import scene_of_document
 from domino_env.scenes.files.schema import PATH, scene_schema
+from domino_env.scenes.files.writing import document_of
 
 SCENES = sorted(PATH.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())

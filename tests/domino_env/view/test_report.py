@@ -70,8 +70,8 @@ def test_headline_names_the_faster_row_in_any_order() -> None:
 def test_headline_follows_the_score_where_speed_is_not_what_counts() -> None:
     fast, slow = sorted(ROWS, key=lambda one: -one.wave.mean_speed)
     judged = [
-        dataclasses.replace(fast, score=0.2, worth="RMS error 4 ms", objective="tempo"),
-        dataclasses.replace(slow, score=0.5, worth="RMS error 1 ms", objective="tempo"),
+        dataclasses.replace(fast, score=0.2, worth="RMS error 4 ms", unit=""),
+        dataclasses.replace(slow, score=0.5, worth="RMS error 1 ms", unit=""),
     ]
     assert headline(judged)["who"] == f"{slow.name.capitalize()} wins"
     assert race_data(judged)["winner"] == 1

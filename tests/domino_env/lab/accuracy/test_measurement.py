@@ -19,7 +19,7 @@ from domino_env.lab.accuracy import savings, stability
 from domino_env.lab.accuracy.edge_rows import dipping_push, hesitant_row
 from domino_env.lab.accuracy.many_digits import true_wave
 from domino_env.lab.accuracy.measurement import Measurement, Row, error_of, time_to_reach
-from domino_env.scenes.files import load_scene
+from domino_env.scenes.files.reading import load_scene
 
 # against sixty digits ---------------------------------------------------------------------------
 

@@ -1,0 +1,42 @@
+"""How tall a domino the first can topple."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from domino_env.chain.wave import Wave
+from domino_env.scenes.objectives.base import Evaluation, Objective, Slopes
+from domino_env.scenes.waves import Floats, LayoutBatch, Waves
+
+
+@dataclass(frozen=True)
+class Magnify(Objective):
+    """The height of the last domino, if the wave topples it [m]."""
+
+    name: ClassVar[str] = "magnify"
+    unit: ClassVar[str] = "m"
+    failure: ClassVar[str] = "no height"
+
+    def success(self, waves: Waves) -> Floats:
+        """Take the heights (B,) of the last dominoes."""
+        return waves.last_height
+
+    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
+        """Simulate layouts and score them; the slope by the last height is 1."""
+        slopes = Slopes.zero(rows)
+        slopes.height[:, -1] = 1.0
+        return self.evaluate(rows), slopes
+
+    def in_words(self, score: float, wave: Wave) -> str:
+        """Say how high the last domino is."""
+        return f"last domino {score:.6f} m high"
+
+    @classmethod
+    def clashes(
+        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
+    ) -> Iterator[str]:
+        """Ask for free heights."""
+        if not grows:
+            yield "the table [growth] is missing: objective = 'magnify' needs free heights"

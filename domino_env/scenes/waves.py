@@ -1,0 +1,142 @@
+"""Layouts in, waves out: what scores are made of, B rows at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.chain.layout import Layout
+from domino_env.chain.physics import Physics
+from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate_batch
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class LayoutBatch:
+    """B layouts of N dominoes each that are to be toppled.
+
+    Attributes
+    ----------
+    spacing
+        (B, N-1) free gaps [m].
+    thickness
+        (B, N) [m].
+    height
+        (B, N), or (1, N) where all rows have the same [m].
+    width
+        Of every domino [m].
+    density
+        A number, or (N,) [kg/m³].
+    physics
+        What makes them fall.
+    rtol
+        Relative error allowed in the arrival times.
+    """
+
+    spacing: Floats
+    thickness: Floats
+    height: Floats
+    width: float
+    density: float | Floats
+    physics: Physics
+    rtol: float
+
+    @classmethod
+    def of_one(cls, wave: Wave) -> Self:
+        """Take the layout of a wave, to be toppled as it was."""
+        row = wave.layout
+        return cls(
+            row.spacing[None], row.thickness[None], row.height[None], row.width, row.density,
+            wave.physics, wave.rtol,
+        )  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(self.spacing)
+
+    @property
+    def count(self) -> int:
+        """Number of dominoes N."""
+        return int(self.thickness.shape[1])
+
+    def rows(self, rows: slice) -> LayoutBatch:
+        """Take some of the layouts."""
+        tall = self.height if len(self.height) == 1 else self.height[rows]
+        return replace(
+            self, spacing=self.spacing[rows], thickness=self.thickness[rows], height=tall
+        )
+
+    def layout(self, b: int) -> Layout:
+        """Take layout b."""
+        tall = self.height[b % len(self.height)]
+        return Layout(self.spacing[b], self.thickness[b], tall, self.width, self.density)
+
+    def simulate(self, *, record: bool = False, gradient: bool = False) -> WaveBatch:
+        """Topple them all; the arguments are those of `domino_env.simulate_batch`."""
+        return simulate_batch(
+            self.spacing, self.thickness, self.physics, height=self.height, density=self.density,
+            rtol=self.rtol, record=record, gradient=gradient,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """What scores depend on, of the waves of B layouts of N dominoes each.
+
+    Attributes
+    ----------
+    propagated
+        (B,) whether the wave ran through.
+    reach, mean_speed, toppled, lowest_stall_margin, largest_flush_loss
+        (B,) as of `WaveBatch`.
+    arrival_times
+        (B, N) [s], or (B, 0) where they were not asked for.
+    last_height
+        (B,) height of the last domino [m].
+    count
+        N.
+    rtol
+        Relative error allowed in the arrival times.
+    """
+
+    propagated: NDArray[np.bool_]
+    reach: Floats
+    mean_speed: Floats
+    toppled: Floats
+    arrival_times: Floats
+    lowest_stall_margin: Floats
+    largest_flush_loss: Floats
+    last_height: Floats
+    count: int
+    rtol: float
+
+    @classmethod
+    def of_batch(cls, batch: WaveBatch, rows: LayoutBatch) -> Self:
+        """Take what scores need from the waves of a batch of layouts."""
+        return cls(
+            batch.outcome == Outcome.PROPAGATED, batch.reach, batch.mean_speed,
+            batch.toppled.astype(np.float64), batch.arrival_times, batch.lowest_stall_margin,
+            batch.largest_flush_loss, np.broadcast_to(rows.height[:, -1], len(rows)), rows.count,
+            rows.rtol,
+        )  # fmt: skip
+
+    @classmethod
+    def of_one(cls, wave: Wave) -> Self:
+        """Take what scores need from a single wave, as from a batch of one."""
+        margins = wave.stall_margin[np.isfinite(wave.stall_margin)]
+        return cls(
+            np.array([wave.outcome == Outcome.PROPAGATED]), np.array([wave.reach]),
+            np.array([wave.mean_speed]), np.array([float(wave.toppled)]),
+            wave.arrival_times[None], np.array([margins.min() if len(margins) else 0.0]),
+            np.array([wave.largest_flush_loss]), wave.layout.height[-1:], wave.layout.count,
+            wave.rtol,
+        )  # fmt: skip
+
+    @property
+    def falls(self) -> Ints:
+        """(B,) how many single falls were simulated: N of a wave that ran through."""
+        return np.ceil(self.reach * self.count).astype(np.int64)
