@@ -15,6 +15,7 @@ import numpy as np
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
 from domino_env.chain.wave import TIGHTEST, Wave, simulate, simulate_batch
+from domino_env.lab.first_calls import first_calls
 
 RUNS = 60
 
@@ -118,7 +119,7 @@ def environments() -> list[str]:
 
 def main() -> None:
     """Print every table."""
-    for table in (single_waves, gradients, long_rows, batches, environments):
+    for table in (single_waves, gradients, long_rows, batches, environments, first_calls):
         print("\n".join(table()), end="\n\n", flush=True)
 
 
