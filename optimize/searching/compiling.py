@@ -1,17 +1,36 @@
-"""What a search compiles before its clock starts."""
+"""What is compiled, or loaded from the cache, before a clock starts."""
 
 from __future__ import annotations
 
-from optimize.problem import Problem
+import numpy as np
+
+from domino_env.scenes.scene import Scene
 
 
-def compile_scores(problem: Problem) -> None:
-    """Compile, or load from the cache, a problem's scores of a batch and their gradients.
+def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:
+    """Compile what a scene needs, so that no time that is measured goes into it.
 
-    The best uniform row is scored once, and once with its gradient: so the machine code is what
-    this problem's scene needs, whatever its objective and its limits. The uniform row itself is
-    found here where it is not known yet.
+    That is: single waves and scores of a batch, as its objective and limits ask for them. The best
+    uniform row, with which this is done, is found here where it is not known yet.
+
+    Parameters
+    ----------
+    scene
+        What will be searched, or built.
+    gradients
+        Scores with gradients too.
+    episodes
+        The steps of `DominoChain` too.
     """
-    mark = problem.design(problem.scene.uniform().layout)[None]
-    problem.scores(mark)
-    problem.scores_and_gradients(mark, of_dying=False)
+    mark = scene.uniform().layout
+    gaps, thickness = np.array(mark.spacing[None]), np.array(mark.thickness[None, 1:])
+    height = None if scene.growth is None else np.array(mark.height[None, 1:])
+    scene.score_batch(gaps, thickness, height=height)
+    if gradients:
+        scene.score_batch_gradient(gaps, thickness, height=height)
+    if episodes:
+        from domino_env import DominoChain
+
+        env = DominoChain(scene)
+        env.reset()
+        env.step(np.zeros(env.action_space.shape, np.float32))

@@ -20,7 +20,7 @@ from optimize.evaluation.journal import Journal
 from optimize.evaluation.recorder import Recorder
 from optimize.evaluation.result import SearchResult
 from optimize.problem import Problem
-from optimize.searching.compiling import compile_scores
+from optimize.searching.compiling import compile_for
 from optimize.searching.folder import RunFolder
 from optimize.searching.progress import Watch, progress_line
 
@@ -106,7 +106,7 @@ def search(
             journal = Journal(files.journal, scene, method, seed, versions(), resume=resume)
         recorder = stack.enter_context(Recorder(problem, journal, executor))
         uniform = scene.uniform()
-        compile_scores(problem)
+        compile_for(scene, gradients=True)
         show = stack.enter_context(
             progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
         )

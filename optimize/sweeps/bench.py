@@ -89,11 +89,10 @@ def _measured(tasks: list[Task], workers: int, kill: float | None) -> tuple[floa
 
 
 def _compile(task: Task) -> None:
-    from optimize.problem import Problem
-    from optimize.searching.compiling import compile_scores
+    from optimize.searching.compiling import compile_for
     from optimize.studies.task import scene_of
 
-    compile_scores(Problem(scene_of(task.scene)))
+    compile_for(scene_of(task.scene), gradients=True)
 
 
 def _bits(result: TaskResult) -> tuple[float, bytes, int]:
