@@ -25,7 +25,7 @@ from optimize.studies import open_store
 from optimize.studies.running import run_tasks
 from optimize.studies.task import Task, TaskResult
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def bits(result: TaskResult) -> tuple:
@@ -236,7 +236,7 @@ def test_an_address_that_is_none(address: str) -> None:
 
 
 def test_without_the_extra_it_says_what_installs_it(monkeypatch) -> None:
-    monkeypatch.setattr("optimize.executors.choice.find_spec", lambda name: None)
+    monkeypatch.setattr("optimize.executors.possible.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r'pip install "domino-chains\[dist\]"'):
         DaskExecutor("local")
 

@@ -21,7 +21,7 @@ from domino_env.cli.main import main
 from optimize.studies import open_store
 from optimize.studies.task import Task, TaskResult, run_task, scene_of
 
-DATA = Path(__file__).parent.parent / "data"
+DATA = Path(__file__).parents[2] / "data"
 
 # the processes below only write: what threads of this one hold is nothing to them
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")

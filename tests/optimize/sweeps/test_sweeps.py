@@ -25,7 +25,7 @@ from optimize.sweeps.page import FILES, page, write
 from optimize.sweeps.points import Axis, axis_of, drawn, grid, scene_at
 from optimize.sweeps.runner import Sweep, run_sweep, sweep, sweep_tasks
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 # points -----------------------------------------------------------------------------------------
