@@ -32,9 +32,9 @@ if TYPE_CHECKING:
         terminal_speed_estimate,
     )
     from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
-    from domino_env.envs.chain_env import DominoChain
-    from domino_env.envs.layout_env import DominoLayout
-    from domino_env.envs.vector_env import DominoChainVector
+    from domino_env.envs.chain_env import DominoChain, DominoChainVector
+    from domino_env.envs.layout_env import DominoLayout, DominoLayoutVector
+    from domino_env.envs.snapshot import Snapshot
     from domino_env.lab.measured.fit import Fit, fit_friction
     from domino_env.rigid.comparison import Verification, verify
     from domino_env.scenes.baseline import UniformMark
@@ -53,6 +53,7 @@ __all__ = [
     "DominoChain",
     "DominoChainVector",
     "DominoLayout",
+    "DominoLayoutVector",
     "Fit",
     "Gradient",
     "Heard",
@@ -63,6 +64,7 @@ __all__ = [
     "Physics",
     "Placement",
     "Scene",
+    "Snapshot",
     "SteadyWave",
     "Stock",
     "Tempo",
@@ -105,8 +107,10 @@ __getattr__, __dir__ = lazy_names(
         "simulate": "chain.wave",
         "simulate_batch": "chain.wave",
         "DominoChain": "envs.chain_env",
+        "DominoChainVector": "envs.chain_env",
         "DominoLayout": "envs.layout_env",
-        "DominoChainVector": "envs.vector_env",
+        "DominoLayoutVector": "envs.layout_env",
+        "Snapshot": "envs.snapshot",
         "Fit": "lab.measured.fit",
         "fit_friction": "lab.measured.fit",
         "Verification": "rigid.comparison",

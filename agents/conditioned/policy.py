@@ -218,7 +218,7 @@ def acting(
     ValueError
         For a plan that a row of the scene cannot have, and for a scene as `design` refuses.
     """
-    from domino_env.envs.episodes import progress_features
+    from domino_env.envs.observation import progress_features
 
     require_kind(scene)
     policy = designer or shipped_designer()

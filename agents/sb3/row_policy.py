@@ -16,7 +16,7 @@ import torch
 from stable_baselines3.common.distributions import DiagGaussianDistribution, Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from domino_env.envs.episodes import SCALES
+from domino_env.envs.observation import SCALES
 
 NEAR_END = SCALES.index(4.0) - len(SCALES)  # where is seen exp(-(dominoes to come) / 4)
 

@@ -1,19 +1,29 @@
-"""What the environments of a row have in common: a scene, frames on demand, checks at the door."""
+"""What all environments of a row share: episodes of a scene, frames on demand, checks."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
+from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
 
-from domino_env.envs.episodes import Floats, Seen, shared_scene
-from domino_env.envs.snapshot import Moment
+from domino_env.chain.layout import Layout
+from domino_env.envs.snapshot import Snapshot
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
+
+Floats = NDArray[np.float64]
+Observations = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+Start = Sequence[Layout | None] | Layout | None
 
 RENDER_MODES = ("rgb_array", "human", "ansi")
 RENDER_FPS = 20
@@ -21,7 +31,77 @@ RTOL = 1e-6
 WINDOW = 8
 
 
-class RowEnv(gymnasium.Env[Seen, Seen]):
+class Episodes(ABC):
+    """B episodes of one scene, side by side; those of a single environment are one.
+
+    Attributes
+    ----------
+    scene
+        What is built.
+    number
+        B.
+    actions
+        (A,) space of the actions of one row.
+    observations
+        (O,) space of the observations of one row.
+    options
+        What a reset can be given, by name.
+    """
+
+    scene: Scene
+    number: int
+    actions: Box
+    observations: Box
+    options: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def reset(self, chosen: Bools, observations: Observations, layout: Start = None) -> None:
+        """Begin anew in the chosen rows.
+
+        Parameters
+        ----------
+        chosen
+            (B,) which rows.
+        observations
+            (B, O), written for the chosen rows.
+        layout
+            The first dominoes of each row, or of all, which stand already; None for the first
+            alone. Only where it is among `options`.
+
+        Raises
+        ------
+        ValueError
+            Where `layout` breaks the scene's rules or its wave dies; every row is then left as it
+            was.
+        """
+
+    @abstractmethod
+    def step(self, actions: Floats) -> tuple[Observations, Floats, Bools, dict[str, NDArray[Any]]]:
+        """Take a step in every row that runs.
+
+        Parameters
+        ----------
+        actions
+            (B, A) in [-1, 1].
+
+        Returns
+        -------
+        observations : NDArray
+            (B, O); the entries of rows that did not run are not set.
+        rewards : NDArray
+            (B,); 0 for rows that did not run.
+        ended : NDArray
+            (B,) which episodes ended.
+        infos : dict
+            What is known of those, (E,) arrays in the order of the rows; empty if there are none.
+        """
+
+    @abstractmethod
+    def snapshot(self, row: int) -> Snapshot:
+        """Show a row at its latest hit."""
+
+
+class RowEnv(gymnasium.Env[Observations, Observations]):
     """An environment of one row that can be looked at.
 
     Parameters
@@ -36,15 +116,89 @@ class RowEnv(gymnasium.Env[Seen, Seen]):
         "render_modes": list(RENDER_MODES),
         "render_fps": RENDER_FPS,
     }
+    _episodes: Episodes
 
     def __init__(self, scene: str | Path | Scene, render_mode: str | None) -> None:
         self.render_mode = checked_render_mode(render_mode)
         self.scene = shared_scene(scene)
+        self._all = np.ones(1, np.bool_)
+        self._begun = self._over = False
         self._painter: Any = None
 
-    @abstractmethod
-    def moment(self) -> Moment:
+    def _use(self, episodes: Episodes) -> None:
+        """Stand on these episodes, of which there is one."""
+        self._episodes = episodes
+        self.action_space = episodes.actions  # type: ignore[assignment]
+        self.observation_space = episodes.observations  # type: ignore[assignment]
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin an episode.
+
+        Parameters
+        ----------
+        seed
+            Of `np_random`; nothing is random, so it changes nothing else.
+        options
+            As of the class.
+
+        Returns
+        -------
+        tuple
+            The observation and an empty info.
+
+        Raises
+        ------
+        ValueError
+            For other options, and for a layout that breaks the scene's rules or dies.
+        """
+        super().reset(seed=seed)
+        given = checked_options(options, self._episodes.options)
+        observations = np.empty((1, *self._episodes.observations.shape), np.float32)
+        self._episodes.reset(self._all, observations, **given)
+        self._begun, self._over = True, False
+        if self.render_mode == "human":
+            self.render()
+        return observations[0], {}
+
+    def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
+        """Take a step.
+
+        Parameters
+        ----------
+        action
+            (A,) in [-1, 1], as of the class.
+
+        Returns
+        -------
+        tuple
+            Observation, reward, terminated, truncated and info, as of the class.
+
+        Raises
+        ------
+        ValueError
+            For an action of another shape or with entries that are not finite.
+        ResetNeeded
+            Before `reset`, and once the episode is over.
+        """
+        values = checked_actions(action, self._episodes.actions)
+        if self._over or not self._begun:
+            raise ResetNeeded(
+                "the episode is over: call reset() before the next step()"
+                if self._over
+                else "call reset() before the first step()"
+            )
+        observations, rewards, ended, infos = self._episodes.step(values[None])
+        self._over = bool(ended[0])
+        if self.render_mode == "human":
+            self.render()
+        info = {key: values.item(0) for key, values in infos.items()}
+        return observations[0], float(rewards[0]), self._over, False, info
+
+    def snapshot(self) -> Snapshot:
         """Show the row at the latest hit."""
+        return self._episodes.snapshot(0)
 
     def render(self) -> NDArray[np.uint8] | str | None:
         """Draw the row at the latest hit: an image, a text, or None for a window."""
@@ -56,7 +210,7 @@ class RowEnv(gymnasium.Env[Seen, Seen]):
             return None
         if self._painter is None:
             self._painter = new_painter(self.scene, self.render_mode)
-        frame: NDArray[np.uint8] | str | None = self._painter.frame(self.moment())
+        frame: NDArray[np.uint8] | str | None = self._painter.frame(self.snapshot())
         return frame
 
     def close(self) -> None:
@@ -67,6 +221,16 @@ class RowEnv(gymnasium.Env[Seen, Seen]):
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_painter": None}  # windows stay where they are
+
+
+@lru_cache(maxsize=64)
+def _shared(scene: Scene) -> Scene:
+    return scene  # the first of those that are equal
+
+
+def shared_scene(scene: str | Path | Scene) -> Scene:
+    """Load a scene, the same object for all who ask for equal ones: its baseline is found once."""
+    return _shared(scene if isinstance(scene, Scene) else load_scene(scene))
 
 
 def new_painter(scene: Scene, render_mode: str) -> Any:
@@ -81,9 +245,7 @@ def checked_render_mode(mode: str | None, allowed: tuple[str, ...] = RENDER_MODE
     return mode
 
 
-def checked_options(
-    options: dict[str, Any] | None, allowed: tuple[str, ...] = ("layout",)
-) -> dict[str, Any]:
+def checked_options(options: dict[str, Any] | None, allowed: tuple[str, ...]) -> dict[str, Any]:
     """Return the options of a reset, if they are known ones."""
     for key in options or {}:
         if key not in allowed:
@@ -92,10 +254,17 @@ def checked_options(
     return options or {}
 
 
-def wrong_actions(values: Floats, space: gymnasium.Space[Any]) -> str:
-    """Say what is wrong with actions that do not fit a space."""
+def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
+    """Return actions as float64, if they have the shape of a space and are finite."""
+    values = np.asarray(actions, dtype=np.float64)
     if values.shape != space.shape:
-        return f"action of shape {values.shape}: expected {space.shape}, entries from -1 to 1"
-    place = np.argwhere(~np.isfinite(values))[0]
-    where = ", ".join(str(i) for i in place)
-    return f"action[{where}] = {values[tuple(place)]}: every entry must be finite, from -1 to 1"
+        raise ValueError(
+            f"action of shape {values.shape}: expected {space.shape}, entries from -1 to 1"
+        )
+    if not np.isfinite(values).all():
+        place = tuple(np.argwhere(~np.isfinite(values))[0])
+        where = ", ".join(str(i) for i in place)
+        raise ValueError(
+            f"action[{where}] = {values[place]}: every entry must be finite, from -1 to 1"
+        )
+    return values

@@ -1,19 +1,15 @@
-"""DominoChain-v0: a row of dominoes designed one domino at a time."""
+"""DominoChain-v0: a row of dominoes designed one domino at a time, alone or many at once."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from gymnasium.error import ResetNeeded
-from gymnasium.spaces import Box
-from numpy.typing import ArrayLike
+from gymnasium.vector import AutoresetMode
 
-from domino_env import kernels
-from domino_env.envs.base import RTOL, WINDOW, RowEnv, checked_options, wrong_actions
-from domino_env.envs.episodes import Rows, Seen
-from domino_env.envs.snapshot import Moment
+from domino_env.chain.layout import Layout
+from domino_env.envs.base import RTOL, WINDOW, Floats, RowEnv
+from domino_env.envs.episodes import ChainEpisodes
+from domino_env.envs.vector import RowVectorEnv
 from domino_env.scenes.scene import Scene
 
 
@@ -83,7 +79,7 @@ class DominoChain(RowEnv):
 
     ## Starting state
     The first domino alone. `reset(options={"layout": layout})` starts from a layout of fewer
-    dominoes, which have been laid and have fallen; what they have gained counts as paid, so that
+    dominoes, which stand and have fallen; what they have gained counts as paid, so that
     the rewards to come are those of a whole episode. Nothing is random: the seed changes nothing.
 
     ## Episode end
@@ -111,8 +107,10 @@ class DominoChain(RowEnv):
         Speed that the rewards of single steps count against [m/s]; None for the best uniform
         row's. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
     window
-        W, how many gaps and thicknesses are seen; at most N - 1.
+        W, how many gaps and thicknesses are observed; at most N - 1.
     """
+
+    _episodes: ChainEpisodes
 
     def __init__(
         self,
@@ -123,90 +121,16 @@ class DominoChain(RowEnv):
         window: int = WINDOW,
     ) -> None:
         super().__init__(scene, render_mode)
-        self._rows = Rows(self.scene, 1, rtol, reference_speed, window)
-        self._everyone = np.ones(1, np.bool_)
-        self.action_space = Box(-1.0, 1.0, (self._rows.choices,), np.float32)
-        self.observation_space = Box(self._rows.seen_low, self._rows.seen_high, dtype=np.float32)
+        self._use(ChainEpisodes(self.scene, 1, rtol, reference_speed, window))
 
     @property
     def reference_speed(self) -> float:
         """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
-        return self._rows.reference_speed
+        return self._episodes.reference_speed
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
-        self._rows.reference_speed = speed
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Seen, dict[str, Any]]:
-        """Begin a row.
-
-        Parameters
-        ----------
-        seed
-            Of `np_random`; nothing is random, so it changes nothing else.
-        options
-            {"layout": Layout} of the dominoes to start from.
-
-        Returns
-        -------
-        tuple
-            The observation and an empty info.
-
-        Raises
-        ------
-        ValueError
-            For other options, and for a layout that breaks the scene's rules or dies.
-        """
-        super().reset(seed=seed)
-        start = checked_options(options).get("layout")
-        seen = np.empty((1, len(self._rows.seen_low)), np.float32)
-        self._rows.reset(self._everyone, seen, None if start is None else [start])
-        if self.render_mode == "human":
-            self.render()
-        return seen[0], {}
-
-    def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Place the next domino.
-
-        Parameters
-        ----------
-        action
-            (A,) in [-1, 1], as of the class.
-
-        Returns
-        -------
-        tuple
-            Observation, reward, terminated, truncated and info, as of the class.
-
-        Raises
-        ------
-        ValueError
-            For an action of another shape or with entries that are not finite.
-        ResetNeeded
-            Before `reset`, and once the episode is over.
-        """
-        values = np.asarray(action, dtype=np.float64)
-        if values.shape != self.action_space.shape or not np.isfinite(values).all():
-            raise ValueError(wrong_actions(values, self.action_space))
-        rows = self._rows
-        if rows.phases[0] != kernels.RUNNING:
-            raise ResetNeeded(
-                "the episode is over: call reset() before the next step()"
-                if rows.phases[0] == kernels.OVER
-                else "call reset() before the first step()"
-            )
-        seen, rewards, ended = rows.step(values[None])
-        info: dict[str, Any] = {}
-        over = bool(ended[0])
-        if over:
-            told = rows.settle(np.zeros(1, np.intp), rewards)
-            info = {key: value[0] for key, value in told.items()}
-            info["score"], info["gain"] = float(info["score"]), float(info["gain"])
-        if self.render_mode == "human":
-            self.render()
-        return seen[0], float(rewards[0]), over, False, info
+        self._episodes.reference_speed = speed
 
     def bounds_ahead(self) -> dict[str, tuple[float, float]]:
         """Return what the next action ranges over: {"spacing": (low, high), "thickness": …} [m].
@@ -214,8 +138,73 @@ class DominoChain(RowEnv):
         Where a length is to be met, the gap's bounds depend on the thickness that the same action
         chooses: they are given for the middle of its range.
         """
-        return self._rows.bounds_ahead(0)
+        return self._episodes.bounds_ahead(0)
 
-    def moment(self) -> Moment:
-        """Show the row at the latest hit."""
-        return self._rows.moment(0)
+
+class DominoChainVector(RowVectorEnv):
+    """`DominoChain` times num_envs, bit for bit, with all rows moved by one compiled call a step.
+
+    Actions (B, A), observations (B, O), rewards (B,) float64, as Gymnasium's vector environments
+    have them; infos hold an array of length B for each key of the single environment's info, and
+    under "_key" which entries are set. The number of threads is Numba's (`numba.set_num_threads`).
+
+    The options of a reset are "reset_mask", (B,) which rows begin anew, and "layout", the first
+    dominoes of the rows: a Layout that all of them start from, or one (or None) for each.
+
+    Parameters
+    ----------
+    num_envs
+        B, the number of rows.
+    scene
+        As of `DominoChain`.
+    render_mode
+        None, "rgb_array" or "ansi".
+    rtol
+        As of `DominoChain`.
+    reference_speed
+        As of `DominoChain`; may be set at any time.
+    window
+        As of `DominoChain`.
+    autoreset_mode
+        When the episode after an ended one begins:
+
+        - NEXT_STEP: with the step after the last, which takes no notice of the action and pays 0.
+        - SAME_STEP: with the last step itself; the last observation and info are in
+          infos["final_obs"] and infos["final_info"].
+        - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
+    """
+
+    _episodes: ChainEpisodes
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: str | Path | Scene = "sprint",
+        render_mode: str | None = None,
+        rtol: float = RTOL,
+        reference_speed: float | None = None,
+        window: int = WINDOW,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+    ) -> None:
+        super().__init__(num_envs, scene, render_mode, autoreset_mode)
+        self._use(ChainEpisodes(self.scene, self.num_envs, rtol, reference_speed, window))
+
+    @property
+    def reference_speed(self) -> float:
+        """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
+        return self._episodes.reference_speed
+
+    @reference_speed.setter
+    def reference_speed(self, speed: float) -> None:
+        self._episodes.reference_speed = speed
+
+    def bounds_ahead(self, row: int) -> dict[str, tuple[float, float]]:
+        """Return what the next action of a row ranges over; see `DominoChain.bounds_ahead`."""
+        return self._episodes.bounds_ahead(row)
+
+    def actions_towards(self, layout: Layout) -> Floats:
+        """Return actions (B, A) that place the next domino of every row as in a layout.
+
+        Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
+        """
+        return self._episodes.actions_towards(layout)

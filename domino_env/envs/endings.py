@@ -1,32 +1,38 @@
-"""How episodes ended: their layouts and waves, worked out when somebody looks at them.
+"""The end of episodes: scores, returns, and infos with layouts and waves.
 
-A batch ends tens of thousands of episodes a second, and few of them are ever looked at.
+A batch ends tens of thousands of episodes a second, and few of their waves are ever looked at: one
+is simulated when it is, unless the score has needed it already.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave, simulate
+from domino_env.chain.physics import Physics
+from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 Objects = NDArray[np.object_]
 
+_OUTCOMES = np.array([Outcome(i) for i in range(len(Outcome))], object)
 
-@dataclass(frozen=True, eq=False)
+
 class Endings:
-    """What is kept of E episodes that ended together.
+    """E episodes that ended together.
 
-    Attributes
+    Parameters
     ----------
     scene
         What was built.
+    baseline
+        Score of the scene's best uniform row.
     rtol
         Relative error allowed in the arrival times.
     spacing
@@ -37,17 +43,68 @@ class Endings:
         (E, N) [m]
     placed
         (E,) dominoes placed after the first.
+
+    Attributes
+    ----------
+    outcome
+        (E,) values of `Outcome`.
     reach
         (E,) how far each wave came, of the scene's N dominoes.
+    score
+        (E,) as of `Scene.score_wave`.
     """
 
-    scene: Scene
-    rtol: float
-    spacing: Floats
-    thickness: Floats
-    height: Floats
-    placed: list[int]
-    reach: list[float]
+    def __init__(
+        self,
+        scene: Scene,
+        baseline: float,
+        rtol: float,
+        spacing: Floats,
+        thickness: Floats,
+        height: Floats,
+        placed: list[int],
+    ) -> None:
+        self.scene, self.baseline, self.rtol = scene, baseline, rtol
+        self.spacing, self.thickness, self.height, self.placed = spacing, thickness, height, placed
+        self.outcome = np.zeros(len(placed), np.int64)
+        self.reach, self.score = np.zeros(len(placed)), np.zeros(len(placed))
+        self._waves: dict[int, Wave] = {}
+
+    def judge(self, which: Iterable[int]) -> None:
+        """Simulate the rows of some episodes, and score their waves.
+
+        The outcome and reach of a wave that died before all dominoes were placed stay as they are:
+        its row goes on where nothing is placed yet.
+        """
+        which = list(which)
+        layouts = [self.layout(i) for i in which]
+        waves = simulate_all(layouts, self.scene.physics, self.rtol)
+        for i, wave in zip(which, waves, strict=True):
+            if self.placed[i] == self.scene.count - 1:
+                self.outcome[i], self.reach[i] = wave.outcome, wave.reach
+                self._waves[i] = wave
+            else:
+                self._waves[i] = replace(wave, reach=float(self.reach[i]))
+            self.score[i] = self.scene.score_wave(self._waves[i])
+
+    def returns(self) -> Floats:
+        """Give the gains over the best uniform row (E,), in per cent."""
+        if self.baseline > 0.0:
+            return 100.0 * (self.score / self.baseline - 1.0)
+        return 100.0 * (self.score - self.baseline) / max(-self.baseline, 1e-9)
+
+    def infos(self) -> dict[str, NDArray[Any]]:
+        """Give what the last info of each episode holds, (E,) each."""
+        layouts, waves = (np.empty(len(self.placed), object) for _ in range(2))
+        for i in range(len(self.placed)):
+            layouts[i], waves[i] = LazyLayout.of(self, i), LazyWave.of(self, i)
+        return {
+            "score": self.score.copy(),
+            "gain": self.returns() / 100.0,
+            "outcome": _OUTCOMES[self.outcome],
+            "layout": layouts,
+            "wave": waves,
+        }
 
     def layout(self, i: int) -> Layout:
         """Return what was placed in episode i."""
@@ -60,61 +117,50 @@ class Endings:
             scene.density,
         )
 
-    def wave(self, i: int) -> dict[str, Any]:
-        """Return the fields of the wave of episode i; its reach counts against all N dominoes."""
+    def wave(self, i: int) -> Wave:
+        """Return the wave of episode i; its reach counts against the scene's N dominoes."""
+        if i in self._waves:
+            return self._waves[i]
         wave = simulate(self.layout(i), self.scene.physics, rtol=self.rtol)
-        return vars(wave) | {"reach": self.reach[i]}
-
-    def layouts(self) -> Objects:
-        """(E,) layouts, to be looked at later."""
-        return self._late(LateLayout)
-
-    def waves(self) -> Objects:
-        """(E,) waves, to be looked at later."""
-        return self._late(LateWave)
-
-    def _late(self, kind: type[LateLayout] | type[LateWave]) -> Objects:
-        new = object.__new__
-        late = np.empty(len(self.placed), object)
-        for i in range(len(late)):
-            item = new(kind)
-            item.__dict__["_late"] = (self, i)
-            late[i] = item
-        return late
+        return replace(wave, reach=float(self.reach[i]))
 
 
-class LateLayout(Layout):
-    """A Layout whose arrays are made when they are first looked at."""
+class _Lazy:
+    """What is known to be the i-th of some endings, and worked out when it is first looked at."""
+
+    @classmethod
+    def of(cls, endings: Endings, i: int) -> Self:
+        """Stand for episode i."""
+        self = object.__new__(cls)
+        self.__dict__["_lazy"] = (endings, i)
+        return self
 
     def __getattr__(self, name: str) -> Any:
-        late = None if name.startswith("__") else self.__dict__.pop("_late", None)
-        if late is None:
-            raise AttributeError(f"'Layout' object has no attribute '{name}'")
-        endings, i = late
-        self.__dict__.update(vars(endings.layout(i)))
+        lazy = None if name.startswith("__") else self.__dict__.pop("_lazy", None)
+        if lazy is None:
+            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+        self.__dict__.update(self._fields(*lazy))
         return getattr(self, name)
 
+    def _fields(self, endings: Endings, i: int) -> dict[str, Any]:
+        raise NotImplementedError
 
-class LateWave(Wave):
-    """A Wave that is simulated when it is first looked at.
+
+class LazyLayout(_Lazy, Layout):
+    """A Layout whose arrays are made when they are first looked at."""
+
+    def _fields(self, endings: Endings, i: int) -> dict[str, Any]:
+        return vars(endings.layout(i))
+
+
+class LazyWave(_Lazy, Wave):
+    """A Wave that is simulated when it is first looked at, if it has not been before.
 
     Two are equal if they are waves of equal layouts under the same physics and tolerance.
     """
 
-    @classmethod
-    def known(cls, wave: Wave) -> Self:
-        """Take one that has been simulated already."""
-        self = object.__new__(cls)
-        self.__dict__.update(vars(wave))
-        return self
-
-    def __getattr__(self, name: str) -> Any:
-        late = None if name.startswith("__") else self.__dict__.pop("_late", None)
-        if late is None:
-            raise AttributeError(f"'Wave' object has no attribute '{name}'")
-        endings, i = late
-        self.__dict__.update(endings.wave(i))
-        return getattr(self, name)
+    def _fields(self, endings: Endings, i: int) -> dict[str, Any]:
+        return vars(endings.wave(i))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Wave):
@@ -128,3 +174,50 @@ class LateWave(Wave):
 
     def __hash__(self) -> int:
         return hash((self.layout, self.physics, self.rtol))
+
+
+def simulate_all(layouts: list[Layout], physics: Physics, rtol: float) -> list[Wave]:
+    """Simulate rows, those of the same length in one call over all cores; see `simulate`."""
+    places: dict[int, list[int]] = {}
+    for i, layout in enumerate(layouts):
+        places.setdefault(layout.count, []).append(i)
+    waves: dict[int, Wave] = {}
+    for alike in places.values():
+        if len(alike) == 1:
+            waves[alike[0]] = simulate(layouts[alike[0]], physics, rtol=rtol)
+            continue
+        rows = [layouts[i] for i in alike]
+        batch = simulate_batch(
+            np.stack([row.spacing for row in rows]),
+            np.stack([row.thickness for row in rows]),
+            physics,
+            height=np.stack([row.height for row in rows]),
+            density=np.stack([row.density for row in rows]),
+            rtol=rtol,
+        )
+        for b, i in enumerate(alike):
+            waves[i] = _wave_of(batch, b, layouts[i], physics, rtol)
+    return [waves[i] for i in range(len(layouts))]
+
+
+def _wave_of(batch: WaveBatch, b: int, layout: Layout, physics: Physics, rtol: float) -> Wave:
+    """One wave of a batch, as `simulate` gives it."""
+    return Wave(
+        layout=layout,
+        physics=physics,
+        outcome=Outcome(batch.outcome[b]),
+        hit=int(batch.hit[b]),
+        toppled=int(batch.toppled[b]),
+        arrival_times=batch.arrival_times[b].copy(),
+        release_velocity=batch.release_velocity[b].copy(),
+        impact_velocity=batch.impact_velocity[b].copy(),
+        stall_margin=batch.stall_margin[b].copy(),
+        reach=float(batch.reach[b]),
+        error_estimate=float(batch.error_estimate[b]),
+        converged=bool(batch.converged[b]),
+        flushes=int(batch.flushes[b]),
+        releases=int(batch.releases[b]),
+        largest_flush_loss=float(batch.largest_flush_loss[b]),
+        rtol=rtol,
+        run_time=batch.run_time / len(batch),
+    )

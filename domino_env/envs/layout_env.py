@@ -1,4 +1,4 @@
-"""DominoLayout-v0: a whole row as one action."""
+"""DominoLayout-v0: a whole row as one action, alone or many at once."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
-from numpy.typing import ArrayLike
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
 
 from domino_env import kernels
-from domino_env.chain.layout import Layout
-from domino_env.envs.base import RTOL, RowEnv, checked_options, wrong_actions
-from domino_env.envs.endings import LateWave
-from domino_env.envs.episodes import Floats, Rows, Seen
-from domino_env.envs.snapshot import Moment
+from domino_env.envs.arrays import choices, new_batch
+from domino_env.envs.base import RTOL, Bools, Episodes, Floats, Observations, RowEnv, Start
+from domino_env.envs.endings import Endings
+from domino_env.envs.snapshot import Snapshot
+from domino_env.envs.vector import RowVectorEnv
 from domino_env.scenes.scene import Scene
+from domino_env.support.threads import share_rows
+
+PIECE = 16  # rows whose dominoes are placed by one thread, at least
+NEWTON, CLOSE = 5, 1e-13  # steps towards a shift, and how close they are likely to come [m]
 
 
 class DominoLayout(RowEnv):
@@ -33,7 +37,7 @@ class DominoLayout(RowEnv):
     other rules narrow the entries from the first domino to the last, as in `DominoChain-v0`.
 
     ## Observation space
-    `Box(0, 1, (1,), float32)`: 0 before the row is laid, 1 after.
+    `Box(0, 1, (1,), float32)`: 0 before the row is placed, 1 after.
 
     ## Rewards
     100 (score / score of the best uniform row - 1), as the return of `DominoChain-v0`.
@@ -62,123 +66,183 @@ class DominoLayout(RowEnv):
         rtol: float = RTOL,
     ) -> None:
         super().__init__(scene, render_mode)
-        self._rows = Rows(self.scene, 1, rtol, None, 0)
-        self.rtol, self.mark = self._rows.rtol, self._rows.mark
-        pairs = self.scene.count - 1
-        bounds = [self.scene.spacing] * pairs * self.scene.free_spacing
-        bounds += [self.scene.thickness] * pairs * self.scene.free_thickness
-        bounds += [self.scene.growth or (1.0, 1.0)] * pairs * self.scene.free_height
+        self._use(LayoutEpisodes(self.scene, 1, rtol))
+
+
+class DominoLayoutVector(RowVectorEnv):
+    """`DominoLayout` times num_envs, bit for bit, with all rows simulated as one batch.
+
+    Infos, seeds and the option "reset_mask" are those of `DominoChainVector`.
+
+    Parameters
+    ----------
+    num_envs
+        B, the number of rows.
+    scene
+        As of `DominoLayout`.
+    render_mode
+        None, "rgb_array" or "ansi".
+    rtol
+        As of `DominoLayout`.
+    autoreset_mode
+        As of `DominoChainVector`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: str | Path | Scene = "sprint",
+        render_mode: str | None = None,
+        rtol: float = RTOL,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+    ) -> None:
+        super().__init__(num_envs, scene, render_mode, autoreset_mode)
+        self._use(LayoutEpisodes(self.scene, self.num_envs, rtol))
+
+
+class LayoutEpisodes(Episodes):
+    """B rows of one scene, each placed and toppled by one step.
+
+    Parameters
+    ----------
+    scene
+        What is built.
+    number
+        B.
+    rtol
+        Relative error allowed in the arrival times.
+
+    Raises
+    ------
+    ValueError
+        For what `new_batch` refuses.
+    """
+
+    def __init__(self, scene: Scene, number: int, rtol: float) -> None:
+        self.scene, self.number, self.rtol = scene, number, float(rtol)
+        self._batch = new_batch(scene, number, self.rtol, 0, falls=False)
+        self.baseline = scene.uniform()
+        pairs = scene.count - 1
+        bounds = [scene.spacing] * pairs * scene.free_spacing
+        bounds += [scene.thickness] * pairs * scene.free_thickness
+        bounds += [scene.growth or (1.0, 1.0)] * pairs * scene.free_height
         self._low, self._high = np.array(bounds).T
-        self.action_space = Box(-1.0, 1.0, (len(bounds),), np.float32)
-        self.observation_space = Box(0.0, 1.0, (1,), np.float32)
-        self._ready = False
-        self._wave: LateWave | None = None
+        self.actions = Box(-1.0, 1.0, (len(bounds),), np.float32)
+        self.observations = Box(0.0, 1.0, (1,), np.float32)
+        self._running = np.zeros(number, np.bool_)
+        self._waves = np.full(number, None, object)  # of rows that are over
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Seen, dict[str, Any]]:
-        """Begin an episode; there are no options."""
-        super().reset(seed=seed)
-        checked_options(options, ())
-        self._ready, self._wave = True, None
-        if self.render_mode == "human":
-            self.render()
-        return np.zeros(1, np.float32), {}
+    def reset(self, chosen: Bools, observations: Observations, layout: Start = None) -> None:
+        """Begin anew in the chosen rows; see `Episodes.reset`."""
+        self._running |= chosen
+        self._waves[chosen] = None
+        observations[chosen] = 0.0
 
-    def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Lay the row and topple it.
+    def step(self, actions: Floats) -> tuple[Observations, Floats, Bools, dict[str, NDArray[Any]]]:
+        """Place and topple every row that has begun; see `Episodes.step`."""
+        observations = np.ones((self.number, 1), np.float32)
+        rewards, ended = np.zeros(self.number), self._running
+        self._running = np.zeros(self.number, np.bool_)
+        rows = np.flatnonzero(ended)
+        if not len(rows):
+            return observations, rewards, ended, {}
+        self._place(actions)
+        batch = self._batch
+        endings = Endings(
+            scene=self.scene,
+            baseline=self.baseline.score,
+            rtol=self.rtol,
+            spacing=batch.spacing[rows],
+            thickness=batch.thickness[rows],
+            height=batch.height[rows if len(batch.height) > 1 else np.zeros_like(rows)],
+            placed=[self.scene.count - 1] * len(rows),
+        )
+        endings.judge(range(len(rows)))
+        rewards[rows] = endings.returns()
+        infos = endings.infos()
+        self._waves[rows] = infos["wave"]
+        return observations, rewards, ended, infos
 
-        Parameters
-        ----------
-        action
-            (A,) in [-1, 1], as of the class.
-
-        Returns
-        -------
-        tuple
-            Observation, reward, terminated, truncated and info, as of the class.
-
-        Raises
-        ------
-        ValueError
-            For an action of another shape or with entries that are not finite.
-        ResetNeeded
-            Before `reset`: an episode has one step.
-        """
-        values = np.asarray(action, dtype=np.float64)
-        if values.shape != self.action_space.shape or not np.isfinite(values).all():
-            raise ValueError(wrong_actions(values, self.action_space))
-        if not self._ready:
-            raise ResetNeeded("an episode has one step: call reset() before step()")
-        layout = self._laid(values)
-        wave = self.scene.simulate(layout, self.rtol)
-        score = self.scene.score_wave(wave)
-        reward = float(kernels.plain(kernels.episode_return)(score, self.mark.score))
-        self._ready = False
-        self._wave = LateWave.known(wave)
-        info = {
-            "score": score,
-            "gain": reward / 100.0,
-            "outcome": wave.outcome,
-            "layout": layout,
-            "wave": self._wave,
-        }
-        if self.render_mode == "human":
-            self.render()
-        return np.ones(1, np.float32), reward, True, False, info
-
-    def _laid(self, action: Floats) -> Layout:
-        """The row that an action stands for."""
-        scene, pairs = self.scene, self.scene.count - 1
+    def _place(self, actions: Floats) -> None:
+        """Write the rows that the actions stand for."""
+        scene, batch, pairs = self.scene, self._batch, self.scene.count - 1
         if scene.length is None:
-            return self._rows.lay(np.ascontiguousarray(action.reshape(-1, pairs).T))
-        wide = 0.5 * (np.clip(action, -1.0, 1.0) + 1.0) * (self._high - self._low)
+            each = actions.reshape(self.number, choices(scene), pairs).transpose(0, 2, 1)
+            share_rows(kernels.place_rows, self.number, PIECE, batch, np.ascontiguousarray(each))
+            return
+        wide = 0.5 * (np.clip(actions, -1.0, 1.0) + 1.0) * (self._high - self._low)
         fixed = scene.spacing[0] * (not scene.free_spacing)
         fixed += scene.thickness[0] * (not scene.free_thickness)
         values = nearest_with_sum(
             np.clip(self._low + wide, self._low, self._high), self._low, self._high,
             scene.length - pairs * fixed,
         )  # fmt: skip
-        gaps = values[:pairs] if scene.free_spacing else scene.spacing[0]
-        return scene.layout(gaps, values[-pairs:] if scene.free_thickness else None)
+        batch.spacing[:] = values[:, :pairs] if scene.free_spacing else scene.spacing[0]
+        unit = scene.height if scene.in_heights else 1.0
+        batch.thickness[:, 1:] = (
+            values[:, -pairs:] if scene.free_thickness else scene.thickness[0] * unit
+        )
 
-    def moment(self) -> Moment:
+    def snapshot(self, row: int) -> Snapshot:
         """Show the first domino alone, or the row at its last hit."""
-        mark_speed, wave = self.mark.wave.mean_speed, self._wave
+        scene, wave, uniform_speed = self.scene, self._waves[row], self.baseline.wave.mean_speed
         if wave is None:
-            scene = self.scene
             thick, height = np.array([scene.first_thickness]), np.array([scene.height])
-            return Moment(np.empty(0), thick, height, 1, 0.0, scene.physics.push, mark_speed)
+            return Snapshot(np.empty(0), thick, height, 1, 0.0, scene.physics.push, uniform_speed)
         struck = np.isfinite(wave.arrival_times)
         front = wave.release_velocity[struck][-1]
-        return Moment(
+        return Snapshot(
             spacing=wave.layout.spacing,
             thickness=wave.layout.thickness,
             height=wave.layout.height,
             hit=wave.hit,
             time=float(wave.arrival_times[struck][-1]),
             speed=float(front) if wave.mean_speed > 0.0 else 0.0,
-            uniform_speed=mark_speed,
+            uniform_speed=uniform_speed,
             wave=wave,
         )
 
 
 def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """Find the point of {low ≤ x ≤ high, Σ x = total} nearest to `values`, (n,) each.
+    """Find the points of {low ≤ x ≤ high, Σ x = total} nearest to `values`.
 
-    The projection shifts all entries alike and cuts them off at their bounds; halving the range of
-    the shift until nothing is left of it finds it to rounding, which one entry then takes up.
+    The projection shifts all entries of a point alike and cuts them off at their bounds. Newton's
+    method comes close to the shift, and halving what is left finds it to rounding, which the
+    entries between their bounds then take up.
+
+    Parameters
+    ----------
+    values
+        (B, n).
+    low, high
+        (n,) bounds.
+    total
+        Of the entries of a point; between the sums of the bounds.
     """
-    least, most = float(np.min(low - values)), float(np.max(high - values))
+
+    def shifted(shift: Floats) -> Floats:
+        return np.minimum(np.maximum(values + shift[:, None], low), high)
+
+    least, most = np.min(low - values, axis=1), np.max(high - values, axis=1)
+    shift = np.zeros(len(values))
+    for _ in range(NEWTON):
+        moved = shifted(shift)
+        free = np.count_nonzero((moved > low) & (moved < high), axis=1)
+        shift += (total - np.add.reduce(moved, axis=1)) / np.maximum(free, 1)
+    # the sum rises with the shift, rounded or not, so that it is found from any bounds around it
+    shift = np.minimum(np.maximum(shift, least), most)
+    below, above = np.maximum(shift - CLOSE, least), np.minimum(shift + CLOSE, most)
+    least = np.where(np.add.reduce(shifted(below), axis=1) < total, below, least)
+    most = np.where(np.add.reduce(shifted(above), axis=1) < total, most, above)
+    shift = np.full(len(values), np.nan)
     for _ in range(200):
-        shift = 0.5 * (least + most)
-        if not least < shift < most:
+        before, shift = shift, 0.5 * (least + most)
+        moved = shifted(shift)
+        if (shift == before).all():
             break
-        if np.clip(values + shift, low, high).sum() < total:
-            least = shift
-        else:
-            most = shift
-    moved: Floats = np.clip(values + shift, low, high)
+        short = np.add.reduce(moved, axis=1) < total
+        least, most = np.where(short, shift, least), np.where(short, most, shift)
     free = (moved > low) & (moved < high)
-    moved += free * (total - moved.sum()) / max(int(free.sum()), 1)
+    rest = total - np.add.reduce(moved, axis=1)
+    moved += free * (rest / np.maximum(np.count_nonzero(free, axis=1), 1))[:, None]
     return np.asarray(np.clip(moved, low, high))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.motion import lean_behind
-from domino_env.envs.snapshot import Moment
+from domino_env.envs.snapshot import Snapshot
 from domino_env.scenes.scene import Scene
 
 WIDTH, HEIGHT = 1200, 200
@@ -22,7 +22,7 @@ FRAMES_A_SECOND = 20  # of a window, at most
 
 
 class Painter:
-    """Draws the moments of one environment.
+    """Draws the snapshots of one environment.
 
     Parameters
     ----------
@@ -42,21 +42,23 @@ class Painter:
         self._window = _Window() if mode == "human" else None
         self._scale: Any = None
 
-    def frame(self, moment: Moment) -> NDArray[np.uint8] | str | None:
+    def frame(self, snapshot: Snapshot) -> NDArray[np.uint8] | str | None:
         """Draw an image (H, W, 3), a text, or None for a window, which shows it."""
-        layout = Layout(moment.spacing, moment.thickness, moment.height)
-        leader = max(moment.hit - 1, 0)
+        layout = Layout(snapshot.spacing, snapshot.thickness, snapshot.height)
+        leader = max(snapshot.hit - 1, 0)
         leans = lean_behind(layout, np.array([leader]), np.zeros(1))[0]
         if self.mode == "ansi":
-            return self._words(moment, layout, leader, leans)
+            return self._text(snapshot, layout, leader, leans)
         from domino_env.view.drawing import Scale, strip
 
         if self._scale is None:
             length = self.scene.length or 1.1 * float(self.scene.uniform().layout.length)
             tallest = float(self.scene.uniform().layout.height.max())
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT)
-        ghost = moment.uniform_speed * moment.time if moment.uniform_speed > 0.0 else None
-        image = np.asarray(strip(layout, leans, leader, self._scale, _line(moment, layout), ghost))
+        ghost = snapshot.uniform_speed * snapshot.time if snapshot.uniform_speed > 0.0 else None
+        image = np.asarray(
+            strip(layout, leans, leader, self._scale, _line(snapshot, layout), ghost)
+        )
         if self._window is None:
             return image.copy()
         self._window.show(image)
@@ -67,8 +69,8 @@ class Painter:
         if self._window is not None:
             self._window.close()
 
-    def _words(
-        self, moment: Moment, layout: Layout, leader: int, leans: NDArray[np.float64]
+    def _text(
+        self, snapshot: Snapshot, layout: Layout, leader: int, leans: NDArray[np.float64]
     ) -> str:
         """The row to scale in characters, a domino at least one, and what `_line` says."""
         cell = max(float(layout.length), 1e-9) / TEXT_WIDTH
@@ -78,19 +80,19 @@ class Painter:
             sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > 1.1 else "/"
             row.append(" " * (column - at) + sign)
             at = column + 1
-        return "".join(row) + "\n" + _line(moment, layout) + "\n"
+        return "".join(row) + "\n" + _line(snapshot, layout) + "\n"
 
 
-def _line(moment: Moment, layout: Layout) -> str:
+def _line(snapshot: Snapshot, layout: Layout) -> str:
     """Time, place and speed, against uniform."""
-    words = f"{moment.time * 1e3:7.1f} ms   {moment.hit} of {layout.count} struck"
-    if moment.time > 0.0 and moment.hit > 1:
-        speed = float(layout.positions[moment.hit - 1]) / moment.time
+    words = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} struck"
+    if snapshot.time > 0.0 and snapshot.hit > 1:
+        speed = float(layout.positions[snapshot.hit - 1]) / snapshot.time
         words += f"   {speed:.4f} m/s so far"
-        if moment.uniform_speed > 0.0:
-            words += f" ({speed / moment.uniform_speed - 1.0:+.1%} against uniform)"
-    if moment.wave is not None:
-        words += f"   {moment.wave.outcome.name.lower().replace('_', ' ')}"
+        if snapshot.uniform_speed > 0.0:
+            words += f" ({speed / snapshot.uniform_speed - 1.0:+.1%} against uniform)"
+    if snapshot.wave is not None:
+        words += f"   {snapshot.wave.outcome.name.lower().replace('_', ' ')}"
     return words
 
 

@@ -1,4 +1,4 @@
-"""Moment: a row while it falls, at the instant of the latest hit; what a frame is drawn from."""
+"""Snapshot: a row while it falls, at the instant of the latest hit; what a frame is drawn from."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
-    """The row laid so far and where its wave is.
+class Snapshot:
+    """The row placed so far and where its wave is.
 
     Attributes
     ----------
     spacing
-        (M,) gaps laid so far [m].
+        (M,) gaps placed so far [m].
     thickness
         (M+1,) of the dominoes standing [m].
     height

@@ -34,11 +34,10 @@ from domino_env.kernels.adjoint.chain import pull, pull_rows
 from domino_env.kernels.adjoint.slots import WHOLE
 from domino_env.kernels.batch import EPISODE, IDLE, OVER, RULES, RUNNING, Batch
 from domino_env.kernels.chain import compose_row, solve_rows
-from domino_env.kernels.choice import choose_all, gap_range, thickness_range
+from domino_env.kernels.choice import gap_range, thickness_range
 from domino_env.kernels.endless import period_falls
-from domino_env.kernels.episode import episode_return, reset_rows, step_rows
+from domino_env.kernels.episode import place_rows, reset_rows, step_rows
 from domino_env.kernels.forces import LOADS, diagnose_chain
-from domino_env.kernels.jit import plain
 from domino_env.kernels.motion import watch_chain
 from domino_env.kernels.observation import FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT
 from domino_env.kernels.slots import (
@@ -86,13 +85,11 @@ __all__ = [
     "Batch",
     "Row",
     "Summary",
-    "choose_all",
     "compose_row",
     "diagnose_chain",
-    "episode_return",
     "gap_range",
     "period_falls",
-    "plain",
+    "place_rows",
     "pull",
     "pull_rows",
     "reset_rows",

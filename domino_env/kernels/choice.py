@@ -123,12 +123,3 @@ def choose(action, batch, left, n, way, row):
         thick *= ahead
         gap *= min(behind, ahead)
     spacing[n], row.thickness[n + 1] = gap, thick
-
-
-@door
-def choose_all(actions, batch, left, row):
-    """Write a whole row; actions (N-1, A)."""
-    way = 0.0
-    for n in range(len(row.spacing)):
-        choose(actions[n], batch, left, n, way, row)
-        way += row.spacing[n] + row.thickness[n + 1]

@@ -14,14 +14,6 @@ from domino_env.kernels.uniform import is_uniform
 
 
 @part
-def episode_return(score, uniform):
-    """The return of an episode: the gain over the best uniform row, in per cent."""
-    if uniform > 0.0:
-        return 100.0 * (score / uniform - 1.0)
-    return 100.0 * (score - uniform) / max(-uniform, 1e-9)
-
-
-@part
 def close_episode(rules, state, episode, n, outcome, row):
     """The wave has run through or died under leader n: what the row scores."""
     count = len(row.thickness)
@@ -116,15 +108,16 @@ def reset_rows(first, last, batch, chosen, given, observations):
 
 @door
 def step_rows(first, last, batch, actions, observations, rewards, ended):
-    """One step of those rows first … last - 1 that run; returns how many episodes have ended.
+    """One step of those rows first … last - 1 that run.
 
     actions: (B, A).  Written are observations (B, O), rewards (B,) and ended (B,); of rows that are
-    over, only rewards (0) and ended (False).
+    over, only rewards (0) and ended (False).  The last reward of an episode follows from its score,
+    and is left at 0.
     """
     own_lanes, own_tape = np.zeros(LANES), np.empty(0, EVENT)
     lanes, untaped = borrowed(own_lanes), borrowed(own_tape)
     lent, actions, observations = lend(batch), borrowed(actions), borrowed(observations)
-    rules, number = lent.rules[0], 0
+    rules = lent.rules[0]
     for b in range(first, last):
         state, episode = lent.states[b], lent.episodes[b]
         rewards[b], ended[b] = 0.0, False
@@ -134,13 +127,22 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
         choose(actions[b], lent, lent.left[b], episode.placed, episode.way, row)
         lead = place_next(rules, lanes, lent.rings[b], state, episode, row, untaped)
         if episode.phase == OVER:
-            rewards[b] = episode_return(episode.score, rules.uniform_score) - episode.paid
             ended[b] = True
-            number += 1
         else:
             rewards[b] = lead * rules.pays
             episode.paid += rewards[b]
         observe(lent, b, row, observations[b])
     keep(own_lanes)
     keep(own_tape)
-    return number
+
+
+@door
+def place_rows(first, last, batch, actions):
+    """Write whole rows first … last - 1, domino by domino, as actions (B, N-1, A) choose them."""
+    for b in range(first, last):
+        row, left, way = row_of(batch, b), batch.left[b], 0.0
+        for k in range(len(left)):
+            left[k] = batch.stock[k]
+        for n in range(len(row.spacing)):
+            choose(actions[b, n], batch, left, n, way, row)
+            way += row.spacing[n] + row.thickness[n + 1]

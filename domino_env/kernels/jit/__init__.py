@@ -24,7 +24,7 @@ from domino_env.kernels.jit.arrays import DISABLED, borrowed
 from domino_env.kernels.jit.cache import know_apart, use_cache
 from domino_env.kernels.jit.libraries import Apart, Door, Library, Part, compiler_into
 
-__all__ = ["apart", "borrowed", "door", "inlined", "keep", "part", "plain"]
+__all__ = ["apart", "borrowed", "door", "inlined", "keep", "part"]
 
 
 def door(function: Callable[..., Any]) -> Any:
@@ -48,12 +48,6 @@ def inlined(function: Callable[..., Any]) -> Any:
 def apart(function: Callable[..., Any]) -> Any:
     """Compile a function once, on its own."""
     return _compiled(function, Apart)
-
-
-def plain(function: Any) -> Callable[..., Any]:
-    """The Python function behind a compiled one: for single numbers, without a compilation."""
-    behind: Callable[..., Any] = getattr(function, "py_func", function)
-    return behind
 
 
 def _compiled(function: Callable[..., Any], library: type[Library], **options: bool) -> Any:

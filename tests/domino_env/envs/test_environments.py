@@ -284,11 +284,11 @@ def test_bounds_ahead_are_reached_by_the_ends_of_the_action():
             side = 2.0 * edge - 1.0
             twin.step([side, 0.0])
             twin.step([side, side]) if k < env.scene.count - 2 else None
-            moment = twin.moment()
-            assert moment.spacing[k] == pytest.approx(ahead["spacing"][edge], abs=1e-15)
+            snapshot = twin.snapshot()
+            assert snapshot.spacing[k] == pytest.approx(ahead["spacing"][edge], abs=1e-15)
             twin = copy.deepcopy(env)
             twin.step([0.0, side])
-            assert twin.moment().thickness[k + 1] == ahead["thickness"][edge]
+            assert twin.snapshot().thickness[k + 1] == ahead["thickness"][edge]
         env.step(rng.uniform(-1.0, 1.0, 2))
 
 
@@ -302,9 +302,9 @@ def test_actions_stand_for_what_the_page_says():
         ([-1.0, 1.0], 0.002, 0.012),
     ):
         env.step(action)
-        moment = env.moment()
-        assert moment.spacing[-1] == pytest.approx(gap, rel=1e-14)
-        assert moment.thickness[-1] == pytest.approx(thickness, rel=1e-14)
+        snapshot = env.snapshot()
+        assert snapshot.spacing[-1] == pytest.approx(gap, rel=1e-14)
+        assert snapshot.thickness[-1] == pytest.approx(thickness, rel=1e-14)
 
 
 # beginning ---------------------------------------------------------------------------------------
@@ -329,7 +329,7 @@ def test_rows_that_cannot_be_gone_on_from_are_refused():
     scene = env.scene
     env.reset()
     env.step([0.0, 0.0])
-    before = env.moment()
+    before = env.snapshot()
     for start, words in (
         (scene.layout(0.02, 0.006), "at least one of the scene's 30 must be left"),
         (de.Layout([0.03], 0.0075), r"spacing\[0\] = 0.03 m: the scene allows 0.002 to 0.025 m"),
@@ -339,7 +339,7 @@ def test_rows_that_cannot_be_gone_on_from_are_refused():
     ):
         with pytest.raises(ValueError, match=words):
             env.reset(options={"layout": start})
-    after = env.moment()  # nothing has happened to the row
+    after = env.snapshot()  # nothing has happened to the row
     assert after.time == before.time
     np.testing.assert_array_equal(after.spacing, before.spacing)
     course = DominoChain("course")
@@ -480,7 +480,7 @@ def test_a_box_empties_and_the_nearest_left_is_taken():
     taken = []
     for _ in range(8):
         seen, *_ = env.step([0.5, 1.0])
-        taken.append(env.moment().thickness[-1])
+        taken.append(env.snapshot().thickness[-1])
         left = [4 - taken.count(0.005), 1 - taken.count(0.0075), 3 - taken.count(0.01)]
         np.testing.assert_allclose(seen[-12:-9], np.array(left) / (4, 1, 3))
     assert taken == [0.01] * 3 + [0.0075] + [0.005] * 4
@@ -497,17 +497,17 @@ def test_growing_rows_are_seen_in_their_own_measure():
     env.reset()
     env.step([0.5, -0.5])
     seen, *_ = env.step([-0.25, 1.0])
-    moment = env.moment()
-    ratio = moment.height[1:] / moment.height[:-1]
+    snapshot = env.snapshot()
+    ratio = snapshot.height[1:] / snapshot.height[:-1]
     np.testing.assert_allclose(ratio, [1.15, 1.6])
-    np.testing.assert_allclose(moment.thickness, 0.15 * moment.height)
+    np.testing.assert_allclose(snapshot.thickness, 0.15 * snapshot.height)
     np.testing.assert_allclose(
-        moment.spacing / moment.height[:-1], 0.05 + 0.85 * np.array([0.75, 0.375])
+        snapshot.spacing / snapshot.height[:-1], 0.05 + 0.85 * np.array([0.75, 0.375])
     )
     np.testing.assert_allclose(seen[3:7], [-0.25, 0.5, 1.0, -0.5], atol=1e-6)
     most = 7 * np.log(1.6)
     assert seen[7] == pytest.approx(np.log(1.15 * 1.6) / most, rel=1e-6)
-    start = de.Layout(moment.spacing, moment.thickness, moment.height)
+    start = de.Layout(snapshot.spacing, snapshot.thickness, snapshot.height)
     again, _ = env.reset(options={"layout": start})
     np.testing.assert_allclose(again, seen, rtol=1e-6)
 
@@ -609,7 +609,7 @@ def test_a_copy_goes_its_own_way(kind, way):
     np.testing.assert_array_equal(told[0], same[0])
     assert told[1:4] == same[1:4]
     env.reset()
-    assert twin.moment().hit > env.moment().hit
+    assert twin.snapshot().hit > env.snapshot().hit
 
 
 def test_what_is_told_at_the_end_can_be_kept_and_copied():

@@ -2,7 +2,7 @@
 
 import copy
 import pickle
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import gymnasium
 import numba
@@ -12,8 +12,11 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import domino_env as de
-from domino_env import DominoChain, DominoChainVector
+from domino_env import DominoChain, DominoChainVector, DominoLayout, DominoLayoutVector
+from domino_env.envs import endings
 from domino_env.scenes.limits import Limits
+from domino_env.scenes.objectives.robust import Placement
+from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.stock import Stock
 
 NEXT, SAME, OFF = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
@@ -75,10 +78,14 @@ def assert_same(mine, theirs):
         assert mine == theirs
 
 
-def pair(scene, rows, mode, **arguments):
+KINDS = {"chain": (DominoChainVector, DominoChain), "layout": (DominoLayoutVector, DominoLayout)}
+
+
+def pair(kind, scene, rows, mode, **arguments):
     """Our rows together, and the same rows one by one in Gymnasium's own vector environment."""
-    mine = DominoChainVector(rows, scene, autoreset_mode=mode, **arguments)
-    singles = [lambda: DominoChain(scene, **arguments)] * rows
+    together, alone = KINDS[kind]
+    mine = together(rows, scene, autoreset_mode=mode, **arguments)
+    singles = [lambda: alone(scene, **arguments)] * rows
     return mine, SyncVectorEnv(singles, autoreset_mode=mode)
 
 
@@ -86,7 +93,7 @@ def pair(scene, rows, mode, **arguments):
 @pytest.mark.parametrize("name", SCENES)
 def test_together_and_alone_agree_across_the_ends_of_episodes(name, mode):
     rng = np.random.default_rng(len(name))
-    mine, theirs = pair(SCENES[name], 7, mode, window=5, rtol=1e-5)
+    mine, theirs = pair("chain", SCENES[name], 7, mode, window=5, rtol=1e-5)
     assert mine.single_observation_space == theirs.single_observation_space
     assert mine.action_space == theirs.action_space
     assert mine.observation_space == theirs.observation_space
@@ -103,10 +110,88 @@ def test_together_and_alone_agree_across_the_ends_of_episodes(name, mode):
             break
 
 
+WHOLE = SCENES | {
+    "gaps and thicknesses over a course": replace(
+        SCENES["course"], thickness=(0.004, 0.012), first_thickness=0.0075
+    ),
+    "thicknesses over a course": replace(
+        SCENES["course"], thickness=(0.004, 0.012), spacing=(0.0118, 0.0118)
+    ),
+    "on schedule": replace(
+        de.load_scene("tempo"), count=6, settings=Tempo(30.0, 40.0), spacing=(0.002, 0.03)
+    ),
+    "placed with errors": replace(
+        de.load_scene("jitter"), count=6, settings=Placement(0.0005, draws=8)
+    ),
+}
+
+
+@pytest.mark.parametrize("mode", [NEXT, SAME, OFF], ids=["next step", "same step", "disabled"])
+@pytest.mark.parametrize("name", WHOLE)
+def test_whole_rows_together_and_alone_agree_across_the_ends_of_episodes(name, mode):
+    rng = np.random.default_rng(len(name))
+    mine, theirs = pair("layout", WHOLE[name], 5, mode, rtol=1e-5)
+    assert mine.single_observation_space == theirs.single_observation_space
+    assert mine.action_space == theirs.action_space
+    assert mine.observation_space == theirs.observation_space
+    assert_same(mine.reset(seed=3), theirs.reset(seed=3))
+    draw, over = policies(rng, mine.action_space.shape), np.zeros(5, np.bool_)
+    for step in range(9):
+        mask = rng.random(5) < 0.3 if step % 3 == 2 else np.zeros(5, np.bool_)
+        if mode == OFF:
+            mask |= over
+        if mask.any():  # from now on rows need not end together
+            options = [{"reset_mask": mask.copy()} for _ in range(2)]
+            assert_same(mine.reset(options=options[0]), theirs.reset(options=options[1]))
+        actions = next(draw)
+        answer = mine.step(actions)
+        assert_same(answer, theirs.step(actions))
+        over = answer[2]
+
+
+@pytest.mark.parametrize("name", ["gentle", "growing", "limits"])
+def test_waves_of_whole_rows_are_those_of_simulate(name):
+    env = DominoLayoutVector(6, SCENES[name], autoreset_mode=SAME)
+    env.reset()
+    draw = policies(np.random.default_rng(4), env.action_space.shape)
+    infos = env.step(next(draw))[4]["final_info"]
+    assert len({wave.outcome for wave in infos["wave"]} | {de.Outcome.PROPAGATED}) > 1
+    for layout, wave, score in zip(infos["layout"], infos["wave"], infos["score"], strict=True):
+        alone = de.simulate(layout, env.scene.physics, rtol=1e-6)
+        for field in fields(de.Wave):
+            if field.name not in ("run_time", "layout"):
+                np.testing.assert_equal(getattr(wave, field.name), getattr(alone, field.name))
+        assert wave.layout == layout
+        assert score == env.scene.score_wave(alone)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("number", [1, 4])
+def test_no_row_is_simulated_twice(kind, number, monkeypatch):
+    env = KINDS[kind][0](number, SCENES["limits"], render_mode="ansi")  # scored as a whole
+    env.reset()
+    calls = []
+    for name in ("simulate", "simulate_batch"):
+        known = getattr(endings, name)
+
+        def counted(*arguments, known=known, **named):
+            calls.append(known)
+            return known(*arguments, **named)
+
+        monkeypatch.setattr(endings, name, counted)
+    ended = np.zeros(number, np.bool_)
+    while not ended.any():
+        _, _, ended, _, infos = env.step(np.zeros(env.action_space.shape))
+    assert len(calls) == 1
+    env.render()
+    assert all(wave.mean_speed >= 0.0 for wave in infos["wave"])
+    assert len(calls) == 1
+
+
 @pytest.mark.parametrize("mode", [NEXT, SAME, OFF], ids=["next step", "same step", "disabled"])
 def test_some_rows_may_begin_anew_while_others_go_on(mode):
     rng = np.random.default_rng(12)
-    mine, theirs = pair(SCENES["gentle"], 6, mode)
+    mine, theirs = pair("chain", SCENES["gentle"], 6, mode)
     assert_same(mine.reset(), theirs.reset())
     over, ends = np.zeros(6, np.bool_), 0
     for step, actions in enumerate(policies(rng, mine.action_space.shape)):
@@ -239,6 +324,7 @@ def test_gymnasium_makes_it_and_wraps_it():
     assert set(told[0]) == {"score", "gain", "outcome", "layout", "wave"}
     whole = gymnasium.make_vec("DominoLayout-v0", num_envs=2, scene="sprint")
     whole.reset()
+    assert isinstance(whole.unwrapped, DominoLayoutVector)
     assert whole.step(np.zeros((2, 39), np.float32))[2].all()
 
 

@@ -113,7 +113,7 @@ def test_what_is_no_door_refuses_python(function):
 def test_the_face_offers_what_python_may_call():
     functions = [getattr(kernels, name) for name in kernels.__all__ if name.islower()]
     closed = {f.__name__ for f in functions if "refuse" in repr(getattr(f, "_compile_for_args", 0))}
-    assert closed == {"episode_return"}  # for `kernels.plain`
+    assert not closed
     assert len(functions) > 10
 
 

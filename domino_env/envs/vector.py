@@ -1,4 +1,4 @@
-"""DominoChain-v0 for many rows at once: one compiled call a step, over all cores."""
+"""What the vector environments share: seeds, masks, autoreset, infos of all rows in arrays."""
 
 from __future__ import annotations
 
@@ -8,67 +8,51 @@ from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.spaces import Box
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.chain.layout import Layout
 from domino_env.envs.base import (
     RENDER_FPS,
-    RTOL,
-    WINDOW,
+    Bools,
+    Episodes,
+    Floats,
+    Observations,
+    checked_actions,
     checked_options,
     checked_render_mode,
     new_painter,
-    wrong_actions,
+    shared_scene,
 )
-from domino_env.envs.episodes import Bools, Floats, Rows, Seen, shared_scene
 from domino_env.scenes.scene import Scene
 
 RENDER_MODES = ("rgb_array", "ansi")
 
 
-class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
-    """`DominoChain` times num_envs, bit for bit, with all rows moved by one compiled call a step.
-
-    Actions (B, A), observations (B, O), rewards (B,) float64, as Gymnasium's vector environments
-    have them; infos hold an array of length B for each key of the single environment's info, and
-    under "_key" which entries are set. The number of threads is Numba's (`numba.set_num_threads`).
+class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
+    """An environment of many rows, moved together; see `DominoChainVector`.
 
     Parameters
     ----------
     num_envs
         B, the number of rows.
     scene
-        As of `DominoChain`.
+        The design problem: a name, the path of a TOML file, or a `Scene`.
     render_mode
         None, "rgb_array" or "ansi".
-    rtol
-        As of `DominoChain`.
-    reference_speed
-        As of `DominoChain`; may be set at any time.
-    window
-        As of `DominoChain`.
     autoreset_mode
-        When the episode after an ended one begins:
-
-        - NEXT_STEP: with the step after the last, which takes no notice of the action and pays 0.
-        - SAME_STEP: with the last step itself; the last observation and info are in
-          infos["final_obs"] and infos["final_info"].
-        - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
+        When the episode after an ended one begins.
     """
+
+    _episodes: Episodes
 
     def __init__(
         self,
-        num_envs: int = 1,
-        scene: str | Path | Scene = "sprint",
-        render_mode: str | None = None,
-        rtol: float = RTOL,
-        reference_speed: float | None = None,
-        window: int = WINDOW,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        num_envs: int,
+        scene: str | Path | Scene,
+        render_mode: str | None,
+        autoreset_mode: str | AutoresetMode,
     ) -> None:
         if not (isinstance(num_envs, int | np.integer) and num_envs >= 1):
             raise ValueError(f"num_envs = {num_envs!r}: give the number of rows, 1 or more")
@@ -81,28 +65,21 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
             "autoreset_mode": self.autoreset_mode,
         }
         self.scene = shared_scene(scene)
-        self._rows = Rows(self.scene, self.num_envs, rtol, reference_speed, window)
-        self.single_action_space = Box(-1.0, 1.0, (self._rows.choices,), np.float32)
-        self.single_observation_space = Box(
-            self._rows.seen_low, self._rows.seen_high, dtype=np.float32
-        )
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._seen = np.zeros((self.num_envs, len(self._rows.seen_low)), np.float32)
         self._over = np.zeros(self.num_envs, np.bool_)  # rows that the next step begins anew
         self._begun = np.zeros(self.num_envs, np.bool_)
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._painter: Any = None
 
-    @property
-    def reference_speed(self) -> float:
-        """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
-        return self._rows.reference_speed
-
-    @reference_speed.setter
-    def reference_speed(self, speed: float) -> None:
-        self._rows.reference_speed = speed
+    def _use(self, episodes: Episodes) -> None:
+        """Stand on these episodes, of which there are num_envs."""
+        self._episodes = episodes
+        self.single_action_space = episodes.actions
+        self.single_observation_space = episodes.observations
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        shape = (self.num_envs, *episodes.observations.shape)
+        self._observations: Observations = np.zeros(shape, np.float32)
 
     # beginning ------------------------------------------------------------------------------------
 
@@ -111,7 +88,7 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Seen, dict[str, Any]]:
+    ) -> tuple[Observations, dict[str, Any]]:
         """Begin anew in all rows, or in those of a mask.
 
         Parameters
@@ -123,7 +100,7 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
             What may be set:
 
             - "reset_mask": (B,) booleans, which rows begin anew; the others stay as they are.
-            - "layout": a Layout that all of those start from, or one (or None) for each row.
+            - what the class takes besides.
 
         Returns
         -------
@@ -137,16 +114,16 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
         TypeError
             For a mask that is no array of booleans.
         """
-        given = checked_options(options, ("layout", "reset_mask"))
-        chosen = self._checked_mask(given.get("reset_mask"))
+        given = {**checked_options(options, (*self._episodes.options, "reset_mask"))}
+        chosen = self._checked_mask(given.pop("reset_mask", None))
         seeds = self._checked_seeds(seed)
-        self._rows.reset(chosen, self._seen, given.get("layout"))
+        self._episodes.reset(chosen, self._observations, **given)
         for i, value in enumerate(seeds):
             if chosen[i] and value is not None:
                 self._seeds[i], self._generators[i] = value, None
         self._over &= ~chosen
         self._begun |= chosen
-        return self._seen.copy(), {}
+        return self._observations.copy(), {}
 
     def _checked_mask(self, mask: object) -> Bools:
         if mask is None:
@@ -191,8 +168,8 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
 
     # stepping -------------------------------------------------------------------------------------
 
-    def step(self, actions: ArrayLike) -> tuple[Seen, Floats, Bools, Bools, dict[str, Any]]:
-        """Place a domino in every row.
+    def step(self, actions: ArrayLike) -> tuple[Observations, Floats, Bools, Bools, dict[str, Any]]:
+        """Take a step in every row.
 
         Parameters
         ----------
@@ -211,9 +188,7 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
         ResetNeeded
             Before `reset`, and with DISABLED once an episode is over.
         """
-        values = np.asarray(actions, dtype=np.float64)
-        if values.shape != self.action_space.shape or not np.isfinite(values).all():
-            raise ValueError(wrong_actions(values, self.action_space))
+        values = checked_actions(actions, self.action_space)
         if not self._begun.all():
             raise ResetNeeded("call reset() before the first step()")
         renewed = self._over
@@ -222,52 +197,38 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
                 f"the episode of row {int(np.argmax(renewed))} is over: "
                 'call reset(options={"reset_mask": …}) before the next step()'
             )
-        seen, rewards, ended = self._rows.step(values)
+        observations, rewards, ended, last = self._episodes.step(values)
         if renewed.any():
-            self._rows.reset(renewed, seen)
-        infos: dict[str, Any] = {}
+            self._episodes.reset(renewed, observations)
+        infos = self._spread(last, ended)
         self._over = ended
-        if ended.any():
-            told = self._told(np.flatnonzero(ended), rewards, ended)
-            if self.autoreset_mode == AutoresetMode.SAME_STEP:
-                last = np.full(self.num_envs, None, object)
-                for i in np.flatnonzero(ended):
-                    last[i] = seen[i].copy()
-                infos = {
-                    "final_obs": last,
-                    "_final_obs": ended.copy(),
-                    "final_info": told,
-                    "_final_info": ended.copy(),
-                }
-                self._rows.reset(ended, seen)
-                self._over = np.zeros(self.num_envs, np.bool_)
-            else:
-                infos = told
-        self._seen[:] = seen
-        return seen, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
+        if infos and self.autoreset_mode == AutoresetMode.SAME_STEP:
+            final = np.full(self.num_envs, None, object)
+            for i in np.flatnonzero(ended):
+                final[i] = observations[i].copy()
+            infos = {
+                "final_obs": final,
+                "_final_obs": ended.copy(),
+                "final_info": infos,
+                "_final_info": ended.copy(),
+            }
+            self._episodes.reset(ended, observations)
+            self._over = np.zeros(self.num_envs, np.bool_)
+        self._observations[:] = observations
+        return observations, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
 
-    def _told(self, rows: NDArray[np.intp], rewards: Floats, ended: Bools) -> dict[str, Any]:
-        """What the episodes that ended have to tell, spread over all rows."""
+    def _spread(self, last: dict[str, NDArray[Any]], ended: Bools) -> dict[str, Any]:
+        """The infos of the episodes that ended, (E,) each, in arrays of all rows."""
         infos: dict[str, Any] = {}
-        for key, values in self._rows.settle(rows, rewards).items():
-            empty = None if values.dtype == object else 0.0
-            infos[key] = np.full(self.num_envs, empty, values.dtype)
-            infos[key][rows] = values
+        for key, values in last.items():
+            infos[key] = np.full(
+                self.num_envs, None if values.dtype == object else 0.0, values.dtype
+            )
+            infos[key][ended] = values
             infos[f"_{key}"] = ended.copy()
         return infos
 
-    # seeing ---------------------------------------------------------------------------------------
-
-    def bounds_ahead(self, row: int) -> dict[str, tuple[float, float]]:
-        """Return what the next action of a row ranges over; see `DominoChain.bounds_ahead`."""
-        return self._rows.bounds_ahead(row)
-
-    def actions_towards(self, layout: Layout) -> Floats:
-        """Return actions (B, A) that place the next domino of every row as in a layout.
-
-        Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
-        """
-        return self._rows.actions_towards(layout)
+    # looking --------------------------------------------------------------------------------------
 
     def render(self) -> tuple[Any, ...] | None:
         """Draw a frame of every row at its latest hit."""
@@ -275,7 +236,7 @@ class DominoChainVector(VectorEnv[Seen, Seen, NDArray[Any]]):
             return None
         if self._painter is None:
             self._painter = new_painter(self.scene, self.render_mode)
-        return tuple(self._painter.frame(self._rows.moment(b)) for b in range(self.num_envs))
+        return tuple(self._painter.frame(self._episodes.snapshot(b)) for b in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let go of what draws."""
