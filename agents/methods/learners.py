@@ -29,6 +29,8 @@ from agents.sb3.learner import NOISY, builder, learner, set_deviation  # noqa: E
 from agents.sb3.presets import Preset, preset  # noqa: E402
 from agents.sb3.vec_env import DominoVecEnv  # noqa: E402
 from agents.single.evaluation import build, completed  # noqa: E402
+from domino_env.chain.wave import Outcome  # noqa: E402
+from domino_env.scenes.objectives import Evaluation  # noqa: E402
 from optimize.evaluation.budget import Budget, BudgetSpent  # noqa: E402
 
 LOOKS = 50  # rows built without noise in a whole search
@@ -173,13 +175,16 @@ class _Learning:
             return
         policy = builder(self.model, self.algorithm)
         built = build(policy, self.scene, float(self.env.rows.reference_speed))
-        self._note([built.layout], np.array([built.score]))
+        self._note([built.layout], np.array([built.score]), np.array([built.wave.reach]))
 
-    def _note(self, layouts: Any, scores: NDArray[np.float64]) -> None:
+    def _note(self, layouts: Any, scores: NDArray[np.float64], reach: NDArray[np.float64]) -> None:
+        dominoes = self.budget.problem.dominoes  # of all the rows that a score takes, at most
+        falls = np.ceil(reach * dominoes).astype(np.int64)
+
         def design(i: int) -> NDArray[np.float64]:
             return self.budget.problem.design(completed(layouts[i], self.scene))
 
-        self.budget.note(scores, design)
+        self.budget.note(Evaluation(scores, reach, falls), design)
 
     def _watch(self) -> Any:
         learning = self
@@ -206,7 +211,12 @@ class _Learning:
         ended = [info for info in infos if "score" in info]
         if ended:
             scores = np.array([info["score"] for info in ended])
-            self._note([info["layout"] for info in ended], scores)
+            through = [info["outcome"] == Outcome.PROPAGATED for info in ended]
+            reach = np.array([
+                1.0 if ran else info["wave"].reach
+                for ran, info in zip(through, ended, strict=True)
+            ])  # fmt: skip
+            self._note([info["layout"] for info in ended], scores, reach)
             if self.budget.left < self.plan.rows:
                 raise BudgetSpent
         self._keep_the_clock()

@@ -204,10 +204,6 @@ class Scene(Specification):
         found, slopes = self.criterion.evaluate_with_slopes(rows)
         return found, slopes.where(found.score > 0.0)
 
-    def falls(self, scores: Floats) -> int:
-        """Count the single falls simulated for these scores; with "robust", at most so many."""
-        return self.criterion.falls(scores, self.count)
-
     def in_words(self, score: float, wave: Wave) -> str:
         """Say a score in the words and units of the objective."""
         if score > 0.0:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from domino_env.scenes.objectives import Evaluation
 from optimize.evaluation.recorder import Recorder
 from optimize.problem import STEP_RTOL, Floats
 
@@ -182,11 +183,11 @@ class Budget:
                 designs[i : min(i + self._piece, at + size)]
                 for i in range(at, at + size, self._piece)
             ]
-            parts = self._recorder.scores(pieces, rtol)
+            parts = self._recorder.evaluations(pieces, rtol)
             for piece, part in zip(pieces, parts, strict=True):
-                scores[at : at + len(piece)] = part
+                scores[at : at + len(piece)] = part.score
                 self._count(part)
-                self._note(piece, part)
+                self._note(piece, part.score)
                 at += len(piece)
         return scores
 
@@ -237,13 +238,13 @@ class Budget:
             if self.evaluations is not None:
                 size = min(size, self.evaluations - self.spent)
             part = slice(at, at + size)
-            found, slopes = self._recorder.scores_and_gradients(designs[part], at_will=at_will)
+            found, slopes = self._recorder.evaluations_and_gradients(designs[part], at_will=at_will)
             self._count(found)
-            for b in np.flatnonzero(self.problem.without_gradient(found)) if of_dying else ():
+            for b in np.flatnonzero(found.without_gradient) if of_dying else ():
                 around = self.scores(self.problem.neighbours(designs[at + b]), STEP_RTOL)
                 slopes[b] = self.problem.difference(designs[at + b], around)
-            scores[part], gradients[part] = found, slopes
-            self._note(designs[part], found, slopes)
+            scores[part], gradients[part] = found.score, slopes
+            self._note(designs[part], found.score, slopes)
             at += size
         return scores, gradients
 
@@ -258,18 +259,18 @@ class Budget:
         if self.left < 1 or (self.finalists and self.part >= 1.0):
             raise BudgetSpent
         design = np.asarray(design, dtype=np.float64)
-        score, late, slopes = self._recorder.lateness(design)
-        self._count(np.array([score]))
-        self._note(design[None], np.array([score]))
-        return score, late, slopes
+        found, late, slopes = self._recorder.lateness(design)
+        self._count(found)
+        self._note(design[None], found.score)
+        return float(found.score[0]), late, slopes
 
-    def note(self, scores: Floats, design: Callable[[int], Floats]) -> None:
+    def note(self, found: Evaluation, design: Callable[[int], Floats]) -> None:
         """Count rows that were simulated elsewhere, as closely as the problem's, and remember them.
 
         Parameters
         ----------
-        scores
-            (B,) what the scene gives for them.
+        found
+            What the scene gives for them.
         design
             Gives the design of row i, asked for only where it is the best so far.
 
@@ -278,9 +279,10 @@ class Budget:
         ValueError
             Where there are more than the budget has left: whoever simulates has to ask.
         """
+        scores = found.score
         if len(scores) > self.left:
             raise ValueError(f"{len(scores)} rows are noted, where {self.left:g} are left to spend")
-        self._count(scores)
+        self._count(found)
         i = int(np.argmax(scores))
         if scores[i] > self.best_score:
             self._note(np.asarray(design(i))[None], scores[i : i + 1])
@@ -291,9 +293,9 @@ class Budget:
         """Count time that went into what the search builds on, before it began [s]."""
         self._before += seconds
 
-    def _count(self, scores: Floats) -> None:
-        self.spent += len(scores)
-        self.falls += self.problem.scene.falls(scores)
+    def _count(self, found: Evaluation) -> None:
+        self.spent += len(found.score)
+        self.falls += int(found.falls.sum())
 
     def _note(self, designs: Floats, scores: Floats, gradients: Floats | None = None) -> None:
         i = int(np.argmax(scores))

@@ -1,4 +1,4 @@
-"""Scores of many designs, here or by an executor."""
+"""Many designs evaluated, here or by an executor."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from functools import lru_cache
 
+from domino_env.scenes.objectives import Evaluation
 from optimize.executors.base import telling_loss
 from optimize.problem import Floats, Problem
 
@@ -29,12 +30,12 @@ def tasks_of(pieces: Sequence[Floats], dominoes: int) -> list[list[Floats]]:
     return groups
 
 
-def scores_of_pieces(
+def evaluations(
     problem: Problem, pieces: Sequence[Floats], rtol: float | None, executor: Executor | None
-) -> Iterator[Floats]:
-    """Score pieces of designs, here or, where they are worth sending, elsewhere.
+) -> Iterator[Evaluation]:
+    """Evaluate pieces of designs, here or, where they are worth sending, elsewhere.
 
-    Every piece is scored as a whole, so that no bit depends on who does it.
+    Every piece is evaluated as a whole, so that no bit depends on who does it.
 
     Parameters
     ----------
@@ -43,14 +44,14 @@ def scores_of_pieces(
     pieces
         (B, n) designs each.
     rtol
-        As of `Problem.scores`.
+        As of `Problem.evaluate`.
     executor
         Who scores; None: this process.
 
     Yields
     ------
-    ndarray
-        (B,) scores of the next piece.
+    Evaluation
+        Of the next piece.
 
     Raises
     ------
@@ -60,10 +61,10 @@ def scores_of_pieces(
     tasks = [] if executor is None else tasks_of(pieces, problem.dominoes)
     if executor is None or len(tasks) < 2:
         for piece in pieces:
-            yield problem.scores(piece, rtol)
+            yield problem.evaluate(piece, rtol)
         return
     words = pickle.dumps(problem)
-    futures = [executor.submit(score_pieces, words, task, rtol) for task in tasks]
+    futures = [executor.submit(evaluate_task, words, task, rtol) for task in tasks]
     try:
         for future in futures:
             with telling_loss(executor):
@@ -74,10 +75,10 @@ def scores_of_pieces(
             future.cancel()
 
 
-def score_pieces(words: bytes, pieces: Sequence[Floats], rtol: float | None) -> list[Floats]:
-    """Score pieces of designs of a pickled problem: the task of a worker."""
+def evaluate_task(words: bytes, pieces: Sequence[Floats], rtol: float | None) -> list[Evaluation]:
+    """Evaluate pieces of designs of a pickled problem: the task of a worker."""
     problem = _problem(words)
-    return [problem.scores(piece, rtol) for piece in pieces]
+    return [problem.evaluate(piece, rtol) for piece in pieces]
 
 
 @lru_cache(8)

@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 Arrays = tuple[Floats, ...]
 
 OURS = int.from_bytes(b"domJ", "big")  # SQLite's application_id of a journal
-FORMAT = 2  # of the tables; 1 was the file of version 0.1.0, no database
+FORMAT = 3  # of the tables; 1 was the file of version 0.1.0, no database
 PAUSE = 1.0  # [s] of work that a kill may lose
 CHUNK = 4 * 2**20  # [bytes] kept in memory at most
 PAGE = 16384  # [bytes] that the file grows by; some fifty short answers

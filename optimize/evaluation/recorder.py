@@ -9,7 +9,8 @@ from types import TracebackType
 
 import numpy as np
 
-from optimize.evaluation.bulk import scores_of_pieces
+from domino_env.scenes.objectives import Evaluation
+from optimize.evaluation.bulk import evaluations
 from optimize.evaluation.journal import Journal
 from optimize.problem import Floats, Problem
 
@@ -88,8 +89,10 @@ class Recorder:
         if self._journal is not None:
             self._journal.drop_if_large()
 
-    def scores(self, pieces: Sequence[Floats], rtol: float | None = None) -> Iterator[Floats]:
-        """Score pieces of designs, one piece after the other.
+    def evaluations(
+        self, pieces: Sequence[Floats], rtol: float | None = None
+    ) -> Iterator[Evaluation]:
+        """Evaluate pieces of designs, one piece after the other.
 
         Parameters
         ----------
@@ -100,8 +103,8 @@ class Recorder:
 
         Yields
         ------
-        ndarray
-            (B,) scores of the next piece.
+        Evaluation
+            Of the next piece.
 
         Raises
         ------
@@ -111,41 +114,43 @@ class Recorder:
         rtol, pieces = rtol or self.problem.rtol, list(pieces)
         while pieces and self.replaying:
             piece = pieces.pop(0)
-            yield self._answer((rtol, piece), self._scored(piece, rtol), (len(piece),))[0]
-        parts = scores_of_pieces(self.problem, pieces, rtol, self._executor)
+            shapes = [(len(piece),)] * 3
+            yield _unpacked(*self._answer((rtol, piece), self._evaluated(piece, rtol), *shapes))
+        parts = evaluations(self.problem, pieces, rtol, self._executor)
         for piece, found in zip(pieces, parts, strict=True):
             if self._journal is not None:
-                self._journal.keep((rtol, piece), (found,))
+                self._journal.keep((rtol, piece), _packed(found))
             yield found
 
-    def scores_and_gradients(
+    def evaluations_and_gradients(
         self, designs: Floats, *, at_will: bool = False
-    ) -> tuple[Floats, Floats]:
-        """Score designs (B, n), with the exact gradient of each, zero where there is none.
+    ) -> tuple[Evaluation, Floats]:
+        """Evaluate designs (B, n), with the exact gradient of each, zero where there is none.
 
-        See `Problem.scores_and_gradients`.
+        See `Problem.evaluate_with_gradients`.
         """
 
         def simulated() -> tuple[Floats, ...]:
-            return self.problem.scores_and_gradients(designs, of_dying=False, at_will=at_will)
+            found, gradients = self.problem.evaluate_with_gradients(designs, at_will=at_will)
+            return *_packed(found), gradients
 
-        question = (f"gradient {at_will}", designs)
-        found, gradients = self._answer(question, simulated, (len(designs),), designs.shape)
-        return found, gradients
+        question, each = (f"gradient {at_will}", designs), (len(designs),)
+        *found, gradients = self._answer(question, simulated, each, each, each, designs.shape)
+        return _unpacked(*found), gradients
 
-    def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
+    def lateness(self, design: Floats) -> tuple[Evaluation, Floats, Floats]:
         """Find how late each domino of one design (n,) is hit: see `Problem.lateness`."""
 
         def simulated() -> tuple[Floats, ...]:
-            score, late, slopes = self.problem.lateness(design)
-            return np.array([score]), late, slopes
+            found, late, slopes = self.problem.lateness(design)
+            return *_packed(found), late, slopes
 
-        shapes = (1,), (-1,), (-1, self.problem.dimension)
-        score, late, slopes = self._answer(("lateness", design[None]), simulated, *shapes)
-        return float(score[0]), late, slopes
+        shapes = (1,), (1,), (1,), (-1,), (-1, self.problem.dimension)
+        *found, late, slopes = self._answer(("lateness", design[None]), simulated, *shapes)
+        return _unpacked(*found), late, slopes
 
-    def _scored(self, piece: Floats, rtol: float) -> Callable[[], tuple[Floats, ...]]:
-        return lambda: (self.problem.scores(piece, rtol),)
+    def _evaluated(self, piece: Floats, rtol: float) -> Callable[[], tuple[Floats, ...]]:
+        return lambda: _packed(self.problem.evaluate(piece, rtol))
 
     def _answer(
         self,
@@ -156,3 +161,12 @@ class Recorder:
         if self._journal is None:
             return simulated()
         return self._journal.answer(question, simulated, shapes)
+
+
+def _packed(found: Evaluation) -> tuple[Floats, Floats, Floats]:
+    """As a journal keeps it."""
+    return found.score, found.reach, found.falls.astype(np.float64)
+
+
+def _unpacked(score: Floats, reach: Floats, falls: Floats) -> Evaluation:
+    return Evaluation(score, reach, falls.astype(np.int64))

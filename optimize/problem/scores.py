@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.chain.wave import Outcome, simulate
+from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.scene import Scene
 from optimize.problem.variables import Floats, Variables
 
@@ -71,9 +71,12 @@ class Problem(Variables):
         ValueError
             For designs of another shape, or with entries that are not finite.
         """
+        return self.evaluate(designs, rtol).score
+
+    def evaluate(self, designs: Floats, rtol: float | None = None) -> Evaluation:
+        """Simulate designs (B, n) and give their scores, reaches and falls: see `scores`."""
         spacing, thickness, height = self.split(self.values(self.checked(designs)))
-        more = {} if height is None else {"height": height}
-        return self.scene.score_batch(spacing, thickness, rtol or self.rtol, **more)
+        return self.scene.evaluate_batch(spacing, thickness, rtol or self.rtol, height)
 
     def score(self, design: Floats) -> float:
         """Score one design (n,)."""
@@ -119,21 +122,30 @@ class Problem(Variables):
             For designs of another shape, or with entries that are not finite.
         """
         designs = np.clip(self.checked(designs), 0.0, 1.0)
+        found, gradients = self.evaluate_with_gradients(designs, at_will=at_will)
+        for b in np.flatnonzero(found.without_gradient) if of_dying else ():
+            around = self.scores(self.neighbours(designs[b]), STEP_RTOL)
+            gradients[b] = self.difference(designs[b], around)
+        return found.score, gradients
+
+    def evaluate_with_gradients(
+        self, designs: Floats, *, at_will: bool = False
+    ) -> tuple[Evaluation, Floats]:
+        """Evaluate designs (B, n), with the exact gradients (B, n); zero where there is none.
+
+        See `scores_and_gradients`.
+        """
+        designs = np.clip(self.checked(designs), 0.0, 1.0)
         values = self.values(designs)
         spacing, thickness, height = self.split(values)
-        more = {} if height is None else {"height": height}
-        found, *slopes = self.scene.score_batch_gradient(spacing, thickness, GRADIENT_RTOL, **more)
-        gradients = self.by_design(designs, values, *slopes, at_will=at_will)
-        for b in np.flatnonzero(self.without_gradient(found)):
-            gradients[b] = 0.0
-            if of_dying:
-                around = self.scores(self.neighbours(designs[b]), STEP_RTOL)
-                gradients[b] = self.difference(designs[b], around)
+        found, slopes = self.scene.evaluate_batch_gradient(
+            spacing, thickness, GRADIENT_RTOL, height
+        )
+        gradients = self.by_design(
+            designs, values, slopes.spacing, slopes.thickness, slopes.height, at_will=at_will
+        )
+        gradients[found.without_gradient] = 0.0
         return found, gradients
-
-    def without_gradient(self, scores: Floats) -> NDArray[np.bool_]:
-        """Tell which of these scores (B,) have no exact gradient."""
-        return self.scene.criterion.without_slope(scores, self.scene.count)
 
     def neighbours(self, design: Floats) -> Floats:
         """Give the (2n, n) designs whose scores, at `STEP_RTOL`, show the slope at a design (n,).
@@ -152,7 +164,7 @@ class Problem(Variables):
         room = np.minimum(here + STEP, 1.0) - np.maximum(here - STEP, 0.0)
         return np.asarray((scores[:n] - scores[n:]) / room * self.steady)
 
-    def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
+    def lateness(self, design: Floats) -> tuple[Evaluation, Floats, Floats]:
         """Find how late each domino of one design is hit, with its gradient: for least squares.
 
         Its cost is that of N gradients.
@@ -164,8 +176,8 @@ class Problem(Variables):
 
         Returns
         -------
-        score : float
-            As of `score`.
+        found : Evaluation
+            Its score, reach and falls, (1,) each.
         late : ndarray
             (N-1,) arrival minus schedule of dominoes 1 … N-1 [s]; empty for a wave that dies.
         gradient : ndarray
@@ -181,9 +193,9 @@ class Problem(Variables):
             raise ValueError(f"scene '{self.scene.name}' has no schedule: there is no lateness")
         designs = np.clip(self.checked(np.asarray(design)[None]), 0.0, 1.0)
         wave = simulate(self.layout(designs[0]), self.scene.physics, rtol=STEP_RTOL, gradient=True)
-        score = self.scene.score_wave(wave)
+        found = self.scene.evaluate_wave(wave)
         if wave.outcome != Outcome.PROPAGATED:
-            return score, np.empty(0), np.empty((0, self.dimension))
+            return found, np.empty(0), np.empty((0, self.dimension))
         pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
         slopes = self.by_design(
             np.repeat(designs, pairs, axis=0),
@@ -193,4 +205,4 @@ class Problem(Variables):
             np.array([one.height[1:] for one in pulled]),
         )
         late = wave.arrival_times[1:] - tempo.schedule(self.scene.count)
-        return score, late, slopes
+        return found, late, slopes

@@ -41,6 +41,11 @@ class Evaluation:
     reach: Floats
     falls: Ints
 
+    @property
+    def without_gradient(self) -> NDArray[np.bool_]:
+        """(B,) whose scores have no exact derivatives: of waves that died or broke a limit."""
+        return (self.score < 0.0) | (self.reach < 1.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
@@ -138,18 +143,6 @@ class Objective(ABC):
     def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
         """Simulate layouts and score them, with the derivatives of the successes' scores."""
         return self.evaluate(rows), Slopes.zero(rows)
-
-    def without_slope(self, scores: Floats, count: int) -> NDArray[np.bool_]:
-        """Tell which of the scores (B,) of rows of `count` dominoes have no exact derivatives."""
-        return np.asarray(scores < 0.0)
-
-    def falls(self, scores: Floats, count: int) -> int:
-        """Count the falls simulated for scores of rows of `count` dominoes, from what they tell."""
-        if self.limits is None:
-            reach = np.where(scores < 0.0, scores + 1.0, 1.0)
-        else:
-            reach = np.where(scores < -0.5, 2.0 * (scores + 1.0), 1.0)
-        return int(np.ceil(reach * count).sum())
 
     @property
     def waves_a_score(self) -> int:

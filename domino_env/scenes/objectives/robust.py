@@ -119,10 +119,6 @@ class Robust(Objective):
         """How many rows are simulated for one score: with limits, the row as it is drawn too."""
         return self.settings.draws + (self.limits is not None)
 
-    def falls(self, scores: Floats, count: int) -> int:
-        """Count the falls simulated for scores of rows of `count` dominoes: at most so many."""
-        return self.waves_a_score * count * len(scores)
-
     def success(self, waves: Waves) -> Floats:
         """Take the speeds of waves (B,) as they are: these are no draws."""
         return waves.mean_speed

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.chain.wave import Wave
 from domino_env.scenes.objectives.base import Evaluation, Objective
@@ -29,15 +28,6 @@ class Toppled(Objective):
         """Score waves that have been simulated; a wave that dies has its successes too."""
         score = np.where(waves.propagated, waves.toppled, waves.toppled + waves.reach)
         return Evaluation(score, waves.reach, waves.falls)
-
-    def without_slope(self, scores: Floats, count: int) -> NDArray[np.bool_]:
-        """Tell which of the scores (B,) are of rows that died."""
-        return np.asarray(scores < count)
-
-    def falls(self, scores: Floats, count: int) -> int:
-        """Count the falls simulated for scores of rows of `count` dominoes, from what they tell."""
-        reach = np.where(scores < count, scores % 1.0, 1.0)
-        return int(np.ceil(reach * count).sum())
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Say how many toppled, of how many."""

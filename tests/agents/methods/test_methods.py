@@ -19,6 +19,7 @@ import domino_env as de
 from agents.sb3.side_by_side_ars import SideBySideARS
 from agents.sb3.vec_env import DominoVecEnv
 from agents.single.evaluation import POLICIES, evaluate
+from domino_env.scenes.objectives import Evaluation
 from optimize import METHODS, Problem, search
 from optimize.evaluation.budget import Budget
 from optimize.evaluation.recorder import Recorder
@@ -112,14 +113,15 @@ def test_rows_from_elsewhere_are_counted_and_not_beyond_the_budget(small) -> Non
     problem = Problem(small)
     budget = Budget(Recorder(problem), evaluations=5)
     designs = np.random.default_rng(0).random((4, problem.dimension))
-    scores = Problem(small).scores(designs)
+    found = Problem(small).evaluate(designs)
+    scores = found.score
     asked = []
-    budget.note(scores, lambda i: asked.append(i) or designs[i])
+    budget.note(found, lambda i: asked.append(i) or designs[i])
     assert asked == [int(np.argmax(scores))]
     assert (budget.left, budget.spent, budget.best_score) == (1.0, 4, scores.max())
-    assert budget.falls == small.falls(scores)
+    assert budget.falls == found.falls.sum()
     with pytest.raises(ValueError, match="2 rows are noted, where 1 are left"):
-        budget.note(scores[:2], lambda i: designs[i])
+        budget.note(Evaluation(scores[:2], found.reach[:2], found.falls[:2]), lambda i: designs[i])
     budget.already_spent(100.0)
     assert budget.elapsed > 100.0
 

@@ -210,7 +210,7 @@ def test_a_limit_that_is_broken_scores_between_deaths_and_successes() -> None:
     assert np.all(np.argsort(before[dead]) == np.argsort(after[dead]))
 
 
-def test_falls_can_be_told_from_scores() -> None:
+def test_falls_are_counted() -> None:
     plain = some("gentle", count=20)
     random = np.random.default_rng(7)
     gaps = random.uniform(*plain.spacing, (60, 19))
@@ -222,7 +222,7 @@ def test_falls_can_be_told_from_scores() -> None:
         replace(plain, limits=Limits(0.3, 0.02)),
         replace(plain, objective="toppled"),
     ):
-        assert scene.falls(scene.score_batch(gaps, thick)) == expected
+        assert scene.evaluate_batch(gaps, thick).falls.sum() == expected
 
 
 # stock and lists --------------------------------------------------------------------------------
@@ -328,3 +328,46 @@ def test_what_is_no_stock_is_told(kinds, counts, words) -> None:
 def test_what_is_no_part_of_a_scene_is_told(call, words) -> None:
     with pytest.raises(ValueError, match=words):
         call()
+
+
+# what every objective owes ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["sprint", "course", "tempo", "jitter", "magnify"])
+@pytest.mark.parametrize("limits", [None, Limits(0.3, 0.02)])
+def test_scores_with_and_without_gradients_are_one_to_the_bit(name: str, limits) -> None:
+    scene = replace(de.load_scene(name), limits=limits)
+    random = np.random.default_rng(3)
+    low, high = scene.spacing
+    gaps = random.uniform(low, low + 0.5 * (high - low), (6, scene.count - 1))
+    thick = random.uniform(*scene.thickness, gaps.shape)
+    tall = None
+    if scene.growth is not None:
+        tall = scene.height * np.cumprod(random.uniform(1.0, 1.3, gaps.shape), axis=1)
+        before = np.concatenate([np.full((6, 1), scene.height), tall[:, :-1]], axis=1)
+        gaps, thick = gaps * before, thick * tall
+    found = scene.evaluate_batch(gaps, thick, 1e-8, tall)
+    again, slopes = scene.evaluate_batch_gradient(gaps, thick, 1e-8, tall)
+    for key in ("score", "reach", "falls"):
+        assert np.array_equal(getattr(found, key), getattr(again, key))
+    assert not slopes.spacing[found.score <= 0.0].any()
+    assert np.all(found.falls > 0)
+    assert np.array_equal(found.without_gradient, found.score < 0.0)
+
+
+def test_a_scene_is_a_value() -> None:
+    for name in de.scene_names():
+        scene, again = de.load_scene(name), de.load_scene(name)
+        assert scene == again
+        assert hash(scene) == hash(again)
+        assert scene != replace(scene, count=scene.count + 1)
+
+
+def test_an_objective_and_its_settings_go_together() -> None:
+    sprint, jitter = de.load_scene("sprint"), de.load_scene("jitter")
+    with pytest.raises(ValueError, match="objective = 'speed': choose magnify, mean_speed"):
+        replace(sprint, objective="speed")
+    with pytest.raises(ValueError, match="'robust' needs Placement"):
+        replace(sprint, objective="robust")
+    with pytest.raises(ValueError, match="'mean_speed' needs none"):
+        replace(jitter, objective="mean_speed")

@@ -72,7 +72,7 @@ def stopped_after(batches: int):
 def simulated(monkeypatch) -> list[int]:
     """From now on, the number of designs of each simulation."""
     found: list[int] = []
-    for name in ("score_batch", "score_batch_gradient"):
+    for name in ("evaluate_batch", "evaluate_batch_gradient"):
         before = getattr(de.Scene, name)
 
         def counted(scene, spacing, *words, before=before, **more):

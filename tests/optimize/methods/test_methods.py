@@ -30,19 +30,19 @@ class Witness:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.layouts: list[de.Layout] = []
         self.scores: list[float] = []
-        for name in ("score_batch", "score_batch_gradient"):
+        for name in ("evaluate_batch", "evaluate_batch_gradient"):
             monkeypatch.setattr(Scene, name, self._seeing(getattr(Scene, name)))
 
     def _seeing(self, original):
-        def score(scene: Scene, spacing, thickness, rtol=1e-6):
-            found = original(scene, spacing, thickness, rtol)
+        def evaluate(scene: Scene, spacing, thickness, rtol=1e-6, height=None):
+            found = original(scene, spacing, thickness, rtol, height)
             for i in range(len(spacing)):
                 rest = None if thickness is None else thickness[i]
                 self.layouts.append(scene.layout(spacing[i], rest))
-            self.scores += (found[0] if isinstance(found, tuple) else found).tolist()
+            self.scores += (found[0] if isinstance(found, tuple) else found).score.tolist()
             return found
 
-        return score
+        return evaluate
 
 
 def same(one: SearchResult, other: SearchResult) -> bool:

@@ -46,15 +46,15 @@ def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypat
     """A hair above a stall, the search's tolerance may see a wave where a closer look sees none."""
     scene = scenes["spacing"]
     honest = search(scene, "random", budget=300)
-    original, rows = Scene.score_batch, []
+    original, rows = Scene.evaluate_batch, []
 
-    def flattering(scene: Scene, spacing, thickness, rtol=1e-6):
+    def flattering(scene: Scene, spacing, thickness, rtol=1e-6, height=None):
         rows.extend(spacing)
-        scores = original(scene, spacing, thickness, rtol)
-        scores[-1] = 5.0 if len(rows) == 301 else scores[-1]  # one row warms up
-        return scores
+        found = original(scene, spacing, thickness, rtol, height)
+        found.score[-1] = 5.0 if len(rows) == 301 else found.score[-1]  # one row warms up
+        return found
 
-    monkeypatch.setattr(Scene, "score_batch", flattering)
+    monkeypatch.setattr(Scene, "evaluate_batch", flattering)
     result = search(scene, "random", budget=300)
     assert result.trace[-1][3] == 5.0
     assert result.score == honest.score == scene.score(result.layout)
