@@ -16,9 +16,12 @@ from typing import TYPE_CHECKING
 from domino_env.support.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from agents.conditioned.policy import Design, design
-    from agents.single.evaluation import Built, evaluate
-    from agents.single.training import Run, train
+    from agents.base.building import Built
+    from agents.conditioned.designing import design
+    from agents.conditioned.policy import Design
+    from agents.evaluation.one_scene import evaluate
+    from agents.single.result import Run
+    from agents.single.training import train
 
 __all__ = ["Built", "Design", "Run", "design", "evaluate", "train"]
 
@@ -26,10 +29,10 @@ __getattr__, __dir__ = lazy_names(
     __name__,
     {
         "Design": "conditioned.policy",
-        "design": "conditioned.policy",
-        "Built": "single.evaluation",
-        "evaluate": "single.evaluation",
-        "Run": "single.training",
+        "design": "conditioned.designing",
+        "Built": "base.building",
+        "evaluate": "evaluation.one_scene",
+        "Run": "single.result",
         "train": "single.training",
     },
 )

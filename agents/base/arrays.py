@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from domino_env.support.reading import naming, one_line, read_bytes
 
 # what a torn archive leads its readers to
-_TORN = (BadZipFile, zlib.error, EOFError, KeyError, RuntimeError, OSError)
+_TORN = (BadZipFile, zlib.error, EOFError, KeyError, RuntimeError, OSError, ValueError)
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
@@ -36,7 +36,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             with np.load(file, allow_pickle=False) as found:
                 return dict(found)
         except _TORN as error:
-            raise ValueError(f"damaged: {error}") from None
+            raise ValueError(f"it does not hold whole arrays of numbers: {error}") from None
 
 
 def read_weights(

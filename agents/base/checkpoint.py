@@ -1,4 +1,4 @@
-"""Checkpoints: read without running code, and refused where they do not fit the learner."""
+"""Checkpoints: read without running code, and refused where they do not fit what is trained."""
 
 from __future__ import annotations
 
@@ -10,14 +10,20 @@ from typing import Any
 
 import torch
 
+from domino_env.support.files import write_bytes
 from domino_env.support.reading import naming
 
 # what torch and stable-baselines3 raise for a state that is not theirs
 _UNFIT = (KeyError, TypeError, RuntimeError, AttributeError, IndexError, OverflowError)
 
 
+def write_checkpoint(path: Path, state: dict[str, Any]) -> None:
+    """Write plain numbers and tensors."""
+    write_bytes(path, lambda file: torch.save(state, file))
+
+
 @contextmanager
-def taken_up(path: Path) -> Iterator[dict[str, Any]]:
+def read_checkpoint(path: Path) -> Iterator[dict[str, Any]]:
     """Yield the state in a checkpoint: plain numbers and tensors.
 
     Raises

@@ -1,22 +1,17 @@
-"""Network: a trained PPO policy without noise, from its weights alone; needs no torch."""
+"""Network: the one form in which trained policies are used, from weights alone, without torch."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.base.arrays import read_weights
-
 Single = NDArray[np.float32]
 
-# as stable-baselines3 calls its layers
-LAST = "action_net."
-_HIDDEN = re.compile(r"mlp_extractor\.policy_net\.[0-9]+\.weight")
+LARGEST = 1e6  # weight that is believed: with larger ones sums might overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,54 +20,59 @@ class Network:
 
     layers: tuple[tuple[Single, Single], ...]
 
-    def __call__(self, seen: Single) -> Single:
-        """Compute the action (outputs,) for an observation (inputs,), each entry from -1 to 1."""
-        values = seen
+    def __call__(self, observations: Single) -> Single:
+        """Compute the outputs (…, outputs) for observations (…, inputs)."""
+        values = observations
         for weight, bias in self.layers[:-1]:
-            values = np.tanh(weight @ values + bias)
+            values = np.tanh(values @ weight.T + bias)
         weight, bias = self.layers[-1]
-        return np.asarray(np.clip(weight @ values + bias, -1.0, 1.0), dtype=np.float32)
+        return np.asarray(values @ weight.T + bias)
+
+    def arrays(self, names: Sequence[str]) -> dict[str, Single]:
+        """Name the weights, for a file: each layer's name with "weight" and "bias" behind it."""
+        return {
+            name + part: array
+            for name, layer in zip(names, self.layers, strict=True)
+            for part, array in zip(("weight", "bias"), layer, strict=True)
+        }
 
 
-def network_of(arrays: Mapping[str, Single]) -> Network:
-    """Make the network in the arrays of a policy."""
-    stems = sorted(
-        (name.removesuffix("weight") for name in arrays if _HIDDEN.fullmatch(name)),
-        key=lambda stem: int(stem.split(".")[2]),
-    )
-    return Network(tuple((arrays[s + "weight"], arrays[s + "bias"]) for s in [*stems, LAST]))
+def network_of(arrays: Mapping[str, Single], names: Sequence[str]) -> Network:
+    """Make the network whose layers have these names, the inverse of `Network.arrays`."""
+    return Network(tuple((arrays[name + "weight"], arrays[name + "bias"]) for name in names))
 
 
-def read_network(path: Path, inputs: int, outputs: int, width: int, depth: int) -> Network:
-    """Read the network in a policy's file; nothing in it is run.
+def require_network(network: Network, inputs: int, outputs: int) -> Network:
+    """Return the network if it can be used.
 
     Parameters
     ----------
-    path
-        The file.
+    network
+        The network.
     inputs, outputs
         Entries of an observation and of an action.
-    width, depth
-        Size and number of the hidden layers.
 
     Raises
     ------
     ValueError
-        Where it holds another policy.
+        For layers that do not fit each other or these sizes, and for values that are no single
+        precision numbers, not finite or too large.
     """
-    kinds = arrays_of(inputs, outputs, width, depth)
-    single = np.dtype(np.float32)
-    return network_of(read_weights(path, {name: (kind, single) for name, kind in kinds.items()}))
+    size = inputs
+    for i, (weight, bias) in enumerate(network.layers):
+        for array in (weight, bias):
+            if array.dtype != np.float32:
+                raise ValueError(f"layer {i} is of {array.dtype}, not float32")
+        if weight.ndim != 2 or weight.shape[1] != size or bias.shape != weight.shape[:1]:
+            raise ValueError(f"layer {i} has shapes {weight.shape} and {bias.shape}")
+        if not all(np.all(np.abs(array) <= LARGEST) for array in (weight, bias)):
+            raise ValueError(f"layer {i} holds values that are not finite or beyond ±{LARGEST:g}")
+        size = weight.shape[0]
+    if not network.layers or size != outputs:
+        raise ValueError(f"it ends in {size} numbers, not {outputs}")
+    return network
 
 
-def arrays_of(inputs: int, outputs: int, width: int, depth: int) -> dict[str, tuple[int, ...]]:
-    """Give names and shapes of all arrays of such a policy, those of its critic too."""
-    shapes: dict[str, tuple[int, ...]] = {"log_std": (outputs,)}
-    layers = []
-    for i in range(depth):
-        for net in ("policy_net", "value_net"):
-            layers.append((f"mlp_extractor.{net}.{2 * i}.", width, width if i else inputs))
-    last = width if depth else inputs
-    for stem, rows, columns in [*layers, (LAST, outputs, last), ("value_net.", 1, last)]:
-        shapes[stem + "weight"], shapes[stem + "bias"] = (rows, columns), (rows,)
-    return shapes
+def unfit(path: Path, reason: object) -> ValueError:
+    """Make the error for a file that does not hold the weights of a policy."""
+    return ValueError(f"{path}: it does not hold the weights of such a policy: {reason}")

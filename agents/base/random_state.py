@@ -1,4 +1,4 @@
-"""Streams: the learners draw from global random streams; here these are put back."""
+"""The global random state: learners draw from it, and here it is put back."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ import torch
 
 
 @contextmanager
-def streams_put_back() -> Iterator[None]:
-    """Draw within as you like: the global streams go on afterwards as if nothing had been drawn."""
-    plain = random.getstate()
-    numpy = np.random.get_state()  # noqa: NPY002
-    deep, threads = torch.get_rng_state(), torch.get_num_threads()
+def random_state_restored() -> Iterator[None]:
+    """Draw within as you like: afterwards the global state is as if nothing had been drawn."""
+    python, legacy = random.getstate(), np.random.get_state()  # noqa: NPY002
+    generator, threads = torch.get_rng_state(), torch.get_num_threads()
     try:
         yield
     finally:
-        random.setstate(plain)
-        np.random.set_state(numpy)  # noqa: NPY002
-        torch.set_rng_state(deep)
+        random.setstate(python)
+        np.random.set_state(legacy)  # noqa: NPY002
+        torch.set_rng_state(generator)
         torch.set_num_threads(threads)

@@ -1,21 +1,22 @@
 """What an agent builds, beside the best uniform row and the best row known.
 
 RUN is the folder of a training, the name of a policy that ships (sprint, family), or a scripted
-builder: uniform, greedy, ramp. A .zip archive of stable-baselines3 runs code when it is loaded and
-asks for --trust. `family` designs a row for a new --scene in milliseconds; with --scenes it is
-evaluated on many that were not in its training.
+policy: uniform, greedy, ramp.  A .zip archive of stable-baselines3 runs code when it is loaded and
+asks for --trust.  `family` designs a row for a new --scene in milliseconds; with --scenes it is
+evaluated on many that it has never seen.
 """
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from agents.conditioned.policy import Designer
-    from agents.single.evaluation import Built
+    from agents.base.building import Built
+    from agents.conditioned.policy import ConditionedPolicy
 
-SUMMARY = "what a trained agent, or a scripted builder, builds"
+SUMMARY = "what a trained agent, or a scripted policy, builds"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", help="another scene than it was trained on")
     parser.add_argument("--trust", action="store_true", help="load an archive that may run code")
     parser.add_argument("--layout", metavar="FILE", help="write the row, .csv or .json")
-    many = parser.add_argument_group("a policy taught over a family of scenes")
-    many.add_argument("--scenes", type=int, metavar="N", help="judge it on N random scenes")
+    many = parser.add_argument_group("a scene-conditioned policy, in many scenes")
+    many.add_argument("--scenes", type=int, metavar="N", help="evaluate it on N random scenes")
     many.add_argument("--seed", type=int, default=1, help="that these are drawn with (1)")
     many.add_argument("--search", type=int, metavar="E", help="search each too, E evaluations")
     many.add_argument("--csv", metavar="FILE", help="write a line for each scene")
@@ -37,26 +38,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Build, and say what came of it."""
-    from pathlib import Path
+    from agents.conditioned.observations import TRAINED_ON
+    from agents.conditioned.policy import ConditionedPolicy
+    from agents.evaluation.one_scene import load_policy
+    from agents.single.scripted import ScriptedPolicy
+    from domino_env import load_scene
 
-    from agents.conditioned.evaluation import designer_of
-    from agents.single.evaluation import evaluate
-    from agents.single.scripted import BUILDERS
-    from domino_env.scenes.files.reading import load_scene
-
-    designer = None if arguments.agent in BUILDERS else designer_of(arguments.agent)
-    if designer is not None and arguments.scenes is not None:
-        return _judge(designer, arguments)
+    policy = load_policy(arguments.agent, trust=arguments.trust)
+    conditioned = isinstance(policy, ConditionedPolicy)
     if arguments.scenes is not None:
-        raise ValueError(
-            f"--scenes judges a policy taught over a family: {arguments.agent} is none"
-        )
-    if designer is not None:
-        built = _designed(designer, arguments.scene)
-    elif arguments.agent in BUILDERS:
-        built = BUILDERS[arguments.agent](load_scene(arguments.scene or "sprint"))
-    else:
-        built = evaluate(arguments.agent, arguments.scene, trust=arguments.trust)
+        if not isinstance(policy, ConditionedPolicy):
+            raise ValueError(
+                f"--scenes evaluates a scene-conditioned policy: {arguments.agent} is none"
+            )
+        return _evaluate_scenes(policy, arguments)
+    name = arguments.scene
+    if name is None and (conditioned or isinstance(policy, ScriptedPolicy)):
+        name = "sprint"
+    scene = None if name is None else load_scene(name)
+    built = policy.build(scene)
+    if conditioned:
+        for difference in TRAINED_ON.outside(built.scene):
+            print(f"beyond what it was trained on: {difference}")
     print(sentence(built))
     if arguments.layout:
         path = Path(arguments.layout)
@@ -67,39 +70,24 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _judge(designer: Designer, arguments: argparse.Namespace) -> int:
+def _evaluate_scenes(policy: ConditionedPolicy, arguments: argparse.Namespace) -> int:
     """Its rows in many random scenes, as a table."""
     import sys
-    from pathlib import Path
 
-    from agents.conditioned.evaluation import judge
+    from agents.evaluation.many_scenes import evaluate_scenes
 
-    judged = judge(
+    found = evaluate_scenes(
         arguments.scenes,
         arguments.seed,
-        designer,
+        policy,
         evaluations=arguments.search,
         progress=sys.stderr.isatty(),
     )
-    print(judged.table())
+    print(found.table())
     if arguments.csv:
-        judged.save(Path(arguments.csv))
+        found.save(Path(arguments.csv))
         print(f"scenes written to {arguments.csv}")
     return 0
-
-
-def _designed(designer: Designer, name: str | None) -> Built:
-    """Its row for one scene."""
-    from agents.conditioned.policy import design
-    from agents.single.evaluation import Built
-    from domino_env.scenes.files.reading import load_scene
-
-    scene = load_scene(name or "sprint")
-    design(scene, designer=designer)  # compiles what is not compiled yet
-    found = design(scene, designer=designer)
-    for sentence in found.outside:
-        print(f"beyond what was taught: {sentence}")
-    return Built(scene, found.layout, found.wave, found.score, scene.uniform(), found.seconds)
 
 
 def sentence(built: Built) -> str:

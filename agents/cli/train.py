@@ -9,6 +9,12 @@ Needs the extra "rl". Ctrl-C ends the training with the best policy so far; --re
 from __future__ import annotations
 
 import argparse
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from agents.base.training import TrainingRun
 
 SUMMARY = "train an agent that builds rows (PPO, SAC, TD3, TQC, ARS)"
 
@@ -29,11 +35,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Train, and say what was built."""
-    import sys
+    """Train, and say what came of it."""
+    done = _conditioned(arguments) if arguments.scene == "family" else _single(arguments)
+    print(
+        f"{'interrupted after ' if done.interrupted else ''}{done.steps:,} "
+        f"{'steps' if arguments.scene == 'family' else 'dominoes placed'} in {done.seconds:.0f} s, "
+        f"written to {done.folder}"
+    )
+    return 0
 
-    if arguments.scene == "family":
-        return _teach(arguments)
+
+def _single(arguments: argparse.Namespace) -> TrainingRun:
+    """A policy for one scene."""
     from agents.cli.evaluate import sentence
     from agents.single.training import train
 
@@ -50,35 +63,28 @@ def run(arguments: argparse.Namespace) -> int:
     if done.clone_score is not None:
         print(f"the clone it began with: score {done.clone_score:.6f}")
     print(sentence(done.built))
-    spent = f"{done.steps:,} dominoes placed in {done.seconds:.0f} s, written to {done.folder}"
-    print(("interrupted after " if done.interrupted else "") + spent)
-    return 0
+    return done
 
 
-def _teach(arguments: argparse.Namespace) -> int:
-    """One policy for a family of scenes."""
-    import sys
-    from dataclasses import replace
-
-    from agents.conditioned.preset import Teaching
-    from agents.conditioned.training import teach
+def _conditioned(arguments: argparse.Namespace) -> TrainingRun:
+    """One policy for many scenes."""
+    from agents.conditioned.preset import ConditionedPreset
+    from agents.conditioned.training import train_conditioned
 
     if arguments.algorithm != "ppo" or arguments.warm_start is not None:
-        raise ValueError("family is taught in its own way: leave out --algorithm and --warm-start")
-    plan = Teaching()
+        raise ValueError("family is trained in its own way: leave out --algorithm and --warm-start")
+    preset = ConditionedPreset()
     if arguments.steps is not None:
         if arguments.steps < 0:
             raise ValueError(f"steps = {arguments.steps}: give 0 or more batches")
-        plan = replace(plan, batches=arguments.steps)
-    done = teach(
+        preset = replace(preset, batches=arguments.steps)
+    done = train_conditioned(
         arguments.out or "runs/family",
         arguments.seed,
-        plan,
+        preset,
         resume=arguments.resume,
         progress=sys.stderr.isatty(),
     )
     gain, beaten = done.curve[-1][2:4]
     print(f"beats the best uniform row in {beaten:.0%} of its scenes, by {gain:.2%} on average")
-    spent = f"{done.steps:,} steps in {done.seconds:.0f} s, written to {done.folder}"
-    print(("interrupted after " if done.interrupted else "") + spent)
-    return 0
+    return done

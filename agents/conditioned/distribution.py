@@ -1,4 +1,4 @@
-"""A family of scenes: what varies from one to the next, and the features that a policy observes.
+"""The distribution of scenes that a policy is trained on, and the features that it observes.
 
 Lengths count in heights h of a domino and times in √(h/g): a scene and its enlargement have the
 same features, as they are the same (lengths × k, push / √k). Density and width cancel where all
@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.physics import Physics
-from domino_env.scenes.scene import Scene
+from domino_env import Physics, Scene
 
 Floats = NDArray[np.float64]
 Range = tuple[float, float]
@@ -24,11 +23,11 @@ RANGES = (
     ("friction", 0.0, 10.0), ("push", 1e-3, 1e3), ("count", 4, 10_000), ("least", 1e-4, 0.99),
     ("largest", 1e-4, 0.99), ("thickness", 1e-3, 0.9),
 )  # fmt: skip
-LOOKED_AT = 48  # uniform rows that tell whether any runs through
+TRIED = 48  # uniform rows that tell whether any runs through
 
 
 @dataclass(frozen=True)
-class SceneFamily:
+class SceneDistribution:
     """Ranges that scenes are drawn from; the defaults are those of the policy that ships.
 
     Attributes
@@ -74,10 +73,10 @@ class SceneFamily:
                 f"least = {self.least}: {self.apart} times its end is beyond largest {self.largest}"
             )
 
-    def draw(self, rng: np.random.Generator, name: str = "drawn") -> Scene:
+    def sample(self, rng: np.random.Generator, name: str = "drawn") -> Scene:
         """Draw a scene in which at least one uniform row runs through: others have no baseline."""
         while True:
-            scene = scene_of(self._any(rng), name)
+            scene = scene_with(self._any(rng), name)
             if some_row_runs(scene):
                 return scene
 
@@ -93,13 +92,13 @@ class SceneFamily:
         ])  # fmt: skip
 
     def outside(self, scene: Scene) -> tuple[str, ...]:
-        """Say in what a scene differs from all that the family draws; empty if in nothing."""
+        """Say in what a scene differs from all that are drawn; empty if in nothing."""
         ranges = (
             self.friction, self.push, self.count, self.least, self.largest, self.thickness,
         )  # fmt: skip
         return tuple(
             f"{name} {value:.4g} is outside {low:.4g} to {high:.4g}"
-            for name, value, (low, high) in zip(FEATURES, numbers(scene), ranges, strict=True)
+            for name, value, (low, high) in zip(FEATURES, features_of(scene), ranges, strict=True)
             if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9)
         )
 
@@ -108,7 +107,7 @@ def _logarithmic(rng: np.random.Generator, bounds: Range) -> float:
     return float(np.exp(rng.uniform(*np.log(bounds))))
 
 
-def numbers(scene: Scene) -> Floats:
+def features_of(scene: Scene) -> Floats:
     """Give the `FEATURES` of a scene: all that the speed of a row of its gaps over h depends on."""
     h, gravity = scene.height, scene.physics.gravity
     return np.array([
@@ -117,7 +116,7 @@ def numbers(scene: Scene) -> Floats:
     ])  # fmt: skip
 
 
-def scene_of(features: Floats, name: str = "drawn") -> Scene:
+def scene_with(features: Floats, name: str = "drawn") -> Scene:
     """Make the scene with these `FEATURES`, of standard height."""
     friction, push, count, least, largest, thickness = (float(x) for x in features)
     thick = HEIGHT * thickness
@@ -155,12 +154,12 @@ def require_kind(scene: Scene) -> None:
         other.append(f"it has {scene.count} dominoes")
     if other:
         raise ValueError(
-            f"scene '{scene.name}': {', '.join(other)}; what was taught are fast rows of 4 or more "
-            "equal dominoes with free gaps: search this one with `domino optimize`"
+            f"scene '{scene.name}': {', '.join(other)}; this policy was trained on fast rows of 4 "
+            "or more equal dominoes with free gaps: search this one with `domino optimize`"
         )
 
 
-def uniform_speed(scene: Scene, rows: int = LOOKED_AT) -> float:
+def uniform_speed(scene: Scene, rows: int = TRIED) -> float:
     """Estimate the score of the best uniform row: the best of a few; -1 to 0 where none runs."""
     gaps = np.geomspace(*scene.spacing, rows)[:, None] * np.ones(scene.count - 1)
     return float(scene.score_batch(gaps, None, rtol=1e-5).max())

@@ -1,4 +1,4 @@
-"""Examples: scenes of a family with good rows that search found; what imitation learns from."""
+"""Examples: scenes with good rows that search found; what imitation learns from."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.base.arrays import read_arrays
-from agents.conditioned.distribution import FEATURES, SceneFamily, numbers, scene_of
-from domino_env.scenes.scene import Scene
+from agents.conditioned.distribution import FEATURES, SceneDistribution, features_of, scene_with
+from domino_env import Scene
 from domino_env.support.files import write_bytes
 
 Floats = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Examples:
 
     def scene(self, i: int) -> Scene:
         """Make the scene of one example."""
-        return scene_of(self.scenes[i])
+        return scene_with(self.scenes[i])
 
     def save(self, path: Path) -> None:
         """Write them as plain arrays."""
@@ -51,7 +51,7 @@ class Examples:
 
 
 def make_examples(
-    family: SceneFamily,
+    distribution: SceneDistribution,
     number: int,
     seed: int,
     evaluations: int,
@@ -62,7 +62,7 @@ def make_examples(
 
     Parameters
     ----------
-    family
+    distribution
         What the scenes are drawn from.
     number
         Of examples.
@@ -86,8 +86,8 @@ def make_examples(
     from optimize import search
 
     rng = np.random.default_rng(seed)
-    drawn = [family.draw(rng) for _ in range(number)]
-    scenes = np.array([numbers(scene) for scene in drawn]).reshape(number, len(FEATURES))
+    drawn = [distribution.sample(rng) for _ in range(number)]
+    scenes = np.array([features_of(scene) for scene in drawn]).reshape(number, len(FEATURES))
     gaps = np.full((number, int(scenes[:, 2].max(initial=2)) - 1), np.nan)
     found = Examples(scenes, gaps, np.full(number, np.nan), np.full(number, np.nan))
     begun = 0

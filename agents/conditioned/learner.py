@@ -1,4 +1,4 @@
-"""The learner of a designer: imitation of good rows, and the exact gradient of its own rows.
+"""Learner of the scene-conditioned policy: imitation, and the exact gradient of its own rows.
 
 The second is reinforcement learning without sampling error in the actions. The policy lays rows for
 scenes that are drawn anew in every batch, and since the simulator gives the derivative of a row's
@@ -17,10 +17,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents.conditioned.distribution import FEATURES, numbers, uniform_speed
-from agents.conditioned.policy import PLANS, SHOWN, Designer, Layers, plans_of, scene_shown, shown
-from agents.conditioned.preset import Teaching
-from domino_env.scenes.scene import Scene
+from agents.base.network import Network
+from agents.conditioned.distribution import FEATURES, features_of, uniform_speed
+from agents.conditioned.observations import PLANS, SIZE, observations, plans_of, scaled
+from agents.conditioned.policy import ConditionedPolicy
+from agents.conditioned.preset import ConditionedPreset
+from domino_env import Scene
 
 Floats = NDArray[np.float64]
 
@@ -34,29 +36,29 @@ class Learner:
 
     Parameters
     ----------
-    teaching
+    preset
         Hyperparameters.
     seed
         Of the initial weights.
     """
 
-    def __init__(self, teaching: Teaching, seed: int) -> None:
+    def __init__(self, preset: ConditionedPreset, seed: int) -> None:
         torch.set_num_threads(1)
-        self.teaching, self.seed = teaching, seed
+        self.preset, self.seed = preset, seed
         generator = torch.Generator().manual_seed(seed)
-        self.row = _network(SHOWN, [teaching.width] * teaching.depth, 1, generator)
+        self.row = _network(SIZE, [preset.width] * preset.depth, 1, generator)
         self.plan = _network(len(FEATURES), [64], PLANS, generator)
         with torch.no_grad():
             bias: Any = self.row[-1].bias
             bias.fill_(float(np.log(0.35)))  # of the height: most such rows run
         both = [*self.row.parameters(), *self.plan.parameters()]
         # one for each stage: the second begins without the momentum of the first
-        self.imitating = torch.optim.Adam(both, lr=teaching.rate)
-        self.climbing = torch.optim.Adam(both, lr=teaching.rate)
+        self.imitating = torch.optim.Adam(both, lr=preset.rate)
+        self.climbing = torch.optim.Adam(both, lr=preset.rate)
 
-    def designer(self) -> Designer:
+    def policy(self) -> ConditionedPolicy:
         """Give the policy as it is now."""
-        return Designer(_plain(self.row), _plain(self.plan))
+        return ConditionedPolicy(_plain(self.row), _plain(self.plan))
 
     def state(self) -> dict[str, Any]:
         """Give all that going on needs."""
@@ -84,20 +86,20 @@ class Learner:
         done
             Part of this stage of the training that is done, 0 to 1.
         """
-        seen, wanted, weights, places, plans = [], [], [], [], []
+        observed, wanted, weights, places, plans = [], [], [], [], []
         low, high = list[Floats](), list[Floats]()
         for features, gaps in chosen:
             tight = int(np.cumprod(gaps[::-1] <= features[3] * (1.0 + 1e-6)).sum())
             plan = min(tight, plans_of(int(features[2])) - 1)
             free = len(gaps) - plan
-            seen.append(shown(features, np.array([plan]))[:free])
+            observed.append(observations(features, np.array([plan]))[:free])
             wanted.append(np.log(gaps[:free]))
             low.append(np.full(free, np.log(features[3])))
             high.append(np.full(free, np.log(features[4])))
             weights.append(np.full(free, 1.0 / free))
-            places.append(scene_shown(features))
+            places.append(scaled(features))
             plans.append(plan)
-        got = self.row(_tensor(np.concatenate(seen)))[:, 0]
+        got = self.row(_tensor(np.concatenate(observed)))[:, 0]
         # beyond a bound the gap is cut off: the same row, and nothing to learn
         floor, top = _tensor(np.concatenate(low)), _tensor(np.concatenate(high))
         goal = _tensor(np.concatenate(wanted))
@@ -121,18 +123,18 @@ class Learner:
         done
             Part of this stage of the training that is done, 0 to 1.
         """
-        designer = self.designer()
-        seen, slopes, places, merits = [], [], [], []
+        policy = self.policy()
+        observed, slopes, places, merits = [], [], [], []
         for scene in scenes:
-            features = numbers(scene)
+            features = features_of(scene)
             plans = np.arange(plans_of(scene.count), dtype=np.float64)
-            gaps = designer.gaps(scene, plans)
+            gaps = policy.gaps(scene, plans)
             scores = scene.score_batch(gaps, None, rtol=RTOL)
             # the unit of its scores; where none of the few uniform rows runs, by its own best
             unit = max(uniform_speed(scene, MARKED), 0.8 * float(scores.max()), 1e-3) / 100.0
             order = np.argsort(-scores, kind="stable")
-            few = order[: self.teaching.climbing - 1]
-            rest = order[self.teaching.climbing - 1 :]
+            few = order[: self.preset.climbing - 1]
+            rest = order[self.preset.climbing - 1 :]
             if len(rest):
                 few = np.append(few, rng.choice(rest))
             # by the logarithm of the gap
@@ -140,11 +142,11 @@ class Learner:
             slope /= unit * len(few)
             tight = np.arange(scene.count - 1) >= scene.count - 1 - plans[few, None]
             slopes.append(np.where(tight, 0.0, slope).ravel())
-            seen.append(shown(features, plans[few]))
-            places.append(scene_shown(features))
+            observed.append(observations(features, plans[few]))
+            places.append(scaled(features))
             merits.append(np.full(PLANS, -np.inf))
             merits[-1][: len(plans)] = SHARP * scores / unit
-        got = self.row(_tensor(np.concatenate(seen)))[:, 0]
+        got = self.row(_tensor(np.concatenate(observed)))[:, 0]
         pull = _tensor(np.concatenate(slopes))
         # a gap that is cut off at a bound moves only when it is pulled back inside
         sizes = [len(slope) for slope in slopes]
@@ -161,7 +163,7 @@ class Learner:
         self._step(self.climbing, loss, done)
 
     def _step(self, optimizer: torch.optim.Adam, loss: torch.Tensor, done: float) -> None:
-        plan = self.teaching
+        plan = self.preset
         share = 0.5 * (1.0 + math.cos(math.pi * done))
         optimizer.param_groups[0]["lr"] = plan.last_rate + (plan.rate - plan.last_rate) * share
         optimizer.zero_grad()
@@ -188,9 +190,11 @@ def _network(
     return torch.nn.Sequential(*layers[:-1])
 
 
-def _plain(network: torch.nn.Sequential) -> Layers:
+def _plain(network: torch.nn.Sequential) -> Network:
     linear = [layer for layer in network if isinstance(layer, torch.nn.Linear)]
-    return tuple(
-        (layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy())
-        for layer in linear
-    )  # fmt: skip
+    return Network(
+        tuple(
+            (layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy())
+            for layer in linear
+        )
+    )

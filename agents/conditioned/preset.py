@@ -1,4 +1,4 @@
-"""Teaching: hyperparameters of the training of a designer, typed, in one place."""
+"""Preset of the scene-conditioned policy: hyperparameters of its training, typed, in one place."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ LIMITS = (
 
 
 @dataclass(frozen=True)
-class Teaching:
-    """Hyperparameters of the training of a designer.
+class ConditionedPreset:
+    """Hyperparameters of the training of a scene-conditioned policy.
 
     Attributes
     ----------

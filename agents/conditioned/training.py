@@ -1,103 +1,99 @@
-"""Teach a designer for a family of scenes, in a folder from which it can go on.
+"""Training of a scene-conditioned policy: imitation of searched rows, then exact gradients.
 
-config.json   family, teaching, seed, versions     progress.csv   the learning curve
-examples.npz  rows that search found               policy.npz     weights, plain arrays
-checkpoint.pt all that going on needs (no pickled code)           summary.json
+What the folder holds: `agents.base.run_files`, and examples.npz, the rows that search found.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import field
 from numpy.typing import NDArray
 
-from agents.base.clock import Clock
-from agents.base.requirements import require_extra
-from agents.base.run_files import Count, Score, Seconds, Seed, require_columns
-from agents.conditioned.distribution import SceneFamily
+from agents.base.requirements import require_learning
+from agents.base.run_files import (
+    CONFIG,
+    POLICY,
+    Count,
+    ProgressDocument,
+    Seed,
+    require_begun,
+    require_new,
+)
+from agents.base.training import Training, TrainingRun
+from agents.conditioned.distribution import SceneDistribution
 from agents.conditioned.examples import Examples, make_examples
-from agents.conditioned.policy import Designer, arrays_of, load_designer, plans_of
-from agents.conditioned.preset import EXAMPLES_SEED, Teaching
-from domino_env.scenes.scene import Scene
-from domino_env.support.files import write_bytes, write_text
+from agents.conditioned.observations import plans_of
+from agents.conditioned.policy import ALGORITHM, ConditionedPolicy
+from agents.conditioned.preset import EXAMPLES_SEED, ConditionedPreset
+from domino_env import Scene
+from domino_env.support.files import write_bytes
 from domino_env.support.models import Document, model_of
 from domino_env.support.reading import naming, read_json
-from domino_env.support.tables import write_csv
 
 if TYPE_CHECKING:
     from agents.conditioned.learner import Learner
 
 Floats = NDArray[np.float64]
 
-CHECKED = 64  # scenes that the learning curve is taken on
-LOOKS = 40  # points of the curve, and checkpoints
-COLUMNS = ("step", "seconds", "gain", "beaten", "gain_untried", "beaten_untried")
-FILES = ("config.json", "checkpoint.pt", "policy.npz")
-ORDER, BATCH, CHECK = 1, 2, 3  # what random numbers are for, beside the seed
+SCENES = 64  # that the learning curve is taken on
+ORDER, BATCH, EVALUATION = 1, 2, 3  # what random numbers are for, beside the seed
 
 
-class BegunDocument(Document):
+class ConditionedConfigDocument(Document):
     """What a training was begun with: config.json."""
 
     seed: Seed
-    teaching: Teaching
-    family: SceneFamily
+    preset: ConditionedPreset = field(name="teaching")
+    distribution: SceneDistribution = field(name="family")
 
 
-class TeachingProgress(Document):
+class ConditionedProgressDocument(ProgressDocument, kw_only=True):
     """How far a training had come, in its checkpoint."""
 
     done: Count
-    seconds: Seconds
-    processor_seconds: Seconds
-    curve: list[tuple[Score, ...]]
 
 
 @dataclass(frozen=True, eq=False)
-class Taught:
-    """Result of the training of a designer.
+class ConditionedRun(TrainingRun):
+    """Result of the training of a scene-conditioned policy.
 
     Attributes
     ----------
     folder
         Where all of it lies.
-    designer
-        The policy.
     steps
         Passes and batches done.
     seconds
         Time that it took.
     curve
-        A tuple of `COLUMNS` for each evaluation along the way.
+        A tuple for each evaluation, as in progress.csv.
     interrupted
         Whether it was ended by hand.
+    policy
+        What was trained, as of the last evaluation.
     """
 
-    folder: Path
-    designer: Designer
-    steps: int
-    seconds: float
-    curve: tuple[tuple[float, ...], ...]
-    interrupted: bool
+    policy: ConditionedPolicy
 
 
-def teach(
+def train_conditioned(
     folder: str | Path = "runs/family",
     seed: int = 0,
-    teaching: Teaching | None = None,
-    family: SceneFamily | None = None,
+    preset: ConditionedPreset | None = None,
+    distribution: SceneDistribution | None = None,
     *,
     examples: str | Path | None = None,
     resume: bool = False,
     progress: bool = False,
-) -> Taught:
-    """Train a designer on random scenes of a family.
+) -> ConditionedRun:
+    """Train a policy on random scenes.
 
-    Ctrl-C ends it with what was learned so far; a kill loses what came after the last checkpoint.
+    Ctrl-C ends it with the policy of the last evaluation. A run that was stopped goes on from its
+    last checkpoint, and comes to what it would have come to undisturbed.
 
     Parameters
     ----------
@@ -105,17 +101,22 @@ def teach(
         Where the run is kept.
     seed
         The same seed on the same machine gives the same weights.
-    teaching
+    preset
         Hyperparameters; None for those of the policy that ships.
-    family
+    distribution
         What scenes are drawn from; None for that of the policy that ships.
     examples
-        A file of examples, which do not depend on the seed: made before for the same family and
-        number, or to be made; None for one in the folder.
+        A file of examples, which do not depend on the seed: made before for the same distribution
+        and number, or to be made; None for one in the folder.
     resume
-        Go on from the checkpoint in the folder, with its seed, teaching and family.
+        Go on from the checkpoint in the folder, with its seed, preset and distribution.
     progress
         Whether to show progress bars.
+
+    Returns
+    -------
+    ConditionedRun
+        What it came to.
 
     Raises
     ------
@@ -126,97 +127,80 @@ def teach(
     """
     if seed < 0:
         raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
-    require_extra()
+    require_learning()
     home = Path(folder)
     if resume:
-        seed, teaching, family = _as_begun(home)
-    elif (home / "config.json").exists() or (home.is_dir() and any(home.iterdir())):
-        raise ValueError(f"{home} is not empty: name another folder, or go on with --resume")
+        seed, preset, distribution = _as_begun(home)
+    else:
+        require_new(home)
     kept = Path(examples) if examples is not None else home / "examples.npz"
-    run = _Teaching(home, seed, teaching or Teaching(), family or SceneFamily(), kept, progress)
-    return run.run(resume)
+    training = ConditionedTraining(
+        preset or ConditionedPreset(), distribution or SceneDistribution(), seed, home, kept,
+        progress,
+    )  # fmt: skip
+    return training.result(training.run(resume))
 
 
-class _Teaching:
-    """One teaching while it runs."""
+class ConditionedTraining(Training[ConditionedProgressDocument]):
+    """A training on many scenes while it runs; its steps are passes over the examples, and batches.
+
+    Parameters
+    ----------
+    preset, distribution, seed, folder, examples, progress
+        As of `train_conditioned`.
+    """
+
+    COLUMNS = ("step", "seconds", "gain", "beaten", "gain_untried", "beaten_untried")
+    EVALUATIONS, CHECKPOINTS = 40, 40
 
     def __init__(
         self,
-        home: Path,
+        preset: ConditionedPreset,
+        distribution: SceneDistribution,
         seed: int,
-        teaching: Teaching,
-        family: SceneFamily,
+        folder: Path,
         examples: Path,
-        progress: bool,
+        progress: bool = False,
     ) -> None:
         from agents.conditioned.learner import Learner
 
-        self.home, self.seed, self.teaching, self.family = home, seed, teaching, family
-        self.examples, self.progress = examples, progress
-        self.learner: Learner = Learner(teaching, seed)
-        self.passes = teaching.passes if teaching.examples else 0
-        self.total = self.passes + teaching.batches
+        self.preset, self.distribution, self.examples = preset, distribution, examples
+        self.passes = preset.passes if preset.examples else 0
+        super().__init__(folder, seed, self.passes + preset.batches, " steps", progress)
+        self.learner: Learner = Learner(preset, seed)
         self.done = 0
-        self.curve: list[tuple[float, ...]] = []
-        self.clock = Clock()
-        rng = np.random.default_rng([seed, CHECK])
-        self.checked = [family.draw(rng) for _ in range(CHECKED)]
+        rng = np.random.default_rng([seed, EVALUATION])
+        self.scenes = [distribution.sample(rng) for _ in range(SCENES)]
 
-    def run(self, resume: bool) -> Taught:
-        if resume:
-            self._restore()
-        else:
-            self._begin()
-        interrupted = False
-        try:
-            self._learn()
-        except KeyboardInterrupt:
-            interrupted = True
-        self._look()
-        self._keep()
-        designer = load_designer(self.home / "policy.npz")  # rounded as it is kept
-        taught = Taught(
-            self.home, designer, self.done, self.clock.seconds, tuple(self.curve), interrupted
-        )
-        document = {
-            "finished": not interrupted,
-            "steps": self.done,
-            "seconds": self.clock.seconds,
-            "processor_seconds": self.clock.processor_seconds,
-        }
-        document |= dict(zip(COLUMNS[2:], self.curve[-1][2:], strict=True))
-        write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
-        return taught
+    @property
+    def steps(self) -> int:
+        """Passes and batches done so far."""
+        return self.done
 
-    def _learn(self) -> None:
-        from tqdm import tqdm
+    # learning -------------------------------------------------------------------------------------
 
+    def learn(self) -> None:
+        """Imitate the examples, then climb on fresh scenes."""
         pairs: list[tuple[Floats, Floats]] = []
         if self.done < self.passes:
-            plan = self.teaching
-            found = make_examples(
-                self.family, plan.examples, EXAMPLES_SEED, plan.evaluations, self.examples,
-                self.progress,
+            preset = self.preset
+            pairs = _pairs(
+                make_examples(
+                    self.distribution, preset.examples, EXAMPLES_SEED, preset.evaluations,
+                    self.examples, not self.bar.disable,
+                )
             )  # fmt: skip
-            pairs = _pairs(found)
-        next_look = self.done + max(self.total // LOOKS, 1)
-        with tqdm(total=self.total, initial=self.done, disable=not self.progress) as bar:
-            while self.done < self.total:
-                if self.done < self.passes:
-                    self._imitate(pairs)
-                else:
-                    self._climb(self.done - self.passes)
-                self.done += 1
-                bar.update()
-                if self.done >= next_look and self.done < self.total:
-                    self._look()
-                    self._keep()
-                    bar.set_postfix_str(f"gain {self.curve[-1][2]:.2%}")
-                    next_look = self.done + max(self.total // LOOKS, 1)
+        while self.done < self.total:
+            self.between_updates()
+            if self.done < self.passes:
+                self._imitate(pairs)
+            else:
+                self._climb(self.done - self.passes)
+            self.done += 1
 
     def _imitate(self, pairs: list[tuple[Floats, Floats]]) -> None:
         """One pass over the examples."""
-        size = self.teaching.together
+        size = self.preset.together
         order = np.random.default_rng([self.seed, ORDER, self.done]).permutation(len(pairs))
         for i in range(0, len(order), size):
             part = (self.done + i / len(order)) / self.passes
@@ -225,13 +209,20 @@ class _Teaching:
     def _climb(self, batch: int) -> None:
         """One batch of fresh scenes."""
         rng = np.random.default_rng([self.seed, BATCH, batch])
-        scenes = [self.family.draw(rng) for _ in range(self.teaching.scenes)]
-        self.learner.climb(scenes, rng, batch / self.teaching.batches)
+        scenes = [self.distribution.sample(rng) for _ in range(self.preset.scenes)]
+        self.learner.climb(scenes, rng, batch / self.preset.batches)
 
-    def _look(self) -> None:
-        """What the policy gains in scenes of its own, with its plans tried and untried."""
-        gains = np.array([_gains(self.learner.designer(), scene) for scene in self.checked])
-        tried, untried = gains.T
+    # evaluating -----------------------------------------------------------------------------------
+
+    def evaluate(self) -> None:
+        """Take its gains in scenes of its own, with the plans tried and untried."""
+        policy = self.learner.policy()
+        arrays: dict[str, Any] = dict(policy.arrays())
+        write_bytes(
+            self.folder / POLICY,
+            lambda file: np.savez_compressed(file, allow_pickle=False, **arrays),
+        )
+        tried, untried = np.array([_gains(policy, scene) for scene in self.scenes]).T
         self.curve.append(
             (
                 float(self.done), self.clock.seconds,
@@ -239,58 +230,52 @@ class _Teaching:
                 float(np.mean(untried)), float(np.mean(untried > 0.0)),
             )
         )  # fmt: skip
+        self.bar.set_postfix_str(f"gain {self.curve[-1][2]:.2%}")
 
-    def _keep(self) -> None:
-        """Write checkpoint, weights and learning curve."""
-        import torch
+    # keeping --------------------------------------------------------------------------------------
 
-        arrays: dict[str, Any] = dict(arrays_of(self.learner.designer()))
-        write_bytes(
-            self.home / "policy.npz",
-            lambda file: np.savez_compressed(file, allow_pickle=False, **arrays),
-        )
-        state = {
-            "learner": self.learner.state(),
-            "done": self.done,
-            "curve": [list(row) for row in self.curve],
-            "seconds": self.clock.seconds,
-            "processor_seconds": self.clock.processor_seconds,
-        }
-        write_bytes(self.home / "checkpoint.pt", lambda file: torch.save(state, file))
-        rows = ([f"{x:.10g}" for x in row] for row in self.curve)
-        write_csv(self.home / "progress.csv", COLUMNS, rows)
-
-    def _begin(self) -> None:
-        from domino_env.support.provenance import versions
-
-        self.home.mkdir(parents=True, exist_ok=True)
-        document = {
-            "algorithm": "family",
+    def config(self) -> dict[str, Any]:
+        """Give what it is begun with."""
+        return {
+            "algorithm": ALGORITHM,
             "seed": self.seed,
-            "teaching": asdict(self.teaching),
-            "family": asdict(self.family),
-            "versions": versions(),
+            "teaching": asdict(self.preset),
+            "family": asdict(self.distribution),
         }
-        write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
 
-    def _restore(self) -> None:
-        from agents.base.checkpoint import require_finite, taken_up
+    def state(self, progress: dict[str, Any]) -> dict[str, Any]:
+        """Give the learner's state beside the progress."""
+        return {"learner": self.learner.state(), "done": self.done} | progress
 
-        with taken_up(self.home / "checkpoint.pt") as state:
-            self.learner.restore(state["learner"])
-            require_finite(self.learner.row)
-            found = model_of(TeachingProgress, state)
-            require_columns(found.curve, COLUMNS)
-        self.done, self.curve = found.done, found.curve
-        self.clock.go_on(found.seconds, found.processor_seconds)
+    def restore(self, state: dict[str, Any]) -> ConditionedProgressDocument:
+        """Go back to what `state` gave."""
+        from agents.base.checkpoint import require_finite
+
+        self.learner.restore(state["learner"])
+        require_finite(self.learner.row)
+        require_finite(self.learner.plan)
+        found = model_of(ConditionedProgressDocument, state)
+        self.done = found.done
+        return found
+
+    def result(self, interrupted: bool) -> ConditionedRun:
+        """Write the summary, and give what it came to."""
+        policy = ConditionedPolicy.load(self.folder)
+        self.write_summary(
+            interrupted, dict(zip(self.COLUMNS[2:], self.curve[-1][2:], strict=True))
+        )
+        return ConditionedRun(
+            self.folder, self.done, self.clock.seconds, tuple(self.curve), interrupted, policy
+        )
 
 
-def _gains(designer: Designer, scene: Scene) -> tuple[float, float]:
+def _gains(policy: ConditionedPolicy, scene: Scene) -> tuple[float, float]:
     """Over the best uniform row: of the best plan, and of the one that is preferred."""
     plans = np.arange(plans_of(scene.count), dtype=np.float64)
-    scores = scene.score_batch(designer.gaps(scene, plans), None)
-    mark = scene.uniform().score
-    return float(scores.max() / mark - 1.0), float(scores[designer.ranked(scene)[0]] / mark - 1.0)
+    scores = scene.score_batch(policy.gaps(scene, plans), None)
+    baseline = scene.uniform().score
+    preferred = scores[policy.ranked(scene)[0]]
+    return float(scores.max() / baseline - 1.0), float(preferred / baseline - 1.0)
 
 
 def _pairs(examples: Examples) -> list[tuple[Floats, Floats]]:
@@ -299,11 +284,10 @@ def _pairs(examples: Examples) -> list[tuple[Floats, Floats]]:
     return [(examples.scenes[i], examples.gaps[i, : int(examples.scenes[i, 2]) - 1]) for i in good]
 
 
-def _as_begun(home: Path) -> tuple[int, Teaching, SceneFamily]:
-    """What a teaching in this folder was begun with."""
-    if not all((home / name).exists() for name in FILES):
-        raise ValueError(f"{home} holds no checkpoint: there is nothing to go on from")
-    path = home / "config.json"
+def _as_begun(folder: Path) -> tuple[int, ConditionedPreset, SceneDistribution]:
+    """What a training in this folder was begun with."""
+    require_begun(folder)
+    path = folder / CONFIG
     with naming(path):
-        begun = model_of(BegunDocument, read_json(path))
-    return begun.seed, begun.teaching, begun.family
+        begun = model_of(ConditionedConfigDocument, read_json(path))
+    return begun.seed, begun.preset, begun.distribution

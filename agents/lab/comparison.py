@@ -9,25 +9,25 @@ same scenes, new to all, and writes comparison.md. Figures: docs/family.md.
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from agents.conditioned.distribution import SceneFamily
-from agents.conditioned.evaluation import Judged, judge
+from agents.base.run_files import CHECKPOINT, is_finished
+from agents.conditioned.distribution import SceneDistribution
 from agents.conditioned.examples import make_examples
-from agents.conditioned.policy import load_designer
-from agents.conditioned.preset import Teaching
-from agents.conditioned.training import teach
+from agents.conditioned.policy import ConditionedPolicy
+from agents.conditioned.preset import ConditionedPreset
+from agents.conditioned.training import train_conditioned
+from agents.evaluation.many_scenes import ScenesEvaluation, evaluate_scenes
 from domino_env.support.files import write_text
 from domino_env.support.tables import markdown_table
 
 WAYS = {
-    "imitation": replace(Teaching(), batches=0),
-    "exact slope": replace(Teaching(), examples=0, batches=800),
-    "imitation, then exact slope": Teaching(),
+    "imitation": replace(ConditionedPreset(), batches=0),
+    "exact slope": replace(ConditionedPreset(), examples=0, batches=800),
+    "imitation, then exact slope": ConditionedPreset(),
 }
 SEARCHED = 2500  # evaluations of the search that each scene is compared with
 
@@ -35,7 +35,7 @@ SEARCHED = 2500  # evaluations of the search that each scene is compared with
 def compare(
     home: Path, number: int = 200, scenes_seed: int = 1, seed: int = 0, *, progress: bool = False
 ) -> str:
-    """Train a designer in every way that is not trained yet, and evaluate all.
+    """Train a policy in every way that is not trained yet, and evaluate all.
 
     Parameters
     ----------
@@ -53,40 +53,37 @@ def compare(
     str
         A table in Markdown.
     """
-    family, examples = SceneFamily(), home / "examples.npz"
+    distribution, examples = SceneDistribution(), home / "examples.npz"
     for name, plan in WAYS.items():
         folder = home / name.replace(", ", "-").replace(" ", "-")
-        if not _finished(folder):
-            teach(
-                folder, seed, plan, family,
-                examples=examples, resume=(folder / "checkpoint.pt").exists(), progress=progress,
+        if not is_finished(folder):
+            train_conditioned(
+                folder, seed, plan, distribution,
+                examples=examples, resume=(folder / CHECKPOINT).exists(), progress=progress,
             )  # fmt: skip
-    unseen = make_examples(family, number, scenes_seed, SEARCHED, home / "unseen.npz", progress)
+    unseen = make_examples(
+        distribution, number, scenes_seed, SEARCHED, home / "unseen.npz", progress
+    )
     names = (
-        "taught by", "beats the best uniform row", "median gain",
+        "trained by", "beats the best uniform row", "median gain",
         "median part of the search's gain", "the same with the plan untried: beats", "part", "dies",
     )  # fmt: skip
     rows = []
     for name in WAYS:
         folder = home / name.replace(", ", "-").replace(" ", "-")
-        designer = load_designer(folder / "policy.npz")
-        rows.append(_cells(name, judge(number, scenes_seed, designer, examples=unseen)))
+        policy = ConditionedPolicy.load(folder)
+        rows.append(_cells(name, evaluate_scenes(number, scenes_seed, policy, examples=unseen)))
     return "\n".join(markdown_table(names, rows)) + "\n"
 
 
-def _cells(name: str, judged: Judged) -> tuple[str, ...]:
-    gain = float(np.median(judged.gains(judged.tried)))
+def _cells(name: str, found: ScenesEvaluation) -> tuple[str, ...]:
+    gain = float(np.median(found.gains(found.tried)))
     return (
-        name, f"{judged.beaten(judged.tried):.1%}", f"{gain:+.2%}",
-        f"{judged.share(judged.tried):.1%}", f"{judged.beaten(judged.untried):.1%}",
-        f"{judged.share(judged.untried):.1%}",
-        f"{int((judged.untried <= 0.0).sum())} of {len(judged.tried)}",
+        name, f"{found.beaten(found.tried):.1%}", f"{gain:+.2%}",
+        f"{found.share(found.tried):.1%}", f"{found.beaten(found.untried):.1%}",
+        f"{found.share(found.untried):.1%}",
+        f"{int((found.untried <= 0.0).sum())} of {len(found.tried)}",
     )  # fmt: skip
-
-
-def _finished(folder: Path) -> bool:
-    summary = folder / "summary.json"
-    return summary.exists() and bool(json.loads(summary.read_text("utf-8"))["finished"])
 
 
 def main() -> None:

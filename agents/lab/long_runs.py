@@ -18,14 +18,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.base.run_files import is_finished
 from agents.single.training import train
-from domino_env.scenes.files.reading import load_scene
-from domino_env.support.files import write_bytes
+from domino_env import load_scene
+from domino_env.support.plot_style import (
+    BLUE,
+    GREEN,
+    KNOWN,
+    SKY,
+    UNIFORM,
+    new_panels,
+    style,
+    write_png,
+)
 from domino_env.support.tables import markdown_table, write_csv
 from optimize.records.shipped import best_known
 
 SCENES = ("sprint", "sprint-thickness", "ideal", "course")
 SEEDS = 3
+SEED_COLOURS = (BLUE, SKY, GREEN)
 SHARE = 0.8  # of the best known row's gain, to be reached
 MOMENTS = (60.0, 300.0, 900.0)  # [s] at which the curves are read
 COLUMNS = (
@@ -38,7 +49,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
+class LearningCurve:
     """Result of one training.
 
     Attributes
@@ -86,7 +97,7 @@ class Learned:
         )  # fmt: skip
 
 
-def learned(folder: Path) -> Learned:
+def read_curve(folder: Path) -> LearningCurve:
     """Read a run's folder; ValueError where it holds no finished training."""
     if not (folder / "summary.json").exists():
         raise ValueError(f"{folder} holds no finished training")
@@ -94,35 +105,33 @@ def learned(folder: Path) -> Learned:
     curve = np.genfromtxt(folder / "progress.csv", delimiter=",", names=True)
     curve = np.atleast_1d(curve)
     known = best_known()[summary["scene"]].score
-    return Learned(
+    return LearningCurve(
         summary["scene"], summary["algorithm"], int(summary["seed"]), int(summary["steps"]),
         curve["processor_seconds"], curve["best_score"], summary["uniform_score"], known,
     )  # fmt: skip
 
 
-def run_all(scenes: Iterable[str], seeds: int, algorithm: str, out: Path) -> list[Learned]:
+def run_all(scenes: Iterable[str], seeds: int, algorithm: str, out: Path) -> list[LearningCurve]:
     """Train what is not trained yet, one after the other."""
     runs = []
     for scene in scenes:
         for seed in range(seeds):
             folder = out / f"{scene}-{algorithm}-{seed}"
-            summary = folder / "summary.json"
-            done = summary.exists() and json.loads(summary.read_text("utf-8"))["finished"]
-            if not done:
+            if not is_finished(folder):
                 begun = (folder / "checkpoint.pt").exists()
                 train(scene, algorithm, None, seed, folder, resume=begun)
-            runs.append(learned(folder))
+            runs.append(read_curve(folder))
             print(*runs[-1].row(), flush=True)
     return runs
 
 
-def write(runs: list[Learned], docs: Path) -> None:
+def write(runs: list[LearningCurve], docs: Path) -> None:
     """Write a line a run as CSV, and draw the curves."""
     write_csv(docs / "learning.csv", COLUMNS, (run.row() for run in runs))
     draw(runs, docs / "learning.png")
 
 
-def table(runs: list[Learned]) -> str:
+def table(runs: list[LearningCurve]) -> str:
     """Make a line a scene, in Markdown: the worst of its seeds, where not said otherwise."""
     names = (
         "scene", "algorithm", "seeds", "uniform", "worst, best score", "best known",
@@ -143,11 +152,23 @@ def table(runs: list[Learned]) -> str:
     return "\n".join(markdown_table(names, rows)) + "\n"
 
 
-def draw(runs: list[Learned], path: Path) -> None:
-    """Draw curves of all seeds, a panel a scene: the share of the best known row's gain."""
-    from agents.single.picture import draw_shares
-
-    write_bytes(path, lambda file: file.write(draw_shares(runs)))
+def draw(runs: list[LearningCurve], path: Path) -> None:
+    """Draw the curves of all seeds, a panel a scene: the share of the best known row's gain."""
+    scenes = list(dict.fromkeys(run.scene for run in runs))
+    figure, panels = new_panels(len(scenes), 2, (4.5, 2.6))
+    for panel, scene in zip(panels, scenes, strict=True):
+        style(panel, scene)
+        for run in (r for r in runs if r.scene == scene):
+            share = (run.best - run.uniform) / (run.known - run.uniform)
+            panel.plot(run.seconds, share, lw=1.5, color=SEED_COLOURS[run.seed % 3])
+        panel.axhline(0.0, color=UNIFORM, ls="--", lw=1)
+        panel.axhline(1.0, color=KNOWN, ls=":", lw=1)
+        panel.set_ylim(-0.5, 1.08)
+        panel.set_yticks([0.0, 0.8, 1.0], ["uniform", "80 %", "best known"])
+        panel.set_xlim(0.0, None)
+        panel.set_xlabel("processor seconds")
+        panel.grid(axis="x", visible=False)
+    write_png(figure, path)
 
 
 def main() -> None:

@@ -19,13 +19,12 @@ from typing import Any
 import numpy as np
 
 from agents.sb3.presets import ALGORITHMS, Preset, preset
-from domino_env.scenes.files.reading import load_scene
-from domino_env.scenes.scene import Scene
+from domino_env import Scene, load_scene
 from optimize.evaluation.budget import Budget
 from optimize.evaluation.recorder import Recorder
 from optimize.problem import Problem
 
-REPORTS = 10  # looks of the pruner at a trial
+REPORTS = 10  # reports of a trial to the pruner
 PATIENCE = 4  # trials before any is given up
 
 
@@ -98,7 +97,7 @@ def train_for(
     plan: Preset,
     seconds: float,
     seed: int,
-    told: Callable[[Budget], None] | None = None,
+    callback: Callable[[Budget], None] | None = None,
 ) -> float:
     """Train for so many seconds of processor time, and give the best score.
 
@@ -112,7 +111,7 @@ def train_for(
         Processor time [s].
     seed
         Of all randomness.
-    told
+    callback
         Called with the budget along the way.
     """
     from agents.methods.learners import learn
@@ -120,7 +119,7 @@ def train_for(
     problem = Problem(scene)
     scene.uniform()
     recorder = Recorder(problem, clock=time.process_time)
-    budget = Budget(recorder, None, seconds, told)
+    budget = Budget(recorder, None, seconds, callback)
     learn(algorithm, budget, np.random.default_rng(seed), plan)
     return budget.best_score
 
@@ -163,9 +162,9 @@ def tune(
         raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")
     if trials < 1 or not seconds > 0.0:
         raise ValueError(f"trials = {trials}, seconds = {seconds}: give more than 0 of both")
-    from agents.base.requirements import require_extra
+    from agents.base.requirements import require_learning
 
-    require_extra("optuna")
+    require_learning("optuna")
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -183,7 +182,7 @@ def tune(
         plan = choose(trial, algorithm, scene.count - 1)
         reported = 0
 
-        def look(budget: Budget) -> None:
+        def report(budget: Budget) -> None:
             nonlocal reported
             at = int(budget.part * REPORTS)
             if at > reported:
@@ -192,7 +191,7 @@ def tune(
                 if trial.should_prune():
                     raise optuna.TrialPruned
 
-        score = train_for(scene, algorithm, plan, seconds, seed + trial.number, look)
+        score = train_for(scene, algorithm, plan, seconds, seed + trial.number, report)
         print(f"trial {trial.number}: {score:.6f} {trial.params}", flush=True)
         return score
 

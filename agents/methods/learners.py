@@ -16,25 +16,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.base.requirements import require_extra
+from agents.base.requirements import require_learning
 
-require_extra()
+require_learning()
 
 import torch  # noqa: E402
 from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
 
-from agents.base.random_state import streams_put_back  # noqa: E402
-from agents.sb3.learner import NOISY, builder, learner, set_deviation  # noqa: E402
+from agents.base.building import build, completed  # noqa: E402
+from agents.base.random_state import random_state_restored  # noqa: E402
+from agents.sb3.learner import NOISY, learner, policy_of, set_deviation  # noqa: E402
 from agents.sb3.presets import Preset, preset  # noqa: E402
 from agents.sb3.vec_env import DominoVecEnv  # noqa: E402
-from agents.single.evaluation import build, completed  # noqa: E402
 from domino_env.chain.wave import Outcome  # noqa: E402
 from domino_env.scenes.objectives import Evaluation  # noqa: E402
 from optimize.evaluation.budget import Budget, BudgetSpent  # noqa: E402
 
-LOOKS = 50  # rows built without noise in a whole search
-FEWEST = 8  # generations of rows that a budget of evaluations is to last for
+EVALUATIONS = 50  # rows built without noise in a whole search
+GENERATIONS = 8  # generations of rows that a budget of evaluations is to last for
 
 
 def ppo(budget: Budget, rng: np.random.Generator) -> None:
@@ -111,7 +111,7 @@ def learn(
         Hyperparameters; None for the algorithm's preset.
     """
     plan = plan or preset(algorithm, budget.problem.scene.count - 1)
-    with streams_put_back(), warnings.catch_warnings():
+    with random_state_restored(), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
         warnings.simplefilter("ignore", DeprecationWarning)
         _Learning(algorithm, _within(plan, budget), budget, int(rng.integers(2**31))).run()
@@ -121,7 +121,7 @@ def _within(plan: Preset, budget: Budget) -> Preset:
     """Fewer rows side by side where a budget of evaluations would not last."""
     if budget.evaluations is None:
         return plan
-    rows = int(min(plan.rows, max(budget.evaluations // FEWEST, 1)))
+    rows = int(min(plan.rows, max(budget.evaluations // GENERATIONS, 1)))
     options = dict(plan.options)
     if "n_steps" in options:  # batches of the same part of a rollout
         options["batch_size"] = max(options["batch_size"] * rows // plan.rows, 2)
@@ -139,42 +139,39 @@ class _Learning:
         self.scene = budget.problem.scene
         self.env = DominoVecEnv(self.scene, plan.rows)
         self.model: Any = learner(algorithm, plan, self.env, seed)
-        self.follows = plan.follow and self.scene.criterion.is_ratio
-        self.next_look = 0.0
+        self.next_evaluation = 0.0
 
     def run(self) -> None:
-        """Learn; what the policy builds in the end is looked at if that can be paid for."""
+        """Learn; what the policy builds in the end is evaluated if that can be paid for."""
         self.model.set_logger(Logger(folder=None, output_formats=[]))
         model = self.model
         # all schedules follow what is spent of the budget, not the steps taken
         model._update_current_progress_remaining = self._progress
         for optimizer in _optimizers(model):
-            optimizer.register_step_pre_hook(lambda *_: self._keep_the_clock())
+            optimizer.register_step_pre_hook(lambda *_: self._check_the_clock())
         with suppress(BudgetSpent):
-            model.learn(10**12, callback=self._watch(), reset_num_timesteps=False)
-        self._look()
+            model.learn(10**12, callback=self._callback(), reset_num_timesteps=False)
+        self._evaluate()
 
     def _progress(self, steps: int, total: int) -> None:
         self.model._current_progress_remaining = 1.0 - self.budget.part
 
-    def _keep_the_clock(self) -> None:
+    def _check_the_clock(self) -> None:
         budget = self.budget
         if budget.seconds is not None and budget.elapsed >= budget.seconds and budget.finalists:
             raise BudgetSpent
 
-    def _tune(self) -> None:
+    def _adapt(self) -> None:
         if self.algorithm in NOISY:
             set_deviation(self.model, self.plan.deviation(self.budget.part))
-        if self.follows and self.budget.best_score > 0.0:
-            mark = self.scene.uniform().wave.mean_speed
-            self.env.rows.reference_speed = max(self.budget.best_score, mark)
+        if self.plan.follow:
+            self.env.follow(self.budget.best_score)
 
-    def _look(self) -> None:
+    def _evaluate(self) -> None:
         """A row without noise."""
         if self.budget.left < 1:
             return
-        policy = builder(self.model, self.algorithm)
-        built = build(policy, self.scene, float(self.env.rows.reference_speed))
+        built = build(policy_of(self.model), self.scene, float(self.env.rows.reference_speed))
         self._note([built.layout], np.array([built.score]), np.array([built.wave.reach]))
 
     def _note(self, layouts: Any, scores: NDArray[np.float64], reach: NDArray[np.float64]) -> None:
@@ -186,25 +183,25 @@ class _Learning:
 
         self.budget.note(Evaluation(scores, reach, falls), design)
 
-    def _watch(self) -> Any:
+    def _callback(self) -> Any:
         learning = self
 
-        class Watch(BaseCallback):
+        class Callback(BaseCallback):
             def _on_rollout_start(self) -> None:
-                learning.between()
+                learning.between_updates()
 
             def _on_step(self) -> bool:
                 learning.after_step(self.locals["infos"])
                 return True
 
-        return Watch()
+        return Callback()
 
-    def between(self) -> None:
-        """Between two updates: look now and then, and tune."""
-        if self.budget.part >= self.next_look and self.budget.left > self.plan.rows:
-            self._look()
-            self.next_look += 1.0 / LOOKS
-        self._tune()
+    def between_updates(self) -> None:
+        """Between two updates: evaluate now and then, and adapt."""
+        if self.budget.part >= self.next_evaluation and self.budget.left > self.plan.rows:
+            self._evaluate()
+            self.next_evaluation += 1.0 / EVALUATIONS
+        self._adapt()
 
     def after_step(self, infos: Any) -> None:
         """Count the rows that are complete; stop where those to come could not be paid for."""
@@ -219,7 +216,7 @@ class _Learning:
             self._note([info["layout"] for info in ended], scores, reach)
             if self.budget.left < self.plan.rows:
                 raise BudgetSpent
-        self._keep_the_clock()
+        self._check_the_clock()
 
 
 def _optimizers(model: Any) -> list[Any]:

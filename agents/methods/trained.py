@@ -1,4 +1,4 @@
-"""Ready: a trained agent as one of `optimize`'s methods; it builds its row at once.
+"""Trained agents as one of `optimize`'s methods: they build their rows at once.
 
 Named `agent` in the entry-point group `domino.methods`: `agent:RUN` takes what `agents.evaluate`
 does.
@@ -7,7 +7,6 @@ does.
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -32,18 +31,16 @@ def agent(run: str) -> Method:
         For what is no agent.
     """
     from agents.base.run_files import training_seconds
-    from agents.single.evaluation import POLICIES, evaluate, shipped
+    from agents.evaluation.one_scene import folder_of, load_policy
 
-    if run not in shipped() and not (Path(run) / "policy.npz").exists():
-        raise ValueError(
-            f"method 'agent:{run}': {run or 'nothing'} holds no policy; name the folder of a "
-            f"finished training, or one that ships: {', '.join(shipped())}"
-        )
+    try:
+        policy = load_policy(run)
+    except ValueError as error:
+        raise ValueError(f"method 'agent:{run}': {error}") from None
 
     def method(budget: Budget, rng: np.random.Generator) -> None:
-        folder = Path(run) if Path(run).exists() else POLICIES / run
-        budget.already_spent(training_seconds(folder))
-        row = evaluate(run, budget.problem.scene).layout
+        budget.already_spent(training_seconds(folder_of(run)))
+        row = policy.build(budget.problem.scene).layout
         budget.score(budget.problem.design(row))
 
     return method

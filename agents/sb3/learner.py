@@ -1,8 +1,7 @@
-"""Learner: an algorithm of stable-baselines3 set up by its preset; its state without pickles."""
+"""Learner: an algorithm of stable-baselines3 set up by its preset, and its weights."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,8 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.base.arrays import read_weights
-from agents.base.checkpoint import require_finite, taken_up
-from agents.base.network import network_of
+from agents.base.building import Policy
+from agents.sb3.actor import acting, actor_of
 from agents.sb3.presets import Preset
 from agents.sb3.row_policy import RowPolicy
 from agents.sb3.side_by_side_ars import SideBySideARS
@@ -90,11 +89,11 @@ def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
         one._sigma = np.full_like(one._sigma, deviation)
 
 
-def builder(model: BaseAlgorithm, algorithm: str) -> Callable[[Any], Any]:
-    """Give the policy without noise, as a function from observation to action."""
-    if algorithm == "ppo":
-        return network_of(weights(model.policy))
-    return lambda seen: model.predict(seen, deterministic=True)[0]
+def policy_of(model: BaseAlgorithm) -> Policy:
+    """Give the policy as it is now, without noise."""
+    if isinstance(model.policy, RowPolicy):
+        return acting(actor_of(weights(model.policy)))
+    return lambda observation: model.predict(observation, deterministic=True)[0]
 
 
 def weights(policy: torch.nn.Module) -> dict[str, Any]:
@@ -119,62 +118,3 @@ def load_weights(policy: torch.nn.Module, path: Path) -> None:
     kinds = {name: (value.shape, value.dtype) for name, value in weights(policy).items()}
     arrays = read_weights(path, kinds)
     policy.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
-
-
-def save_state(model: BaseAlgorithm, more: dict[str, Any], path: Path) -> None:
-    """Write all that going on needs: weights, optimisers, counters, random numbers, buffer."""
-    _, keys, place, _, _ = np.random.get_state(legacy=True)  # noqa: NPY002 - the learner draws from it
-    state: dict[str, Any] = {
-        "parameters": model.get_parameters(),
-        "steps": model.num_timesteps,
-        "updates": getattr(model, "_n_updates", 0),
-        "episodes": model._episode_num,
-        "torch": torch.get_rng_state(),
-        "numpy": torch.from_numpy(np.asarray(keys).astype(np.int64)),
-        "place": int(place),
-        "more": more,
-    }
-    entropy = getattr(model, "log_ent_coef", None)
-    if entropy is not None:
-        state["entropy"] = entropy.detach()
-    buffer = getattr(model, "replay_buffer", None)
-    if buffer is not None:
-        state["buffer"] = {
-            name: torch.from_numpy(getattr(buffer, name))
-            for name in ("observations", "next_observations", "actions", "rewards", "dones")
-        }
-        state["buffer_place"] = [int(buffer.pos), bool(buffer.full)]
-    write_bytes(path, lambda file: torch.save(state, file))
-
-
-def load_state(model: Any, path: Path) -> dict[str, Any]:
-    """Take a learner back to where `save_state` left it.
-
-    Returns
-    -------
-    dict
-        What was kept beside it.
-
-    Raises
-    ------
-    ValueError
-        For what is no checkpoint of such a learner, which is of no use then.
-    """
-    with taken_up(path) as state:
-        model.set_parameters(state["parameters"], exact_match=True, device="cpu")
-        require_finite(model.policy)
-        torch.set_rng_state(state["torch"])
-        model.num_timesteps = int(state["steps"])
-        model._n_updates = int(state["updates"])
-        model._episode_num = int(state["episodes"])
-        keys = state["numpy"].numpy().astype(np.uint32)
-        np.random.set_state(("MT19937", keys, state["place"], 0, 0.0))  # noqa: NPY002
-        if "entropy" in state:
-            model.log_ent_coef.data.copy_(state["entropy"])
-        if "buffer" in state:
-            buffer = model.replay_buffer
-            for name, values in state["buffer"].items():
-                getattr(buffer, name)[:] = values.numpy()
-            buffer.pos, buffer.full = state["buffer_place"]
-        more: dict[str, Any] = state["more"]
-    return more

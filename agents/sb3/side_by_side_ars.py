@@ -53,17 +53,17 @@ class SideBySideARS(ARS):
             size = value.numel()
             named[name] = filled[:, at : at + size].reshape(rows, *value.shape)
             at += size
-        act = vmap(lambda own, seen: functional_call(net, own, (seen,)))
-        seen = torch.from_numpy(self._rows.reset())
+        act = vmap(lambda own, observations: functional_call(net, own, (observations,)))
+        observations = torch.from_numpy(self._rows.reset())
         running = torch.ones(rows, dtype=torch.bool)
         returns = torch.zeros(rows)
         while running[:many].any():
-            actions = act(named, seen).clamp(-1.0, 1.0)
-            state, paid, ended, infos = self._rows.step(actions.numpy())
-            returns += torch.from_numpy(paid) * running
+            actions = act(named, observations).clamp(-1.0, 1.0)
+            after, rewards, ended, infos = self._rows.step(actions.numpy())
+            returns += torch.from_numpy(rewards) * running
             running &= ~torch.from_numpy(ended)
             self.num_timesteps += rows
             callback.update_locals({"infos": infos})
             callback.on_step()
-            seen = torch.from_numpy(state)
+            observations = torch.from_numpy(after)
         return returns[:many] + 0.0

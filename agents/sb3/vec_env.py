@@ -50,10 +50,22 @@ class DominoVecEnv(VecEnv):
         self._returns[:] = 0.0
         self._lengths[:] = 0
         seeds: Any = self._seeds if any(s is not None for s in self._seeds) else None
-        seen, _ = self.rows.reset(seed=seeds)
+        observations, _ = self.rows.reset(seed=seeds)
         self._reset_seeds()
         self._reset_options()
-        return seen
+        return observations
+
+    def follow(self, score: float) -> None:
+        """Reward single steps against the best row so far (Dinkelbach 1967), or the uniform one.
+
+        Parameters
+        ----------
+        score
+            Of that row; nothing changes where its wave died, or where the score is no speed.
+        """
+        scene = self.rows.scene
+        if scene.criterion.is_ratio and score > 0.0:
+            self.rows.reference_speed = max(score, scene.uniform().wave.mean_speed)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions (R, A) for `step_wait`."""
@@ -61,17 +73,17 @@ class DominoVecEnv(VecEnv):
 
     def step_wait(self) -> Any:
         """Place a domino in every row."""
-        seen, rewards, ended, _, told = self.rows.step(self._actions)
+        observations, rewards, ended, _, info = self.rows.step(self._actions)
         self._returns += rewards
         self._lengths += 1
         infos = [NOTHING] * self.num_envs
         if ended.any():
             elapsed = time.perf_counter() - self._began
-            final = told["final_info"]
+            final = info["final_info"]
             keys = [key for key in final if not key.startswith("_")]
             for i in np.flatnonzero(ended):
                 infos[i] = {key: final[key][i] for key in keys} | {
-                    "terminal_observation": told["final_obs"][i],
+                    "terminal_observation": info["final_obs"][i],
                     "TimeLimit.truncated": False,
                     "episode": {
                         "r": float(self._returns[i]),
@@ -81,7 +93,7 @@ class DominoVecEnv(VecEnv):
                 }
             self._returns[ended] = 0.0
             self._lengths[ended] = 0
-        return seen, rewards.astype(np.float32), ended, infos
+        return observations, rewards.astype(np.float32), ended, infos
 
     def close(self) -> None:
         """Close the native environment."""

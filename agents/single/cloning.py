@@ -25,10 +25,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents.sb3.learner import builder
-from agents.single.evaluation import build
-from domino_env.chain.layout import Layout
-from domino_env.scenes.scene import Scene
+from agents.base.building import build
+from agents.sb3.learner import policy_of
+from domino_env import Layout, Scene
 
 if TYPE_CHECKING:
     from agents.sb3.vec_env import DominoVecEnv
@@ -39,8 +38,8 @@ SEARCHED = 20_000  # evaluations of `auto`, some seconds
 CLOSE = 3e-5  # relative loss of score at which a clone is good enough
 ROUNDS = 3  # of learning, each with the row as the policy places it so far
 STEPS = 300  # a round
-ERRORS = (0.0, 0.003, 0.01, 0.03)  # standard deviations of the actions shown
-SHOWN = 40  # rows with errors
+ERRORS = (0.0, 0.003, 0.01, 0.03)  # standard deviations of the actions that are shown
+DEMONSTRATIONS = 40  # rows with errors
 ON_THE_ROW = 10  # copies of the row itself beside them
 BEYOND = (1.02, 1.2)  # where the mean of an action at a bound is to lie, times the bound
 CRITICS = 64  # rows that the critic learns from
@@ -100,7 +99,7 @@ def row_to_clone(scene: Scene, what: str | Path | Layout, seed: int = 0) -> tupl
     if isinstance(what, Layout):
         row, source = what, "a row"
     elif what == "auto":
-        from optimize.searching.runner import search
+        from optimize import search
 
         found = search(scene, budget=SEARCHED, seed=seed, progress=False)
         row, source = found.layout, f"searched with {found.evaluations} evaluations"
@@ -158,23 +157,28 @@ def clone(
         env.rows.reference_speed = score
     rng = np.random.default_rng(seed)
     best, kept = -np.inf, policy.state_dict()
-    shown = [_shown(env, row, rng, None, SHOWN), *[_shown(env, row, rng, None, 1)] * ON_THE_ROW]
+    demonstrations = [
+        _demonstrations(env, row, rng, None, DEMONSTRATIONS),
+        *[_demonstrations(env, row, rng, None, 1)] * ON_THE_ROW,
+    ]
     for _ in range(ROUNDS):
-        seen, wanted = (np.concatenate(parts) for parts in zip(*shown, strict=True))
-        _imitate(policy, seen, wanted)
-        built = build(builder(model, "ppo"), scene, float(env.rows.reference_speed))
+        observations, wanted = (
+            np.concatenate(parts) for parts in zip(*demonstrations, strict=True)
+        )
+        _imitate(policy, observations, wanted)
+        built = build(policy_of(model), scene, float(env.rows.reference_speed))
         if built.score > best:
             best = built.score
             kept = {name: value.clone() for name, value in policy.state_dict().items()}
         if best >= score - CLOSE * abs(score):
             break
-        shown += [_shown(env, row, rng, model, 1)] * ON_THE_ROW
+        demonstrations += [_demonstrations(env, row, rng, model, 1)] * ON_THE_ROW
     policy.load_state_dict(kept)
     _fit_critic(model, env, deviation, rng)
     return Cloned(source, score, best, time.perf_counter() - began)
 
 
-def _shown(
+def _demonstrations(
     env: DominoVecEnv,
     row: Layout,
     rng: np.random.Generator,
@@ -186,41 +190,41 @@ def _shown(
     model: who places them; None for the row itself.  number: of rows; of one alone, without errors.
     """
     rows = env.rows
-    seen = env.reset()
+    observations = env.reset()
     number = min(number, env.num_envs)
     error = np.resize(np.array(ERRORS), env.num_envs)[:, None]
     running = np.arange(env.num_envs) < number
     states, actions = [], []
     for _ in range(rows.scene.count - 1):
         right = rows.actions_towards(row)
-        states.append(seen[running].astype(np.float64))
+        states.append(observations[running].astype(np.float64))
         actions.append(right[running])
-        placed = right if model is None else model.predict(seen, deterministic=True)[0]
+        placed = right if model is None else model.predict(observations, deterministic=True)[0]
         env.step_async(placed + error * rng.standard_normal(right.shape))
-        seen, _, ended, _ = env.step_wait()
+        observations, _, ended, _ = env.step_wait()
         running &= ~ended
         if not running.any():
             break
     return np.concatenate(states), np.concatenate(actions)
 
 
-def _imitate(policy: Any, seen: Floats, wanted: Floats) -> None:
+def _imitate(policy: Any, observations: Floats, wanted: Floats) -> None:
     """Regression of the mean action; a value at a bound may be anywhere a little beyond it."""
     hidden, last = policy.mlp_extractor.policy_net, policy.action_net
 
-    def loss(told: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+    def loss(means: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
         error = torch.where(
-            right.abs() < 1.0, told - right, right * told - torch.clamp(right * told, *BEYOND)
+            right.abs() < 1.0, means - right, right * means - torch.clamp(right * means, *BEYOND)
         )
         return (error**2).mean()
 
-    _fit(torch.nn.Sequential(hidden, last), seen, wanted, loss)
+    _fit(torch.nn.Sequential(hidden, last), observations, wanted, loss)
 
 
-def _fit(network: torch.nn.Module, seen: Floats, wanted: Floats, loss: Any) -> None:
+def _fit(network: torch.nn.Module, observations: Floats, wanted: Floats, loss: Any) -> None:
     """All of the data at once, by quasi-Newton steps in double precision: the network is small."""
     network.double()
-    inputs, targets = torch.from_numpy(seen), torch.from_numpy(wanted)
+    inputs, targets = torch.from_numpy(observations), torch.from_numpy(wanted)
     optimizer: Any = torch.optim.LBFGS(
         network.parameters(), max_iter=STEPS, history_size=30, line_search_fn="strong_wolfe",
         tolerance_grad=1e-9, tolerance_change=1e-12,
@@ -237,19 +241,19 @@ def _fit(network: torch.nn.Module, seen: Floats, wanted: Floats, loss: Any) -> N
 
 
 def _fit_critic(model: Any, env: DominoVecEnv, deviation: float, rng: np.random.Generator) -> None:
-    """Teach the critic the sums of rewards to come of rows that the clone places with noise."""
+    """Fit the critic to the sums of rewards to come of rows that the clone places with noise."""
     states: list[Any] = []
     rewards: list[Floats] = []
     alive: list[NDArray[np.bool_]] = []
-    seen = env.reset()
+    observations = env.reset()
     running = np.arange(env.num_envs) < CRITICS
     while running.any():
-        states.append(seen.astype(np.float64))
+        states.append(observations.astype(np.float64))
         alive.append(running.copy())
-        placed = model.predict(seen, deterministic=True)[0]
+        placed = model.predict(observations, deterministic=True)[0]
         env.step_async(placed + deviation * rng.standard_normal(placed.shape))
-        seen, paid, ended, _ = env.step_wait()
-        rewards.append(np.where(running, paid, 0.0))
+        observations, rewarded, ended, _ = env.step_wait()
+        rewards.append(np.where(running, rewarded, 0.0))
         running &= ~ended
     to_come = np.cumsum(np.array(rewards)[::-1], axis=0)[::-1]
     mask = np.array(alive)

@@ -1,4 +1,4 @@
-"""Pictures of trainings: the learning curve and the row of one, the curves of many."""
+"""Picture of a training: its learning curve, and the row that its best policy builds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from domino_env.support.plot_style import (
     AMBER,
-    BLUE,
     GREEN,
     KNOWN,
     LEGEND,
@@ -18,19 +17,14 @@ from domino_env.support.plot_style import (
     SKY,
     UNIFORM,
     new_figure,
-    new_panels,
-    png,
     style,
     write_png,
 )
 from optimize.records.shipped import best_known
 
 if TYPE_CHECKING:
-    from agents.lab.long_runs import Learned
-    from agents.single.training import Run
+    from agents.single.result import Run
     from optimize.evaluation.result import SearchResult
-
-SEED_COLOURS = (BLUE, SKY, GREEN)
 
 
 def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
@@ -59,8 +53,8 @@ def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
         curve.axhline(rival.score, color=GREEN, ls="-.", label=found)
         marks.append(rival.score)
     if run.clone_score is not None:
-        told = f"the clone it began with {run.clone_score:.4f}"
-        curve.axhline(run.clone_score, color=PINK, ls="-.", label=told)
+        label = f"the clone it began with {run.clone_score:.4f}"
+        curve.axhline(run.clone_score, color=PINK, ls="-.", label=label)
         marks.append(run.clone_score)
     known = best_known().get(run.built.scene.name)
     if known is not None:
@@ -83,28 +77,3 @@ def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
     row.set_ylabel("gap [mm]" if not run.built.scene.free_thickness else "[mm]")
     style(row)
     write_png(figure, path)
-
-
-def draw_shares(runs: list[Learned]) -> bytes:
-    """Draw learning curves, a panel a scene: the share of the best known row's gain over time.
-
-    Returns
-    -------
-    bytes
-        The picture as PNG.
-    """
-    scenes = list(dict.fromkeys(run.scene for run in runs))
-    figure, panels = new_panels(len(scenes), 2, (4.5, 2.6))
-    for panel, scene in zip(panels, scenes, strict=True):
-        style(panel, scene)
-        for run in (r for r in runs if r.scene == scene):
-            share = (run.best - run.uniform) / (run.known - run.uniform)
-            panel.plot(run.seconds, share, lw=1.5, color=SEED_COLOURS[run.seed % 3])
-        panel.axhline(0.0, color=UNIFORM, ls="--", lw=1)
-        panel.axhline(1.0, color=KNOWN, ls=":", lw=1)
-        panel.set_ylim(-0.5, 1.08)
-        panel.set_yticks([0.0, 0.8, 1.0], ["uniform", "80 %", "best known"])
-        panel.set_xlim(0.0, None)
-        panel.set_xlabel("processor seconds")
-        panel.grid(axis="x", visible=False)
-    return png(figure)

@@ -1,27 +1,28 @@
-"""Scripted builders: the bar that learned ones have to clear, evaluated in the same way."""
+"""Scripted policies: the bar that trained ones have to clear, evaluated in the same way."""
 
 from __future__ import annotations
 
 import copy
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.single.evaluation import Built, build
+from agents.base.building import Built, build
 from domino_env import DominoChain
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
-TRIED = 41  # actions that the greedy builder looks at for each free number
+TRIED = 41  # actions that the greedy policy tries for each free number
 SAMPLES = 4000  # ramps tried
 
 
 def uniform(scene: Scene) -> Built:
     """Build the best uniform row."""
-    mark = scene.uniform()
-    return Built(scene, mark.layout, mark.wave, mark.score, mark, 0.0)
+    row = scene.uniform()
+    return Built(scene, row.layout, row.wave, row.score, row, 0.0)
 
 
 def greedy(scene: Scene) -> Built:
@@ -33,14 +34,14 @@ def greedy(scene: Scene) -> Built:
     actions = np.stack(np.meshgrid(*[line] * size, indexing="ij"), axis=-1).reshape(-1, size)
     chosen: list[NDArray[np.float32]] = []
     env.reset()
-    over = False
-    while not over:
-        paid = []
+    terminated = False
+    while not terminated:
+        rewards = []
         for action in actions:
             trial = copy.deepcopy(env)
-            paid.append(trial.step(action.astype(np.float32))[1])
-        chosen.append(actions[int(np.argmax(paid))].astype(np.float32))
-        over = env.step(chosen[-1])[2]
+            rewards.append(trial.step(action.astype(np.float32))[1])
+        chosen.append(actions[int(np.argmax(rewards))].astype(np.float32))
+        terminated = env.step(chosen[-1])[2]
     steps = iter(chosen)
     built = build(lambda _: next(steps), scene)
     return Built(
@@ -54,7 +55,7 @@ def ramp(scene: Scene) -> Built:
     First value, plateau, last value, and the part of the row that each ramp takes; where both gaps
     and thicknesses are free, the thickness is one number more, the same for all.
     """
-    uniform_mark = scene.uniform()
+    baseline = scene.uniform()
     began = time.perf_counter()
     rng = np.random.default_rng(0)
     best = rng.random((SAMPLES // 2, 5))
@@ -72,7 +73,7 @@ def ramp(scene: Scene) -> Built:
     layout = scene.layout(gaps[0], None if thick is None else thick[0])
     wave = scene.simulate(layout)
     seconds = time.perf_counter() - began
-    return Built(scene, layout, wave, scene.score_wave(wave), uniform_mark, seconds)
+    return Built(scene, layout, wave, scene.score_wave(wave), baseline, seconds)
 
 
 def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:
@@ -106,8 +107,21 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
     return gaps, thick
 
 
-BUILDERS: dict[str, Callable[[Scene], Built]] = {
+SCRIPTED: dict[str, Callable[[Scene], Built]] = {
     "uniform": uniform,
     "greedy": greedy,
     "ramp": ramp,
 }
+
+
+@dataclass(frozen=True)
+class ScriptedPolicy:
+    """One of `SCRIPTED`, by name."""
+
+    name: str
+
+    def build(self, scene: Scene | None) -> Built:
+        """Build a row; ValueError where no scene is named."""
+        if scene is None:
+            raise ValueError(f"{self.name} was trained on no scene: name one to build for")
+        return SCRIPTED[self.name](scene)

@@ -1,86 +1,39 @@
-"""Training: one learner on one scene, in a folder from which it can go on.
+"""Training for one scene: an algorithm of stable-baselines3, and the best policy that it came to.
 
-scene.toml      the scene                    config.json   algorithm, seed, preset, versions
-progress.csv    the learning curve           policy.npz    weights of the best policy so far
-policy.json     what it built, and when      checkpoint.pt all that going on needs (no pickled code)
-layout.csv/json the row it builds            summary.json, result.png
-tensorboard/    the losses too, where TensorBoard is installed
+What the folder holds: `agents.base.run_files` and `agents.single.documents`.
 """
 
 from __future__ import annotations
 
 import json
 import warnings
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agents.base.clock import Clock
-from agents.base.requirements import require_extra
-from agents.base.run_files import ProgressDocument, read_config, require_columns
+from agents.base.building import build
+from agents.base.requirements import require_learning
+from agents.base.run_files import POLICY, require_begun, require_new
+from agents.base.training import Training
 from agents.sb3.presets import ALGORITHMS, Preset, preset
-from agents.single.evaluation import Built, build
-from domino_env.scenes.files.reading import load_scene
-from domino_env.scenes.scene import Scene
+from agents.single.documents import BUILT, SCENE, SceneProgressDocument, read_config
+from agents.single.policy import ScenePolicy
+from agents.single.result import Run
+from domino_env import Layout, Scene, load_scene
 from domino_env.support.files import write_text
 from domino_env.support.models import model_of
-from domino_env.support.reading import naming
-from domino_env.support.tables import write_csv
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.callbacks import BaseCallback
 
-    from agents.single.cloning import Cloned
-    from domino_env.chain.layout import Layout
     from optimize.evaluation.result import SearchResult
 
 SLACK = 1e-4  # of score that a policy may lose against its clone before it is put back
-LOOKS = 200  # evaluations of the policy in a run
-KEEPS = 40  # checkpoints of a run
-COLUMNS = (
-    "steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference",
-    "processor_seconds",
-)  # fmt: skip
 COMPARED = 0.1  # of the training's time is what CMA-ES gets, for the line in the picture
 LONGEST_COMPARED = 20.0  # [s]
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """Result of a training.
-
-    Attributes
-    ----------
-    folder
-        Where all of it lies.
-    algorithm
-        What was trained.
-    built
-        The row of the best policy.
-    steps
-        Dominoes placed.
-    seconds
-        Time that it took.
-    curve
-        A tuple of `COLUMNS` for each evaluation.
-    interrupted
-        Whether it was ended by hand.
-    clone_score
-        Of the clone that it began with; None for none.
-    """
-
-    folder: Path
-    algorithm: str
-    built: Built
-    steps: int
-    seconds: float
-    curve: tuple[tuple[float, ...], ...]
-    interrupted: bool
-    clone_score: float | None = None
 
 
 def train(
@@ -123,6 +76,11 @@ def train(
         `agents.single.cloning.row_to_clone`: a layout or its file, the folder of a run, "auto",
         "best-known". Whatever it tries, it does not end below its clone.
 
+    Returns
+    -------
+    Run
+        What it came to.
+
     Raises
     ------
     ImportError
@@ -135,27 +93,40 @@ def train(
         raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")
     if steps is not None and steps < 1:
         raise ValueError(f"steps = {steps}: give 1 or more")
-    require_extra()
-    judged = scene if isinstance(scene, Scene) else load_scene(scene)
-    home = Path(folder or f"runs/{judged.name}-{algorithm}")
+    require_learning()
+    target = scene if isinstance(scene, Scene) else load_scene(scene)
+    home = Path(folder or f"runs/{target.name}-{algorithm}")
     if resume:
-        judged, algorithm, seed, plan, steps = _as_begun(home)
-    elif (home / "config.json").exists() or (home.is_dir() and any(home.iterdir())):
-        raise ValueError(f"{home} is not empty: name another folder, or go on with --resume")
+        target, algorithm, seed, plan, steps = _as_begun(home)
+    else:
+        require_new(home)
     if warm_start is not None and algorithm != "ppo":
         raise ValueError(f"a warm start is PPO's, not {algorithm}'s: leave one of the two out")
-    plan = plan or preset(algorithm, judged.count - 1, warm=warm_start is not None)
-    total = steps or plan.steps
+    plan = plan or preset(algorithm, target.count - 1, warm=warm_start is not None)
     state = np.random.get_state()  # noqa: NPY002 - the learner draws from the global stream
     try:
-        training = _Training(judged, algorithm, plan, total, seed, home, progress)
-        return training.run(resume, warm_start)
+        training = SceneTraining(
+            target, algorithm, plan, steps or plan.steps, seed, home, progress, warm_start
+        )
+        return training.result(training.run(resume))
     finally:
         np.random.set_state(state)  # noqa: NPY002
 
 
-class _Training:
-    """One training while it runs."""
+class SceneTraining(Training[SceneProgressDocument]):
+    """A training for one scene while it runs; its steps are dominoes.
+
+    Parameters
+    ----------
+    scene, algorithm, plan, total, seed, folder, progress, warm_start
+        As of `train`.
+    """
+
+    COLUMNS = (
+        "steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference",
+        "processor_seconds",
+    )  # fmt: skip
+    EVALUATIONS, CHECKPOINTS = 200, 40
 
     def __init__(
         self,
@@ -164,172 +135,62 @@ class _Training:
         plan: Preset,
         total: int,
         seed: int,
-        home: Path,
-        progress: bool,
+        folder: Path,
+        progress: bool = False,
+        warm_start: str | Path | Layout | None = None,
     ) -> None:
+        from stable_baselines3.common.logger import Logger
+
         from agents.sb3.learner import learner
         from agents.sb3.vec_env import DominoVecEnv
 
+        super().__init__(folder, seed, total, " dominoes", progress)
         self.scene, self.algorithm, self.plan = scene, algorithm, plan
-        self.total, self.home = total, home
+        self.warm_start = warm_start
         self.uniform_speed = scene.uniform().wave.mean_speed
         self.env = DominoVecEnv(scene, plan.rows)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
             self.model: BaseAlgorithm = learner(algorithm, plan, self.env, seed)
-        self.seed = seed
+        self.model.set_logger(Logger(folder=None, output_formats=[]))
+        self.clone: dict[str, Any] | None = None
         self.clone_score: float | None = None
         self.best = -np.inf
         self.sampled = -np.inf
-        self.curve: list[tuple[float, ...]] = []
-        self.clock = Clock()
-        self.next_look = self.next_keep = 0
-        self.bar: Any = None
-        if progress:
-            from tqdm import tqdm
-
-            self.bar = tqdm(total=total, unit=" dominoes", unit_scale=True)
-
-    def run(self, resume: bool, warm_start: str | Path | Layout | None = None) -> Run:
-        from agents.sb3.learner import load_state
-
-        if resume and (self.home / "checkpoint.pt").exists():
-            self._restore(load_state(self.model, self.home / "checkpoint.pt"))
-        else:
-            cloned = None
-            if warm_start is not None:
-                from agents.single.cloning import clone
-
-                first = self.plan.first_deviation
-                cloned = clone(self.model, self.env, warm_start, first, self.seed)
-                self.clone_score = cloned.score
-            self._begin(cloned)
-        self._log()
-        interrupted = False
-        left = self.total - self.model.num_timesteps
-        if left > 0:
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", UserWarning)
-                    self.model.learn(left, callback=self._watch(), reset_num_timesteps=False)
-            except KeyboardInterrupt:
-                interrupted = True
-        # a last policy that is put back is looked at once more
-        looked = bool(self.curve) and self.curve[-1][0] == self.model.num_timesteps  # had finished
-        if (not self.curve or not (interrupted or looked)) and not self.look():
-            self.look()
-        if interrupted:
-            self.write_curve()  # half an update is nothing to go on from: the last checkpoint stays
-        else:
-            self.keep()
-        return self._finish(interrupted)
 
     @property
-    def done(self) -> float:
-        """The part of the steps that has been taken."""
-        return min(self.model.num_timesteps / self.total, 1.0)
+    def steps(self) -> int:
+        """Dominoes placed so far."""
+        return int(self.model.num_timesteps)
 
-    def deviation(self) -> float:
-        """Of PPO's actions."""
-        return self.plan.deviation(self.done)
+    # learning -------------------------------------------------------------------------------------
 
-    def tune(self) -> None:
-        """What changes along the way: deviation and reference speed."""
-        from agents.sb3.learner import NOISY, set_deviation
+    def prepare(self) -> None:
+        """Write the scene, and clone a row where one is given: the clone too is kept."""
+        if self.warm_start is not None:
+            from agents.single.cloning import clone
 
-        if self.algorithm in NOISY:
-            set_deviation(self.model, self.deviation())
-        if self.plan.follow and self.scene.criterion.is_ratio:
-            found = max(self.best, self.sampled)
-            self.env.rows.reference_speed = float(max(found, self.uniform_speed))
+            first = self.plan.first_deviation
+            cloned = clone(self.model, self.env, self.warm_start, first, self.seed)
+            self.clone, self.clone_score = cloned.to_dict(), cloned.score
+        write_text(self.folder / SCENE, self.scene.to_toml())
 
-    def look(self) -> bool:
-        """Let the policy build a row without noise; keep the policy if it is the best so far.
+    def learn(self) -> None:
+        """Let the algorithm learn; between its updates are its rollouts."""
+        self._log()
+        left = self.total - self.steps
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            self.model.learn(left, callback=self._callback(), reset_num_timesteps=False)
 
-        False where it lost against the clone that it was, and the best is put in its place.
-        """
-        from agents.sb3.learner import builder, load_weights, save_weights
-
-        speed = float(self.env.rows.reference_speed)
-        built = build(builder(self.model, self.algorithm), self.scene, speed)
-        if built.score > self.best:
-            self.best = built.score
-            save_weights(self.model.policy, self.home / "policy.npz")
-            document = {
-                "score": built.score,
-                "gain": built.gain,
-                "steps": self.model.num_timesteps,
-                "seconds": self.clock.seconds,
-                "reference_over_uniform": speed / self.uniform_speed
-                if self.uniform_speed > 0.0
-                else 1.0,
-            }
-            write_text(self.home / "policy.json", json.dumps(document, indent=1) + "\n")
-            built.layout.to_csv(self.home / "layout.csv")
-            built.layout.to_json(self.home / "layout.json")
-        lost = self.clone_score is not None and built.score < self.clone_score - SLACK
-        if lost:
-            load_weights(self.model.policy, self.home / "policy.npz")  # what was tried is undone
-        self.curve.append(
-            (
-                float(self.model.num_timesteps), self.clock.seconds, built.score, self.best,
-                self.sampled, self.deviation(), speed, self.clock.processor_seconds,
-            )
-        )  # fmt: skip
-        self.model.logger.record("design/score", built.score)
-        self.model.logger.record("design/best_score", self.best)
-        if self.bar is not None:
-            mark = self.scene.uniform().score
-            self.bar.set_postfix_str(f"best {self.best:.4f}, uniform {mark:.4f}")
-        return not lost
-
-    def keep(self) -> None:
-        """Write the checkpoint and the learning curve."""
-        from agents.sb3.learner import save_state
-
-        more = {
-            "best": float(self.best),
-            "sampled": float(self.sampled),
-            "curve": [list(row) for row in self.curve],
-            "seconds": self.clock.seconds,
-            "processor_seconds": self.clock.processor_seconds,
-            "reference": float(self.env.rows.reference_speed),
-            "next_look": self.next_look,
-            "next_keep": self.next_keep,
-            "clone_score": self.clone_score,
-        }
-        save_state(self.model, more, self.home / "checkpoint.pt")
-        self.write_curve()
-
-    def write_curve(self) -> None:
-        """Write the learning curve."""
-        rows = ([f"{x:.10g}" for x in row] for row in self.curve)
-        write_csv(self.home / "progress.csv", COLUMNS, rows)
-
-    def at_rollout(self) -> None:
-        """Between two updates: look, keep, tune."""
-        steps = self.model.num_timesteps
-        if steps >= self.next_look:
-            self.look()
-            self.next_look = steps + self.total // LOOKS
-        if steps >= self.next_keep:
-            self.next_keep = steps + self.total // KEEPS
-            self.keep()
-            # A run that goes on from here begins with new rows; so does this one.
-            self.model._last_obs = self.env.reset()
-            self.model._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
-        self.tune()
-        if self.bar is not None:
-            self.bar.update(steps - self.bar.n)
-
-    def _watch(self) -> BaseCallback:
+    def _callback(self) -> BaseCallback:
         from stable_baselines3.common.callbacks import BaseCallback
 
         training = self
 
-        class Watch(BaseCallback):
+        class Callback(BaseCallback):
             def _on_rollout_start(self) -> None:
-                training.at_rollout()
+                training.between_updates()
 
             def _on_step(self) -> bool:
                 for info in self.locals.get("infos", ()):
@@ -337,56 +198,123 @@ class _Training:
                         training.sampled = max(training.sampled, float(info["score"]))
                 return True
 
-        return Watch()
+        return Callback()
 
     def _log(self) -> None:
         """Scalars for TensorBoard if it is installed; the learning curve is kept either way."""
-        from stable_baselines3.common.logger import Logger, configure
+        from stable_baselines3.common.logger import configure
 
-        if find_spec("tensorboard") is None:
-            self.model.set_logger(Logger(folder=None, output_formats=[]))
-        else:
-            self.model.set_logger(configure(str(self.home / "tensorboard"), ["tensorboard"]))
+        if find_spec("tensorboard") is not None:
+            self.model.set_logger(configure(str(self.folder / "tensorboard"), ["tensorboard"]))
 
-    def _begin(self, cloned: Cloned | None) -> None:
-        self.home.mkdir(parents=True, exist_ok=True)
-        from domino_env.support.provenance import versions
+    def between_updates(self) -> None:
+        """Evaluate, write a checkpoint, and set what changes along the way."""
+        from agents.sb3.learner import NOISY, set_deviation
 
-        document = {
+        super().between_updates()
+        if self.algorithm in NOISY:
+            set_deviation(self.model, self.deviation())
+        if self.plan.follow:
+            self.env.follow(float(max(self.best, self.sampled)))
+
+    def after_checkpoint(self) -> None:
+        """Begin with new rows, as a run does that goes on from there."""
+        model: Any = self.model
+        model._last_obs = self.env.reset()
+        model._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
+
+    def deviation(self) -> float:
+        """Give the standard deviation of PPO's actions as of now."""
+        return self.plan.deviation(min(self.steps / self.total, 1.0))
+
+    # evaluating -----------------------------------------------------------------------------------
+
+    def evaluate(self) -> None:
+        """Let the policy build a row without noise; keep the policy if it is the best so far.
+
+        Where it lost against the clone that it was, the best is put in its place.
+        """
+        from agents.sb3.learner import load_weights, policy_of, save_weights
+
+        speed = float(self.env.rows.reference_speed)
+        built = build(policy_of(self.model), self.scene, speed)
+        if built.score > self.best:
+            self.best = built.score
+            save_weights(self.model.policy, self.folder / POLICY)
+            document = {
+                "score": built.score,
+                "gain": built.gain,
+                "steps": self.steps,
+                "seconds": self.clock.seconds,
+                "reference_over_uniform": speed / self.uniform_speed
+                if self.uniform_speed > 0.0
+                else 1.0,
+            }
+            write_text(self.folder / BUILT, json.dumps(document, indent=1) + "\n")
+            built.layout.to_csv(self.folder / "layout.csv")
+            built.layout.to_json(self.folder / "layout.json")
+        self.curve.append(
+            (
+                float(self.steps), self.clock.seconds, built.score, self.best, self.sampled,
+                self.deviation(), speed, self.clock.processor_seconds,
+            )
+        )  # fmt: skip
+        self.model.logger.record("design/score", built.score)
+        self.model.logger.record("design/best_score", self.best)
+        self.bar.set_postfix_str(f"best {self.best:.4f}, uniform {built.uniform.score:.4f}")
+        if self.clone_score is not None and built.score < self.clone_score - SLACK:
+            load_weights(self.model.policy, self.folder / POLICY)  # what was tried is undone
+            if self.steps >= self.total:
+                self.evaluate()  # the last word is that of the policy that was put back
+
+    # keeping --------------------------------------------------------------------------------------
+
+    def config(self) -> dict[str, Any]:
+        """Give what it is begun with."""
+        return {
             "algorithm": self.algorithm,
             "seed": self.seed,
             "steps": self.total,
             "preset": self.plan.to_dict(),
-            "warm_start": None if cloned is None else cloned.to_dict(),
-            "versions": versions(),
+            "warm_start": self.clone,
         }
-        write_text(self.home / "scene.toml", self.scene.to_toml())
-        self.keep()  # before what says that there is something to go on from: a clone too is kept
-        write_text(self.home / "config.json", json.dumps(document, indent=1) + "\n")
 
-    def _restore(self, more: dict[str, Any]) -> None:
-        with naming(self.home / "checkpoint.pt"):
-            found = model_of(ProgressDocument, more)
-            require_columns(found.curve, COLUMNS)
-        self.best, self.sampled, self.curve = found.best, found.sampled, found.curve
-        self.clock.go_on(found.seconds, found.processor_seconds)
+    def progress(self) -> dict[str, Any]:
+        """Give how far it has come."""
+        return super().progress() | {
+            "best": float(self.best),
+            "sampled": float(self.sampled),
+            "reference": float(self.env.rows.reference_speed),
+            "clone_score": self.clone_score,
+        }
+
+    def state(self, progress: dict[str, Any]) -> dict[str, Any]:
+        """Give the learner's state, and the progress as "more"."""
+        from agents.sb3.state import state_of
+
+        return state_of(self.model) | {"more": progress}
+
+    def restore(self, state: dict[str, Any]) -> SceneProgressDocument:
+        """Go back to what `state` gave."""
+        from agents.sb3.state import restore
+
+        restore(self.model, state)
+        found = model_of(SceneProgressDocument, state["more"])
+        self.best, self.sampled = found.best, found.sampled
         self.env.rows.reference_speed = found.reference
-        self.next_look, self.next_keep = found.next_look, found.next_keep
         self.clone_score = found.clone_score
+        return found
 
-    def _finish(self, interrupted: bool) -> Run:
-        from agents.single.evaluation import evaluate
+    def result(self, interrupted: bool) -> Run:
+        """Write the summary and the picture, and give both as a result."""
         from agents.single.picture import draw
 
-        if self.bar is not None:
-            self.bar.close()
-        built = evaluate(self.home)
+        built = ScenePolicy.load(self.folder).build()
         run = Run(
-            self.home, self.algorithm, built, self.model.num_timesteps, self.clock.seconds,
-            tuple(self.curve), interrupted, self.clone_score,
+            self.folder, self.steps, self.clock.seconds, tuple(self.curve), interrupted,
+            self.algorithm, built, self.clone_score,
         )  # fmt: skip
         document = {
-            "finished": not interrupted,
             "scene": self.scene.name,
             "algorithm": self.algorithm,
             "seed": self.seed,
@@ -395,21 +323,18 @@ class _Training:
             "gain": built.gain,
             "clone_score": self.clone_score,
             "last_score": self.curve[-1][2],
-            "steps": run.steps,
-            "seconds": run.seconds,
-            "processor_seconds": self.clock.processor_seconds,
         }
         rival = None if interrupted else _rival(self.scene, COMPARED * run.seconds)
         if rival is not None:
-            document["cma_score"], document["cma_seconds"] = rival.score, rival.seconds
-        write_text(self.home / "summary.json", json.dumps(document, indent=1) + "\n")
-        draw(run, rival, self.home / "result.png")
+            document |= {"cma_score": rival.score, "cma_seconds": rival.seconds}
+        self.write_summary(interrupted, document)
+        draw(run, rival, self.folder / "result.png")
         return run
 
 
 def _rival(scene: Scene, seconds: float) -> SearchResult | None:
     """What CMA-ES finds meanwhile; None where the training was too short to compare."""
-    from optimize.searching.runner import search
+    from optimize import search
 
     if seconds < 1.0:
         return None
@@ -417,14 +342,10 @@ def _rival(scene: Scene, seconds: float) -> SearchResult | None:
     return search(scene, "cma", seconds=given, progress=False)
 
 
-def _as_begun(home: Path) -> tuple[Scene, str, int, Preset, int]:
+def _as_begun(folder: Path) -> tuple[Scene, str, int, Preset, int]:
     """What a run in this folder was begun with."""
-    if not (home / "config.json").exists():
-        raise ValueError(
-            f"{home} holds no training that had begun, so there is nothing to go on from: train "
-            "without --resume, into another folder if this one is not empty"
-        )
-    begun = read_config(home)
+    require_begun(folder)
+    begun = read_config(folder)
     if begun.algorithm == "ars":
         raise ValueError("ars keeps no checkpoint that it can go on from: begin anew")
-    return load_scene(home / "scene.toml"), begun.algorithm, begun.seed, begun.preset, begun.steps
+    return load_scene(folder / SCENE), begun.algorithm, begun.seed, begun.preset, begun.steps

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from agents.base.network import arrays_of, network_of, read_network
-from agents.single.evaluation import POLICIES, evaluate, shipped
+from agents import evaluate
+from agents.base.shipped import POLICIES, shipped
+from agents.sb3.actor import acting, actor_of, read_actor
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -30,23 +31,18 @@ def test_what_ships_builds_what_it_says(name: str) -> None:
 def test_it_does_what_torch_does() -> None:
     torch = pytest.importorskip("torch")
     arrays = dict(np.load(POLICIES / "sprint" / "policy.npz"))
-    network = network_of(arrays)
+    network = acting(actor_of(arrays))
+    inputs = arrays["mlp_extractor.policy_net.0.weight"].shape[1]
     rng = np.random.default_rng(0)
     for _ in range(20):
-        seen = rng.standard_normal(network.layers[0][0].shape[1]).astype(np.float32)
-        values = torch.from_numpy(seen)
+        observation = rng.standard_normal(inputs).astype(np.float32)
+        values = torch.from_numpy(observation)
         for stem in ("mlp_extractor.policy_net.0.", "mlp_extractor.policy_net.2."):
             weight, bias = (torch.from_numpy(arrays[stem + n]) for n in ("weight", "bias"))
             values = torch.tanh(torch.nn.functional.linear(values, weight, bias))
         weight, bias = (torch.from_numpy(arrays["action_net." + n]) for n in ("weight", "bias"))
         wanted = torch.nn.functional.linear(values, weight, bias).clamp(-1.0, 1.0).numpy()
-        assert network(seen) == pytest.approx(wanted, abs=2e-6)
-
-
-def test_the_arrays_of_a_policy_are_what_is_expected_of_one() -> None:
-    arrays = dict(np.load(POLICIES / "sprint" / "policy.npz"))
-    inputs = arrays["mlp_extractor.policy_net.0.weight"].shape[1]
-    assert {k: v.shape for k, v in arrays.items()} == arrays_of(inputs, 1, 64, 2)
+        assert network(observation) == pytest.approx(wanted, abs=2e-6)
 
 
 def test_building_needs_no_torch(tmp_path: Path) -> None:
@@ -69,11 +65,13 @@ def test_weights_that_do_not_fit_are_refused(tmp_path: Path) -> None:
         (first, np.full_like(good[first], np.nan)),
         (last, np.zeros(7, np.float32)),
         (last, None),
+        (last, good[last].astype(float)),
+        (last, good[last] + 1e30),
     ):
         arrays = {k: v for k, v in (good | {name: value}).items() if v is not None}
         np.savez(tmp_path / "policy.npz", **arrays)
         with pytest.raises(ValueError, match=r"policy\.npz"):
-            read_network(tmp_path / "policy.npz", good[first].shape[1], 1, 64, 2)
+            read_actor(tmp_path / "policy.npz", good[first].shape[1], 1)
 
 
 def test_a_policy_of_another_scene_says_so() -> None:

@@ -1,4 +1,4 @@
-"""The policy taught over a family of scenes: what it designs, what it needs, how it is taught."""
+"""The scene-conditioned policy: what it designs, what it needs, how it is trained."""
 
 from __future__ import annotations
 
@@ -13,27 +13,26 @@ import pytest
 
 import domino_env as de
 import domino_env.scenes.scene
-from agents.conditioned.distribution import SceneFamily, numbers, scene_of
-from agents.conditioned.evaluation import designer_of, judge
+from agents import evaluate
+from agents.base.building import build
+from agents.base.shipped import FAMILY, POLICIES
+from agents.conditioned.designing import acting, design
+from agents.conditioned.distribution import SceneDistribution, features_of, scene_with
 from agents.conditioned.examples import load_examples, make_examples
-from agents.conditioned.policy import (
-    PLANS,
-    SHIPPED,
-    Designer,
-    acting,
-    arrays_of,
-    design,
-    load_designer,
-    plans_of,
-    shipped_designer,
-)
-from agents.conditioned.preset import EXAMPLES_SEED, Teaching
-from agents.single.evaluation import build, evaluate
+from agents.conditioned.observations import PLANS, plans_of
+from agents.conditioned.policy import ConditionedPolicy, shipped_policy
+from agents.conditioned.preset import EXAMPLES_SEED, ConditionedPreset
+from agents.evaluation.many_scenes import evaluate_scenes
+from agents.evaluation.one_scene import load_policy
 from domino_env.cli.main import main
 
-SHORT = SceneFamily(count=(15, 24))  # its marks are found quickly
-TINY = SceneFamily(count=(8, 10))
-LITTLE = Teaching(width=8, examples=3, evaluations=30, passes=4, together=2, batches=6, scenes=2)
+WEIGHTS = POLICIES / FAMILY / "policy.npz"
+REFUSED = r"policy\.npz: it (does not hold|is no archive)"
+SHORT = SceneDistribution(count=(15, 24))  # its marks are found quickly
+TINY = SceneDistribution(count=(8, 10))
+LITTLE = ConditionedPreset(
+    width=8, examples=3, evaluations=30, passes=4, together=2, batches=6, scenes=2
+)
 
 
 @pytest.fixture
@@ -45,23 +44,23 @@ def sprint():
 
 
 def test_drawn_scenes_are_within_the_family_and_some_uniform_row_runs() -> None:
-    family = SceneFamily()
+    distribution = SceneDistribution()
     rng = np.random.default_rng(3)
-    drawn = [family.draw(rng) for _ in range(40)]
-    assert all(family.outside(scene) == () for scene in drawn)
-    assert all(scene.spacing[1] >= family.apart * scene.spacing[0] for scene in drawn)
+    drawn = [distribution.sample(rng) for _ in range(40)]
+    assert all(distribution.outside(scene) == () for scene in drawn)
+    assert all(scene.spacing[1] >= distribution.apart * scene.spacing[0] for scene in drawn)
     for scene in drawn[:3]:
         assert scene.uniform().score > 0.0
-        again = scene_of(numbers(scene))
-        assert numbers(again) == pytest.approx(numbers(scene), rel=1e-15)
+        again = scene_with(features_of(scene))
+        assert features_of(again) == pytest.approx(features_of(scene), rel=1e-15)
     counts = [scene.count for scene in drawn]
     assert min(counts) < 25
     assert max(counts) > 60
     repeated = np.random.default_rng(3)
-    assert np.array_equal(numbers(family.draw(repeated)), numbers(drawn[0]))
+    assert np.array_equal(features_of(distribution.sample(repeated)), features_of(drawn[0]))
 
 
-def test_a_scene_beyond_the_family_is_told(sprint) -> None:
+def test_a_scene_beyond_the_distribution_is_told(sprint) -> None:
     assert design(sprint).outside == ()
     long = design(replace(sprint, count=100))
     assert long.outside == ("count 100 is outside 15 to 80",)
@@ -87,18 +86,18 @@ def test_another_kind_of_scene_is_refused(name: str, reason: str) -> None:
 
 
 def test_the_policy_that_ships_beats_uniform_in_scenes_it_has_not_seen() -> None:
-    judged = judge(40, seed=7, family=SHORT)
-    assert np.mean(judged.tried > judged.uniform * (1.0 + 1e-9)) >= 0.9
-    assert np.all(judged.tried >= judged.untried - 1e-9)
-    assert np.all(judged.tried > 0.0)
+    found = evaluate_scenes(40, seed=7, distribution=SHORT)
+    assert np.mean(found.tried > found.uniform * (1.0 + 1e-9)) >= 0.9
+    assert np.all(found.tried >= found.untried - 1e-9)
+    assert np.all(found.tried > 0.0)
     with pytest.raises(ValueError, match="drew the examples"):
-        judge(3, seed=EXAMPLES_SEED)
+        evaluate_scenes(3, seed=EXAMPLES_SEED)
 
 
 def test_designs_keep_the_rules_and_are_scored_by_the_scene() -> None:
     rng = np.random.default_rng(11)
     for _ in range(20):
-        scene = SceneFamily().draw(rng)
+        scene = SceneDistribution().sample(rng)
         made = design(scene)
         assert scene.violations(made.layout) == []
         assert made.score == scene.score(made.layout)
@@ -188,16 +187,16 @@ def test_it_works_without_torch(tmp_path: Path) -> None:
 
 
 def test_what_ships_is_small_and_says_how_it_was_made() -> None:
-    assert SHIPPED.stat().st_size < 1_000_000
-    told = SHIPPED.with_name("figures.json").read_text("utf-8")
-    assert '"command": "domino train family' in told
+    assert WEIGHTS.stat().st_size < 1_000_000
+    figures = WEIGHTS.with_name("figures.json").read_text("utf-8")
+    assert '"command": "domino train family' in figures
 
 
 def test_weights_survive_a_file_and_others_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "policy.npz"
-    good = arrays_of(shipped_designer())
+    good = shipped_policy().arrays()
     np.savez(path, **good)
-    again = arrays_of(load_designer(path))
+    again = ConditionedPolicy.load(tmp_path).arrays()
     assert all(np.array_equal(again[name], good[name]) for name in good)
     bad = {
         "another name": {**good, "extra": np.zeros(3)},
@@ -210,24 +209,24 @@ def test_weights_survive_a_file_and_others_are_refused(tmp_path: Path) -> None:
     }
     for arrays in bad.values():
         np.savez_compressed(path, **arrays)
-        with pytest.raises(ValueError, match="does not hold the weights of a designer"):
-            load_designer(path)
+        with pytest.raises(ValueError, match=REFUSED):
+            ConditionedPolicy.load(tmp_path)
     np.savez(path, **{**good, "row_0_bias": np.array([print], dtype=object)})  # needs a pickle
-    with pytest.raises(ValueError, match="does not hold the weights"):
-        load_designer(path)
-    whole = SHIPPED.read_bytes()
+    with pytest.raises(ValueError, match=REFUSED):
+        ConditionedPolicy.load(tmp_path)
+    whole = WEIGHTS.read_bytes()
     torn = bytearray(whole)
     torn[len(whole) // 2 : len(whole) // 2 + 40] = bytes(40)
     for content in (b"", b"not an archive", whole[:2000], whole[2000:], bytes(torn)):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match="does not hold the weights"):
-            load_designer(path)
+        with pytest.raises(ValueError, match=REFUSED):
+            ConditionedPolicy.load(tmp_path)
 
 
 # commands -----------------------------------------------------------------------------------------
 
 
-def test_the_command_judges_it_on_many_scenes(tmp_path: Path, capsys) -> None:
+def test_the_command_evaluates_it_in_many_scenes(tmp_path: Path, capsys) -> None:
     file = tmp_path / "scenes.csv"
     words = ["evaluate", "family", "--scenes", "3", "--seed", "5", "--csv", str(file)]
     assert main([*words, "--search", "40"]) == 0
@@ -244,7 +243,7 @@ def test_the_command_judges_it_on_many_scenes(tmp_path: Path, capsys) -> None:
     assert "greedy is none" in capsys.readouterr().err
 
 
-# teaching -----------------------------------------------------------------------------------------
+# training -----------------------------------------------------------------------------------------
 
 
 def test_examples_are_kept_and_others_refused(tmp_path: Path) -> None:
@@ -263,67 +262,67 @@ def test_examples_are_kept_and_others_refused(tmp_path: Path) -> None:
         load_examples(file)
 
 
-def weights(designer: Designer) -> list[np.ndarray]:
-    return [array for layer in (*designer.row, *designer.plan) for array in layer]
+def weights(policy: ConditionedPolicy) -> list[np.ndarray]:
+    return [array for layer in (*policy.row.layers, *policy.plan.layers) for array in layer]
 
 
 def test_the_same_seed_gives_the_same_weights_and_so_does_going_on(
     tmp_path: Path, monkeypatch
 ) -> None:
     pytest.importorskip("stable_baselines3")
-    from agents.conditioned import training as family_training
+    from agents.conditioned import training
 
-    monkeypatch.setattr(family_training, "CHECKED", 2)
-    first = family_training.teach(tmp_path / "a", 1, LITTLE, TINY)
-    again = family_training.teach(tmp_path / "b", 1, LITTLE, TINY)
-    other = family_training.teach(
+    monkeypatch.setattr(training, "SCENES", 2)
+    first = training.train_conditioned(tmp_path / "a", 1, LITTLE, TINY)
+    again = training.train_conditioned(tmp_path / "b", 1, LITTLE, TINY)
+    other = training.train_conditioned(
         tmp_path / "c", 2, LITTLE, TINY, examples=tmp_path / "a" / "examples.npz"
     )
-    assert all(map(np.array_equal, weights(first.designer), weights(again.designer)))
-    assert not np.array_equal(first.designer.row[0][0], other.designer.row[0][0])
+    assert all(map(np.array_equal, weights(first.policy), weights(again.policy)))
+    assert not np.array_equal(first.policy.row.layers[0][0], other.policy.row.layers[0][0])
     assert first.steps == 10
-    whole = family_training._Teaching._climb
+    whole = training.ConditionedTraining._climb
 
-    def stops(self: family_training._Teaching, batch: int) -> None:
-        if batch == 3:
-            raise KeyboardInterrupt
+    def stops(self: training.ConditionedTraining, batch: int) -> None:
         whole(self, batch)
+        if batch == 3:  # learned, and not yet counted
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr(family_training._Teaching, "_climb", stops)
-    cut = family_training.teach(tmp_path / "d", 1, LITTLE, TINY)
+    monkeypatch.setattr(training.ConditionedTraining, "_climb", stops)
+    cut = training.train_conditioned(tmp_path / "d", 1, LITTLE, TINY)
     assert cut.interrupted
     assert cut.steps == 7
-    monkeypatch.setattr(family_training._Teaching, "_climb", whole)
-    resumed = family_training.teach(tmp_path / "d", resume=True)
+    monkeypatch.setattr(training.ConditionedTraining, "_climb", whole)
+    resumed = training.train_conditioned(tmp_path / "d", resume=True)
     assert not resumed.interrupted
-    assert all(map(np.array_equal, weights(first.designer), weights(resumed.designer)))
-    found = designer_of(str(tmp_path / "d"))
-    assert found is not None
-    assert all(map(np.array_equal, weights(first.designer), weights(found)))
+    assert all(map(np.array_equal, weights(first.policy), weights(resumed.policy)))
+    found = load_policy(tmp_path / "d")
+    assert isinstance(found, ConditionedPolicy)
+    assert all(map(np.array_equal, weights(first.policy), weights(found)))
     with pytest.raises(ValueError, match="go on with --resume"):
-        family_training.teach(tmp_path / "d", 1, LITTLE, TINY)
+        training.train_conditioned(tmp_path / "d", 1, LITTLE, TINY)
     with pytest.raises(ValueError, match="nothing to go on from"):
-        family_training.teach(tmp_path / "none", resume=True)
+        training.train_conditioned(tmp_path / "none", resume=True)
     kept = (tmp_path / "d" / "checkpoint.pt").read_bytes()
     for content in (b"", kept[:3000], (tmp_path / "d" / "policy.npz").read_bytes()):
         (tmp_path / "d" / "checkpoint.pt").write_bytes(content)
         with pytest.raises(ValueError, match=r"checkpoint.pt"):
-            family_training.teach(tmp_path / "d", resume=True)
+            training.train_conditioned(tmp_path / "d", resume=True)
     config = (tmp_path / "d" / "config.json").read_text("utf-8")
     for old, new in (('"width": 8', '"width": "8"'), ("0.02", "-0.02"), ('"seed"', '"sead"')):
         assert old in config
         (tmp_path / "d" / "config.json").write_text(config.replace(old, new), "utf-8")
         with pytest.raises(ValueError, match=r"config.json: (teaching|family|seed)"):
-            family_training.teach(tmp_path / "d", resume=True)
+            training.train_conditioned(tmp_path / "d", resume=True)
 
 
-def test_the_exact_slope_teaches_from_scratch(tmp_path: Path, monkeypatch) -> None:
+def test_the_exact_slope_trains_from_scratch(tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("stable_baselines3")
-    from agents.conditioned import training as family_training
+    from agents.conditioned import training
 
-    monkeypatch.setattr(family_training, "CHECKED", 8)
+    monkeypatch.setattr(training, "SCENES", 8)
     plan = replace(LITTLE, width=24, examples=0, batches=30, scenes=8)
-    taught = family_training.teach(tmp_path, 0, plan, TINY)
-    gains = [row[2] for row in taught.curve]
+    run = training.train_conditioned(tmp_path, 0, plan, TINY)
+    gains = [row[2] for row in run.curve]
     assert gains[-1] > gains[0] + 0.005
-    assert taught.curve[-1][3] > 0.5
+    assert run.curve[-1][3] > 0.5

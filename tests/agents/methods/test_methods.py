@@ -16,9 +16,10 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 import domino_env as de
+from agents import evaluate
+from agents.base.shipped import POLICIES
 from agents.sb3.side_by_side_ars import SideBySideARS
 from agents.sb3.vec_env import DominoVecEnv
-from agents.single.evaluation import POLICIES, evaluate
 from domino_env.scenes.objectives import Evaluation
 from optimize import METHODS, Problem, search
 from optimize.evaluation.budget import Budget
@@ -75,6 +76,7 @@ def test_a_trained_agent_builds_at_once_and_its_training_counts(tmp_path: Path) 
     found = search(scene, "agent:sprint", seconds=5.0)
     assert found.evaluations == 1
     assert found.score == built.score
+    assert search(scene, "agent:family", seconds=5.0).score == evaluate("family", scene).score
     home = POLICIES / "sprint"
     for name in ("scene.toml", "config.json", "policy.npz", "policy.json"):
         (tmp_path / name).write_bytes((home / name).read_bytes())

@@ -12,11 +12,11 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import domino_env as de
+from agents import evaluate
 from agents.sb3.learner import learner
 from agents.sb3.presets import preset
 from agents.sb3.vec_env import DominoVecEnv
 from agents.single.cloning import clone, row_to_clone
-from agents.single.evaluation import evaluate
 from agents.single.training import SLACK, train
 from domino_env import DominoChainVector
 from optimize import search
@@ -100,7 +100,7 @@ def test_training_from_a_clone_keeps_it_and_goes_on(small, row, tmp_path: Path, 
 
     import agents.single.training as training
 
-    kept, count = training._Training.keep, [0]
+    kept, count = training.SceneTraining.checkpoint, [0]
 
     def cut(self) -> None:
         kept(self)
@@ -108,7 +108,7 @@ def test_training_from_a_clone_keeps_it_and_goes_on(small, row, tmp_path: Path, 
         if count[0] == 4:
             raise RuntimeError("the power fails")
 
-    monkeypatch.setattr(training._Training, "keep", cut)
+    monkeypatch.setattr(training.SceneTraining, "checkpoint", cut)
     with pytest.raises(RuntimeError, match="the power fails"):
         train(small, "ppo", seed=2, folder=tmp_path / "cut", plan=plan, warm_start=row)
     monkeypatch.undo()
@@ -116,7 +116,7 @@ def test_training_from_a_clone_keeps_it_and_goes_on(small, row, tmp_path: Path, 
     def fail(self) -> None:
         raise RuntimeError("the power fails")
 
-    monkeypatch.setattr(training._Training, "_log", fail)  # before the first rollout
+    monkeypatch.setattr(training.SceneTraining, "_log", fail)  # before the first rollout
     with pytest.raises(RuntimeError, match="the power fails"):
         train(small, "ppo", seed=2, folder=tmp_path / "early", plan=plan, warm_start=row)
     monkeypatch.undo()

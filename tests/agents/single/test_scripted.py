@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from agents.single.evaluation import build
-from agents.single.scripted import BUILDERS
+from agents import evaluate
+from agents.base.building import build
+from agents.single.scripted import SCRIPTED
 from domino_env import DominoChain
 from domino_env.cli.main import main
 
@@ -21,9 +22,9 @@ def small():
     return replace(de.load_scene("sprint"), name="small", count=8)
 
 
-@pytest.mark.parametrize("name", BUILDERS)
+@pytest.mark.parametrize("name", SCRIPTED)
 def test_a_builder_keeps_the_rules_and_is_judged_by_the_scene(small, name: str) -> None:
-    built = BUILDERS[name](small)
+    built = SCRIPTED[name](small)
     assert small.violations(built.layout) == []
     assert built.score == small.score(built.layout)
     if built.score > 0.0:  # looking one fall ahead alone may run the wave dry
@@ -33,15 +34,21 @@ def test_a_builder_keeps_the_rules_and_is_judged_by_the_scene(small, name: str) 
         assert built.gain is None
 
 
+def test_evaluate_knows_scripted_policies_by_name(small) -> None:
+    assert evaluate("uniform", small).score == small.uniform().score
+    with pytest.raises(ValueError, match="name one to build for"):
+        evaluate("uniform")
+
+
 def test_a_ramp_is_no_worse_than_uniform_and_keeps_a_length(small) -> None:
-    assert BUILDERS["ramp"](small).gain > 0.0
+    assert SCRIPTED["ramp"](small).gain > 0.0
     exact = replace(small, length=0.16)
-    built = BUILDERS["ramp"](exact)
+    built = SCRIPTED["ramp"](exact)
     assert exact.violations(built.layout) == []
 
 
 def test_the_greedy_builder_takes_what_pays_most_at_once(small) -> None:
-    built = BUILDERS["greedy"](small)
+    built = SCRIPTED["greedy"](small)
     env = DominoChain(small)
     env.reset()
     low, high = small.spacing

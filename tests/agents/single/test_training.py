@@ -15,9 +15,9 @@ pytest.importorskip("stable_baselines3")
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import domino_env as de
+from agents import evaluate
 from agents.sb3.presets import ALGORITHMS, preset
 from agents.sb3.vec_env import DominoVecEnv
-from agents.single.evaluation import evaluate
 from agents.single.training import train
 from domino_env import DominoChain
 
@@ -150,7 +150,7 @@ def test_going_on_reaches_what_an_undisturbed_run_does(small, tmp_path: Path, mo
     whole = train(small, "ppo", seed=5, folder=tmp_path / "whole", plan=plan)
     import agents.single.training as training
 
-    kept = training._Training.keep
+    kept = training.SceneTraining.checkpoint
     count = [0]
 
     def cut(self) -> None:
@@ -159,10 +159,10 @@ def test_going_on_reaches_what_an_undisturbed_run_does(small, tmp_path: Path, mo
         if count[0] == 6:
             raise RuntimeError("the power fails")
 
-    monkeypatch.setattr(training._Training, "keep", cut)
+    monkeypatch.setattr(training.SceneTraining, "checkpoint", cut)
     with pytest.raises(RuntimeError, match="the power fails"):
         train(small, "ppo", seed=5, folder=tmp_path / "cut", plan=plan)
-    monkeypatch.setattr(training._Training, "keep", kept)
+    monkeypatch.setattr(training.SceneTraining, "checkpoint", kept)
     with pytest.raises(ValueError, match="is not empty"):
         train(small, "ppo", seed=5, folder=tmp_path / "cut", plan=plan)
     resumed = train(small, "ppo", folder=tmp_path / "cut", resume=True)

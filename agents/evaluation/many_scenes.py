@@ -1,25 +1,19 @@
-"""How a designer does in scenes of no training, beside uniform and searched rows."""
+"""Evaluation in many scenes: a scene-conditioned policy in scenes of no training."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.base.run_files import is_family
-from agents.conditioned.distribution import FEATURES, SceneFamily, numbers
+from agents.conditioned.distribution import FEATURES, SceneDistribution, features_of
 from agents.conditioned.examples import Examples
-from agents.conditioned.policy import PLANS, SHIPPED, Designer, design, load_designer
+from agents.conditioned.observations import PLANS
+from agents.conditioned.policy import ConditionedPolicy, shipped_policy
 from agents.conditioned.preset import EXAMPLES_SEED
-from domino_env.scenes.files.reading import load_scene
-from domino_env.scenes.scene import Scene
 from domino_env.support.tables import markdown_table, write_csv
-
-if TYPE_CHECKING:
-    from agents.single.evaluation import Built
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +22,7 @@ NOTHING = 1e-4  # a search that gains less has found nothing to gain
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class ScenesEvaluation:
     """Evaluation of designs in S scenes.
 
     Attributes
@@ -108,16 +102,16 @@ class Judged:
         write_csv(path, names, ([f"{x:.10g}" for x in row] for row in np.array(columns).T))
 
 
-def judge(
+def evaluate_scenes(
     number: int = 200,
     seed: int = 1,
-    designer: Designer | None = None,
+    policy: ConditionedPolicy | None = None,
     *,
-    family: SceneFamily | None = None,
+    distribution: SceneDistribution | None = None,
     evaluations: int | None = None,
     examples: Examples | None = None,
     progress: bool = False,
-) -> Judged:
+) -> ScenesEvaluation:
     """Design rows for scenes that are drawn with a seed, and compare.
 
     Parameters
@@ -126,9 +120,9 @@ def judge(
         Of scenes.
     seed
         That draws them.
-    designer
+    policy
         What designs; None for the one that ships.
-    family
+    distribution
         What they are drawn from; None for that of the one that ships.
     evaluations
         Budget of a search in each scene, to compare with; None for no search.
@@ -149,17 +143,18 @@ def judge(
     if number < 1 or seed < 0:
         raise ValueError(f"{number} scenes, seed {seed}: give 1 or more, and 0 or more")
     if seed == EXAMPLES_SEED:
-        raise ValueError(f"seed {seed} drew the examples that were taught: choose another")
+        raise ValueError(f"seed {seed} drew the examples of the training: choose another")
     rng = np.random.default_rng(seed)
-    chosen = family or SceneFamily()
-    scenes = [chosen.draw(rng) for _ in range(number)]
-    features = np.array([numbers(scene) for scene in scenes])
+    chosen = distribution or SceneDistribution()
+    scenes = [chosen.sample(rng) for _ in range(number)]
+    features = np.array([features_of(scene) for scene in scenes])
     if examples is not None and not np.array_equal(examples.scenes, features):
         raise ValueError("the examples are of other scenes")
-    design(scenes[0], designer=designer)  # compiles and loads what is not there yet
-    found = np.full((6, number), np.nan)  # in the order of `Judged`, search last
+    designing = policy or shipped_policy()
+    designing.design(scenes[0])  # compiles and loads what is not there yet
+    found = np.full((6, number), np.nan)  # in the order of `ScenesEvaluation`, search last
     for i, scene in enumerate(tqdm(scenes, disable=not progress, unit=" scenes")):
-        best, plain = (design(scene, tries=n, designer=designer) for n in (PLANS, 1))
+        best, plain = (designing.design(scene, n) for n in (PLANS, 1))
         found[1:5, i] = best.score, plain.score, best.seconds, plain.seconds
         if examples is not None:
             found[[0, 5], i] = examples.uniform[i], examples.score[i]
@@ -170,39 +165,6 @@ def judge(
             found[0, i] = scene.uniform().score
     compared = evaluations is not None or examples is not None
     uniform, tried, untried, seconds, seconds_untried, searched = found
-    return Judged(
+    return ScenesEvaluation(
         features, uniform, tried, untried, seconds, seconds_untried, searched if compared else None
     )
-
-
-def designer_of(name: str | Path) -> Designer | None:
-    """Load the designer named "family" or in the folder of a training; None for other agents.
-
-    Raises
-    ------
-    ValueError
-        Where such a folder holds no weights.
-    """
-    folder = Path(name)
-    if str(name) == "family" and not folder.exists():
-        folder = SHIPPED.parent
-    return load_designer(folder / "policy.npz") if is_family(folder) else None
-
-
-def built_for(folder: Path, scene: str | Scene | None) -> Built:
-    """Design a row with the designer of a folder, beside the best uniform row.
-
-    Raises
-    ------
-    ValueError
-        Where no scene is named, and as of `agents.conditioned.policy.design`.
-    """
-    from agents.single.evaluation import Built
-
-    if scene is None:
-        raise ValueError(f"{folder} was taught many scenes: name one to design for")
-    judged = scene if isinstance(scene, Scene) else load_scene(scene)
-    designer = load_designer(folder / "policy.npz")
-    design(judged, designer=designer)  # compiles and loads what is not there yet
-    made = design(judged, designer=designer)
-    return Built(judged, made.layout, made.wave, made.score, judged.uniform(), made.seconds)
