@@ -126,6 +126,7 @@ def rows(draw: st.DrawFn) -> tuple[Layout, Physics]:
     return Layout(gaps, thick, heights, 1.0, density), Physics(friction, 1.0, push)
 
 
+WEAKEST = "a heavy domino almost touched, estimates 1e-8, errs by 7e-8 at 1e-6"
 FOUND = {
     "ends at its tipping angle, hardly moving": (
         Layout([1.0] * 10, 0.00036485, 1.0, 1.0, 1.0),
@@ -175,11 +176,19 @@ FOUND = {
         Layout([1.0, 0.1, 1.0, 1.0, 1.0], 1.0, 1.0, 1.0, 1.0),
         Physics(4.2840694269053945e-60, 1.0, 7.882387605032138),
     ),
-    "a heavy domino almost touched, estimates 1e-8, errs by 7e-8 at 1e-6": (
+    WEAKEST: (
         Layout([1e-05, 0.562341326, *[1.0] * 8], 1.0, 1.0, 1.0, [1.0, 100.0, *[1.0] * 9]),
         Physics(0.0, 1.0, 78.82387605032137),
     ),
 }
+
+
+def _same(case: tuple[Layout, Physics], other: tuple[Layout, Physics]) -> bool:
+    (row, physics), (known, known_physics) = case, other
+    return physics == known_physics and all(
+        np.array_equal(getattr(row, name), getattr(known, name))
+        for name in ("spacing", "thickness", "height", "density")
+    )
 
 
 # the same rows every time: what a longer search finds goes into FOUND
@@ -191,7 +200,7 @@ FOUND = {
 @example(FOUND["a long swing after a short one"])
 @example(FOUND["a sharp corner before a long calm"])
 @example(FOUND["friction of next to nothing"])
-@example(FOUND["a heavy domino almost touched, estimates 1e-8, errs by 7e-8 at 1e-6"])
+@example(FOUND[WEAKEST])
 def test_nothing_that_stands_breaks_it(case: tuple[Layout, Physics]) -> None:
     tight = simulate(*case, rtol=1e-13)
     for rtol in (1e-3, 1e-4, 1e-6, 1e-10):
@@ -203,6 +212,7 @@ def test_nothing_that_stands_breaks_it(case: tuple[Layout, Physics]) -> None:
             continue
         error = error_of(wave.arrival_times, tight.arrival_times)
         # The estimate holds in all but one of 1000 random rows; a search finds that one, but none
-        # where the error it misses matters: a tenth of the tolerance.
-        assert error <= max(wave.error_estimate, 0.1 * rtol) + tight.error_estimate
+        # where the error it misses matters: a hundredth of the tolerance, but for one row known.
+        slack = 0.1 if _same(case, FOUND[WEAKEST]) else 0.02
+        assert error <= max(wave.error_estimate, slack * rtol) + tight.error_estimate
         assert error <= rtol + tight.error_estimate or not wave.converged
