@@ -33,7 +33,9 @@ if "FUZZ_EXAMPLES" in os.environ:
     FUZZ = settings(FUZZ, derandomize=False)
 SHIPPED = [
     (f.name, f.read_text("utf-8"))
-    for f in sorted((resources.files("domino_env") / "scenes" / "shipped").iterdir(), key=lambda f: f.name)
+    for f in sorted(
+        (resources.files("domino_env") / "scenes" / "shipped").iterdir(), key=lambda f: f.name
+    )
     if f.name.endswith(".toml")
 ]
 
