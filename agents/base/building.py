@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from domino_env import DominoChain, Layout, Scene, UniformMark, Wave
 from domino_env.scenes.baseline import gain
+from optimize.searching.compiling import compile_for
 
 Observation = NDArray[np.float32]
 Policy = Callable[[Observation], NDArray[Any]]
@@ -66,9 +67,8 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
         Speed that single steps are rewarded against [m/s]; None for that of the best uniform row.
     """
     uniform = scene.uniform()
+    compile_for(scene, episodes=True)
     env = DominoChain(scene, reference_speed=reference_speed)
-    env.reset()
-    env.step(np.zeros(env.action_space.shape, np.float32))  # loads what is compiled
     began = time.perf_counter()
     observation, _ = env.reset()
     terminated, info = False, dict[str, Any]()

