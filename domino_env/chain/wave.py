@@ -290,7 +290,7 @@ def simulate(
             0, 1, rows, physics.friction, physics.gravity, physics.push, _checked(rtol), True,
             summaries, arrivals, tape,
         )  # fmt: skip
-        summary, arrival = kernels.Summary._make(summaries[0].item()), arrivals[0]
+        summary, arrival = kernels.Summary._make(summaries.item()), arrivals[0]
         if summary.taped <= len(tape) or not gradient:
             break
         tape = np.empty(summary.taped, kernels.EVENT)  # the same run writes as many again

@@ -40,7 +40,7 @@ class Endings:
     thickness
         (E, N) [m]
     height
-        (E, N) [m]
+        (E, N), or (1, N) where all rows have the same [m]
     placed
         (E,) dominoes placed after the first.
 
@@ -112,7 +112,7 @@ class Endings:
         return Layout(
             self.spacing[i, :placed],
             self.thickness[i, : placed + 1],
-            self.height[i, : placed + 1],
+            self.height[i % len(self.height), : placed + 1],
             scene.width,
             scene.density,
         )

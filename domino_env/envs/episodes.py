@@ -170,7 +170,7 @@ class ChainEpisodes(Episodes):
             rtol=self.rtol,
             spacing=batch.spacing[rows],
             thickness=batch.thickness[rows],
-            height=batch.height[rows if len(batch.height) > 1 else np.zeros_like(rows)],
+            height=batch.height[rows] if len(batch.height) > 1 else batch.height,
             placed=states["placed"].tolist(),
         )
         endings.outcome, endings.reach = states["outcome"], states["reach"]

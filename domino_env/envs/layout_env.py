@@ -20,7 +20,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.support.threads import share_rows
 
 PIECE = 16  # rows whose dominoes are placed by one thread, at least
-NEWTON, CLOSE = 5, 1e-13  # steps towards a shift, and how close they are likely to come [m]
+NEWTON, CLOSE = 5, 1e-15  # steps towards a shift, and how close they are likely to come [m]
 
 
 class DominoLayout(RowEnv):
@@ -152,9 +152,9 @@ class LayoutEpisodes(Episodes):
             scene=self.scene,
             baseline=self.baseline.score,
             rtol=self.rtol,
-            spacing=batch.spacing[rows],
-            thickness=batch.thickness[rows],
-            height=batch.height[rows if len(batch.height) > 1 else np.zeros_like(rows)],
+            spacing=batch.spacing[ended],
+            thickness=batch.thickness[ended],
+            height=batch.height[ended] if len(batch.height) > 1 else batch.height,
             placed=[self.scene.count - 1] * len(rows),
         )
         endings.judge(range(len(rows)))
@@ -227,7 +227,7 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
     shift = np.zeros(len(values))
     for _ in range(NEWTON):
         moved = shifted(shift)
-        free = np.count_nonzero((moved > low) & (moved < high), axis=1)
+        free = np.add.reduce((moved > low) & (moved < high), axis=1, dtype=np.int64)
         shift += (total - np.add.reduce(moved, axis=1)) / np.maximum(free, 1)
     # the sum rises with the shift, rounded or not, so that it is found from any bounds around it
     shift = np.minimum(np.maximum(shift, least), most)
@@ -244,5 +244,5 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
         least, most = np.where(short, shift, least), np.where(short, most, shift)
     free = (moved > low) & (moved < high)
     rest = total - np.add.reduce(moved, axis=1)
-    moved += free * (rest / np.maximum(np.count_nonzero(free, axis=1), 1))[:, None]
+    moved += free * (rest / np.maximum(np.add.reduce(free, axis=1, dtype=np.int64), 1))[:, None]
     return np.asarray(np.clip(moved, low, high))

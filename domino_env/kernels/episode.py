@@ -139,10 +139,11 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
 @door
 def place_rows(first, last, batch, actions):
     """Write whole rows first … last - 1, domino by domino, as actions (B, N-1, A) choose them."""
+    lent, actions = lend(batch), borrowed(actions)
     for b in range(first, last):
-        row, left, way = row_of(batch, b), batch.left[b], 0.0
+        row, left, way = row_of(lent, b), lent.left[b], 0.0
         for k in range(len(left)):
-            left[k] = batch.stock[k]
+            left[k] = lent.stock[k]
         for n in range(len(row.spacing)):
-            choose(actions[b, n], batch, left, n, way, row)
+            choose(actions[b, n], lent, left, n, way, row)
             way += row.spacing[n] + row.thickness[n + 1]
