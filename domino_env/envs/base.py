@@ -200,6 +200,8 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
         """Show the row at the latest hit."""
         return self._episodes.snapshot(0)
 
+    moment = snapshot  # its name in version 0.1.0
+
     def render(self) -> NDArray[np.uint8] | str | None:
         """Draw the row at the latest hit: an image, a text, or None for a window."""
         if self.render_mode is None:

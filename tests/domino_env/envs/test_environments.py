@@ -659,3 +659,9 @@ def test_the_environments_are_known_in_whatever_order_things_are_imported():
         words = [sys.executable, "-W", "error", "-c", script]
         done = subprocess.run(words, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
+
+
+def test_the_old_name_of_a_snapshot_works():
+    env = de.DominoChain("sprint")
+    env.reset(seed=0)
+    assert env.moment().hit == env.snapshot().hit == 1
