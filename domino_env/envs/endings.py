@@ -19,7 +19,6 @@ from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate, simulate_b
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
-Objects = NDArray[np.object_]
 
 _OUTCOMES = np.array([Outcome(i) for i in range(len(Outcome))], object)
 

@@ -32,7 +32,7 @@ eqs. 1-3, 7-9, restated for unequal dominoes.
 
 from domino_env.kernels.adjoint.chain import pull, pull_rows
 from domino_env.kernels.adjoint.slots import WHOLE
-from domino_env.kernels.batch import EPISODE, IDLE, OVER, RULES, RUNNING, Batch
+from domino_env.kernels.batch import EPISODE, RULES, RUNNING, Batch
 from domino_env.kernels.chain import compose_row, solve_rows
 from domino_env.kernels.choice import gap_range, thickness_range
 from domino_env.kernels.endless import period_falls
@@ -64,14 +64,12 @@ __all__ = [
     "EVENT",
     "FALL",
     "FRONT_LIMIT",
-    "IDLE",
     "JAMMED",
     "LEAD_LIMIT",
     "LINK",
     "LOADS",
     "NO_RIGID_ANSWER",
     "OUT_OF_REACH",
-    "OVER",
     "PROPAGATED",
     "RING_ROWS",
     "RULES",

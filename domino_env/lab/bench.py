@@ -31,16 +31,20 @@ def median_time(task: Callable[[], object], runs: int = RUNS) -> float:
     return float(np.median(times))
 
 
-def single_waves() -> list[str]:
-    """Tabulate times and errors of single rows at several tolerances."""
+def _usual_rows() -> dict[str, Layout]:
+    """Rows of the tables of single waves and of gradients, by name."""
     rng = np.random.default_rng(2)
-    rows = {
+    return {
         "100 uniform, pitch 16 mm": Layout.uniform(100, pitch=0.016),
         "100 random, gaps 10-25 mm": Layout(rng.uniform(0.010, 0.025, 99), 0.0075),
         "40 random, gaps 2-40 mm": Layout(rng.uniform(0.002, 0.040, 39), 0.0075),
     }
+
+
+def single_waves() -> list[str]:
+    """Tabulate times and errors of single rows at several tolerances."""
     lines = ["row                        friction   rtol      time [ms]   error     estimate"]
-    for name, layout in rows.items():
+    for name, layout in _usual_rows().items():
         for friction in (0.25, 0.0):
             physics = Physics(friction, 9.81, 8.0)
             exact = simulate(layout, physics, rtol=TIGHTEST).arrival_times[1:]
@@ -86,14 +90,8 @@ def batches() -> list[str]:
 
 def gradients() -> list[str]:
     """Tabulate what a gradient of the total time costs, in plain runs of the same row."""
-    rng = np.random.default_rng(5)
-    rows = {
-        "100 uniform, pitch 16 mm": Layout.uniform(100, pitch=0.016),
-        "100 random, gaps 10-25 mm": Layout(rng.uniform(0.010, 0.025, 99), 0.0075),
-        "40 random, gaps 2-40 mm": Layout(rng.uniform(0.002, 0.040, 39), 0.0075),
-    }
     lines = ["row                        friction   rtol      wave [ms]   with gradient   ratio"]
-    for name, layout in rows.items():
+    for name, layout in _usual_rows().items():
         for friction in (0.25, 0.0):
             physics = Physics(friction, 9.81, 8.0)
             for rtol in (1e-6, 1e-8, 1e-12):
