@@ -184,6 +184,12 @@ class Wave:
         return float(self.layout.length / self.arrival_times[-1])
 
     @property
+    def local_speed(self) -> Floats:
+        """(N-1,) pitch over the time between hits [m/s]; nan where the wave did not come."""
+        times = np.where(np.isfinite(self.arrival_times), self.arrival_times, np.nan)
+        return np.asarray(self.layout.pitch / np.diff(times))
+
+    @property
     def explanation(self) -> str:
         """Why the wave ended, where, and what to do next."""
         if self.outcome == Outcome.PROPAGATED:

@@ -43,9 +43,8 @@ def main(words: Sequence[str] | None = None) -> int:
     Bad input ends with one line on standard error and status 2, Ctrl-C with 130, SIGTERM with 143.
     """
     arguments = parser().parse_args(words)
-    notice = threading.Timer(NOTICE_AFTER, _say_that_it_compiles, [arguments])
-    notice.daemon = True
-    notice.start()
+    done = threading.Event()
+    threading.Thread(target=_say_that_it_compiles, args=[done], daemon=True).start()
     interruption = _Interruption()
     try:
         code = int(arguments.run(arguments))
@@ -71,7 +70,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"domino: interrupted ({type(error).__name__})", file=sys.stderr)
         return interruption.code
     finally:
-        notice.cancel()
+        done.set()
         interruption.undo()
 
 
@@ -104,13 +103,16 @@ class _Interruption:
             signal.signal(number, before)
 
 
-def _say_that_it_compiles(arguments: argparse.Namespace) -> None:
-    """Explain a long silence: kernels are compiled at their first use after an install."""
-    kernels = sys.modules.get("domino_env.kernels")
-    rows = getattr(kernels, "solve_rows", None)  # loading may not be over
-    elsewhere = getattr(arguments, "workers", None) or getattr(arguments, "dask", None)
-    if rows is not None and not rows.signatures and not elsewhere:
-        print("compiling the simulator, once: some ten seconds ...", file=sys.stderr)
+def _say_that_it_compiles(done: threading.Event) -> None:
+    """Explain a long silence, once: kernels are compiled at their first use after an install."""
+    while not done.wait(NOTICE_AFTER):
+        kernels = sys.modules.get("domino_env.kernels")
+        for kernel in list(vars(kernels).values()) if kernels else ():
+            told = getattr(kernel, "stats", None)  # where it is compiled code
+            # asked for, not in the cache, not there yet: it is being compiled
+            if told and set(told.cache_misses) - set(kernel.signatures):
+                print("compiling the simulator, once: some ten seconds ...", file=sys.stderr)
+                return
 
 
 if __name__ == "__main__":

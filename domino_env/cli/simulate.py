@@ -21,6 +21,8 @@ SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
 CSV_NAMES = (
     "number", "position", "arrival_time", "release_velocity", "impact_velocity", "stall_margin",
 )  # fmt: skip
+MOST_LINES = 60  # of a table that is printed whole unasked
+ENDS = 10  # lines at both ends of a longer one
 THICK = 0.5  # [m] a domino thicker than this was probably measured in millimetres
 
 
@@ -33,6 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--csv", metavar="FILE", help="write the table, SI units, for other programs"
     )
     parser.add_argument("--json", action="store_true", help="print all of it as JSON, SI units")
+    parser.add_argument(
+        "--all", action="store_true", help=f"every line of a row of more than {MOST_LINES} dominoes"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(_document(wave) | judged, indent=1, allow_nan=False))
         return 0
-    print("\n".join(_table(wave) + _verdict(wave)))
+    print("\n".join(_table(wave, whole=arguments.all) + _verdict(wave)))
     if scene:
         print("\n".join(_judgement(judged)))
     if arguments.csv:
@@ -61,24 +66,26 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _table(wave: Wave) -> list[str]:
-    """A line a domino, up to the last one that was struck."""
-    layout = wave.layout
+def _table(wave: Wave, *, whole: bool) -> list[str]:
+    """A line a domino, up to the last one that was struck; of a long row its two ends."""
+    layout, speed = wave.layout, wave.local_speed
+    left_out = 0 if whole or wave.hit <= MOST_LINES else wave.hit - 2 * ENDS
     lines = ["domino  gap behind   thickness     arrival   wave speed  hit with"]
     lines += ["            [mm]        [mm]         [s]        [m/s]   [rad/s]"]
     for i in range(wave.hit):
-        t = wave.arrival_times[i]
-        start = f"{i:6d}"
-        thick = f"{layout.thickness[i] * 1e3:10.3f}"
-        if i == 0:
-            lines.append(
-                f"{start}{'':12}  {thick}  {t:10.6f}   {'':10}  push {wave.physics.push:g}"
-            )
+        if left_out and ENDS <= i < wave.hit - ENDS:
             continue
-        gap = f"{layout.spacing[i - 1] * 1e3:10.3f}"
-        speed = layout.pitch[i - 1] / (t - wave.arrival_times[i - 1])
-        with_ = wave.impact_velocity[i - 1]
-        lines.append(f"{start}  {gap}  {thick}  {t:10.6f}   {speed:10.4f}  {with_:8.3f}")
+        if left_out and i == wave.hit - ENDS:
+            lines.append(f"   ...  {left_out:,} lines left out: --all prints, --csv writes them")
+        thick, t = layout.thickness[i] * 1e3, wave.arrival_times[i]
+        if i == 0:
+            start = f"{i:6d}{'':12}  {thick:10.3f}  {t:10.6f}   {'':10}"
+            lines.append(f"{start}  push {wave.physics.push:g}")
+            continue
+        gap, with_ = layout.spacing[i - 1] * 1e3, wave.impact_velocity[i - 1]
+        lines.append(
+            f"{i:6d}  {gap:10.3f}  {thick:10.3f}  {t:10.6f}   {speed[i - 1]:10.4f}  {with_:8.3f}"
+        )
     return lines
 
 

@@ -210,12 +210,6 @@ def _row(axes: Axes, layout: Layout, wave: Wave, colour: str, window: _Window, r
         axes.annotate("", (-thick[0], at), (-thick[0] - 0.6 * tall[0], at), arrowprops=push)
 
 
-def local_speed(layout: Layout, wave: Wave) -> Floats:
-    """Divide pitch by the time between arrivals, (N-1,) [m/s]; nan where the wave did not come."""
-    times = np.where(np.isfinite(wave.arrival_times), wave.arrival_times, np.nan)
-    return np.asarray(layout.pitch / np.diff(times))
-
-
 def _curves(axes: Axes, result: SearchResult, window: _Window, mark: Floats, best: Floats) -> None:
     """What the two rows have at each gap, drawn halfway between its pivots."""
     line: dict[str, Any] = {"linewidth": 1.5, "marker": "o" if len(mark) == 1 else ""}
@@ -258,8 +252,8 @@ def _bounds(axes: Axes, scene: Scene, bounds: tuple[float, float], *values: Floa
 
 
 def _speed(axes: Axes, result: SearchResult, window: _Window) -> None:
-    mark = local_speed(result.uniform.layout, result.uniform.wave)
-    best = local_speed(result.layout, result.wave)
+    mark = result.uniform.wave.local_speed
+    best = result.wave.local_speed
     _curves(axes, result, window, mark, best)
     axes.set_ylabel("local wave speed [m/s]")
     both = np.concatenate([mark, best])

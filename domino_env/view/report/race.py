@@ -141,8 +141,6 @@ def _row(one: Racer) -> dict[str, Any]:
         inside = np.linspace(ends[k], max(ends[k + 1], ends[k]), LOOKS + 1)
         leader, angle = motion.leader(np.clip(inside, ends[k] + 1e-12, ends[k + 1] - 1e-12))
         falls.append(_short(np.where(leader == k, angle, angle.min())))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        speed = layout.pitch / np.diff(wave.arrival_times)
     return {
         "name": one.name,
         "spacing": _short(layout.spacing),
@@ -150,7 +148,7 @@ def _row(one: Racer) -> dict[str, Any]:
         "height": _short(layout.height),
         "positions": _short(layout.positions),
         "arrivals": _short(wave.arrival_times),
-        "speed": _short(speed),
+        "speed": _short(wave.local_speed),
         "hit": wave.hit,
         "falls": falls,
         "end": float(motion.end),

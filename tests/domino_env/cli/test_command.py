@@ -8,12 +8,13 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import main
+from domino_env.cli.main import _say_that_it_compiles, main
 
 GAPS, THICKNESS = [0.018, 0.0205, 0.022, 0.016], [0.0075, 0.007, 0.0075, 0.0075, 0.0075]
 
@@ -57,6 +58,28 @@ def test_millimetres_and_metres_are_the_same_row(capsys, row: Path, tmp_path: Pa
     first = said(capsys, "simulate", row)
     assert said(capsys, "simulate", metres) == first
     assert said(capsys, "simulate", other) == first
+
+
+def test_of_a_long_row_the_two_ends_are_printed(capsys, tmp_path: Path) -> None:
+    path = tmp_path / "long.csv"
+    layout = de.Layout.uniform(5000, pitch=0.024)
+    layout.to_csv(path)
+    whole = said(capsys, "simulate", path, "--all").splitlines()
+    short = said(capsys, "simulate", path).splitlines()
+    assert "4,980 lines left out: --all prints, --csv writes them" in short[12]
+    assert short[:12] + short[13:] == whole[:12] + whole[-14:]
+    assert len(whole) == 2 + 5000 + 4
+
+
+def test_a_long_row_s_pitch_is_not_worked_out_for_each_line(capsys, monkeypatch, tmp_path) -> None:
+    path = tmp_path / "long.csv"
+    de.Layout.uniform(200, pitch=0.024).to_csv(path)
+    worked_out, pitch = [], de.Layout.pitch.fget
+    monkeypatch.setattr(
+        de.Layout, "pitch", property(lambda row: worked_out.append(1) or pitch(row))
+    )
+    said(capsys, "simulate", path, "--all", "--csv", tmp_path / "table.csv")
+    assert len(worked_out) < 10
 
 
 def test_physics_from_the_command_line(capsys, row: Path) -> None:
@@ -195,7 +218,7 @@ def test_the_program_itself(row: Path) -> None:
 
 def test_a_reader_that_has_enough_is_no_error(row: Path, tmp_path: Path) -> None:
     de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
-    program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv")]
+    program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--all"]
     with subprocess.Popen(
         program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as running:
@@ -208,9 +231,16 @@ def test_a_reader_that_has_enough_is_no_error(row: Path, tmp_path: Path) -> None
         assert running.wait() == 0
 
 
-def test_who_waits_for_the_compiler_is_told():
-    """In a process that has compiled nothing yet."""
-    words = "import argparse; from domino_env import kernels; from domino_env.cli.main import "
-    words += "_say_that_it_compiles as say; say(argparse.Namespace())"
-    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
-    assert done.stderr == "compiling the simulator, once: some ten seconds ...\n"
+@pytest.mark.parametrize("compiled", [False, True])
+def test_who_waits_for_the_compiler_is_told_and_nobody_else(capsys, monkeypatch, compiled) -> None:
+    """Whoever waits long for something else is told nothing of a compiler."""
+    asked = (int,)
+    kernel = SimpleNamespace(
+        stats=SimpleNamespace(cache_misses={asked: 1}), signatures=[asked] * compiled
+    )
+    monkeypatch.setitem(sys.modules, "domino_env.kernels", SimpleNamespace(solve_rows=kernel))
+    waits = iter([False, False, True])
+    done = SimpleNamespace(wait=lambda seconds: next(waits))
+    _say_that_it_compiles(done)
+    told = "" if compiled else "compiling the simulator, once: some ten seconds ...\n"
+    assert capsys.readouterr().err == told

@@ -15,7 +15,7 @@ from domino_env.support.plot_style import method_lines
 from optimize import search
 from optimize.evaluation.result import SearchResult
 from optimize.methods import METHODS, PEERS, of_others
-from optimize.searching.picture import local_speed, picture
+from optimize.searching.picture import picture
 
 
 def dominoes(axes: Axes) -> np.ndarray:
@@ -52,7 +52,7 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result: SearchResult
         lines = [axes.get_lines()[i - 2] for axes in (spacing, thickness, speed)]
         assert lines[0].get_ydata() == pytest.approx(1e3 * layout.spacing)
         assert lines[1].get_ydata() == pytest.approx(1e3 * layout.thickness[1:])
-        assert lines[2].get_ydata() == pytest.approx(local_speed(layout, wave))
+        assert lines[2].get_ydata() == pytest.approx(wave.local_speed)
         middles = 500.0 * (layout.positions[1:] + layout.positions[:-1])
         assert lines[2].get_xdata() == pytest.approx(middles)
     mark, steps = trace.get_lines()
@@ -63,10 +63,10 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result: SearchResult
 def test_local_speed_is_pitch_over_time() -> None:
     layout = de.Layout([0.02, 0.03, 0.01], 0.0075)
     wave = de.simulate(layout, de.Physics())
-    speed = local_speed(layout, wave)
+    speed = wave.local_speed
     assert layout.pitch / speed == pytest.approx(np.diff(wave.arrival_times))
     stopped = de.simulate(layout, de.Physics(push=1.5))
-    assert np.isnan(local_speed(layout, stopped)[-1])
+    assert np.isnan(stopped.local_speed[-1])
 
 
 def test_a_long_row_is_shown_by_its_two_ends() -> None:
