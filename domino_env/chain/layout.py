@@ -142,10 +142,12 @@ class Layout:
         """Number of dominoes N."""
         return len(self.thickness)
 
-    @property
+    @cached_property
     def pitch(self) -> Floats:
         """(N-1,) pivot to pivot [m]."""
-        return self.spacing + self.thickness[1:]
+        pitches = self.spacing + self.thickness[1:]
+        pitches.flags.writeable = False
+        return pitches
 
     @property
     def is_uniform(self) -> bool:

@@ -70,7 +70,7 @@ def test_a_layout_owns_read_only_arrays() -> None:
     layout = Layout(gaps, 0.0075)
     gaps[0] = 9.0
     assert layout.spacing[0] == 0.01
-    for name in ("spacing", "thickness", "height", "density", "positions"):
+    for name in ("spacing", "thickness", "height", "density", "pitch", "positions"):
         assert not getattr(layout, name).flags.writeable
     with pytest.raises(AttributeError):
         layout.spacing = gaps  # type: ignore[misc]
