@@ -11,14 +11,15 @@ import json
 import re
 from array import array
 from collections.abc import Iterator
+from itertools import count, repeat
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 from numpy.typing import NDArray
 
-from domino_env.chain.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.chain.standard import DENSITY, HEIGHT
 from domino_env.support import tables
 from domino_env.support.files import write_text
 from domino_env.support.models import LARGEST, SMALLEST, Size, Table, model_of
@@ -31,8 +32,9 @@ MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of mem
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
 _POSITIVE = f"more than 0 and finite, {SMALLEST:g} to {LARGEST:g} in SI units"
 # divided by, not multiplied with 0.001: 18 mm then reads as the very number 0.018
-_PER_UNIT = {"spacing": 1.0, "thickness": 1.0, "height": 1.0, "density": 1.0}
-for _name in ("spacing", "thickness", "height"):
+_PER_UNIT = {"density": 1.0}
+for _name in ("spacing", "thickness", "height", "width"):
+    _PER_UNIT[_name] = 1.0
     _PER_UNIT[f"{_name}_mm"] = 1000.0
     _PER_UNIT[f"{_name}_m"] = 1.0
 
@@ -43,7 +45,7 @@ class LayoutTable(Table):
     spacing: Annotated[list[Size], Meta(description="free gaps, one fewer than dominoes [m]")]
     thickness: Annotated[Size | list[Size], Meta(description="along the row [m]")]
     height: Annotated[Size | list[Size], Meta(description="[m]")] = HEIGHT
-    width: Annotated[Size, Meta(description="across the row [m]")] = WIDTH
+    width: Annotated[Size | UnsetType, Meta(description="across the row [m]")] = UNSET
     density: Annotated[Size | list[Size], Meta(description="[kg/m³]")] = DENSITY
     unit: Annotated[
         Literal["SI: m, kg/m3"], Meta(description="the only one that is read")
@@ -58,19 +60,19 @@ class LayoutTable(Table):
             It has more than `MOST_DOMINOES`.
         """
         _require_few(len(self.spacing) + 1)
-        return {
-            name: getattr(self, name) for name in LayoutTable.__struct_fields__ if name != "unit"
-        }
+        values = {name: getattr(self, name) for name in LayoutTable.__struct_fields__}
+        return {k: v for k, v in values.items() if k != "unit" and v is not UNSET}
 
 
 def write_csv(
-    path: Path, spacing: Floats, thickness: Floats, height: Floats, density: Floats
+    path: Path, spacing: Floats, thickness: Floats, height: Floats, width: float, density: Floats
 ) -> None:
     """Write one row a domino, SI units, shortest digits that read back to the same bits."""
     gaps = [*spacing.tolist(), None]
-    others = (column.tolist() for column in (thickness, height, density))
-    rows = zip(range(len(thickness)), gaps, *others, strict=True)
-    tables.write_csv(path, ("number", "spacing", "thickness", "height", "density"), rows)
+    tall, dense = height.tolist(), density.tolist()
+    rows = zip(count(), gaps, thickness.tolist(), tall, repeat(width), dense, strict=False)
+    names = ("number", "spacing", "thickness", "height", "width", "density")
+    tables.write_csv(path, names, rows)
 
 
 def write_json(
@@ -96,7 +98,8 @@ def read_csv(path: Path) -> dict[str, Any]:
     - spacing (or spacing_mm): the free gap in front of it. The last one leads nowhere: it may be
       empty or missing, and is not used.
     - thickness (or thickness_mm).
-    - height (height_mm) and density, if they differ.
+    - height (height_mm) and density, if they differ from the standard domino's.
+    - width (width_mm), the same in every line.
 
     Comma, semicolon or tab between the cells, decimal commas where the cells are not divided by
     commas. Other columns are left alone.
@@ -175,7 +178,18 @@ def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
     if before is None:
         raise ValueError("no dominoes below the line of names")
     _require_few(len(columns["thickness"]))
-    return {kind: np.frombuffer(column) if column else [] for kind, column in columns.items()}
+    values: dict[str, Any] = {
+        kind: np.frombuffer(column) if column else [] for kind, column in columns.items()
+    }
+    if "width" in values:
+        widths = values.pop("width")
+        if widths.min() < widths.max():
+            raise ValueError(
+                f"{path}, column '{one_line(names[places['width'][0]], 60)}': dominoes of "
+                f"{widths.min():g} and {widths.max():g} m; a row has one width"
+            )
+        values["width"] = float(widths[0])
+    return values
 
 
 def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:

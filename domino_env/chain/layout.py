@@ -171,7 +171,8 @@ class Layout:
         """Write one row a domino, in metres; the last spacing is empty."""
         from domino_env.chain.files import write_csv
 
-        write_csv(Path(path), self.spacing, self.thickness, self.height, self.density)
+        columns = self.spacing, self.thickness, self.height
+        write_csv(Path(path), *columns, self.width, self.density)
 
     def to_json(self, path: str | Path) -> None:
         """Write every array, in SI units."""
@@ -181,26 +182,49 @@ class Layout:
         write_json(Path(path), *columns, self.width, self.density)
 
     @classmethod
-    def from_csv(cls, path: str | Path) -> Layout:
-        """Read a table with a row a domino, as `domino_env.chain.files.read_csv` does."""
+    def from_csv(cls, path: str | Path, width: float = WIDTH) -> Layout:
+        """Read a table with a row a domino, as `domino_env.chain.files.read_csv` does.
+
+        Parameters
+        ----------
+        path
+            The file.
+        width
+            Where the file has no column for it [m], as those written before version 0.2.0.
+        """
         from domino_env.chain.files import read_csv
         from domino_env.support.reading import naming
 
         with naming(path):
-            return cls(**read_csv(Path(path)))
+            return cls(**{"width": width} | read_csv(Path(path)))
 
     @classmethod
-    def from_json(cls, path: str | Path) -> Layout:
-        """Read what `to_json` wrote; height, width and density may be missing."""
+    def from_json(cls, path: str | Path, width: float = WIDTH) -> Layout:
+        """Read what `to_json` wrote; height, width and density may be missing.
+
+        Parameters
+        ----------
+        path
+            The file.
+        width
+            Where the file does not say it [m].
+        """
         from domino_env.chain.files import read_json
         from domino_env.support.reading import naming
 
         with naming(path):
-            return cls(**read_json(Path(path)))
+            return cls(**{"width": width} | read_json(Path(path)))
 
     @classmethod
-    def read(cls, path: str | Path) -> Layout:
+    def read(cls, path: str | Path, width: float = WIDTH) -> Layout:
         """Read a `.csv` or `.json` file.
+
+        Parameters
+        ----------
+        path
+            The file.
+        width
+            Where the file does not say it [m].
 
         Raises
         ------
@@ -209,9 +233,9 @@ class Layout:
         """
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
-            return cls.from_csv(path)
+            return cls.from_csv(path, width)
         if suffix == ".json":
-            return cls.from_json(path)
+            return cls.from_json(path, width)
         raise ValueError(f"{path}: a layout is a .csv or .json file, not '{suffix}'")
 
 

@@ -20,14 +20,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, write."""
     from pathlib import Path
 
-    from domino_env.chain.layout import Layout
     from domino_env.chain.wave import simulate
     from domino_env.view.sound import clicks, write_wav
 
-    _, physics = asked_physics(arguments)
     source = Path(arguments.layout)
-    wave = simulate(Layout.read(source), physics)
+    asked = asked_physics(arguments, source)
+    wave = simulate(asked.read(source), asked.physics)
     target = Path(arguments.wav) if arguments.wav else source.with_suffix(".wav")
     write_wav(clicks(wave), target)
+    print(asked.line)
     print(f"{target}: {wave.hit - 1} clicks in {wave.arrival_times[wave.hit - 1]:.3f} s")
     return 0

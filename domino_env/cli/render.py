@@ -27,7 +27,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, draw, write."""
     from pathlib import Path
 
-    from domino_env.chain.layout import Layout
     from domino_env.chain.wave import simulate
     from domino_env.support.reading import one_line
     from domino_env.view.animation import Runner, frames, write_gif, write_mp4
@@ -39,11 +38,12 @@ def run(arguments: argparse.Namespace) -> int:
     for name, ending, _ in wanted:
         if Path(name).suffix.lower() != ending:
             raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
-    scene, physics = asked_physics(arguments)
-    rows = [(one_line(Path(name).stem, 100), Layout.read(name)) for name in arguments.layouts]
-    if scene:
-        rows.append(("best uniform", scene.uniform().layout))
-    runners = [Runner(name, simulate(layout, physics)) for name, layout in rows]
+    asked = asked_physics(arguments, *arguments.layouts)
+    rows = [(one_line(Path(name).stem, 100), asked.read(name)) for name in arguments.layouts]
+    if asked.scene:
+        rows.append(("best uniform", asked.scene.uniform().layout))
+    print(asked.line)
+    runners = [Runner(name, simulate(layout, asked.physics)) for name, layout in rows]
     for name, _, write in wanted:
         images = frames(runners, arguments.rate, arguments.slow, arguments.width)
         number = write(images, Path(name), arguments.rate)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.physics_options import add_physics_options, asked_physics, given_physics
+from domino_env.cli.physics_options import add_physics_options, asked_physics
 
 SUMMARY = "a page that races rows against each other"
 
@@ -27,13 +27,13 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.view.report.page import read_racers, write_report
     from domino_env.view.report.race import headline
 
-    scene, asked = asked_physics(arguments)
-    physics = asked if given_physics(arguments) else None
     paths = [Path(name) for name in arguments.paths]
-    racers, title = read_racers(paths, scene, physics)
+    asked = asked_physics(arguments, *paths)
+    racers, title = read_racers(paths, asked.scene, asked.physics if asked.changed else None)
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
     size = write_report(racers, title, target)
     said = headline(racers)
+    print(asked.line)
     print(f"{said['who']}: {said['why']}\n{target}: {size / 1e3:.0f} kB")
     return 0

@@ -45,20 +45,21 @@ def run(arguments: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
-    from domino_env.chain.layout import Layout
     from domino_env.chain.wave import simulate
     from domino_env.support.tables import write_csv
 
-    layout = Layout.read(arguments.layout)
-    scene, physics = asked_physics(arguments)
-    wave = simulate(layout, physics, rtol=arguments.rtol)
+    asked = asked_physics(arguments, arguments.layout)
+    scene = asked.scene
+    wave = simulate(asked.read(arguments.layout), asked.physics, rtol=arguments.rtol)
     judged = _judged(wave, scene) if scene else {}
     if arguments.csv:
         write_csv(Path(arguments.csv), CSV_NAMES, _csv_rows(wave))
     if arguments.json:
-        print(json.dumps(_document(wave) | judged, indent=1, allow_nan=False))
+        document = _document(wave) | {"physics_from": asked.origin} | judged
+        print(json.dumps(document, indent=1, allow_nan=False))
         return 0
-    print("\n".join(_table(wave, whole=arguments.all) + _verdict(wave)))
+    print("
+".join(_table(wave, whole=arguments.all) + _verdict(wave) + [asked.line]))
     if scene:
         print("\n".join(_judgement(judged)))
     if arguments.csv:

@@ -18,11 +18,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Write, and say what to do with it."""
     from pathlib import Path
 
-    from domino_env.chain.layout import Layout
+    from domino_env.scenes.files.beside import read_row, scene_beside
     from domino_env.view.template import sheets, words, write_template
 
     source = Path(arguments.layout)
-    layout = Layout.read(source)
+    layout = read_row(source, scene_beside(source))
     target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
     write_template(layout, target, arguments.paper, source.stem)
     print(f"{target}: {words(sheets(layout, arguments.paper))}")

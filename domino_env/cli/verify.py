@@ -30,18 +30,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Check each row; 1 if any differs by more than 0.3 per cent, or topples in one only."""
     from pathlib import Path
 
-    from domino_env.chain.layout import Layout
     from domino_env.rigid.comparison import STEPS, table, verify, write_verification
 
     if len(arguments.layouts) > 1 and (arguments.json or arguments.plot):
         raise ValueError("--json and --plot name one file: give one layout with them")
-    _, physics = asked_physics(arguments)
     steps = [h * 1e-6 for h in arguments.steps] if arguments.steps else STEPS
     differs = False
     for name in arguments.layouts:
-        layout = Layout.read(name)
-        checked = verify(layout, physics, steps)
-        print(f"{name}\n" + "\n".join(table(checked)))
+        asked = asked_physics(arguments, name)
+        checked = verify(asked.read(name), asked.physics, steps)
+        print(f"{name}\n{asked.line}\n" + "\n".join(table(checked)))
         differs |= checked.verdict.startswith("DIFFERS")
         if arguments.json:
             write_verification(checked, Path(arguments.json))

@@ -16,7 +16,7 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
 from domino_env.chain.wave import simulate
 from domino_env.rigid.known import known_verification
-from domino_env.scenes.files.reading import load_scene
+from domino_env.scenes.files.beside import common_scene, read_row
 from domino_env.scenes.scene import Scene
 from domino_env.support.models import Document, Number, model_of
 from domino_env.support.reading import decoded, naming, one_line, read_bytes, read_json, shown
@@ -52,7 +52,7 @@ def read_racers(
 ) -> tuple[list[Racer], str]:
     """Read the rows to race, and a title, from layout files and folders of runs.
 
-    A run, of a search or of a training, brings its scene, its curve and, if `domino verify --json`
+    A run, of a search or of a training, brings its curve and, if `domino verify --json`
     wrote one there, its verification.json; rows that ship bring the verification that is kept of
     them. Where there is a scene its best uniform row races too, last.
 
@@ -61,7 +61,7 @@ def read_racers(
     paths
         Files of layouts and folders of runs.
     scene
-        The scene of all, where the runs bring none.
+        The scene of all; None for the one in the runs' folders, or beside the layouts.
     physics
         Instead of the scene's.
 
@@ -70,19 +70,16 @@ def read_racers(
     ValueError
         For a folder without a layout.csv, and for runs of different scenes.
     """
+    scene = scene or common_scene(paths)
     found: list[tuple[str, Layout, Path | None]] = []
     for path in paths:
         if not path.is_dir():
-            found.append((one_line(path.stem, 100), _shown_layout(path), None))
+            found.append((one_line(path.stem, 100), _shown_layout(path, scene), None))
             continue
         if not (path / "layout.csv").exists():
             raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
-        if (path / "scene.toml").exists():
-            own = load_scene(path / "scene.toml")
-            if scene is not None and scene != own:
-                raise ValueError(f"{path}: its scene differs from '{scene.name}'; race one scene")
-            scene = own
-        found.append((one_line(_called(path), 100), _shown_layout(path / "layout.csv"), path))
+        row = _shown_layout(path / "layout.csv", scene)
+        found.append((one_line(_called(path), 100), row, path))
     names = [name for name, _, _ in found]
     judged = scene is not None and physics is None  # another physics is another problem
     physics = physics or (scene.physics if scene else Physics())
@@ -117,8 +114,8 @@ def read_racers(
     return racers, scene.title if scene else "race"
 
 
-def _shown_layout(path: Path) -> Layout:
-    layout = Layout.read(path)
+def _shown_layout(path: Path, scene: Scene | None) -> Layout:
+    layout = read_row(path, scene)
     require_drawable(one_line(str(path)), layout.count)
     return layout
 

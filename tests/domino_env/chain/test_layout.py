@@ -163,9 +163,19 @@ def test_files_bring_back_every_bit(tmp_path_factory, rows, ending) -> None:
     assert same(Layout.read(path), layout)
 
 
-def test_json_keeps_the_width_and_heights(tmp_path: Path) -> None:
+def test_files_keep_the_width_and_heights(tmp_path: Path) -> None:
     uneven().to_json(tmp_path / "row.json")
+    uneven().to_csv(tmp_path / "row.csv")
     assert same(Layout.from_json(tmp_path / "row.json"), uneven())
+    assert same(Layout.from_csv(tmp_path / "row.csv"), uneven())
+
+
+def test_where_a_file_does_not_say_the_width_its_reader_may(tmp_path: Path) -> None:
+    (tmp_path / "row.csv").write_text("spacing,thickness\n0.018,0.0075\n,0.0075\n")
+    (tmp_path / "row.json").write_text('{"spacing": [0.018], "thickness": 0.0075}')
+    for name in ("row.csv", "row.json"):
+        assert Layout.read(tmp_path / name).width == 0.024
+        assert Layout.read(tmp_path / name, width=0.04).width == 0.04
 
 
 SPREADSHEETS = {
@@ -215,6 +225,8 @@ def test_heights_and_densities_of_their_own(tmp_path: Path) -> None:
     ("spacing_mm,thickness_mm\n18,7.5\n\n-2,7.5\n,7.5\n", "line 4, column 'spacing_mm': -2"),
     ("spacing_mm,thickness_mm\n18,7.5\n,nan\n", "line 3, column 'thickness_mm': nan must be"),
     ("spacing_mm,thickness_mm,height_mm\n20,7,50\n,7,40\n", "would strike"),
+    ("spacing_mm,thickness_mm,width_mm\n20,7,24\n,7,40\n",
+     "column 'width_mm': dominoes of 0.024 and 0.04 m; a row has one width"),
     ('spacing,thickness\n"' + "x" * 200_000, "not a table: field larger than field limit"),
 ])  # fmt: skip
 def test_a_bad_table_is_refused_with_file_line_and_column(tmp_path: Path, text, words) -> None:

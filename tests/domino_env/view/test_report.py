@@ -115,8 +115,13 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
     assert read_racers([run], physics=de.Physics(push=9.0))[0][0].score is None
     with pytest.raises(ValueError, match=r"no layout\.csv"):
         read_racers([tmp_path])
+    assert read_racers([run], de.load_scene("ideal"))[1] == de.load_scene("ideal").title
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "scene.toml").write_text(de.load_scene("ideal").to_toml())
+    scene.uniform().layout.to_csv(other / "layout.csv")
     with pytest.raises(ValueError, match="race one scene"):
-        read_racers([run], de.load_scene("ideal"))
+        read_racers([run, other / "layout.csv"])
     with pytest.raises(ValueError, match="nothing to race"):
         race_data([])
 

@@ -1,0 +1,74 @@
+"""A layout beside a scene.toml, as in a run's folder, is taken under that scene."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import domino_env as de
+from domino_env.cli.main import main
+
+GAPS = "spacing_mm,thickness_mm\n15,7.5\n16,7.5\n15,7.5\n15,7.5\n,7.5\n"  # says no width
+
+
+@pytest.fixture
+def mars(tmp_path: Path) -> Path:
+    """A layout in the folder of a run on Mars, of dominoes 40 mm wide."""
+    sprint = de.load_scene("sprint")
+    physics = replace(sprint.physics, gravity=3.71)
+    scene = replace(sprint, name="mars", physics=physics, count=5, width=0.04)
+    folder = tmp_path / "mars"
+    folder.mkdir()
+    (folder / "scene.toml").write_text(scene.to_toml())
+    (folder / "layout.csv").write_text(GAPS)
+    return folder / "layout.csv"
+
+
+def test_simulate_takes_the_scene_beside_unless_told_otherwise(capsys, mars: Path) -> None:
+    def answer(*words: str) -> dict[str, object]:
+        assert main(["simulate", str(mars), "--json", *words]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    def speed(physics: de.Physics) -> float:
+        return de.simulate(de.Layout.read(mars), physics).mean_speed
+
+    there = answer()
+    assert there["mean_speed"] == speed(de.Physics(gravity=3.71))
+    assert there["scene"] == "mars"
+    assert there["violations"] == []  # the width is the scene's, though the file lacks it
+    assert there["physics_from"] == "of scene 'mars' beside the layout"
+    pushed = answer("--push", "12")
+    assert pushed["mean_speed"] == speed(de.Physics(gravity=3.71, push=12.0))
+    assert pushed["physics_from"] == "of scene 'mars' beside the layout, but for --push"
+    assert answer("--scene", "gentle")["mean_speed"] == speed(de.load_scene("gentle").physics)
+
+
+@pytest.mark.parametrize("command", [
+    "simulate", "verify --steps 400 200", "click --wav OUT.wav", "report --html OUT.html",
+    "render --gif OUT.gif --width 160 --rate 2 --slow 1",
+])  # fmt: skip
+def test_every_command_prints_the_physics_that_it_used(capsys, mars: Path, command: str) -> None:
+    if command.startswith("verify"):
+        pytest.importorskip("pymunk")
+    name, *words = command.replace("OUT", str(mars.parent / "out")).split()
+    main([name, str(mars), *words])
+    expected = "physics: friction 0.25, gravity 3.71 m/s², push 8 rad/s (of scene 'mars' beside"
+    assert expected in capsys.readouterr().out
+
+
+def test_a_template_has_the_width_of_the_scene_beside(mars: Path, monkeypatch) -> None:
+    drawn: list[de.Layout] = []
+    monkeypatch.setattr(
+        "domino_env.view.template.write_template", lambda layout, *_: drawn.append(layout)
+    )
+    assert main(["template", str(mars)]) == 0
+    assert drawn[0].width == 0.04
+
+
+def test_rows_of_different_scenes_are_not_shown_together(capsys, mars: Path, tmp_path) -> None:
+    (tmp_path / "scene.toml").write_text(de.load_scene("gentle").to_toml())
+    (tmp_path / "row.csv").write_text(GAPS)
+    race = ["render", str(mars), str(tmp_path / "row.csv"), "--gif", str(tmp_path / "race.gif")]
+    assert main(race) == 2
+    assert "different scenes ('mars' and 'gentle')" in capsys.readouterr().err
