@@ -58,8 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         document = _document(wave) | {"physics_from": asked.origin} | judged
         print(json.dumps(document, indent=1, allow_nan=False))
         return 0
-    print("
-".join(_table(wave, whole=arguments.all) + _verdict(wave) + [asked.line]))
+    print("\n".join(_table(wave, whole=arguments.all) + _verdict(wave) + [asked.line]))
     if scene:
         print("\n".join(_judgement(judged)))
     if arguments.csv:
