@@ -49,7 +49,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         code = int(arguments.run(arguments))
         sys.stdout.flush()
-        return 143 if interruption.came == signal.SIGTERM else code
+        return interruption.code if interruption.came else code  # with the best so far, say
     except BrokenPipeError:
         # whoever read the output has enough; what is left in the buffer has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -226,7 +226,7 @@ def test_ctrl_c_writes_the_best_so_far(tmp_path: Path) -> None:
     process = started(folder, "--seconds", "100")
     process.send_signal(signal.SIGINT)
     out, err = process.communicate()
-    assert process.returncode == 0, err
+    assert process.returncode == 130, err
     assert "Traceback" not in err
     assert "interrupted after" in out
     assert sorted(files(folder)) == sorted((*FILES, JOURNAL))
