@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from domino_env.chain.wave import Outcome, simulate
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.scene import Scene
 from optimize.problem.variables import Floats, Variables
@@ -17,20 +20,36 @@ STEP_RTOL = 1e-10
 
 
 class Problem(Variables):
-    """A scene as numbers between 0 and 1, and what they score; it remembers nothing.
+    """A scene as a function of numbers between 0 and 1, for any optimiser.
 
-    See `Variables` for the design and what it stands for; no layout outside the scene's rules is
-    ever simulated.
+    **Higher scores are better**: an optimiser that minimises is given their negative. A row that
+    does what the scene asks scores more than 0 (with `objective = "mean_speed"`, its speed in m/s);
+    one whose wave dies scores less, the more the further it came, so that there is always a way
+    up. See `Scene.score`.
+
+    A design is an array (n,) of entries in [0, 1], a batch of them (B, n): one entry for each free
+    gap, from its least to its largest value, then for each free thickness, then for each free
+    height (over that of the domino before). Every design of the box stands for one row that keeps
+    all rules of the scene, the nearest one in metres: where a length, a largest change, a list of
+    values or a stock ties entries together, `coupled` is true, many designs stand for the same row,
+    and `project` gives the one that stands for itself. No layout that breaks a rule is simulated.
+
+    It remembers nothing and draws nothing: equal designs score the same to the bit. It can be
+    pickled for other processes, and threads may share it. Batches are faster than single designs.
+    Stable are its attributes, `score`, `scores`, `score_and_gradient`, `scores_and_gradients`,
+    `project`, `layout`, `design`, `equality`, `linear` and `coupled`.
 
     Parameters
     ----------
     scene
-        What is searched.
+        A scene, its name, or the path of its file.
     rtol
         How closely the waves are simulated.
 
     Attributes
     ----------
+    scene
+        The scene.
     dimension
         n, length of a design.
     low, high
@@ -44,9 +63,20 @@ class Problem(Variables):
     ------
     ValueError
         For a scene that leaves nothing free, and for one whose rules clash, with their names.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from optimize import Problem
+    >>> problem = Problem("sprint")
+    >>> problem.dimension
+    39
+    >>> round(problem.score(np.full(39, 0.4)), 4)
+    0.8028
     """
 
-    def __init__(self, scene: Scene, rtol: float = 1e-6) -> None:
+    def __init__(self, scene: Scene | str | Path, rtol: float = 1e-6) -> None:
+        scene = scene if isinstance(scene, Scene) else load_scene(scene)
         super().__init__(scene)
         self.rtol = rtol
         self.dominoes = scene.count * scene.waves_a_score
@@ -69,7 +99,7 @@ class Problem(Variables):
         Raises
         ------
         ValueError
-            For designs of another shape, or with entries that are not finite.
+            For designs of another shape, or with entries that are no numbers in [0, 1].
         """
         return self.evaluate(designs, rtol).score
 
@@ -79,13 +109,12 @@ class Problem(Variables):
         return self.scene.evaluate_batch(spacing, thickness, rtol or self.rtol, height)
 
     def score(self, design: Floats) -> float:
-        """Score one design (n,)."""
-        return float(self.scores(np.asarray(design)[None])[0])
+        """Score one design (n,), higher is better: see `scores`."""
+        return float(self.scores(self.one(design))[0])
 
     def score_and_gradient(self, design: Floats) -> tuple[float, Floats]:
         """Score one design (n,), with its gradient (n,); see `scores_and_gradients`."""
-        designs = np.asarray(design, dtype=np.float64)[None]
-        found, gradients = self.scores_and_gradients(designs)
+        found, gradients = self.scores_and_gradients(self.one(design))
         return float(found[0]), gradients[0]
 
     def scores_and_gradients(
@@ -119,9 +148,9 @@ class Problem(Variables):
         Raises
         ------
         ValueError
-            For designs of another shape, or with entries that are not finite.
+            For designs of another shape, or with entries that are no numbers in [0, 1].
         """
-        designs = np.clip(self.checked(designs), 0.0, 1.0)
+        designs = self.checked(designs)
         found, gradients = self.evaluate_with_gradients(designs, at_will=at_will)
         for b in np.flatnonzero(found.without_gradient) if of_dying else ():
             around = self.scores(self.neighbours(designs[b]), STEP_RTOL)
@@ -135,7 +164,7 @@ class Problem(Variables):
 
         See `scores_and_gradients`.
         """
-        designs = np.clip(self.checked(designs), 0.0, 1.0)
+        designs = self.checked(designs)
         values = self.values(designs)
         spacing, thickness, height = self.split(values)
         found, slopes = self.scene.evaluate_batch_gradient(
@@ -191,7 +220,7 @@ class Problem(Variables):
         tempo, pairs = self.scene.tempo, self.scene.count - 1
         if tempo is None:
             raise ValueError(f"scene '{self.scene.name}' has no schedule: there is no lateness")
-        designs = np.clip(self.checked(np.asarray(design)[None]), 0.0, 1.0)
+        designs = self.checked(self.one(design))
         wave = simulate(self.layout(designs[0]), self.scene.physics, rtol=STEP_RTOL, gradient=True)
         found = self.scene.evaluate_wave(wave)
         if wave.outcome != Outcome.PROPAGATED:

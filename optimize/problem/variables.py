@@ -12,6 +12,8 @@ from optimize.projection.feasible import require_feasible
 
 Floats = NDArray[np.float64]
 
+ROUNDING = 1e-9  # so far outside the box is still within it
+
 
 class Variables:
     """The design vector of a scene, and how it becomes a layout.
@@ -95,12 +97,34 @@ class Variables:
         return self._allowed.nearest(self._wanted(designs))
 
     def project(self, designs: Floats) -> Floats:
-        """Find the nearest designs (in metres) that keep the scene's rules, (B, n)."""
-        return self._scaled(self.values(designs))
+        """Find the nearest designs (in metres) that keep the scene's rules.
+
+        Parameters
+        ----------
+        designs
+            (B, n) any finite numbers, outside of [0, 1] too.
+
+        Returns
+        -------
+        ndarray
+            (B, n) designs; they stand for the same rows.
+
+        Raises
+        ------
+        ValueError
+            For designs of another shape, or with entries that are not finite.
+        """
+        return self._scaled(self.values(self.checked(designs, anywhere=True)))
 
     def layout(self, design: Floats) -> Layout:
-        """Give the layout of one design (n,)."""
-        values = self.values(np.asarray(design, dtype=np.float64)[None])
+        """Give the row that one design (n,) stands for.
+
+        Raises
+        ------
+        ValueError
+            For a design of another shape, or with entries that are no numbers in [0, 1].
+        """
+        values = self.values(self.checked(self.one(design)))
         spacing, thickness, height = self.split(values)
         return self.scene.layout(
             spacing[0],
@@ -109,7 +133,7 @@ class Variables:
         )
 
     def design(self, layout: Layout) -> Floats:
-        """Give the design (n,) of a layout of this scene."""
+        """Give the design (n,) of a layout that keeps the scene's rules."""
         scene = self.scene
         gaps, thick, tall = layout.spacing, layout.thickness[1:], layout.height
         if scene.in_heights:
@@ -184,26 +208,52 @@ class Variables:
         """(n,) which entries may change by a little; the others choose from a list or the stock."""
         return ~self._allowed.stepped
 
-    def checked(self, designs: Floats) -> Floats:
-        """Give designs as an array (B, n) of numbers.
+    def one(self, design: Floats) -> Floats:
+        """Give one design (n,) as a batch (1, n).
 
         Raises
         ------
         ValueError
-            For designs of another shape, or with entries that are not finite.
+            For a design of another shape.
+        """
+        design = np.asarray(design, dtype=np.float64)
+        if design.shape != (self.dimension,):
+            raise ValueError(f"the design has shape {design.shape}: expected ({self.dimension},)")
+        return design[None]
+
+    def checked(self, designs: Floats, *, anywhere: bool = False) -> Floats:
+        """Give designs as an array (B, n) of numbers in [0, 1], where rounding has left the box.
+
+        Parameters
+        ----------
+        designs
+            (B, n) designs.
+        anywhere
+            Let designs outside the box be as they are.
+
+        Raises
+        ------
+        ValueError
+            For designs of another shape, or with entries that are no numbers in [0, 1].
         """
         designs = np.asarray(designs, dtype=np.float64)
         if designs.ndim != 2 or designs.shape[1] != self.dimension:
             raise ValueError(
                 f"designs have shape {designs.shape}: expected (any number, {self.dimension})"
             )
-        good = np.isfinite(designs)
+        if anywhere:
+            good, hint = np.isfinite(designs), ""
+        else:
+            good = (designs >= -ROUNDING) & (designs <= 1.0 + ROUNDING)  # and so no NaN
+            hint = "; `project` gives the nearest design that is"
         if not good.all():
             b, i = np.argwhere(~good)[0]
+            entry = designs[b, i]
             raise ValueError(
-                f"design {b} has {designs[b, i]} at place {i}: every entry is in [0, 1]"
+                f"design {b} has {entry} at place {i}: every entry is in [0, 1]"
+                + hint * bool(np.isfinite(entry))
             )
-        return designs
+        return designs if anywhere else np.clip(designs, 0.0, 1.0)
 
     def _by_value(
         self, values: Floats, by_gap: Floats, by_thickness: Floats, by_height: Floats

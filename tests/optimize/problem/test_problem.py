@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import doctest
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -47,7 +51,7 @@ def test_every_design_has_the_length_exactly(scenes, name: str) -> None:
     wild = 3.0 * designs_of(problem, 200) - 1.0
     coefficients, total = problem.equality
     for x, near in zip(wild, problem.project(wild), strict=True):
-        layout = problem.layout(x)
+        layout = problem.layout(np.clip(x, 0.0, 1.0))
         assert abs(layout.length - scene.length) < 1e-15 * scene.count
         assert scene.violations(layout) == []
         assert problem.design(layout) == pytest.approx(near, abs=1e-14)
@@ -143,11 +147,49 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes) -> None:
         assert gradient[i] == pytest.approx(slope, rel=2e-2)
 
 
-@pytest.mark.parametrize(("designs", "message"), [
-    (np.zeros(6), r"designs have shape \(6,\): expected \(any number, 6\)"),
-    (np.zeros((2, 5)), r"designs have shape \(2, 5\)"),
-    (np.full((2, 6), np.nan), "design 0 has nan at place 0"),
+@pytest.mark.parametrize(("ask", "designs", "message"), [
+    ("scores", np.zeros(6), r"designs have shape \(6,\): expected \(any number, 6\)"),
+    ("scores", np.zeros((2, 5)), r"designs have shape \(2, 5\)"),
+    ("scores", np.full((2, 6), np.nan), r"0 has nan at place 0: every entry is in \[0, 1\]$"),
+    ("scores", np.full((2, 6), 1.1), r"design 0 has 1.1 at place 0: .* `project` gives"),
+    ("scores_and_gradients", np.full((1, 6), -np.inf), "design 0 has -inf"),
+    ("scores_and_gradients", np.full((1, 6), -1e-3), "design 0 has -0.001 .* `project`"),
+    ("score", np.zeros((1, 6)), r"the design has shape \(1, 6\): expected \(6,\)"),
+    ("score_and_gradient", np.zeros(5), r"the design has shape \(5,\)"),
+    ("layout", np.zeros((2, 6)), r"the design has shape \(2, 6\)"),
+    ("layout", np.full(6, 2.0), "design 0 has 2.0"),
+    ("project", np.zeros(6), r"designs have shape \(6,\)"),
+    ("project", np.full((1, 6), np.inf), "design 0 has inf"),
 ])  # fmt: skip
-def test_what_is_no_design_is_told(scenes, designs, message: str) -> None:
+def test_what_is_no_design_is_told(scenes, ask: str, designs, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Problem(scenes["spacing"]).scores(designs)
+        getattr(Problem(scenes["spacing"]), ask)(designs)
+
+
+def test_rounding_is_no_way_out_of_the_box(scenes) -> None:
+    problem = Problem(scenes["both"])
+    corner = np.tile([0.0, 1.0], problem.dimension // 2)
+    near = corner + np.tile([-1e-12, 1e-12], problem.dimension // 2)
+    assert problem.score(near) == problem.score(corner)
+    assert np.array_equal(problem.project(near[None]), problem.project(corner[None]))
+
+
+def test_processes_and_threads_may_share_it(scenes) -> None:
+    problem = Problem(scenes["length-both"])
+    designs = designs_of(problem, 64)
+    scores, slopes = problem.scores_and_gradients(designs)
+    copy = pickle.loads(pickle.dumps(problem))
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(copy.score_and_gradient, designs))
+    assert [score for score, _ in found] == scores.tolist()
+    assert np.array_equal([slope for _, slope in found], slopes)
+
+
+def test_a_scene_is_named_or_given() -> None:
+    assert Problem("sprint").scene == de.load_scene("sprint")
+
+
+def test_the_example_is_true() -> None:
+    runner = doctest.DocTestRunner(verbose=False)
+    for test in doctest.DocTestFinder(recurse=False).find(Problem, "Problem"):
+        assert runner.run(test).failed == 0

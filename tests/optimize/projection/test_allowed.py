@@ -62,7 +62,7 @@ def test_every_design_keeps_the_rules_and_stays_where_it_is(name: str) -> None:
     near = problem.project(wild)
     assert problem.project(near) == pytest.approx(near, abs=1e-12)
     for x, y in zip(wild, near, strict=True):
-        layout = problem.layout(x)
+        layout = problem.layout(np.clip(x, 0.0, 1.0))
         assert scene.violations(layout) == []
         if scene.length is not None:
             assert abs(layout.length - scene.length) < 1e-12
