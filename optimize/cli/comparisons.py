@@ -10,8 +10,10 @@ stopped.  Runs are independent: --workers or --dask spread them.  With --evaluat
 can be repeated to the bit; equal --seconds are equal chances only where there are no more workers
 than cores and nothing else to do.
 
-Learners (ppo, sac, td3, tqc, ars) and trained agents (agent:RUN, whose clock began with its
-training) run where they are named in --methods.
+Learners (ppo, sac, td3, tqc, ars), trained agents (agent:RUN, whose clock began with its training)
+and methods of your own (package.module:function, in this folder or installed) run where they are
+named in --methods.  `domino studies export` writes what was found for other programs, IOHanalyzer
+among them.
 """
 
 from __future__ import annotations

@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino optimize`."""
     parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file")
     parser.add_argument(
-        "--method", default="auto", help="auto (default), cma, l-bfgs, slsqp, scp, … (see README)"
+        "--method",
+        default="auto",
+        help="auto (default), cma, l-bfgs, slsqp, scp, … (see README), or package.module:function",
     )
     parser.add_argument("--evaluations", type=int, help="rows that may be simulated")
     parser.add_argument(

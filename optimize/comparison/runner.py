@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,14 @@ from numpy.typing import NDArray
 from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.evaluation.result import SearchResult
+from optimize.methods.own import importable_name
 from optimize.records.shipped import best_known
 from optimize.studies.progress import TaskLines
 from optimize.studies.running import Failure, Keeper, run_tasks
 from optimize.studies.task import Task, TaskResult, scene_of, search_result
+
+if TYPE_CHECKING:
+    from optimize.methods import Method
 
 Floats = NDArray[np.float64]
 
@@ -144,7 +149,7 @@ class Comparison:
 
 def compare(
     scenes: Sequence[Scene | str],
-    methods: Sequence[str],
+    methods: Sequence[str | Method],
     seeds: Iterable[int],
     seconds: float | None = None,
     told: Callable[[SearchResult], None] | None = None,
@@ -164,7 +169,8 @@ def compare(
     scenes
         Scenes, or their names.
     methods
-        Names of methods.
+        Names of methods, those of your own as "package.module:function" among them, or functions
+        `run(budget, rng)` that other processes can import.
     seeds
         A run of every method on every scene has each of them.
     seconds
@@ -215,7 +221,7 @@ def compare(
 
 def comparison_tasks(
     scenes: Sequence[Scene | str],
-    methods: Sequence[str],
+    methods: Sequence[str | Method],
     seeds: Iterable[int],
     seconds: float | None,
     evaluations: int | None,
@@ -223,8 +229,8 @@ def comparison_tasks(
     """List the runs of a comparison, in order; see `compare`."""
     if (seconds is None) == (evaluations is None):
         raise ValueError("give each run seconds or evaluations, one of the two")
-    seeds = list(seeds)
-    for name, values in (("scenes", scenes), ("methods", methods), ("seeds", seeds)):
+    seeds, chosen = list(seeds), [importable_name(method) for method in methods]
+    for name, values in (("scenes", scenes), ("methods", chosen), ("seeds", seeds)):
         if not values:
             raise ValueError(f"{name} is empty: give at least one")
         if len(set(values)) < len(values):
@@ -235,7 +241,7 @@ def comparison_tasks(
         Task.of(scene, method, seed, evaluations, seconds)
         for scene in loaded
         for seed in seeds
-        for method in methods
+        for method in chosen
     ]
 
 

@@ -3,7 +3,7 @@
 A method is a function `run(budget, rng)`.  It asks `budget` for scores of designs in the unit box
 (`scores` of a batch, `score`, `score_and_gradient`) until BudgetSpent ends it, or returns when it
 has nothing left to try.  All its randomness comes from `rng`; what it has found is the budget's to
-remember.
+remember.  One in a module of one's own is named `package.module:function`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, cast
+
+from optimize.methods.own import checked, load_own, name_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,8 +67,8 @@ def of_others() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
-def load(name: str) -> Method:
-    """Import the method of that name.
+def load(name: str | Method) -> Method:
+    """Import the method of that name, `package.module:function` among them; or take a function.
 
     Raises
     ------
@@ -75,11 +77,15 @@ def load(name: str) -> Method:
     ImportError
         Where what it needs is missing; it says what to install.
     """
+    if not isinstance(name, str):
+        return checked(name, name_of(name))
     word, colon, what = name.partition(":")
     others = {} if name in METHODS else of_others()
     if word in others and bool(colon) == (word in OF_SOMETHING):
         found = others[word].load()
         return cast("Method", found(what) if colon else found)
+    if colon and what and word not in others:
+        return load_own(name)
     if name in PEERS:
         module, needed = PEERS[name]
         if find_spec(needed) is None:
@@ -89,6 +95,7 @@ def load(name: str) -> Method:
     else:
         known = [*METHODS, *installed_peers()]
         known += [other + ":RUN" * (other in OF_SOMETHING) for other in others]
+        known += ["package.module:function"]
         near = difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(known)}")

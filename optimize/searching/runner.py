@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -19,17 +20,21 @@ from optimize.evaluation.budget import Budget, BudgetSpent
 from optimize.evaluation.journal import Journal
 from optimize.evaluation.recorder import Recorder
 from optimize.evaluation.result import SearchResult
+from optimize.methods.own import name_of
 from optimize.problem import Problem
 from optimize.searching.compiling import compile_for
 from optimize.searching.folder import RunFolder
 from optimize.searching.progress import Watch, progress_line
+
+if TYPE_CHECKING:
+    from optimize.methods import Method
 
 DEFAULT_BUDGET = 20_000  # evaluations, where nothing is said
 
 
 def search(
     scene: Scene | str | Path,
-    method: str = "auto",
+    method: str | Method = "auto",
     budget: int | None = None,
     seed: int = 0,
     *,
@@ -49,7 +54,8 @@ def search(
     scene
         A scene, its name, or the path of its file.
     method
-        One of `METHODS`.
+        One of `METHODS`, or one of your own: a function `run(budget, rng)`, or its name as
+        "package.module:function".
     budget
         Layouts that may be simulated, never exceeded; 20 000 where neither budget nor seconds is
         given. The best few are simulated once more, closely, at the end; that is not counted.
@@ -80,13 +86,13 @@ def search(
     Raises
     ------
     ValueError
-        For an unknown method or scene, a budget that is not positive, a folder that holds something
-        else or, with resume, another search, a result that cannot be written, or a scene that
-        leaves nothing free.
+        For an unknown method or scene, a method that asks for no score, a budget that is not
+        positive, a folder that holds something else or, with resume, another search, a result that
+        cannot be written, or a scene that leaves nothing free.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
-    run = methods.load(method)
+    run, method = methods.load(method), name_of(method)
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET
     if budget is not None and budget < 1:
@@ -128,6 +134,8 @@ def search(
         except KeyboardInterrupt:
             interrupted = True
         spent = meter.elapsed
+    if not (meter.finalists or interrupted):
+        raise ValueError(f"method '{method}' ended without asking budget for a score")
     layout, wave, score = _best(scene, meter)
     end = (meter.spent, meter.falls, spent, meter.best_score)
     result = SearchResult(

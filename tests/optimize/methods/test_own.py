@@ -1,0 +1,93 @@
+"""Methods of one's own: by name, as functions, in other processes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from domino_env.cli.main import main
+from optimize import compare, search
+from optimize.executors.processes import ProcessExecutor
+from optimize.methods import load
+
+MINE = """
+import sys
+
+def run(budget, rng):
+    while True:
+        budget.scores(rng.random((7, budget.problem.dimension)))
+
+def nothing(budget, rng):
+    pass
+
+def inside():
+    return lambda budget, rng: None
+
+def of_one(budget):
+    pass
+
+number = 3
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch) -> Path:
+    """The working folder, with a module in it; what Python has loaded is forgotten afterwards."""
+    (tmp_path / "my_methods.py").write_text(MINE)
+    (tmp_path / "my_broken.py").write_text("import no_such_thing_here")
+    (tmp_path / "my_typo.py").write_text("def run(")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if p != ""])
+    for name in ("my_methods", "my_broken", "my_typo"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    return tmp_path
+
+
+def test_a_method_is_named_or_given(folder: Path, scenes) -> None:
+    named = search(scenes["spacing"], "my_methods:run", budget=40, seed=2)
+    given = search(scenes["spacing"], sys.modules["my_methods"].run, budget=40, seed=2)
+    assert named.method == given.method == "my_methods:run"
+    assert named.evaluations == given.evaluations == 40
+    assert named.layout == given.layout
+    assert search(scenes["spacing"], lambda b, _: b.score([0.4] * 6), budget=9).evaluations == 1
+
+
+def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
+    """Those are spawned, and find it where it was found here."""
+    chosen = [scenes["spacing"]], ["my_methods:run", "random"], range(1)
+    here = compare(*chosen, evaluations=21)
+    with ProcessExecutor(1) as executor:
+        there = compare(*chosen, evaluations=21, executor=executor)
+    assert not there.failures
+    assert [r.score for r in there.results] == [r.score for r in here.results]
+    given = compare([scenes["spacing"]], [load("my_methods:run")], range(1), evaluations=21)
+    assert given.methods == ["my_methods:run"]
+    assert given.results[0].score == here.results[0].score
+
+
+@pytest.mark.parametrize(("method", "message"), [
+    ("my_methodz:run", "there is no module 'my_methodz' in "),
+    ("my_methods.deeper:run", "there is no module 'my_methods.deeper' in "),
+    ("my_methods:runn", "my_methods.py holds no 'runn'; did you mean 'my_methods:run'?"),
+    ("my_methods:number", "it is not called as run(budget, rng)"),
+    ("my_methods:of_one", "it is not called as run(budget, rng)"),
+    ("my_methods:nothing", "method 'my_methods:nothing' ended without asking budget for a score"),
+    ("my_broken:run", "my_broken cannot be imported: No module named 'no_such_thing_here'"),
+    ("my_typo:run", "my_typo cannot be imported: SyntaxError: "),
+    ("my_methods:", "there is no method 'my_methods:': choose auto, "),
+])  # fmt: skip
+def test_what_is_no_method_is_told_in_a_line(folder, capsys, method: str, message: str) -> None:
+    assert main(["optimize", "sprint", "--method", method, "--evaluations", "9"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("domino: ")
+    assert said.count("\n") == 1
+    assert any(part in said for part in message.split("|"))
+
+
+def test_what_other_processes_cannot_import_is_not_compared(folder: Path, scenes) -> None:
+    load("my_methods:run")
+    method = sys.modules["my_methods"].inside()
+    with pytest.raises(ValueError, match="cannot be imported by that name, and so by no other"):
+        compare([scenes["spacing"]], [method], range(1), evaluations=9)
