@@ -2,7 +2,8 @@
 
 domino studies                                    all studies of a store, a line each
 domino studies show NAME                          best and median of each scene and method
-domino studies export NAME --to FILE              every result, as .csv or .parquet
+domino studies export NAME --to FILE              every result, as .csv or .parquet,
+                                                  or its runs as logs for IOHanalyzer, as .zip
 domino studies export NAME --best SCENE --to FILE the best row of a scene, as .csv or .json
 
 A store is an SQLite file or a PostgreSQL URL; any tool for these can query it too.
@@ -35,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--store", default=DEFAULT_STORE, metavar="WHERE", help=f"file or URL ({DEFAULT_STORE})"
     )
-    parser.add_argument("--to", metavar="FILE", help="export: .csv, .parquet; a row: .csv, .json")
+    parser.add_argument(
+        "--to", metavar="FILE", help="export: .csv, .parquet, .zip; a row: .csv, .json"
+    )
     parser.add_argument(
         "--best",
         nargs="?",
@@ -54,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if action == "list" and name is not None:
         raise ValueError(f"to see one study: domino studies show {name}")
     if action == "export" and arguments.to is None:
-        raise ValueError("name the file to export to: --to FILE.csv or FILE.parquet")
+        raise ValueError("name the file to export to: --to FILE.csv, FILE.parquet or FILE.zip")
     if action != "export" and (arguments.to is not None or arguments.best is not None):
         raise ValueError("--to and --best belong to domino studies export NAME")
     store = open_store(arguments.store, create=False)

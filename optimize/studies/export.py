@@ -9,8 +9,9 @@ from typing import Any
 from domino_env.chain.layout import Layout
 from domino_env.support.files import write_bytes
 from domino_env.support.tables import write_csv
+from optimize.studies.ioh_logs import write_ioh
 from optimize.studies.store import Study
-from optimize.studies.task import TaskResult, scene_of
+from optimize.studies.task import TaskResult, layout_of, scene_of
 
 COLUMNS = (
     "study", "key", "scene_name", "method", "seed", "score", "uniform_score", "gain", "outcome",
@@ -23,8 +24,9 @@ STEP = ("evaluations", "falls", "seconds", "score")  # of a trace
 def export_study(study: Study, path: Path) -> int:
     """Write all results of a study to a ``.csv`` or ``.parquet`` file, a line each.
 
-    The columns are `COLUMNS`, in SI units, then one for each label (``label.NAME`` where a column
-    has that name). CSV keeps lists as JSON.
+    A ``.zip`` file gets logs for IOHanalyzer instead, see `optimize.studies.ioh_logs`. The columns
+    are `COLUMNS`, in SI units, then one for each label (``label.NAME`` where a column has that
+    name). CSV keeps lists as JSON.
 
     Returns
     -------
@@ -38,17 +40,15 @@ def export_study(study: Study, path: Path) -> int:
     ImportError
         Where the extra ``parquet`` is missing.
     """
-    write = {".csv": _write_csv, ".parquet": _write_parquet}.get(path.suffix.lower())
+    kinds = {".csv": _write_csv, ".parquet": _write_parquet, ".zip": _write_logs}
+    write = kinds.get(path.suffix.lower())
     if write is None:
-        raise ValueError(f"{path}: a study is exported to a .csv or .parquet file")
-    rows = [_row(study.name, result) for result in study.done().values()]
-    names = dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)])
-    table = {name: [row.get(name) for row in rows] for name in names}
+        raise ValueError(f"{path}: a study is exported to a .csv, .parquet or .zip file")
     try:
-        write(table, path)
+        write(study, path)
     except OSError as error:
         raise ValueError(f"{path} cannot be written: {error.strerror or error}") from None
-    return len(rows)
+    return len(study.done())
 
 
 def best_layout(study: Study, which: str | None) -> tuple[TaskResult, Layout]:
@@ -87,9 +87,21 @@ def best_layout(study: Study, which: str | None) -> tuple[TaskResult, Layout]:
             "characters of its key, which 'domino studies show' gives"
         )
     best = max(results, key=lambda r: r.score)
-    scene = scene_of(best.scene)
-    tall = None if scene.growth is None else best.height[1:]
-    return best, scene.layout(best.spacing, best.thickness[1:], tall)
+    return best, layout_of(scene_of(best.scene), best)
+
+
+def _write_logs(study: Study, path: Path) -> None:
+    results = list(study.done().values())
+    if not results:
+        raise ValueError(f"study '{study.name}' has no results yet")
+    write_bytes(path, lambda file: write_ioh(results, file))
+
+
+def _table(study: Study) -> dict[str, list[Any]]:
+    """The cells of all results by column."""
+    rows = [_row(study.name, result) for result in study.done().values()]
+    names = dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)])
+    return {name: [row.get(name) for row in rows] for name in names}
 
 
 def _row(study: str, result: TaskResult) -> dict[str, Any]:
@@ -100,7 +112,9 @@ def _row(study: str, result: TaskResult) -> dict[str, Any]:
     return row | {f"label.{k}" if k in COLUMNS else k: value for k, value in result.labels}
 
 
-def _write_csv(table: dict[str, list[Any]], path: Path) -> None:
+def _write_csv(study: Study, path: Path) -> None:
+    table = _table(study)
+
     def cell(value: object) -> object:
         return json.dumps(value, separators=(",", ":")) if isinstance(value, list) else value
 
@@ -108,7 +122,7 @@ def _write_csv(table: dict[str, list[Any]], path: Path) -> None:
     write_csv(path, table, ([cell(value) for value in row] for row in rows))
 
 
-def _write_parquet(table: dict[str, list[Any]], path: Path) -> None:
+def _write_parquet(study: Study, path: Path) -> None:
     try:
         import pyarrow as arrow
         from pyarrow import parquet
@@ -123,7 +137,7 @@ def _write_parquet(table: dict[str, list[Any]], path: Path) -> None:
     step = zip(STEP, (whole, whole, number, number), strict=True)
     kinds["trace"] = arrow.list_(arrow.struct(list(step)))
     arrays = {}
-    for name, values in table.items():
+    for name, values in _table(study).items():
         if name == "trace":
             values = [[dict(zip(STEP, step, strict=True)) for step in trace] for trace in values]
         if name in COLUMNS:

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain.layout import Layout
 from domino_env.scenes.files.reading import parse_scene
 from domino_env.scenes.scene import Scene
 from domino_env.support.provenance import versions
@@ -199,13 +200,15 @@ def run_task(
     )
 
 
+def layout_of(scene: Scene, kept: TaskResult) -> Layout:
+    """Make the best row again from what was kept of it."""
+    tall = None if scene.growth is None else kept.height[1:]
+    return scene.layout(kept.spacing, kept.thickness[1:], tall)
+
+
 def search_result(scene: Scene, kept: TaskResult) -> SearchResult:
     """Make the full result again from what was kept of it; its wave is simulated anew."""
-    layout = scene.layout(
-        kept.spacing,
-        kept.thickness[1:],
-        None if scene.growth is None else kept.height[1:],
-    )
+    layout = layout_of(scene, kept)
     return SearchResult(
         scene=scene,
         method=kept.method,

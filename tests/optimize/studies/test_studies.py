@@ -463,7 +463,7 @@ def test_the_best_row_of_a_scene_is_a_layout(capsys, tmp_path: Path, scenes, res
 @pytest.mark.parametrize(("words", "message"), [
     (["show"], "name the study"), (["export", "one"], "--to FILE.csv"),
     (["show", "on\x1be"], r"has no study 'on\x1be'"), (["list", "one"], "domino studies show one"),
-    (["export", "one", "--to", "x.xls"], "to a .csv or .parquet file"),
+    (["export", "one", "--to", "x.xls"], "to a .csv, .parquet or .zip file"),
     (["export", "one", "--best", "--to", "x.txt"], "to a .csv or .json file"),
     (["export", "one", "--best", "nobody", "--to", "x.csv"], "has no scene and no single result"),
     (["export", "one", "--to", "a.sqlite/x.csv"], "cannot be written"),
