@@ -1,4 +1,4 @@
-"""Picture of a training: its learning curve, and the row that its best policy builds."""
+"""Picture of a training: the row of its best policy beside the uniform one, the learning curve."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from domino_env.support.plot_style import (
-    AMBER,
     GREEN,
     KNOWN,
     LEGEND,
@@ -16,13 +15,16 @@ from domino_env.support.plot_style import (
     PINK,
     SKY,
     UNIFORM,
-    new_figure,
-    style,
+    clock,
     write_png,
 )
+from domino_env.view.beside_uniform import beside_uniform
 from optimize.records.shipped import best_known
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from agents.single.result import Run
     from optimize.evaluation.result import SearchResult
 
@@ -39,41 +41,41 @@ def draw(run: Run, rival: SearchResult | None, path: Path) -> None:
     path
         The file.
     """
-    figure = new_figure(9.0, 5.5)
-    curve, row = figure.subplots(2, 1, height_ratios=[3, 1.2])
+    write_png(picture(run, rival), path)
+
+
+def picture(run: Run, rival: SearchResult | None = None) -> Figure:
+    """Draw the figure; see `draw`."""
+    built = run.built
+    name = f"built by {run.algorithm}"
+    return beside_uniform(
+        built.scene, built.layout, built.wave, built.score, name,
+        lambda axes: _learning(axes, run, rival),
+    )  # fmt: skip
+
+
+def _learning(curve: Axes, run: Run, rival: SearchResult | None) -> None:
+    """What the policy's rows scored while it learned, and the marks around it."""
+    scene, uniform = run.built.scene, run.built.uniform.score
     table = np.array(run.curve)
     seconds, score, best = table[:, 1], table[:, 2], table[:, 3]
     shown = score > 0.0
     curve.plot(seconds[shown], score[shown], color=SKY, lw=1, label="policy, without noise")
     curve.plot(seconds[best > 0.0], best[best > 0.0], color=OURS, lw=2, label="best so far")
-    marks = [run.built.uniform.score]
-    curve.axhline(marks[0], color=UNIFORM, ls="--", label=f"best uniform {marks[0]:.4f}")
+    marks = [(uniform, UNIFORM, "-", "best uniform")]
     if rival is not None:
-        found = f"CMA-ES in {rival.seconds:.0f} s {rival.score:.4f}"
-        curve.axhline(rival.score, color=GREEN, ls="-.", label=found)
-        marks.append(rival.score)
+        marks.append((rival.score, GREEN, "-.", f"CMA-ES in {rival.seconds:.0f} s"))
     if run.clone_score is not None:
-        label = f"the clone it began with {run.clone_score:.4f}"
-        curve.axhline(run.clone_score, color=PINK, ls="-.", label=label)
-        marks.append(run.clone_score)
-    known = best_known().get(run.built.scene.name)
+        marks.append((run.clone_score, PINK, "-.", "the clone it began with"))
+    known = best_known().get(scene.name)
     if known is not None:
-        marks.append(known.score)
-        curve.axhline(known.score, color=KNOWN, ls=":", label=f"best known {known.score:.4f}")
-    low = min(marks) - 0.6 * (max(marks) - min(marks)) - 0.01 * abs(marks[0])
-    curve.set_ylim(low, max(*marks, run.built.score) + 0.01 * abs(marks[0]))
-    curve.set_xlabel("seconds of training")
-    curve.set_ylabel("score")
-    built = run.built
-    style(curve, f"{built.scene.name}, {run.algorithm}: {built.score:.5f}, {run.steps:,} steps")
-    curve.legend(loc="lower right", **LEGEND)
-    layout = run.built.layout
-    row.plot(np.arange(layout.count - 1), layout.spacing * 1e3, color=OURS, label="gap")
-    if run.built.scene.free_thickness:
-        thick = layout.thickness * 1e3
-        row.plot(np.arange(layout.count), thick, color=AMBER, label="thickness")
-        row.legend(**LEGEND)
-    row.set_xlabel("domino")
-    row.set_ylabel("gap [mm]" if not run.built.scene.free_thickness else "[mm]")
-    style(row)
-    write_png(figure, path)
+        marks.append((known.score, KNOWN, ":", "best known"))
+    for value, colour, line, said in marks:
+        curve.axhline(value, color=colour, ls=line, label=f"{said} {value:.4f}")
+    values = [value for value, *_ in marks]
+    low, high = min(values), max(*values, run.built.score)
+    curve.set_ylim(low - 0.6 * (high - low) - 0.01 * abs(high), high + 0.01 * abs(high))
+    clock(curve, seconds)
+    curve.set_xlabel(f"seconds of training ({run.algorithm}, {run.steps:,} dominoes placed)")
+    curve.set_ylabel(f"score [{scene.unit}]" if scene.unit else "score")
+    curve.legend(loc="lower right", ncols=2, **LEGEND)

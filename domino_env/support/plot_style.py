@@ -7,9 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from numpy.typing import NDArray
 
 from domino_env.support.files import write_bytes
 
@@ -112,6 +116,40 @@ def style(axes: Axes, title: str = "") -> None:
     axes.yaxis.label.set_color(SOFT)
     if title:
         axes.set_title(escaped(title), loc="left", color=INK, size=11)
+
+
+def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
+    """Say above a picture what it shows, `left` inches from its edge; a subtitle may be empty."""
+    across, up = figure.get_size_inches()
+    for words, down, looks in (
+        (headline, 0.30, {"size": 14.5, "color": INK, "weight": "bold"}),
+        (subtitle, 0.58, {"size": 9.5, "color": SOFT}),
+    ):
+        figure.text(left / across, 1.0 - down / up, escaped(words), va="center", **looks)
+
+
+def beside_line(axes: Axes, words: str, x: float, y: float, colour: str, *, above: bool) -> None:
+    """Write at a height of the curves, just above or below it; x is a part of the width."""
+    axes.annotate(
+        words, (x, y), (0.0, 4.0 if above else -4.0), size=9, color=colour,
+        xycoords=("axes fraction", "data"), textcoords="offset points",
+        ha="left" if x < 0.5 else "right", va="bottom" if above else "top",
+    )  # fmt: skip
+
+
+def clock(axes: Axes, times: Sequence[float] | NDArray[np.float64]) -> None:
+    """Let the axis below span rising times, with a logarithm where most happens early."""
+    if times[-1] > 30.0 * times[0] > 0.0:
+        axes.set_xscale("log")
+        plain_numbers(axes.xaxis, (1, 3))
+    axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
+
+
+def plain_numbers(axis: Axis, digits: Sequence[float]) -> None:
+    """Write plain numbers on a logarithmic axis: those that begin with one of these digits."""
+    axis.set_major_locator(FixedLocator([a * 10.0**k for k in range(-7, 8) for a in digits]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
 
 
 def escaped(text: str) -> str:

@@ -1,0 +1,285 @@
+"""Rows along their length: drawn to scale, and below them spacing, thickness and wave speed.
+
+Inches on paper, millimetres along the row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from domino_env.chain.layout import Layout
+from domino_env.chain.wave import Wave
+from domino_env.scenes.scene import Scene
+from domino_env.support.plot_style import (
+    FAINT,
+    INK,
+    OURS,
+    SOFT,
+    headings,
+    new_figure,
+    plain_numbers,
+    style,
+)
+
+Floats = NDArray[np.float64]
+
+WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
+SPAN = WIDTH - LEFT - RIGHT
+HEAD, LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.85, 0.30, 1.75, 0.18, 0.62, 0.55
+
+LONGEST = 45.0  # heights; of a longer row the two ends are shown
+SHORTEST = 8.0  # heights; a shorter row leaves room
+SHORTEST_GROWING = 3.0  # of the tallest
+SMALL = 0.36  # inches a domino's height takes in a long row
+SPLIT = 0.4  # inches between the two ends
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A row of the picture.
+
+    Attributes
+    ----------
+    layout
+        The row.
+    wave
+        How it falls; None where it only stands.
+    name
+        What it is called.
+    colour
+        Of the row and of its curves.
+    """
+
+    layout: Layout
+    wave: Wave | None
+    name: str
+    colour: str = OURS
+
+
+@dataclass(frozen=True)
+class _Window:
+    """A part of the row: where on paper [in], and what of the row [mm].
+
+    from_end: whether places count from the last pivot.
+    """
+
+    left: float
+    width: float
+    low: float
+    high: float
+    from_end: bool
+
+    def shift(self, layout: Layout) -> float:
+        """What to add to a place along the row [mm]."""
+        return -1e3 * layout.length if self.from_end else 0.0
+
+
+def rows_picture(
+    rows: Sequence[Shown],
+    headline: str,
+    subtitle: str,
+    scene: Scene | None = None,
+    last: Callable[[Axes], None] | None = None,
+) -> Figure:
+    """Draw rows below each other on one scale, and their curves along them.
+
+    Parameters
+    ----------
+    rows
+        The last is the one that matters: its gaps are marked one by one.
+    headline, subtitle
+        What is said above.
+    scene
+        What they were made for, whose bounds are shown.
+    last
+        Draws a panel of another kind below the others.
+
+    Returns
+    -------
+    Figure
+        Matplotlib's global state is not touched.
+    """
+    windows, scale, tall = _windows(rows, scene)
+    panels = _panels(rows, scene)
+    row = tall * scale + LABEL
+    height = HEAD + len(rows) * row + len(panels) * (PANEL + BETWEEN) + FOOT
+    height += UNDER_AXIS + PANEL if last else 0.0
+    figure = new_figure(WIDTH, height, placed=True)
+    headings(figure, headline, subtitle, LEFT)
+    y = height - HEAD
+    for shown in rows:
+        y -= row
+        for window in windows:
+            axes = _axes(figure, window.left, y, window.width, row)
+            _row(axes, shown, window, row / scale)
+        at = LEFT / WIDTH, (y + row - 0.15) / height
+        figure.text(*at, _row_label(shown), va="center", size=9.5, color=shown.colour)
+    for panel in panels:
+        y -= BETWEEN + PANEL
+        for window in windows:
+            axes = _axes(figure, window.left, y, window.width, PANEL)
+            panel(axes, rows, window, scene)
+            axes.set_xlim(window.low, window.high)
+            axes.tick_params(labelbottom=panel is panels[-1])
+            if panel is panels[-1]:
+                axes.set_xlabel(f"position from the {_origin(window)} pivot [mm]")
+            if window is not windows[0]:
+                axes.set_ylabel("")
+                axes.tick_params(labelleft=False)
+    if last:
+        last(_axes(figure, LEFT, FOOT, SPAN, PANEL))
+    return figure
+
+
+_Panel = Callable[[Axes, Sequence[Shown], _Window, Scene | None], None]
+
+
+def _panels(rows: Sequence[Shown], scene: Scene | None) -> list[_Panel]:
+    """What is drawn along the rows: sizes only where they are free, or differ."""
+    panels: list[_Panel] = [_spacing] if rows[0].layout.count > 1 else []
+    if (scene and scene.free_thickness) or any(np.ptp(one.layout.thickness) > 0 for one in rows):
+        panels.append(_thickness)
+    if (scene and scene.free_height) or any(np.ptp(one.layout.height) > 0 for one in rows):
+        panels.append(_heights)
+    if any(one.wave for one in rows) and rows[0].layout.count > 1:
+        panels.append(_speed)
+    return panels
+
+
+def _windows(rows: Sequence[Shown], scene: Scene | None) -> tuple[list[_Window], float, float]:
+    """What is shown of the rows, inches a millimetre, and height of the tallest domino [mm]."""
+    layouts = [one.layout for one in rows]
+    tall = 1e3 * max(layout.height.max() for layout in layouts)
+    low = -1e3 * layouts[-1].thickness[0] - 0.8 * tall
+    shortest = SHORTEST if scene is None or scene.growth is None else SHORTEST_GROWING
+    high = max(1e3 * max(layout.length for layout in layouts) + 0.25 * tall, low + shortest * tall)
+    if high - low <= LONGEST * tall:
+        return [_Window(LEFT, SPAN, low, high, False)], SPAN / (high - low), tall
+    scale = SMALL / tall
+    half = 0.5 * (SPAN - SPLIT)
+    shown = half / scale
+    first = _Window(LEFT, half, low, low + shown, False)
+    last = _Window(LEFT + half + SPLIT, half, 0.4 * tall - shown, 0.4 * tall, True)
+    return [first, last], scale, tall
+
+
+def _origin(window: _Window) -> str:
+    return "last" if window.from_end else "first"
+
+
+def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes at a place in inches."""
+    across, up = figure.get_size_inches()
+    axes = figure.add_axes((left / across, bottom / up, width / across, height / up))
+    style(axes)
+    return axes
+
+
+def _row_label(shown: Shown) -> str:
+    layout, wave = shown.layout, shown.wave
+    if wave is None:
+        return f"{shown.name}: {layout.length * 1e3:.1f} mm"
+    if wave.mean_speed == 0.0:
+        ended = wave.outcome.name.lower().replace("_", " ")
+        return f"{shown.name}: {ended}, {wave.hit} of {layout.count} were struck"
+    return (
+        f"{shown.name}: {layout.length * 1e3:.1f} mm in {wave.arrival_times[-1]:.4f} s, "
+        f"{wave.mean_speed:.4f} m/s"
+    )
+
+
+def _row(axes: Axes, shown: Shown, window: _Window, room: float) -> None:
+    """Dominoes from the side, to scale; pale where the wave did not come.
+
+    room: what the height of the axes stands for [mm].
+    """
+    layout, wave = shown.layout, shown.wave
+    axes.set_xlim(window.low, window.high)
+    axes.set_ylim(-0.02 * room, 0.98 * room)
+    axes.grid(visible=False)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.spines[["left", "bottom"]].set_visible(False)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    front = 1e3 * layout.positions + window.shift(layout)
+    thick, tall = 1e3 * layout.thickness, 1e3 * layout.height
+    inside = np.flatnonzero((front > window.low) & (front - thick < window.high))
+    boxes = [Rectangle((front[i] - thick[i], 0.0), thick[i], tall[i]) for i in inside]
+    hit = layout.count if wave is None else wave.hit
+    colours = [shown.colour if i < hit else FAINT for i in inside]
+    axes.add_collection(PatchCollection(boxes, facecolor=colours, edgecolor="none"))
+    if wave is not None and not window.from_end:
+        push = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.0}
+        at = 0.88 * tall[0]
+        axes.annotate("", (-thick[0], at), (-thick[0] - 0.6 * tall[0], at), arrowprops=push)
+
+
+def _curves(axes: Axes, rows: Sequence[Shown], window: _Window, values: Sequence[Floats]) -> None:
+    """What rows have at each gap, drawn halfway between its pivots."""
+    for shown, one in zip(rows, values, strict=True):
+        places = shown.layout.positions
+        middles = 500.0 * (places[:-1] + places[1:]) + window.shift(shown.layout)
+        marked = shown is rows[-1] or len(one) == 1
+        axes.plot(
+            middles, one, color=shown.colour, linewidth=1.5, marker="o" if marked else "",
+            markersize=3.0,
+        )  # fmt: skip
+
+
+def _spacing(axes: Axes, rows: Sequence[Shown], window: _Window, scene: Scene | None) -> None:
+    values = [1e3 * one.layout.spacing for one in rows]
+    _bounds(axes, scene, scene.spacing if scene else (), values)
+    _curves(axes, rows, window, values)
+    axes.set_ylabel("spacing [mm]")
+
+
+def _thickness(axes: Axes, rows: Sequence[Shown], window: _Window, scene: Scene | None) -> None:
+    values = [1e3 * one.layout.thickness[1:] for one in rows]
+    _bounds(axes, scene, scene.thickness if scene else (), values)
+    _curves(axes, rows, window, values)
+    axes.set_ylabel("thickness [mm]")
+
+
+def _heights(axes: Axes, rows: Sequence[Shown], window: _Window, scene: Scene | None) -> None:
+    _curves(axes, rows, window, [1e3 * one.layout.height[1:] for one in rows])
+    axes.set_ylabel("height [mm]")
+
+
+def _bounds(
+    axes: Axes, scene: Scene | None, bounds: Sequence[float], values: Sequence[Floats]
+) -> None:
+    """The scene's bounds, dashed, where they are near what is drawn; not those in heights."""
+    low, high = min(v.min() for v in values), max(v.max() for v in values)
+    room = max(0.12 * (high - low), 0.02 * high)
+    axes.set_ylim(low - room, high + room)
+    for bound in bounds if scene and not scene.in_heights else ():
+        axes.axhline(1e3 * bound, color=SOFT, linewidth=0.8, linestyle=(0, (4, 4)))
+
+
+def _speed(axes: Axes, rows: Sequence[Shown], window: _Window, _: Scene | None) -> None:
+    fallen = [one for one in rows if one.wave]
+    values: list[Any] = [one.wave.local_speed for one in fallen if one.wave]
+    _curves(axes, fallen, window, values)
+    axes.set_ylabel("local wave speed [m/s]")
+    told = np.concatenate(values)
+    told = told[np.isfinite(told)]
+    if len(told) == 0:
+        axes.set_yticks([])
+        came = "neither wave came" if len(fallen) == 2 else "the wave did not come"
+        axes.text(0.5, 0.5, f"{came} to the second domino", color=SOFT, ha="center",
+                  va="center", transform=axes.transAxes)  # fmt: skip
+        return
+    low, high = told.min(), told.max()
+    if high > 2.0 * low:  # a tight gap at the end would flatten everything else
+        axes.set_yscale("log")
+        plain_numbers(axes.yaxis, (1, 1.5, 2, 3, 5, 7))
+    axes.set_ylim(0.93 * low, 1.07 * high)
