@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from domino_env import DominoChain, Layout, Scene, UniformMark, Wave
 from domino_env.scenes.baseline import gain
+from domino_env.view.shown import MadeForScene
 from optimize.searching.compiling import compile_for
 
 Observation = NDArray[np.float32]
@@ -19,7 +20,7 @@ Policy = Callable[[Observation], NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
-class Built:
+class Built(MadeForScene):
     """A row that a policy built, beside the best uniform one.
 
     Attributes
@@ -49,6 +50,9 @@ class Built:
     def gain(self) -> float | None:
         """Score over the uniform one, minus 1; None where one of the two rows does not run."""
         return gain(self.score, self.uniform.score)
+
+    def __repr__(self) -> str:
+        return f"Built({self.scene.name}: {self.scene.against_uniform(self.score, self.wave)})"
 
 
 def build(policy: Policy, scene: Scene, reference_speed: float | None = None) -> Built:

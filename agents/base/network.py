@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.support.brief import brief
+
 Single = NDArray[np.float32]
 
 LARGEST = 1e6  # weight that is believed: with larger ones sums might overflow
@@ -19,6 +21,8 @@ class Network:
     """Layers of tanh with a linear one on top: a weight (outputs, inputs) and a bias (outputs,)."""
 
     layers: tuple[tuple[Single, Single], ...]
+
+    __repr__ = brief
 
     def __call__(self, observations: Single) -> Single:
         """Compute the outputs (…, outputs) for observations (…, inputs)."""

@@ -32,6 +32,8 @@ from agents.conditioned.observations import (
     scaled,
 )
 from domino_env import Layout, Scene, Wave
+from domino_env.support.brief import brief
+from domino_env.view.shown import MadeForScene
 from optimize.searching.compiling import compile_for
 
 Floats = NDArray[np.float64]
@@ -40,7 +42,7 @@ ALGORITHM = "family"  # what config.json of its training says
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class Design(MadeForScene):
     """A row designed for a scene.
 
     Attributes
@@ -69,6 +71,9 @@ class Design:
     seconds: float
     outside: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return f"Design({self.scene.name}: {self.scene.against_uniform(self.score, self.wave)})"
+
 
 @dataclass(frozen=True, eq=False)
 class ConditionedPolicy:
@@ -84,6 +89,8 @@ class ConditionedPolicy:
 
     row: Network
     plan: Network
+
+    __repr__ = brief
 
     def gaps(self, scene: Scene, plans: Floats) -> Floats:
         """Give the gaps (K, N-1) [m] that K plans lead to."""

@@ -30,6 +30,7 @@ from agents.conditioned.observations import plans_of
 from agents.conditioned.policy import ALGORITHM, ConditionedPolicy
 from agents.conditioned.preset import EXAMPLES_SEED, ConditionedPreset
 from domino_env import Scene
+from domino_env.support.brief import brief
 from domino_env.support.files import write_bytes
 from domino_env.support.models import Document, model_of
 from domino_env.support.reading import naming, read_json
@@ -78,6 +79,8 @@ class ConditionedRun(TrainingRun):
     """
 
     policy: ConditionedPolicy
+
+    __repr__ = brief
 
 
 def train_conditioned(

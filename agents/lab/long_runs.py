@@ -21,16 +21,8 @@ from numpy.typing import NDArray
 from agents.base.run_files import is_finished
 from agents.single.training import train
 from domino_env import load_scene
-from domino_env.support.plot_style import (
-    BLUE,
-    GREEN,
-    KNOWN,
-    SKY,
-    UNIFORM,
-    new_panels,
-    style,
-    write_png,
-)
+from domino_env.support.colours import BLUE, GREEN, KNOWN, SKY, UNIFORM
+from domino_env.support.plot_style import new_panels, style, write_png
 from domino_env.support.tables import markdown_table, write_csv
 from optimize.records.shipped import best_known
 

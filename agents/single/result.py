@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 from agents.base.building import Built
 from agents.base.training import TrainingRun
@@ -35,3 +37,16 @@ class Run(TrainingRun):
     algorithm: str
     built: Built
     clone_score: float | None = None
+
+    def __repr__(self) -> str:
+        scene, built = self.built.scene, self.built
+        found = scene.against_uniform(built.score, built.wave)
+        how = f"{self.steps:,} dominoes placed in {self.seconds:.0f} s; {self.folder}"
+        return f"Run({self.algorithm} on {scene.name}: {found}; {how})"
+
+    def _repr_html_(self) -> str:
+        return self.built._repr_html_()
+
+    def plot(self) -> Any:
+        """Draw both rows, what differs along them, the training; returns a Matplotlib figure."""
+        return import_module("agents.single.picture").picture(self)

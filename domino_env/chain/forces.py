@@ -11,6 +11,7 @@ from domino_env import kernels
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
 from domino_env.chain.wave import Outcome
+from domino_env.support.brief import brief
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +55,8 @@ class Diagnosis:
     least_load: Floats
     flush_loss: Floats
     stall_margin: Floats
+
+    __repr__ = brief
 
     @property
     def opened(self) -> NDArray[np.int64]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env import kernels
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
+from domino_env.support.brief import brief
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +52,8 @@ class Gradient:
     friction: float | Floats
     gravity: float | Floats
     push: float | Floats
+
+    __repr__ = brief
 
     def scaled(self, factor: float) -> Gradient:
         """Return the gradient of `factor` times the number."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,6 +92,18 @@ class Layout:
     def __hash__(self) -> int:
         return hash((self.spacing.tobytes(), self.thickness.tobytes(), self.height.tobytes()))
 
+    def __repr__(self) -> str:
+        number = f"{self.count} domino" + ("es" if self.count != 1 else "")
+        sizes = [f"{_span(self.thickness)} mm thick", f"{_span(self.height)} mm high"]
+        if self.count > 1:
+            number += f" over {self.length:.6g} m"
+            sizes.insert(0, f"gaps {_span(self.spacing)} mm")
+        return f"Layout({number}: {', '.join(sizes)})"
+
+    def _repr_html_(self) -> str:
+        html: str = import_module("domino_env.view.svg").layout_html(self)
+        return html
+
     @classmethod
     def uniform(
         cls,
@@ -167,6 +181,10 @@ class Layout:
         """Last pivot minus first [m]."""
         return float(self.positions[-1])
 
+    def plot(self) -> Any:
+        """Draw the row to scale, and its gaps along it; returns a Matplotlib figure."""
+        return import_module("domino_env.view.plots").plot_layout(self)
+
     def to_csv(self, path: str | Path) -> None:
         """Write one row a domino, in metres; the last spacing is empty."""
         from domino_env.chain.files import write_csv
@@ -237,6 +255,12 @@ class Layout:
         if suffix == ".json":
             return cls.from_json(path, width)
         raise ValueError(f"{path}: a layout is a .csv or .json file, not '{suffix}'")
+
+
+def _span(values: Floats) -> str:
+    """What lengths are, or lie between [mm]."""
+    low, high = (f"{1e3 * value:.4g}" for value in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
 
 
 def _full(name: str, values: ArrayLike, count: int) -> Floats:

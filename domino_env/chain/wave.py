@@ -5,6 +5,8 @@ from __future__ import annotations
 import enum
 import time
 from dataclasses import dataclass, field, replace
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +31,9 @@ class Outcome(enum.IntEnum):
     OUT_OF_REACH = kernels.OUT_OF_REACH
     JAMMED = kernels.JAMMED
     NO_RIGID_ANSWER = kernels.NO_RIGID_ANSWER
+
+    def __str__(self) -> str:
+        return self.name
 
     @property
     def explanation(self) -> str:
@@ -114,6 +119,22 @@ class Wave:
     rtol: float
     run_time: float
     tape: NDArray[np.record] | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        count, ended = self.layout.count, _ended(self.outcome)
+        if self.mean_speed > 0.0:
+            how = f"{count} dominoes in {self.arrival_times[-1]:.6g} s, {self.mean_speed:.6g} m/s"
+        else:
+            how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
+        return f"Wave({ended}: {how})"
+
+    def _repr_html_(self) -> str:
+        html: str = import_module("domino_env.view.svg").wave_html(self)
+        return html
+
+    def plot(self) -> Any:
+        """Draw the row to scale, gaps and speed along it; returns a Matplotlib figure."""
+        return import_module("domino_env.view.plots").plot_wave(self)
 
     def pullback(self, arrival_bar: ArrayLike) -> Gradient:
         """Return Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics.
@@ -245,6 +266,14 @@ class WaveBatch:
 
     def __len__(self) -> int:
         return len(self.outcome)
+
+    def __repr__(self) -> str:
+        ends = [(int(np.sum(self.outcome == kind)), _ended(kind)) for kind in Outcome]
+        said = ", ".join(f"{number} {ended}" for number, ended in ends if number)
+        through = self.mean_speed[self.mean_speed > 0.0]
+        if len(through):
+            said += f"; {through.min():.6g} to {through.max():.6g} m/s"
+        return f"WaveBatch({len(self)} waves: {said or 'none'})"
 
 
 def simulate(
@@ -410,6 +439,10 @@ def simulate_batch(
         run_time=time.perf_counter() - began,
         gradient=slopes,
     )
+
+
+def _ended(outcome: Outcome) -> str:
+    return outcome.name.lower().replace("_", " ")
 
 
 def _checked(rtol: float) -> float:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.support.brief import brief
+
 if TYPE_CHECKING:
     from domino_env.chain.wave import Wave
 
@@ -46,3 +48,5 @@ class Snapshot:
     speed: float
     uniform_speed: float
     wave: Wave | None = None
+
+    __repr__ = brief

@@ -16,6 +16,7 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
 from domino_env.chain.wave import Wave, simulate
 from domino_env.rigid.engine import topple
+from domino_env.support.brief import brief
 from domino_env.support.files import write_text
 
 Floats = NDArray[np.float64]
@@ -53,6 +54,8 @@ class Verification:
     free: Floats
     toppled: bool
     free_toppled: bool
+
+    __repr__ = brief
 
     @property
     def limit(self) -> Floats:

@@ -7,17 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from domino_env.rigid.comparison import AGREES, Verification
-from domino_env.support.plot_style import (
-    INK,
-    LEGEND,
-    OURS,
-    PALE,
-    RED,
-    SHADE,
-    new_figure,
-    style,
-    write_png,
-)
+from domino_env.support.colours import INK, OURS, PALE, RED, SHADE
+from domino_env.support.plot_style import LEGEND, new_figure, style, write_png
 
 
 def write_picture(checked: Verification, path: Path, title: str) -> None:

@@ -12,6 +12,7 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
 from domino_env.scenes.rules import ON_LIST, nearest_of
 from domino_env.scenes.specification import Specification
+from domino_env.support.brief import brief
 from domino_env.support.distinct import distinct_rows
 
 Floats = NDArray[np.float64]
@@ -43,6 +44,8 @@ class UniformMark:
     layout: Layout
     wave: Wave
     score: float
+
+    __repr__ = brief
 
 
 def gain(score: float, other: float) -> float | None:

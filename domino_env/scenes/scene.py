@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Outcome, Wave, simulate
-from domino_env.scenes.baseline import UniformMark, best_uniform
+from domino_env.scenes.baseline import UniformMark, best_uniform, gain
 from domino_env.scenes.files.writing import to_toml
 from domino_env.scenes.objectives import Evaluation, Slopes
 from domino_env.scenes.specification import Specification
@@ -210,6 +210,11 @@ class Scene(Specification):
             return self.criterion.in_words(score, wave)
         broken = self.limits is not None and wave.outcome == Outcome.PROPAGATED
         return "breaks a limit of the scene" if broken else self.criterion.failure
+
+    def against_uniform(self, score: float, wave: Wave) -> str:
+        """Say a score, and its gain over the best uniform row where there is one."""
+        lead = gain(score, self.uniform().score)
+        return self.in_words(score, wave) + ("" if lead is None else f", {lead:+.2%} over uniform")
 
     def uniform(self) -> UniformMark:
         """Find the best uniform row within the scene's rules; found once, kept."""

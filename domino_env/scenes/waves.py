@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
 from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate_batch
+from domino_env.support.brief import brief
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,6 +46,8 @@ class LayoutBatch:
     density: float | Floats
     physics: Physics
     rtol: float
+
+    __repr__ = brief
 
     @classmethod
     def of_one(cls, wave: Wave) -> Self:
@@ -113,6 +116,8 @@ class Waves:
     last_height: Floats
     count: int
     rtol: float
+
+    __repr__ = brief
 
     @classmethod
     def of_batch(cls, batch: WaveBatch, rows: LayoutBatch) -> Self:

@@ -15,20 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
+from domino_env.support.colours import COLOURS, FAINT, INK, OURS, SOFT
 from domino_env.support.files import write_bytes
-
-INK, SOFT, PALE, FAINT, SHADE = "#1d2126", "#5c636d", "#969ea8", "#dfe2e6", "#f1f3f5"
-BLUE, RED, GREEN, PINK, AMBER, SKY = (
-    "#0b6e99", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9",
-)  # fmt: skip
-OURS, UNIFORM, KNOWN = BLUE, "#7c828c", RED  # what was found, the best uniform row, the best known
-
-# After those with a name, each is as far as can be, in OKLab, from all before it and the greys.
-COLOURS = (
-    BLUE, RED, GREEN, PINK, AMBER, SKY, "#8b1a1a", "#500890", "#005000", "#a03098", "#70d050",
-    "#8070f0", "#004070", "#887000", "#5848c0", "#98b088", "#600848", "#d03868", "#f088f8",
-    "#187800", "#503000", "#f89890", "#c0a8d8",
-)  # fmt: skip
 
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
@@ -60,9 +48,16 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
     return lines | fixed
 
 
+class Picture(Figure):
+    """A figure that notebooks show, and that pyplot need not know of."""
+
+    def _repr_png_(self) -> bytes:
+        return png(self)
+
+
 def new_figure(width: float, height: float, *, placed: bool = False) -> Figure:
     """Open an empty figure of a size in inches; `placed` where the caller says where axes stand."""
-    figure = Figure((width, height), facecolor="white", layout=None if placed else "constrained")
+    figure = Picture((width, height), facecolor="white", layout=None if placed else "constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -121,10 +116,11 @@ def style(axes: Axes, title: str = "") -> None:
 def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
     """Say above a picture what it shows, `left` inches from its edge; a subtitle may be empty."""
     across, up = figure.get_size_inches()
-    for words, down, looks in (
+    lines: list[tuple[str, float, dict[str, Any]]] = [
         (headline, 0.30, {"size": 14.5, "color": INK, "weight": "bold"}),
         (subtitle, 0.58, {"size": 9.5, "color": SOFT}),
-    ):
+    ]
+    for words, down, looks in lines:
         figure.text(left / across, 1.0 - down / up, escaped(words), va="center", **looks)
 
 

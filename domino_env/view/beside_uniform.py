@@ -11,7 +11,7 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
 from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
-from domino_env.support.plot_style import UNIFORM
+from domino_env.support.colours import UNIFORM
 from domino_env.view.rows import Shown, rows_picture
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from domino_env.chain.motion import Motion
 from domino_env.chain.wave import Wave
+from domino_env.support.brief import brief
 
 Floats = NDArray[np.float64]
 
@@ -56,6 +57,8 @@ class Energy:
     hits: Floats
     flushes: Floats
     friction: Floats
+
+    __repr__ = brief
 
 
 def energies(motion: Motion, wave: Wave) -> Energy:

@@ -19,16 +19,8 @@ from numpy.typing import NDArray
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
 from domino_env.scenes.scene import Scene
-from domino_env.support.plot_style import (
-    FAINT,
-    INK,
-    OURS,
-    SOFT,
-    headings,
-    new_figure,
-    plain_numbers,
-    style,
-)
+from domino_env.support.colours import FAINT, INK, OURS, SOFT
+from domino_env.support.plot_style import headings, new_figure, plain_numbers, style
 
 Floats = NDArray[np.float64]
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
+from domino_env.support.brief import brief
 from optimize.evaluation.result import SearchResult
 from optimize.methods.own import importable_name
 from optimize.records.shipped import best_known
@@ -56,6 +57,8 @@ class Comparison:
     evaluations: int | None = None
     failures: tuple[Failure, ...] = ()
     interrupted: bool = False
+
+    __repr__ = brief
 
     @property
     def unit(self) -> str:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
 from domino_env.scenes.baseline import UniformMark, gain
 from domino_env.scenes.scene import Scene
+from domino_env.view.shown import MadeForScene
 
 Trace = tuple[tuple[int, int, float, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class SearchResult:
+class SearchResult(MadeForScene):
     """The best layout of a search, simulated closely, beside the best uniform pitch.
 
     Attributes
@@ -66,3 +69,12 @@ class SearchResult:
     def gain(self) -> float | None:
         """Score over the uniform one, minus 1; None where one of the rows dies."""
         return gain(self.score, self.uniform.score)
+
+    def __repr__(self) -> str:
+        found = self.scene.against_uniform(self.score, self.wave)
+        how = f"{self.evaluations} rows in {self.seconds:.2g} s"
+        return f"SearchResult({self.scene.name} by {self.method}, seed {self.seed}: {found}; {how})"
+
+    def plot(self) -> Any:
+        """Draw both rows, what differs along them and the search; returns a Matplotlib figure."""
+        return import_module("optimize.searching.picture").picture(self)

@@ -18,6 +18,7 @@ from domino_env import __version__
 from domino_env.chain.files import LayoutTable
 from domino_env.chain.layout import Layout
 from domino_env.scenes.scene import Scene
+from domino_env.support.brief import brief
 from domino_env.support.files import write_text
 from domino_env.support.models import LARGEST, Number, model_of
 from domino_env.support.reading import naming, read_json
@@ -58,6 +59,8 @@ class BestKnown:
     seed: int
     seconds: float
     version: str
+
+    __repr__ = brief
 
 
 def best_known(path: Path | None = None) -> dict[str, BestKnown]:

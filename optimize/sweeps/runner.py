@@ -12,6 +12,7 @@ import numpy as np
 
 from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
+from domino_env.support.brief import brief
 from optimize import methods as known_methods
 from optimize.problem import Problem
 from optimize.studies.progress import TaskLines
@@ -46,6 +47,8 @@ class Sweep:
     results: tuple[TaskResult, ...]
     failures: tuple[Failure, ...] = ()
     interrupted: bool = False
+
+    __repr__ = brief
 
     @property
     def points(self) -> list[tuple[float | int | str, ...]]:

@@ -12,12 +12,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from domino_env.lab.accuracy.measurement import OURS, SOLVERS, Measurement, Row, time_to_reach
 from domino_env.lab.accuracy.stability import RTOL, Verdict
-from domino_env.support.plot_style import (
+from domino_env.support.colours import (
     AMBER,
     BLUE,
     GREEN,
     INK,
-    LEGEND,
     PALE,
     PINK,
     RED,
@@ -25,11 +24,8 @@ from domino_env.support.plot_style import (
     SKY,
     SOFT,
     UNIFORM,
-    new_figure,
-    new_panels,
-    style,
-    write_png,
 )
+from domino_env.support.plot_style import LEGEND, new_figure, new_panels, style, write_png
 
 FLOOR = 1e-16  # errors below rounding are drawn here
 

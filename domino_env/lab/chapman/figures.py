@@ -16,17 +16,8 @@ from domino_env.chain.standard import HEIGHT
 from domino_env.chain.steady import existence_limit, steady_wave, terminal_speed_estimate
 from domino_env.chain.wave import simulate
 from domino_env.lab.chapman.tables import FRICTION, GRAVITY, THICKNESS
-from domino_env.support.plot_style import (
-    BLUE,
-    COLOURS,
-    LEGEND,
-    PALE,
-    PINK,
-    RED,
-    new_figure,
-    style,
-    write_png,
-)
+from domino_env.support.colours import BLUE, COLOURS, PALE, PINK, RED
+from domino_env.support.plot_style import LEGEND, new_figure, style, write_png
 from domino_env.view.energy import energies
 
 Floats = NDArray[np.float64]

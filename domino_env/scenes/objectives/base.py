@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from domino_env.chain.wave import Wave
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
+from domino_env.support.brief import brief
 from domino_env.support.models import Table
 
 
@@ -41,6 +42,8 @@ class Evaluation:
     reach: Floats
     falls: Ints
 
+    __repr__ = brief
+
     @property
     def without_gradient(self) -> NDArray[np.bool_]:
         """(B,) whose scores have no exact derivatives: of waves that died or broke a limit."""
@@ -62,6 +65,8 @@ class Slopes:
     spacing: Floats
     thickness: Floats
     height: Floats
+
+    __repr__ = brief
 
     @classmethod
     def zero(cls, rows: LayoutBatch) -> Slopes:
