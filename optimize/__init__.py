@@ -13,6 +13,7 @@ from domino_env.support.lazy import lazy_names
 
 if TYPE_CHECKING:
     from optimize.comparison.runner import Comparison, compare
+    from optimize.evaluation.budget import Budget
     from optimize.evaluation.result import SearchResult
     from optimize.executors.choice import open_executor
     from optimize.methods import METHODS
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = [
     "METHODS",
     "BestKnown",
+    "Budget",
     "Comparison",
     "Problem",
     "SearchResult",
@@ -49,6 +51,7 @@ __getattr__, __dir__ = lazy_names(
     {
         "Comparison": "comparison.runner",
         "compare": "comparison.runner",
+        "Budget": "evaluation.budget",
         "SearchResult": "evaluation.result",
         "open_executor": "executors.choice",
         "METHODS": "methods",
