@@ -32,5 +32,5 @@ def test_its_layouts_read_and_score_what_they_scored() -> None:
 def test_its_folder_is_shown() -> None:
     racers, title = read_racers([RUN])
     assert title == "Six dominoes from a box, on steps, as version 0.1.0 wrote them"
-    assert [racer.name for racer in racers] == ["optimised row", "best equal gaps"]
+    assert [racer.name for racer in racers] == ["optimised row", "best uniform row"]
     assert racers[0].trace is not None

@@ -64,9 +64,10 @@ def _learning(curve: Axes, run: Run, rival: SearchResult | None) -> None:
     for value, colour, line, said in marks:
         curve.axhline(value, color=colour, ls=line, label=f"{said} {value:.4f}")
     values = [value for value, *_ in marks]
-    low, high = min(values), max(*values, run.built.score)
-    curve.set_ylim(low - 0.6 * (high - low) - 0.01 * abs(high), high + 0.01 * abs(high))
+    low, high = min(*values, run.built.score), max(*values, run.built.score)
+    room = 0.01 * abs(high)
+    curve.set_ylim(low - 0.9 * (high - low) - room, high + room)  # the legend stands below
     clock(curve, seconds)
     curve.set_xlabel(f"seconds of training ({run.algorithm}, {run.steps:,} dominoes placed)")
     curve.set_ylabel(f"score [{scene.unit}]" if scene.unit else "score")
-    curve.legend(loc="lower right", ncols=2, **LEGEND)
+    curve.legend(loc="lower right", ncols=3, **LEGEND)

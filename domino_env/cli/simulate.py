@@ -96,10 +96,7 @@ def _verdict(wave: Wave) -> list[str]:
             f"mean speed {wave.mean_speed:.6f} m/s over {wave.layout.length:.4f} m, "
             f"last domino hit after {wave.arrival_times[-1]:.6f} s"
         )
-    lines.append(
-        f"{wave.flushes} flushes (largest loss of speed {wave.largest_flush_loss:.2%}), "
-        f"{wave.releases} releases; relative error of the times below {wave.error_estimate:.1e}"
-    )
+    lines.append(_events(wave) + f"relative error of the times below {wave.error_estimate:.1e}")
     if not wave.converged:
         lines.append(
             f"the row is so close to a stall that rounding keeps the tolerance {wave.rtol:g} out "
@@ -112,6 +109,17 @@ def _verdict(wave: Wave) -> list[str]:
             "spacing_mm and thickness_mm"
         )
     return lines
+
+
+def _events(wave: Wave) -> str:
+    """Say what else happened, where it did."""
+    words = []
+    if wave.flushes:
+        number = "1 flush" if wave.flushes == 1 else f"{wave.flushes} flushes"
+        words.append(f"{number} (largest loss of speed {wave.largest_flush_loss:.2%})")
+    if wave.releases:
+        words.append("1 release" if wave.releases == 1 else f"{wave.releases} releases")
+    return ", ".join(words) + ("; " if words else "")
 
 
 def _judged(wave: Wave, scene: Scene) -> dict[str, object]:

@@ -48,6 +48,13 @@ class UniformMark:
     __repr__ = brief
 
 
+def lead_in_words(lead: float, digits: int = 2) -> str:
+    """Say a gain: "3.18% over", "0.29% below" where it is a loss, "level with" where it is none."""
+    if abs(lead) < 0.5 * 0.1 ** (digits + 2):
+        return "level with"
+    return f"{abs(lead):.{digits}%} {'over' if lead >= 0.0 else 'below'}"
+
+
 def gain(score: float, other: float) -> float | None:
     """Say how much better a score is than another, such as that of the best uniform row.
 

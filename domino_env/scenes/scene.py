@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Outcome, Wave, simulate
-from domino_env.scenes.baseline import UniformMark, best_uniform, gain
+from domino_env.scenes.baseline import UniformMark, best_uniform, gain, lead_in_words
 from domino_env.scenes.files.writing import to_toml
 from domino_env.scenes.objectives import Evaluation, Slopes
 from domino_env.scenes.specification import Specification
@@ -214,7 +214,9 @@ class Scene(Specification):
     def against_uniform(self, score: float, wave: Wave) -> str:
         """Say a score, and its gain over the best uniform row where there is one."""
         lead = gain(score, self.uniform().score)
-        return self.in_words(score, wave) + ("" if lead is None else f", {lead:+.2%} over uniform")
+        return self.in_words(score, wave) + (
+            "" if lead is None else f", {lead_in_words(lead)} uniform"
+        )
 
     def uniform(self) -> UniformMark:
         """Find the best uniform row within the scene's rules; found once, kept."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env.chain.motion import Motion
 from domino_env.chain.wave import Wave
-from domino_env.view.energy import energies
+from domino_env.view.energy import Energy, energies
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ class Racer:
     wave
         How it topples.
     trace
-        (evaluations, best score) of the search that found it, if it was found by one.
+        (seconds, best score) of the search that found it, if it was found by one.
     learning
         (dominoes placed, score of the policy) of the training of the agent that built it.
     verification
@@ -141,6 +142,7 @@ def _row(one: Racer) -> dict[str, Any]:
         inside = np.linspace(ends[k], max(ends[k + 1], ends[k]), LOOKS + 1)
         leader, angle = motion.leader(np.clip(inside, ends[k] + 1e-12, ends[k + 1] - 1e-12))
         falls.append(_short(np.where(leader == k, angle, angle.min())))
+    energy = energies(motion, wave)
     return {
         "name": one.name,
         "spacing": _short(layout.spacing),
@@ -161,15 +163,33 @@ def _row(one: Racer) -> dict[str, Any]:
         "gravity": wave.physics.gravity,
         "flushes": wave.flushes,
         "flush_loss": wave.largest_flush_loss,
+        "unit": one.unit,
+        "kinetic": [_short(values) for values in _kinetic_of_falls(energy, wave)],
         "energy": {
             name: values if isinstance(values, float) else _short(values)
-            for name, values in asdict(energies(motion, wave)).items()
+            for name, values in asdict(energy).items()
         },
         "trace": one.trace,
         "learning": one.learning,
         "verification": one.verification,
         "worth": one.worth,
     }
+
+
+def _kinetic_of_falls(energy: Energy, wave: Wave) -> tuple[Floats, Floats]:
+    """When each fall is half over [s], and the kinetic energy on average over it [J].
+
+    Every hit takes half of it: drawn as it is, the teeth of several rows hide each other.
+    """
+    ends = wave.arrival_times[: wave.hit]
+    at = np.searchsorted(energy.time, ends)
+    middles, means = [], []
+    for a, b in pairwise([*at, len(energy.time)]):
+        time, kinetic = energy.time[a:b], energy.kinetic[a:b]
+        if len(time) > 1:
+            middles.append(0.5 * (time[0] + time[-1]))
+            means.append(np.trapezoid(kinetic, time) / (time[-1] - time[0]))
+    return np.array(middles), np.array(means)
 
 
 def _parts(first: Wave, second: Wave) -> str:

@@ -23,7 +23,7 @@ from domino_env.support.reading import decoded, naming, one_line, read_bytes, re
 from domino_env.view.animation import require_drawable
 from domino_env.view.report.race import Racer
 
-MARK = "best equal gaps"
+MARK = "best uniform row"
 
 Times = tuple[Number | None, ...]
 
@@ -97,7 +97,7 @@ def read_racers(
             Racer(
                 label,
                 wave,
-                _curve(folder, "trace.csv", "evaluations", "best_score"),
+                _curve(folder, "trace.csv", "seconds", "best_score"),
                 _curve(folder, "progress.csv", "steps", "score"),
                 _verification(folder, layout, physics),
                 score,

@@ -80,6 +80,6 @@ def test_the_command_judges_scripted_builders(capsys) -> None:
     assert main(["evaluate", "uniform", "--scene", "sprint"]) == 0
     said = capsys.readouterr().out
     assert "score 0.802997" in said
-    assert "+0.00% over the best uniform row" in said
+    assert "level with the best uniform row" in said
     assert main(["evaluate", "no-such-folder"]) == 2
     assert "holds no policy" in capsys.readouterr().err

@@ -5,6 +5,7 @@ import json
 import shutil
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -102,14 +103,14 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
     run.mkdir()
     (run / "scene.toml").write_text(scene.to_toml())
     scene.uniform().layout.to_csv(run / "layout.csv")
-    (run / "trace.csv").write_text("evaluations,best_score\n1,0.5\n7,0.8\n")
+    (run / "trace.csv").write_text("evaluations,seconds,best_score\n1,0.25,0.5\n7,3.5,0.8\n")
     (run / "verification.json").write_text('{"engine": "pymunk", "verdict": "AGREES"}')
     racers, title = read_racers([run])
     assert title == scene.title
-    assert [one.name for one in racers] == ["one", "best equal gaps"]
+    assert [one.name for one in racers] == ["one", "best uniform row"]
     first, mark = racers
     assert first.score == pytest.approx(mark.score) == pytest.approx(scene.uniform().score)
-    assert first.trace == ([1.0, 7.0], [0.5, 0.8])
+    assert first.trace == ([0.25, 3.5], [0.5, 0.8])
     assert first.verification is not None
     # under another physics the scene's verdict means nothing
     assert read_racers([run], physics=de.Physics(push=9.0))[0][0].score is None
@@ -126,6 +127,23 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
         race_data([])
 
 
+def test_kinetic_energies_are_averaged_over_each_fall() -> None:
+    rows = race_data(ROWS)["rows"]
+    for row in rows:
+        middles, means = row["kinetic"]
+        ends = [*row["arrivals"], row["energy"]["time"][-1]]
+        falls = [(a, b) for a, b in pairwise(ends) if b > a]
+        assert len(middles) == len(falls) >= 18
+        for (a, b), middle, mean in zip(falls, middles, means, strict=True):
+            assert a < middle < b
+            inside = [
+                e
+                for t, e in zip(row["energy"]["time"], row["energy"]["kinetic"], strict=True)
+                if a < t < b
+            ]
+            assert min(inside) <= mean <= max(inside)
+
+
 def test_rows_are_called_after_what_made_them_and_bring_their_curves(tmp_path: Path) -> None:
     from optimize.records.shipped import best_known
 
@@ -140,7 +158,7 @@ def test_rows_are_called_after_what_made_them_and_bring_their_curves(tmp_path: P
         (tmp_path / name / "summary.json").write_text(f"{{{made}}}")
     (tmp_path / "b" / "progress.csv").write_text("steps,score\n10,0.5\n30,0.8\n")
     racers, _ = read_racers([tmp_path / name for name in "abc"], de.load_scene("sprint"))
-    names = ["optimised row (a)", "PPO agent's row", "optimised row (c)", "best equal gaps"]
+    names = ["optimised row (a)", "PPO agent's row", "optimised row (c)", "best uniform row"]
     assert [one.name for one in racers] == names
     assert racers[1].learning == ([10.0, 30.0], [0.5, 0.8])
     assert "AGREES" in racers[0].verification["verdict"]  # as is kept of rows that ship
@@ -217,6 +235,10 @@ def test_page_fits_a_phone_and_follows_the_front(browser) -> None:
         browser.execute_script("race.go(race.end)")
         wide = browser.execute_script("return document.documentElement.scrollWidth")
         assert wide <= 390
+        scrolled = (
+            "const t = document.querySelector('.wide'); t.scrollLeft = 1e6; return t.scrollLeft"
+        )
+        assert browser.execute_script(scrolled) > 100
         at_end = browser.execute_script("return race.view().shift")
         browser.execute_script("race.go(0)")
         assert browser.execute_script("return race.view().shift") == 0
@@ -250,6 +272,19 @@ def test_numbers_can_be_read_instead_of_seen(browser) -> None:
     assert lines[3].text.split()[1] == f"{ROWS[0].wave.layout.spacing[3] * 1e3:.2f}"
     for chart in browser.find_elements("css selector", "figure > div[role=img]"):
         assert ": from " in chart.get_attribute("aria-label")
+
+
+def test_swatches_are_pieces_of_their_lines(browser) -> None:
+    markers = browser.find_elements("css selector", "#gaps .u-marker")
+    drawn = [marker.value_of_css_property("background-image") for marker in markers]
+    assert len(set(drawn[-2:])) == 2
+    assert "stroke-dasharray%3D%22%22" in drawn[-2]  # unbroken
+    assert "stroke-dasharray%3D%227%204%22" in drawn[-1]
+
+
+def test_nothing_is_said_of_flushes_that_were_not(browser) -> None:
+    notes = [note.text for note in browser.find_elements("css selector", "#notes li")]
+    assert ["flush" in note for note in notes] == [one.wave.flushes > 0 for one in ROWS]
 
 
 def test_pointing_at_a_domino_tells_its_numbers(browser) -> None:

@@ -51,7 +51,7 @@ def test_what_the_lines_say(shown) -> None:
     assert f"{WAVE.mean_speed:.6g} m/s" in repr(WAVE)
     assert repr(DEAD) == "Wave(stalled: 1 of 30 dominoes were struck, 0 toppled)"
     assert "500 waves: 500 propagated" in repr(shown["batch"])
-    assert f"{shown['result'].gain:+.2%} over uniform" in repr(shown["result"])
+    assert f"{-shown['result'].gain:.2%} below uniform" in repr(shown["result"])
     assert (str(DEAD.outcome), f"{DEAD.outcome}", DEAD.outcome) == ("STALLED", "STALLED", 1)
 
 

@@ -204,8 +204,10 @@
       cell.append(String(text));
     });
     const note = document.createElement("li");
-    note.textContent = `${row.name}: ${row.explanation} Relative error of the times below ${row.error.toExponential(0)}; ` +
-      `${row.flushes} flushes, the largest takes ${(row.flush_loss * 100).toFixed(2)} % of the front's speed.`;
+    const lost = row.flush_loss < 5e-5 ? "less than 0.01" : (row.flush_loss * 100).toFixed(2);
+    const flushes = !row.flushes ? "" : row.flushes === 1 ? ` One flush takes ${lost} % of the front's speed.`
+      : ` ${row.flushes} flushes, the largest takes ${lost} % of the front's speed.`;
+    note.textContent = `${row.name}: ${row.explanation} Relative error of the times below ${row.error.toExponential(0)}.${flushes}`;
     $("notes").append(note);
   });
 
@@ -214,13 +216,18 @@
   const dashes = [[], [7, 4], [2, 3], [9, 3, 2, 3], [14, 4]];
   const axis = () => ({ stroke: css("--soft"), grid: { stroke: css("--line"), width: 0.5 }, ticks: { stroke: css("--line") } });
   const short = (v) => (Math.abs(v) >= 1e6 ? +(v / 1e6).toFixed(2) + " M" : Math.abs(v) >= 1e4 ? +(v / 1e3).toFixed(2) + " k" : String(+v.toPrecision(6)));
-  function chart(id, x, series, label) {
+  // a piece of the line itself
+  function swatch(k) {
+    const line = `<svg xmlns="http://www.w3.org/2000/svg" width="34" height="8"><path d="M0 4H34" stroke="${colour(k)}" stroke-width="2.5" stroke-dasharray="${dashes[k % 5].join(" ")}"/></svg>`;
+    return `url("data:image/svg+xml,${encodeURIComponent(line)}") no-repeat left center`;
+  }
+  function chart(id, x, series, label, logarithmic = false) {
     const box = $(id);
     box.textContent = "";
     const plot = new uPlot({
-      width: Math.max(box.clientWidth, 240), height: 240, scales: { x: { time: false } },
-      axes: [{ ...axis(), label, labelSize: 20, labelFont: "12px system-ui", font: "12px system-ui", values: (u, ticks) => ticks.map(short) }, { ...axis(), font: "12px system-ui" }],
-      legend: { markers: { width: 0, fill: (u, i) => colour(series[i - 1].colour ?? i - 1) } },
+      width: Math.max(box.clientWidth, 240), height: 240, scales: { x: { time: false, ...(logarithmic ? { distr: 3, log: 10 } : {}) } },
+      axes: [{ ...axis(), label, labelSize: 20, labelFont: "12px system-ui", font: "12px system-ui", values: (u, ticks) => ticks.map((v) => (v == null ? "" : short(v))) }, { ...axis(), font: "12px system-ui" }],
+      legend: { markers: { width: 0, fill: (u, i) => swatch(series[i - 1].colour ?? i - 1) } },
       series: [{ label, value: (u, v) => (v == null ? "" : String(+v.toPrecision(4))) },
         ...series.map((s, k) => ({ label: s.name, stroke: colour(s.colour ?? k), width: 2, dash: dashes[(s.colour ?? k) % 5], points: { show: false }, paths: s.steps ? uPlot.paths.stepped({ align: 1 }) : undefined, value: (u, v) => (v == null ? "" : v.toPrecision(4)) }))],
     }, [x, ...series.map((s) => s.values)], box);
@@ -249,15 +256,15 @@
     const padded = (v, f) => numbers.map((i) => (v[i] == null ? null : v[i] * f));
     chart("gaps", numbers, rows.map((r) => ({ name: r.name, values: padded(r.spacing, 1000) })), "domino");
     chart("speeds", numbers.map((i) => i + 1), rows.map((r) => ({ name: r.name, values: padded(r.speed, 1) })), "domino");
-    const [t, kinetic] = joined(rows.map((r) => ({ x: r.energy.time, y: r.energy.kinetic })));
+    const [t, kinetic] = joined(rows.map((r) => ({ x: r.kinetic[0], y: r.kinetic[1] })));
     chart("kinetic", t, rows.map((r, k) => ({ name: r.name, values: kinetic[k].map((v) => (v == null ? null : v * 1000)) })), "time [s]");
     const e = rows[0].energy, milli = (v) => v.map((q) => q * 1000);
     $("budgetname").textContent = `Where the energy goes: ${rows[0].name} [mJ]`;
     chart("budget", e.time, [{ name: "given by gravity", values: milli(e.released) }, { name: "kinetic", values: milli(e.kinetic) },
       { name: "lost to hits", values: milli(e.hits) }, { name: "lost to friction", values: milli(e.friction) },
-      { name: "lost to flushes", values: milli(e.flushes) }], "time [s]");
-    curves("search", (r) => r.trace, true, "rows simulated");
-    curves("learning", (r) => r.learning, false, "dominoes placed");
+      ...(rows[0].flushes ? [{ name: "lost to flushes", values: milli(e.flushes) }] : [])], "time [s]");
+    curves("search", "Search: best score so far", (r) => r.trace, true, "seconds of search");
+    curves("learning", "Learning: score of the agent's row as it trains", (r) => r.learning, false, "dominoes placed");
     const side = rows.flatMap((r, k) => {
       if (!r.verification || !r.verification.model) return [];
       const over = (times) => numbers.map((i) => (times[i + 1] == null || r.verification.model[i + 1] == null ? null : 100 * (times[i + 1] / r.verification.model[i + 1] - 1)));
@@ -267,13 +274,15 @@
     if (side.length) chart("checked", numbers.map((i) => i + 1), side, "domino");
   }
   // a best-so-far (in steps) or a learning curve of every row that has one
-  function curves(id, of, steps, label) {
+  function curves(id, name, of, steps, label) {
     const found = rows.map((r, k) => ({ r, k, c: of(r) })).filter(({ c }) => c && c[0].length);
     $(id + "box").hidden = !found.length;
     if (!found.length) return;
     const [x, y] = joined(found.map(({ c }) => ({ x: c[0], y: c[1], hold: steps })));
+    const unit = found[0].r.unit;
+    $(id + "name").textContent = name + (unit ? ` [${unit}]` : "");
     // below zero are rows that died: how far they came is no speed to draw beside the others
-    chart(id, x, found.map(({ r, k }, j) => ({ name: r.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label);
+    chart(id, x, found.map(({ r, k }, j) => ({ name: r.name, colour: k, steps, values: y[j].map((v) => (v != null && v < 0 ? null : v)) })), label, steps && x[0] > 0 && x[x.length - 1] > 30 * x[0]);
   }
   const checked = rows.filter((r) => r.verification);
   if (checked.length) {
