@@ -1,0 +1,121 @@
+"""Put measured rows beside the model: friction fitted, each spacing left out in turn, a verdict.
+
+Without WHAT, all sources that ship.  WHAT is the name of one, a .toml file of your own (copy one
+from domino_env/lab/measured/sources), or rows PITCH=FREQUENCY, in millimetres and hits a second:
+domino validate 16=64.4 24=42.3 32=28.1
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from domino_env.lab.measured.source import Source
+
+SUMMARY = "measured rows beside the model, with the friction that explains them"
+UNCERTAINTY = 2.0  # [%] of a frequency
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino validate`."""
+    parser.add_argument("what", metavar="WHAT", nargs="*", help="a source, a file, or rows (all)")
+    parser.add_argument("--json", metavar="FILE", help="write everything; '-' prints it alone")
+    parser.add_argument("--out", metavar="FOLDER", help="write the page and its picture there")
+    rows = parser.add_argument_group("rows given as PITCH=FREQUENCY")
+    rows.add_argument("--thickness", type=float, default=7.5, help="[mm] (7.5)")
+    rows.add_argument("--height", type=float, default=48.0, help="[mm] (48)")
+    rows.add_argument("--gravity", type=float, default=9.81, help="[m/s²] (9.81)")
+    rows.add_argument(
+        "--uncertainty", type=float, default=UNCERTAINTY, help="one standard, of each [%%] (2)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare, print, write."""
+    import json
+    from pathlib import Path
+
+    from domino_env.lab.measured.page import PAGE, PICTURE, document, markdown, text
+    from domino_env.lab.measured.validation import validate
+    from domino_env.support.files import write_text
+
+    validations = [validate(source) for source in _sources(arguments)]
+    if arguments.json:
+        told = json.dumps(document(validations), indent=1, ensure_ascii=False, allow_nan=False)
+        if arguments.json == "-":
+            print(told)
+            return 0
+        write_text(Path(arguments.json), told + "\n")
+    print("\n\n".join("\n".join(text(v)) for v in validations))
+    held = sum(v.explained for v in validations)
+    if len(validations) > 1:
+        print(f"\n{held} of {len(validations)} sources explained")
+    if arguments.out:
+        from domino_env.lab.measured.picture import draw
+
+        folder = Path(arguments.out)
+        draw(validations, folder / PICTURE)
+        write_text(folder / PAGE, markdown(validations))
+        print(f"{folder / PAGE}, {folder / PICTURE}")
+    return 0
+
+
+def _sources(arguments: argparse.Namespace) -> list[Source]:
+    from pathlib import Path
+
+    from domino_env.lab.measured.source import read_source, shipped_sources
+
+    shipped = shipped_sources()
+    rows = [word for word in arguments.what if "=" in word]
+    found = []
+    for word in arguments.what:
+        if word in shipped:
+            found.append(shipped[word])
+        elif word.endswith(".toml"):
+            found.append(read_source(Path(word)))
+        elif word not in rows:
+            raise ValueError(
+                f"'{word}': give a source ({', '.join(shipped)}), a .toml file, or rows as in "
+                "16=64.4"
+            )
+    if rows:
+        found.append(_typed(rows, arguments))
+    return found or list(shipped.values())
+
+
+def _typed(rows: list[str], arguments: argparse.Namespace) -> Source:
+    """Rows of the command line as a source."""
+    from domino_env.lab.measured.source import Source
+    from domino_env.support.models import model_of
+
+    listed = []
+    for word in rows:
+        try:
+            pitch, told = (float(part) for part in word.split("="))
+        except ValueError:
+            raise ValueError(f"'{word}': write PITCH=FREQUENCY, as in 16=64.4") from None
+        doubt = 0.01 * arguments.uncertainty * told
+        listed.append({"x": pitch * 1e-3, "value": told, "uncertainty": doubt})
+    setting = {
+        "thickness": arguments.thickness * 1e-3,
+        "height": arguments.height * 1e-3,
+        "gravity": arguments.gravity,
+        "x_is": "pitch",
+    }
+    return model_of(
+        Source,
+        {
+            "name": "rows",
+            "title": "rows of the command line",
+            "reference": "the command line",
+            "read": "all of it",
+            "method": "as you know",
+            "errors": f"{arguments.uncertainty:g} % each",
+            "unknown": [],
+            "quantity": "frequency",
+            "unit": "1/s",
+            "setting": setting,
+            "rows": listed,
+        },
+    )
