@@ -34,7 +34,9 @@ def test_examples_run(page: Path) -> None:
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda text: text.partition("\n")[0])
 def test_every_optimiser_beats_equal_gaps_as_it_is_written(section: str) -> None:
     warnings.simplefilter("ignore")  # theirs
-    for package in re.findall(r"^(?:from|import) (\w+)", section, re.MULTILINE):
+    for package in re.findall(
+        r"^(?:from|import) (?:optimize\.adapters\.)?(\w+)", section, re.MULTILINE
+    ):
         pytest.importorskip(package, reason=f"needs {package}")
     names: dict[str, object] = {}
     run_examples(SECTIONS[0], names)

@@ -15,16 +15,22 @@ from scipy.optimize import minimize
 
 from optimize.evaluation.budget import Budget
 from optimize.methods.starts import cost, starts
+from optimize.problem import Floats
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """Descend from one start after the other until the budget is spent."""
     for start in starts(budget, rng):
-        minimize(
-            partial(cost, budget),
-            start,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(0.0, 1.0)] * len(start),
-            options={"maxiter": 1000, "ftol": 1e-10, "gtol": 1e-7},
-        )
+        descend(budget, start)
+
+
+def descend(budget: Budget, start: Floats) -> None:
+    """Follow the gradient from one design (n,) to where it ends."""
+    minimize(
+        partial(cost, budget),
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(0.0, 1.0)] * len(start),
+        options={"maxiter": 1000, "ftol": 1e-10, "gtol": 1e-7},
+    )

@@ -1,0 +1,1 @@
+"""Scenes as problems of other frameworks."""
