@@ -12,17 +12,8 @@ from numpy.typing import NDArray
 
 from domino_env.lab.measured.model import row_model, speed_of
 from domino_env.lab.measured.validation import Validation, friction_words
-from domino_env.support.plot_style import (
-    AMBER,
-    BLUE,
-    INK,
-    LEGEND,
-    PALE,
-    RED,
-    escaped,
-    new_panels,
-    write_png,
-)
+from domino_env.support.colours import AMBER, BLUE, INK, PALE, RED
+from domino_env.support.plot_style import LEGEND, escaped, new_panels, write_png
 
 POINTS = 60  # of a line
 WIDEST = 0.97  # [heights] gap that is drawn
