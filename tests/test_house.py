@@ -122,6 +122,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
             "py.typed",
             "best_known.json",
             "scene.schema.json",
+            "uniform.json",
             "assets/*",
             "policies/*/*",
         )

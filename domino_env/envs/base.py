@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
@@ -120,7 +119,7 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
 
     def __init__(self, scene: str | Path | Scene, render_mode: str | None) -> None:
         self.render_mode = checked_render_mode(render_mode)
-        self.scene = shared_scene(scene)
+        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self._all = np.ones(1, np.bool_)
         self._begun = self._over = False
         self._painter: Any = None
@@ -223,16 +222,6 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_painter": None}  # windows stay where they are
-
-
-@lru_cache(maxsize=64)
-def _shared(scene: Scene) -> Scene:
-    return scene  # the first of those that are equal
-
-
-def shared_scene(scene: str | Path | Scene) -> Scene:
-    """Load a scene, the same object for all who ask for equal ones: its baseline is found once."""
-    return _shared(scene if isinstance(scene, Scene) else load_scene(scene))
 
 
 def new_painter(scene: Scene, render_mode: str) -> Any:

@@ -23,8 +23,8 @@ from domino_env.envs.base import (
     checked_options,
     checked_render_mode,
     new_painter,
-    shared_scene,
 )
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 
 RENDER_MODES = ("rgb_array", "ansi")
@@ -64,7 +64,7 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             "render_fps": RENDER_FPS,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.scene = shared_scene(scene)
+        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self._over = np.zeros(self.num_envs, np.bool_)  # rows that the next step begins anew
         self._begun = np.zeros(self.num_envs, np.bool_)
         self._seeds: list[int | None] = [None] * self.num_envs

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,21 +9,23 @@ from numpy.typing import NDArray
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
-from domino_env.scenes.rules import ON_LIST, nearest_of
+from domino_env.scenes.shipped_marks import shipped_point
 from domino_env.scenes.specification import Specification
+from domino_env.scenes.uniform_rows import UniformRows
 from domino_env.support.brief import brief
 from domino_env.support.distinct import distinct_rows
 
 Floats = NDArray[np.float64]
-ScoreBatch = Callable[[Floats, Floats, float, Floats | None], Floats]
 
 GRID_1D, GRID_2D = 1024, 96  # first look at the whole range, per axis
 COARSE_1D, COARSE_2D = 128, 24  # where every look topples hundreds of rows
-KEEP = 6  # places that are looked at again, each time more closely
+KEEP, KEEP_LONG = 6, 2  # places that are looked at again, each time more closely
 FINEST = 1e-9  # [m] where looking closer ends
 FINEST_DRAWN = 1e-7  # the same where rows are drawn at random: the draws are worth no more
-RTOL, RTOL_DRAWN = 1e-11, 1e-8
-LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
+LARGEST_LOOK = 1_100_000  # dominoes of a first look up to which all rows are toppled whole
+COARSELY, FINELY = 1e-8, 1e-12  # how steady the waves of heads are to be
+CLOSE = 1e-5  # [m] from where on finely
+SAME = 1e-9  # largest relative difference between a score by the head and that of the whole row
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ def gain(score: float, other: float) -> float | None:
     return score / other - 1.0 if score > 0.0 and other > 0.0 else None
 
 
-def best_uniform(scene: Specification, score_batch: ScoreBatch) -> Layout:
+def best_uniform(scene: Specification) -> Layout:
     """Find the best layout of one pitch and one thickness within the scene's rules.
 
     The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
@@ -80,12 +81,24 @@ def best_uniform(scene: Specification, score_batch: ScoreBatch) -> Layout:
     and a list of allowed gaps leave no equal pitch, those next to it take turns evenly; where the
     lists leave no such row either, the mark is the best row without the lists.
 
+    Those of the scenes that ship come with the package.
+
     Parameters
     ----------
     scene
         Whose rules they are.
-    score_batch
-        As of `Scene.score_batch`.
+
+    Raises
+    ------
+    ValueError
+        Where the rules leave no uniform row.
+    """
+    point = shipped_point(scene)
+    return _uniform_rows(scene).layout(best_point(scene) if point is None else point)
+
+
+def best_point(scene: Specification) -> Floats:
+    """Find the two numbers (2,) of the best uniform row, as of `UniformRows`.
 
     Raises
     ------
@@ -96,236 +109,79 @@ def best_uniform(scene: Specification, score_batch: ScoreBatch) -> Layout:
     -----
     A grid over all there is to choose, then finer grids around the best places: the speed has
     several peaks, and steps where a wave dies. Where no row is a success, the best of the others.
+    Long rows are scored by their heads, and the best of them is toppled whole; should it score
+    otherwise then, as on ground that is not the same everywhere, all are toppled whole.
     """
+    rows = _uniform_rows(scene)
+    axes = _axes(rows)
+    look = scene.count * len(axes[0]) * len(axes[1])
+    if rows.steady and look > LARGEST_LOOK:
+        point = _search(rows, axes, by_heads=True)
+        by_head, whole = rows.scores_by_heads(point[None], FINELY)[0], rows.scores(point[None])[0]
+        if abs(by_head - whole) <= SAME * abs(whole):
+            return point
+    return _search(rows, axes)
+
+
+def _uniform_rows(scene: Specification) -> UniformRows:
+    """Those that keep the rules; where none does, those that keep all but the lists."""
     try:
-        rows = _Rows(scene, score_batch)
+        return UniformRows(scene)
     except ValueError:
         if scene.stock or not (scene.spacing_values or scene.thickness_values):
             raise
-        without = replace(scene, spacing_values=None, thickness_values=None)
-        return best_uniform(without, score_batch)
-    drawn = scene.criterion.waves_a_score > 1
-    low, high = rows.low, rows.high
-    both = float(np.min(high - low)) > 0.0
-    fine = (COARSE_2D if both else COARSE_1D) if drawn else (GRID_2D if both else GRID_1D)
-    axes = [
+        return UniformRows(replace(scene, spacing_values=None, thickness_values=None))
+
+
+def _axes(rows: UniformRows) -> list[Floats]:
+    """For each of the two numbers, the values of the first look."""
+    both = float(np.min(rows.high - rows.low)) > 0.0
+    fine = (COARSE_2D if both else COARSE_1D) if rows.drawn else (GRID_2D if both else GRID_1D)
+    return [
         np.linspace(a, b, 1 if a == b else fine) if some is None else np.array(some)
-        for a, b, some in zip(low, high, rows.allowed, strict=True)
+        for a, b, some in zip(rows.low, rows.high, rows.allowed, strict=True)
     ]
+
+
+def _search(rows: UniformRows, axes: list[Floats], *, by_heads: bool = False) -> Floats:
+    """The point (2,) of the highest score; by_heads: whether heads are toppled for whole rows."""
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    scores = rows.scores(points)
+    scores = rows.scores_by_heads(points, COARSELY) if by_heads else rows.scores(points)
     first_points, first_scores = points, scores
     # no looking closer along an axis whose values are all on the list
     cell = np.array([
         a[1] - a[0] if len(a) > 1 and some is None else 0.0
         for a, some in zip(axes, rows.allowed, strict=True)
     ])  # fmt: skip
-    while cell.max() > (FINEST_DRAWN if drawn else FINEST):
-        best = points[_apart(points, scores, 2.0 * cell)]
+    keep = KEEP
+    while cell.max() > (FINEST_DRAWN if rows.drawn else FINEST):
+        best = points[_apart(points, scores, 2.0 * cell, keep)]
         offsets = np.linspace(-1.0, 1.0, 9)
         steps = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
         if cell.min() == 0.0:
             steps = distinct_rows(steps * (cell > 0.0))
         fresh = (best[:, None, :] + steps[None] * cell).reshape(-1, 2)
-        fresh = distinct_rows(np.clip(fresh, low, high))
         # the places themselves are among the fresh ones, so the best is never lost
-        points, scores = fresh, rows.scores(fresh)
+        points = distinct_rows(np.clip(fresh, rows.low, rows.high))
+        if by_heads:
+            keep = KEEP_LONG
+            scores = rows.scores_by_heads(points, COARSELY if cell.max() > CLOSE else FINELY)
+        else:
+            scores = rows.scores(points)
         cell = cell / 4.0
-    best = points[[int(np.argmax(scores))]]
     equal = np.flatnonzero(first_scores >= scores.max())
     if len(equal):  # a plateau: its middle, not the edge where a hair more ends the wave
-        best = first_points[[equal[len(equal) // 2]]]
-    spacing, thickness, height = rows.at(best)
-    return scene.layout(spacing[0], thickness[0], None if height is None else height[0])
+        return np.asarray(first_points[equal[len(equal) // 2]])
+    return np.asarray(points[int(np.argmax(scores))])
 
 
-class _Rows:
-    """The uniform rows of a scene by two numbers: gap and thickness.
-
-    In place of the gap the pitch, or gap over height; in place of the thickness the growth.
-    `low`, `high`: (2,) their bounds; `allowed`: for each, the values that are tried, None for any.
-    """
-
-    def __init__(self, scene: Specification, score_batch: ScoreBatch) -> None:
-        self.scene = scene
-        self._score_batch = score_batch
-        pairs = scene.count - 1
-        self.allowed = [scene.spacing_values, scene.thickness_values]
-        first, second = scene.spacing, scene.thickness
-        self.bodies, self.one_pitch = np.zeros(0), False
-        if scene.growth is not None:
-            second = scene.growth
-        if scene.stock is not None:
-            self.bodies = scene.stock.without(scene.first_thickness).dominoes[:pairs]
-            second, self.allowed[1] = (0.0, 0.0), None
-            pitch = first[0] + self.bodies.max(), first[1] + self.bodies.min()
-            wanted = pitch[0] if scene.length is None else scene.length / pairs
-            self.one_pitch = scene.spacing_values is None and pitch[0] <= wanted <= pitch[1]
-            if scene.largest_change is not None and pairs > 1:
-                steepest = float(np.abs(np.diff(self.bodies)).max())
-                self.one_pitch = self.one_pitch and steepest <= scene.largest_change
-            if self.one_pitch:  # the gaps are what the dominoes leave of it
-                first = pitch
-        self.low, self.high = np.array([first, second]).T.copy()
-        self.spread: tuple[float, ...] | None = None
-        if scene.length is not None:
-            self._follow_length(scene.length / pairs)
-        if self.low[0] > self.high[0] + 1e-12 or self.low[1] > self.high[1] + 1e-12:
-            asked = f"{scene.length} m long" if scene.length is not None else "of one pitch"
-            raise ValueError(
-                f"scene '{scene.name}': no uniform row of {scene.count} dominoes is {asked} "
-                f"within spacing {scene.spacing} m and thickness {scene.thickness} m"
-            )
-
-    def _follow_length(self, pitch: float) -> None:
-        """Where a length is to be met, the gap follows from the thickness."""
-        scene = self.scene
-        listed, self.allowed[0] = scene.spacing_values, None
-        if listed and scene.stock is None and self.allowed[1] is None and scene.free_thickness:
-            # a gap of the list and the thickness that it leaves; else two gaps that take turns
-            values, part = np.array(listed), np.linspace(0.0, 1.0, scene.count)
-            mixed = (values[:-1, None] + np.diff(values)[:, None] * part).ravel()
-            for means in (values, mixed):
-                thick = np.sort(pitch - means)
-                thick = thick[(thick >= scene.thickness[0]) & (thick <= scene.thickness[1])]
-                if len(thick):
-                    self.allowed[1] = tuple(float(d) for d in thick)
-                    break
-        self.spread = listed
-        if scene.stock is not None:
-            exact = pitch if self.one_pitch else pitch - float(self.bodies.mean())
-            self.low[0], self.high[0] = max(self.low[0], exact), min(self.high[0], exact)
-            return
-        self.low[1] = max(self.low[1], pitch - scene.spacing[1])
-        self.high[1] = min(self.high[1], pitch - scene.spacing[0])
-        some = self.allowed[1]
-        if some is not None:
-            slack = ON_LIST / len(some)
-            within = [d for d in some if self.low[1] - slack <= d <= self.high[1] + slack]
-            if self.spread is not None:
-                within = [d for d in within if _spread(self._gap(d), self.spread, scene.count - 1)]
-            self.allowed[1] = tuple(within)
-            self.low[1], self.high[1] = (within[0], within[-1]) if within else (1.0, 0.0)
-        if self.low[1] <= self.high[1] + 1e-12:
-            self.low[0] = self.high[0] = pitch - self.low[1]
-
-    def _gap(self, thickness: float) -> float:
-        """The one gap that meets the length."""
-        assert self.scene.length is not None
-        return float(self.scene.length / (self.scene.count - 1) - thickness)
-
-    def at(self, points: Floats) -> tuple[Floats, Floats, Floats | None]:
-        """Gaps, thicknesses and, where they grow, heights of dominoes 1 … N-1, (B, N-1) [m]."""
-        scene = self.scene
-        ones = np.ones(scene.count - 1)
-        first, second = points[:, :1], points[:, 1:]
-        if scene.growth is not None:
-            tall: Floats = np.asarray(scene.height * np.cumprod(second * ones, axis=1))
-            before = np.concatenate([np.full_like(first, scene.height), tall[:, :-1]], axis=1)
-            thick: Floats = scene.thickness[0] * tall
-            gaps: Floats = first * before
-            return gaps, thick, tall
-        if scene.in_heights:
-            scale = scene.height * ones
-            return first * scale, second * scale, None
-        if scene.stock is not None:
-            thick = np.broadcast_to(self.bodies, (len(points), scene.count - 1))
-            if self.one_pitch:
-                return np.clip(first - thick, *scene.spacing), thick, None
-            gaps = first * ones
-        else:
-            thick, gaps = second * ones, first * ones
-            if scene.length is not None:
-                gaps = np.array([self._gap(d) for d in points[:, 1]])[:, None] * ones
-        if self.spread is not None:
-            for b in range(len(gaps)):
-                gaps[b] = self._spread(float(gaps[b, 0]))
-        return gaps, thick, None
-
-    def _spread(self, gap: float) -> Floats:
-        assert self.spread is not None
-        found = _spread(gap, self.spread, self.scene.count - 1)
-        if found is None:
-            raise ValueError(
-                f"scene '{self.scene.name}': gaps of {gap:.9g} m on average meet the length, and "
-                "none on the list add up to it"
-            )
-        return np.array(found)
-
-    def scores(self, points: Floats) -> Floats:
-        """(B,) scores of the rows at points (B, 2)."""
-        scene = self.scene
-        spacing, thickness, height = self.at(points)
-        scores = np.empty(len(points))
-        piece = max(1, LARGEST_BATCH // (scene.count * scene.criterion.waves_a_score))
-        rtol = RTOL if scene.criterion.waves_a_score == 1 else RTOL_DRAWN
-        for i in range(0, len(points), piece):
-            part = slice(i, i + piece)
-            tall = None if height is None else height[part]
-            scores[part] = self._score_batch(spacing[part], thickness[part], rtol, tall)
-        return scores
-
-
-def _spread(gap: float, allowed: tuple[float, ...], pairs: int) -> list[float] | None:
-    """Gaps that are `gap` on average, of the allowed values next to it; None where none are."""
-    values = np.array(allowed)
-    near = float(nearest_of(np.array([gap]), values)[0])
-    if abs(near - gap) * pairs <= ON_LIST:
-        return [near] * pairs
-    above = int(np.searchsorted(values, gap))
-    if 0 < above < len(values):
-        a, b = values[above - 1], values[above]
-        wide = (gap - a) * pairs / (b - a)
-        if abs(wide - round(wide)) * (b - a) <= ON_LIST:
-            turns = np.floor((np.arange(pairs + 1) + 0.5) * round(wide) / pairs)
-            return [float(b if more else a) for more in np.diff(turns)]
-    counts = _nearest_counts(gap, values, pairs)
-    if counts is None:
-        return None
-    # each value as evenly along the row as its number allows
-    places = [((j + 0.5) / n, v) for v, n in zip(values, counts, strict=True) for j in range(n)]
-    return [float(v) for _, v in sorted(places)]
-
-
-def _nearest_counts(gap: float, values: Floats, pairs: int) -> list[int] | None:
-    """How often each value, for `pairs` of them to be `gap` on average and least far from it.
-
-    A dynamic programme over the sum; None where nothing adds up.
-    """
-    rise = np.round((values - values[0]) / ON_LIST).astype(np.int64)
-    unit = int(np.gcd.reduce(rise)) or 1
-    exact = (gap - values[0]) * pairs / (unit * ON_LIST)
-    total = int(round(exact))
-    if total < 0 or abs(exact - total) * unit > 1.0:
-        return None
-    steps, price = rise // unit, (values - gap) ** 2
-    cost = np.full(total + 1, np.inf)
-    cost[0] = 0.0
-    chosen = np.zeros((pairs, total + 1), dtype=np.int32)
-    for i in range(pairs):
-        after = np.full(total + 1, np.inf)
-        for k in np.flatnonzero(steps <= total):
-            found = cost[: total + 1 - steps[k]] + price[k]
-            better = np.flatnonzero(found < after[steps[k] :]) + steps[k]
-            after[better], chosen[i, better] = found[better - steps[k]], k
-        cost = after
-    if not np.isfinite(cost[total]):
-        return None
-    counts = [0] * len(values)
-    for i in range(pairs - 1, -1, -1):
-        last = int(chosen[i, total])
-        counts[last] += 1
-        total -= int(steps[last])
-    return counts
-
-
-def _apart(points: Floats, scores: Floats, distance: Floats) -> list[int]:
-    """Indices of the best points that are no neighbours of a better one."""
+def _apart(points: Floats, scores: Floats, distance: Floats, keep: int) -> list[int]:
+    """Indices of the `keep` best points that are no neighbours of a better one."""
     chosen: list[int] = []
     for i in np.argsort(-scores, kind="stable"):
         gap = np.abs(points[chosen] - points[i])
         if not np.any(np.all(gap <= distance, axis=1)):
             chosen.append(int(i))
-        if len(chosen) == KEEP:
+        if len(chosen) == keep:
             break
     return chosen

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,15 +219,20 @@ class Scene(Specification):
         )
 
     def uniform(self) -> UniformMark:
-        """Find the best uniform row within the scene's rules; found once, kept."""
+        """Find the best uniform row within the scene's rules; found once for all equal scenes."""
         return self._uniform
 
     @cached_property
     def _uniform(self) -> UniformMark:
-        layout = best_uniform(self, self.score_batch)
-        wave = self.simulate(layout)
-        return UniformMark(layout, wave, self.score_wave(wave))
+        return _mark(self)  # kept here too, so that it goes along to other processes
 
     def to_toml(self) -> str:
         """Write the scene as the text of a file that `load_scene` reads."""
         return to_toml(self)
+
+
+@lru_cache(maxsize=32)
+def _mark(scene: Scene) -> UniformMark:
+    layout = best_uniform(scene)
+    wave = scene.simulate(layout)
+    return UniformMark(layout, wave, scene.score_wave(wave))

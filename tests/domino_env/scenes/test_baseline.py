@@ -1,0 +1,84 @@
+"""The best uniform row: of scenes that ship, as it comes with the package, and of long rows."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.scenes import baseline, shipped_marks
+from domino_env.scenes.baseline import best_point
+from domino_env.scenes.files.marks import PATH
+from domino_env.scenes.limits import Limits
+from domino_env.scenes.uniform_rows import UniformRows
+
+
+def test_every_mark_that_ships_is_of_the_scene_as_it_is_and_no_neighbour_beats_it() -> None:
+    kept = json.loads(Path(PATH).read_text("utf-8"))
+    assert sorted(kept) == de.scene_names(), "run `python -m domino_env.scenes.files.marks`"
+    for name in kept:
+        scene = de.load_scene(name)
+        point = shipped_marks.shipped_point(scene)
+        assert point is not None, f"{name}: run `python -m domino_env.scenes.files.marks`"
+        rows, random = UniformRows(scene), np.random.default_rng(7)
+        drawn = scene.waves_a_score > 1
+        near = point + 10.0 ** random.uniform(-6, -3, (6, 1)) * random.choice([-1.0, 1.0], (6, 2))
+        far = random.uniform(rows.low, rows.high, (4 if drawn else 20, 2))
+        others = np.clip(np.concatenate([near, far]), rows.low, rows.high)
+        scores = rows.scores(np.concatenate([point[None], others]))
+        assert scores[1:].max() <= scores[0] * (1.0 + 1e-9), name
+
+
+def test_a_mark_that_is_read_is_the_one_that_is_found_to_the_bit() -> None:
+    for name in ("sprint", "stock", "course"):
+        scene = de.load_scene(name)
+        assert best_point(scene).tolist() == shipped_marks.shipped_point(scene).tolist()
+
+
+def test_a_scene_that_asks_otherwise_reads_no_mark() -> None:
+    scene = de.load_scene("sprint")
+    renamed = replace(scene, name="mine", title="the same under another name")
+    assert shipped_marks.shipped_point(renamed) is not None
+    for changed in ({"count": 41}, {"spacing": (0.002, 0.041)}, {"limits": Limits(0.1)}):
+        assert shipped_marks.shipped_point(replace(scene, **changed)) is None
+
+
+def test_equal_scenes_share_their_mark() -> None:
+    one, other = (replace(de.load_scene("sprint"), count=9, name="own") for _ in range(2))
+    assert one is not other
+    assert one.uniform() is other.uniform()
+
+
+LONG = {
+    "speed": {},
+    "tempo": {"objective": "tempo", "settings": de.Tempo(first=30.0, last=45.0)},
+    "length": {"length": 3.2, "thickness": (0.005, 0.010)},
+    "dying": {"physics": de.Physics(friction=0.25, push=0.5)},
+    "limited": {"limits": Limits(stall_margin=0.3)},
+    "list": {"spacing_values": tuple(1e-3 * np.arange(2, 40))},
+    "toppled": {"objective": "toppled"},
+}
+
+
+@pytest.mark.parametrize("asked", LONG.values(), ids=LONG)
+def test_long_rows_have_the_same_mark_by_their_heads_as_whole(asked, monkeypatch) -> None:
+    monkeypatch.setattr(baseline, "GRID_1D", 20)
+    scene = replace(de.load_scene("marathon"), count=160, **asked)
+    monkeypatch.setattr(baseline, "LARGEST_LOOK", np.inf)
+    whole = best_point(scene)
+    monkeypatch.setattr(baseline, "LARGEST_LOOK", 0)
+    monkeypatch.setattr(UniformRows, "scores", _once(UniformRows.scores))
+    by_heads = best_point(scene)
+    assert by_heads == pytest.approx(whole, abs=2e-8)
+
+
+def _once(scores):
+    """Whole rows are toppled for one point only, the check at the end."""
+
+    def checked(rows, points):
+        assert len(points) == 1
+        return scores(rows, points)
+
+    return checked
