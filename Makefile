@@ -20,7 +20,7 @@ help:
 	@echo "make clean  remove the virtual environment and caches"
 
 run: $(VENV)/.core
-	$(BIN)/domino optimize $(SCENE) $(OPTIMIZE_FLAGS) --out $(OUT)
+	$(BIN)/domino optimize $(SCENE) $(OPTIMIZE_FLAGS) --out $(OUT) --resume
 
 # Files as wholes: what a file sets up once, a cluster say, is set up once.
 test: $(VENV)/.dev

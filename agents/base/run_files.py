@@ -7,6 +7,8 @@ checkpoint.pt   all that going on needs (no pickled code)
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,6 +19,7 @@ from domino_env.support.reading import naming, read_json
 
 CONFIG, PROGRESS, POLICY = "config.json", "progress.csv", "policy.npz"
 SUMMARY, CHECKPOINT = "summary.json", "checkpoint.pt"
+FILES = (CONFIG, PROGRESS, POLICY, SUMMARY, CHECKPOINT)
 
 Seed = Annotated[int, Meta(ge=0, le=2**32 - 1)]
 Count = Annotated[int, Meta(ge=0, le=10**15)]
@@ -42,10 +45,24 @@ class SummaryDocument(Document):
     seconds: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
 
 
-def require_new(folder: Path) -> None:
-    """Raise ValueError for a folder that holds anything, another run above all."""
-    if (folder / CONFIG).exists() or (folder.is_dir() and any(folder.iterdir())):
-        raise ValueError(f"{folder} is not empty: name another folder, or go on with --resume")
+@contextmanager
+def sole_writer(folder: Path) -> Iterator[None]:
+    """Keep a folder to one training at a time; who dies lets go of it, however that came.
+
+    Raises
+    ------
+    ValueError
+        Where another one runs in it.
+    """
+    from filelock import FileLock, Timeout
+
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(folder / ".lock", timeout=0.0)
+    try:
+        with lock:
+            yield
+    except Timeout:
+        raise ValueError(f"{folder} is being written by a training that still runs") from None
 
 
 def require_begun(folder: Path) -> None:
@@ -53,7 +70,7 @@ def require_begun(folder: Path) -> None:
     if not (folder / CONFIG).exists():
         raise ValueError(
             f"{folder} holds no training that had begun, so there is nothing to go on from: train "
-            "without --resume, into another folder if this one is not empty"
+            "without --resume, into another folder if this one holds files of a run"
         )
 
 

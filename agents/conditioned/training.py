@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from agents.base.requirements import require_learning
 from agents.base.run_files import (
     CONFIG,
+    FILES,
     POLICY,
     Count,
     ProgressDocument,
     Seed,
     require_begun,
-    require_new,
+    sole_writer,
 )
 from agents.base.training import Training, TrainingRun
 from agents.conditioned.distribution import SceneDistribution
@@ -31,7 +32,7 @@ from agents.conditioned.policy import ALGORITHM, ConditionedPolicy
 from agents.conditioned.preset import EXAMPLES_SEED, ConditionedPreset
 from domino_env import Scene
 from domino_env.support.brief import brief
-from domino_env.support.files import write_bytes
+from domino_env.support.files import require_none, write_bytes
 from domino_env.support.models import Document, model_of
 from domino_env.support.reading import naming, read_json
 
@@ -135,13 +136,14 @@ def train_conditioned(
     if resume:
         seed, preset, distribution = _as_begun(home)
     else:
-        require_new(home)
+        require_none(home, FILES)
     kept = Path(examples) if examples is not None else home / "examples.npz"
     training = ConditionedTraining(
         preset or ConditionedPreset(), distribution or SceneDistribution(), seed, home, kept,
         progress,
     )  # fmt: skip
-    return training.result(training.run(resume))
+    with sole_writer(home):
+        return training.result(training.run(resume))
 
 
 class ConditionedTraining(Training[ConditionedProgressDocument]):

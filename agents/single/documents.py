@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
+from agents.base import run_files
 from agents.base.run_files import CONFIG, ProgressDocument, Score, Seed
 from agents.sb3.presets import ALGORITHMS, Preset
 from domino_env.support.models import Document, model_of
 from domino_env.support.reading import naming, read_json
 
 SCENE, BUILT = "scene.toml", "policy.json"
+FILES = (*run_files.FILES, SCENE, BUILT, "layout.csv", "layout.json", "result.png")
 OPTIONS = (
     "alive_bonus_offset", "batch_size", "buffer_size", "clip_range", "clip_range_vf", "delta_std",
     "ent_coef", "gae_lambda", "gamma", "gradient_steps", "learning_starts", "max_grad_norm",

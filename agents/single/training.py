@@ -15,14 +15,14 @@ import numpy as np
 
 from agents.base.building import build
 from agents.base.requirements import require_learning
-from agents.base.run_files import POLICY, require_begun, require_new
+from agents.base.run_files import POLICY, require_begun, sole_writer
 from agents.base.training import Training
 from agents.sb3.presets import ALGORITHMS, Preset, preset
-from agents.single.documents import BUILT, SCENE, SceneProgressDocument, read_config
+from agents.single.documents import BUILT, FILES, SCENE, SceneProgressDocument, read_config
 from agents.single.policy import ScenePolicy
 from agents.single.result import Run
 from domino_env import Layout, Scene, load_scene
-from domino_env.support.files import write_text
+from domino_env.support.files import require_none, write_text
 from domino_env.support.models import model_of
 
 if TYPE_CHECKING:
@@ -86,8 +86,8 @@ def train(
     ImportError
         Where the extra "rl" is missing.
     ValueError
-        For an unknown algorithm or scene, for a folder that holds another run, and for nothing to
-        go on from.
+        For an unknown algorithm or scene, for a folder that holds another run or in which one
+        still runs, and for nothing to go on from.
     """
     if algorithm not in ALGORITHMS:
         raise ValueError(f"there is no algorithm '{algorithm}': choose {', '.join(ALGORITHMS)}")
@@ -99,16 +99,17 @@ def train(
     if resume:
         target, algorithm, seed, plan, steps = _as_begun(home)
     else:
-        require_new(home)
+        require_none(home, FILES)
     if warm_start is not None and algorithm != "ppo":
         raise ValueError(f"a warm start is PPO's, not {algorithm}'s: leave one of the two out")
     plan = plan or preset(algorithm, target.count - 1, warm=warm_start is not None)
     state = np.random.get_state()  # noqa: NPY002 - the learner draws from the global stream
     try:
-        training = SceneTraining(
-            target, algorithm, plan, steps or plan.steps, seed, home, progress, warm_start
-        )
-        return training.result(training.run(resume))
+        with sole_writer(home):
+            training = SceneTraining(
+                target, algorithm, plan, steps or plan.steps, seed, home, progress, warm_start
+            )
+            return training.result(training.run(resume))
     finally:
         np.random.set_state(state)  # noqa: NPY002
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -26,6 +26,23 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 text whole."""
     write_bytes(path, lambda file: file.write(text.encode()))
+
+
+def require_none(folder: Path, names: Iterable[str]) -> None:
+    """Refuse a folder for a new run that holds a file by one of its names, an earlier run's or not.
+
+    Other files, such as notes, may be there.
+
+    Raises
+    ------
+    ValueError
+        With the name, and what to do.
+    """
+    taken = next((name for name in names if (folder / name).exists()), None)
+    if taken is not None:
+        raise ValueError(
+            f"{folder} holds {taken} already: go on with --resume, or name another folder"
+        )
 
 
 def require_room(folder: Path) -> None:

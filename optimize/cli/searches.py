@@ -2,9 +2,9 @@
 
 SCENE is the name of a scene that ships (sprint, course, …) or the path of a TOML file.  The folder
 of the run holds the scene, the best row (CSV and JSON), the trace of the search, a summary and a
-picture; an earlier run there is replaced.  Ctrl-C ends the search and writes the best so far;
---resume goes on from there, after a kill too, or further with a larger budget, and comes to what an
-undisturbed search would have.
+picture; one that holds a run already is refused.  Ctrl-C ends the search and writes the best so
+far; --resume goes on from there, after a kill too, or further with a larger budget, and comes to
+what an undisturbed search would have.
 """
 
 from __future__ import annotations

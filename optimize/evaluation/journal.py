@@ -309,7 +309,7 @@ class Journal:
             raise self._refused("is damaged") from None
 
     def _refused(self, why: str) -> ValueError:
-        return ValueError(f"{self.path} {why}: begin anew, without --resume")
+        return ValueError(f"{self.path} {why}: begin anew in another folder, without --resume")
 
 
 def _digest(question: tuple[object, Floats]) -> int:

@@ -20,31 +20,45 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from domino_env.chain.layout import Layout
+from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.support.files import require_room, write_text
+from domino_env.support.files import require_none, require_room, write_text
+from domino_env.support.models import Document, model_of
 from domino_env.support.provenance import versions
+from domino_env.support.reading import naming, read_json
 from domino_env.support.tables import write_csv
 from optimize.evaluation.budget import Budget, Step
 from optimize.evaluation.result import SearchResult
 
 PAUSE = 2.0  # [s] between two savings of the best so far
-SUMMARY = "summary.json"
-FILES = ("scene.toml", "layout.csv", "layout.json", "trace.csv", SUMMARY, "result.png")
+SCENE, SUMMARY = "scene.toml", "summary.json"
+FILES = (SCENE, "layout.csv", "layout.json", "trace.csv", SUMMARY, "result.png")
 JOURNAL = "journal.sqlite"
 OLD_JOURNAL = "journal.bin"  # of version 0.1.0
 STAGE = ".new-"  # how the folder begins in which files wait for each other
-# what other commands make of a run, and would be stale beside the next one
-DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav", OLD_JOURNAL)
+# what other commands make of a run, and would be stale once it has gone on
+DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav")
+
+
+class SummaryDocument(Document):
+    """What is read of the summary of a run that goes on."""
+
+    method: str
+    seed: int
+    evaluations: Annotated[int, Meta(ge=0)] = 0
 
 
 class RunFolder:
     """The folder of one run.
 
-    A new or empty folder, or that of an earlier run, whose files are replaced once this one has
-    something to keep, all at once: a full disk leaves the earlier ones as they are.
+    It may hold other files, but none by the name of one of a run's, unless that run goes on: then
+    they are replaced once there is something to keep that has come as far, all at once. A full disk
+    leaves the earlier ones as they are.
 
     Parameters
     ----------
@@ -54,6 +68,8 @@ class RunFolder:
         Of the search, as of `optimize.search`.
     resume
         Go on with the run that is there, if there is one.
+    evaluations
+        Budget of the search; None where there is no such limit.
 
     Attributes
     ----------
@@ -63,13 +79,14 @@ class RunFolder:
     Raises
     ------
     ValueError
-        Before any time is spent: for a folder that holds anything else or that cannot be written,
-        and, with `resume`, for the journal of version 0.1.0.
+        Before any time is spent: for a folder that holds another run or that cannot be written,
+        and, with `resume`, for a smaller budget than is spent, and the journal of version 0.1.0.
     """
 
     def __init__(
-        self, path: Path, scene: Scene, method: str, seed: int, *, resume: bool = False
-    ) -> None:
+        self, path: Path, scene: Scene, method: str, seed: int, *, resume: bool = False,
+        evaluations: int | None = None,
+    ) -> None:  # fmt: skip
         self.path = path
         self.scene = scene
         self.method = method
@@ -79,14 +96,21 @@ class RunFolder:
         self._begun = False
         if path.exists() and not path.is_dir():
             raise ValueError(f"{path} is a file: name a folder for the run")
-        if path.is_dir():
-            _require_a_run(path)
-        require_room(path)
         self.journal = path / JOURNAL
+        self._resume = resume
+        self._before = self._spent_before() if resume else 0
+        if not resume:
+            require_none(path, FILES)
+        elif evaluations is not None and evaluations < self._before:
+            raise ValueError(
+                f"{path} holds a search that has spent {self._before} evaluations: give more than "
+                f"{evaluations} to go on with it"
+            )
+        require_room(path)
         if resume and (path / OLD_JOURNAL).exists() and not self.journal.exists():
             raise ValueError(
                 f"{path / OLD_JOURNAL} was written by version 0.1.0, and only that can go on with "
-                "its search: begin anew, without --resume"
+                "its search: begin anew in another folder, without --resume"
             )
 
     def save(self, budget: Budget) -> None:
@@ -96,7 +120,7 @@ class RunFolder:
         """
         if budget.best_score == self._score or time.monotonic() - self._saved < PAUSE:
             return
-        if budget.replaying:  # what is here is better
+        if budget.replaying or budget.spent < self._before:  # what is here is better
             return
         self._saved, self._score = time.monotonic(), budget.best_score
         # a full disk now may have room at the end, and must not cost the search
@@ -123,10 +147,21 @@ class RunFolder:
         Raises
         ------
         ValueError
-            Where that cannot be; what was there before is intact then.
+            Where that cannot be, or where the search did not come as far as the one that it went on
+            with; what was there before is intact then.
+        KeyboardInterrupt
+            Where it was interrupted before it came as far.
         """
         from optimize.searching.picture import draw
 
+        if result.evaluations < self._before:
+            said = (
+                f"{self.path} holds more of this search, {self._before} evaluations, than "
+                f"{result.evaluations} of them: what is there stays"
+            )
+            if result.interrupted:
+                raise KeyboardInterrupt(f"interrupted: {said}")
+            raise ValueError(f"{said}; give more time to go on")
         try:
             with self._together() as stage:
                 self._keep(stage, result.layout, result.trace, result.slopes)
@@ -142,15 +177,15 @@ class RunFolder:
     def _together(self) -> Iterator[Path]:
         """A folder to write into, all of whose files then replace those of the run.
 
-        The first time, all of an earlier run go: none of it passes for a file of this one.
+        The first time, all that there was of the run goes: none of it passes for the newer.
         """
         stage = self.path / f"{STAGE}{os.getpid()}-{secrets.token_hex(4)}"
         try:
             stage.mkdir(parents=True)
             yield stage
             if not self._begun:
-                write_text(stage / "scene.toml", self.scene.to_toml())
-                for name in (*FILES, *DERIVED):
+                write_text(stage / SCENE, self.scene.to_toml())
+                for name in (*FILES, *DERIVED) if self._resume else ():
                     (self.path / name).unlink(missing_ok=True)
                 for left in self.path.glob(f"{STAGE}*"):  # by a run that was killed
                     if left != stage:
@@ -174,22 +209,28 @@ class RunFolder:
         )
         write_csv(stage / "trace.csv", names, rows)
 
+    def _spent_before(self) -> int:
+        """The evaluations of the run that is there; 0 where there is none.
+
+        A journal knows itself of which search it is.
+        """
+        path = self.path / SUMMARY
+        if not path.exists():
+            return 0
+        with naming(path):
+            found = model_of(SummaryDocument, read_json(path))
+        if not self.journal.exists():
+            ours = self.method, self.seed
+            if (found.method, found.seed) != ours or load_scene(self.path / SCENE) != self.scene:
+                raise ValueError(
+                    f"{self.path} holds a run of another search ({found.method}, seed "
+                    f"{found.seed}): name another folder"
+                )
+        return found.evaluations
+
     def _summarise(self, stage: Path, document: dict[str, Any]) -> None:
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
         write_text(stage / SUMMARY, text + "\n")
-
-
-def _require_a_run(path: Path) -> None:
-    """Refuse a folder whose files are not all those of an earlier run."""
-    names = sorted(f.name for f in path.iterdir() if not f.name.startswith("."))
-    # with those that a kill leaves beside it
-    journals = [name for name in names if name.startswith(JOURNAL) or name == OLD_JOURNAL]
-    others = [name for name in names if name not in (*FILES, *DERIVED, *journals)]
-    # one that was killed at its very beginning has nothing but a journal
-    if names and (others or not (journals or SUMMARY in names)):
-        raise ValueError(
-            f"{path} holds {(others or names)[0]} and is no run's folder: name another one"
-        )
 
 
 def summary(result: SearchResult) -> dict[str, Any]:

@@ -87,8 +87,8 @@ def search(
     ------
     ValueError
         For an unknown method or scene, a method that asks for no score, a budget that is not
-        positive, a folder that holds something else or, with resume, another search, a result that
-        cannot be written, or a scene that leaves nothing free.
+        positive, a folder that holds a run already or, with resume, another search or more of this
+        one, a result that cannot be written, or a scene that leaves nothing free.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
@@ -108,7 +108,7 @@ def search(
     interrupted = False
     with ExitStack() as stack:
         if folder is not None:
-            files = RunFolder(Path(folder), scene, method, seed, resume=resume)
+            files = RunFolder(Path(folder), scene, method, seed, resume=resume, evaluations=budget)
             journal = Journal(files.journal, scene, method, seed, versions(), resume=resume)
         recorder = stack.enter_context(Recorder(problem, journal, executor))
         uniform = scene.uniform()

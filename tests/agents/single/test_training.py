@@ -156,14 +156,19 @@ def test_going_on_reaches_what_an_undisturbed_run_does(small, tmp_path: Path, mo
     def cut(self) -> None:
         kept(self)
         count[0] += 1
+        if count[0] == 4:
+            with pytest.raises(ValueError, match="is being written by a training that still runs"):
+                train(small, "ppo", folder=tmp_path / "cut", resume=True)
         if count[0] == 6:
             raise RuntimeError("the power fails")
 
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "cut" / "notes.txt").write_text("mine")
     monkeypatch.setattr(training.SceneTraining, "checkpoint", cut)
     with pytest.raises(RuntimeError, match="the power fails"):
         train(small, "ppo", seed=5, folder=tmp_path / "cut", plan=plan)
     monkeypatch.setattr(training.SceneTraining, "checkpoint", kept)
-    with pytest.raises(ValueError, match="is not empty"):
+    with pytest.raises(ValueError, match=r"holds .* already: go on with --resume"):
         train(small, "ppo", seed=5, folder=tmp_path / "cut", plan=plan)
     resumed = train(small, "ppo", folder=tmp_path / "cut", resume=True)
     assert resumed.steps == whole.steps

@@ -87,7 +87,7 @@ def test_rows_that_die_are_told(capsys, scenes, tmp_path: Path) -> None:
     (["sprint", "--evaluations", "0"], "budget = 0: give at least one evaluation"),
     (["sprint", "--seconds", "-1"], "seconds = -1.0: give a time of more than 0 s"),
     (["sprint", "--seed", "-1"], "seed = -1: give a whole number"),
-    (["sprint", "--out", "."], "and is no run's folder: name another one"),
+    (["sprint", "--out", "notes.txt"], "notes.txt is a file: name a folder"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said_in_one_line(capsys, monkeypatch, tmp_path, words, message) -> None:
     monkeypatch.chdir(tmp_path)

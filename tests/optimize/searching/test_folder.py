@@ -1,4 +1,4 @@
-"""A run's folder: whole files, an earlier run's only replaced by something, others' never."""
+"""A run's folder: whole files, and what is there replaced by nothing that is less."""
 
 from __future__ import annotations
 
@@ -81,48 +81,52 @@ def test_a_row_that_dies_is_written_too(scenes, tmp_path: Path) -> None:
     assert summary["outcome"] == "STALLED"
 
 
-def test_an_earlier_run_is_replaced(scenes, tmp_path: Path) -> None:
-    search(scenes["spacing"], "random", budget=10, folder=tmp_path)
-    first = files(tmp_path)
-    search(scenes["both"], "random", budget=10, folder=tmp_path)
-    second = files(tmp_path)
-    assert sorted(first) == sorted(second)
-    assert all(first[name] != second[name] for name in FILES)
-
-
-def test_an_earlier_run_stays_until_there_is_something_to_replace_it(
-    scenes, monkeypatch, tmp_path: Path
-) -> None:
-    search(scenes["spacing"], "random", budget=10, folder=tmp_path)
-    first = files(tmp_path)
-    with pytest.raises(ValueError, match="no method"):
-        search(scenes["both"], "rnadom", folder=tmp_path)
-
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Budget, "scores", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        search(scenes["both"], "random", budget=10, folder=tmp_path)
-    assert files(tmp_path) == first
-
-
-@pytest.mark.parametrize("name", ["notes.txt", "layout.csv", "scene.toml", "result.png"])
-def test_what_is_not_a_run_is_left_alone(scenes, monkeypatch, tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["layout.csv", "scene.toml", "summary.json", "result.png"])
+def test_no_file_is_replaced_by_a_new_run(scenes, monkeypatch, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("mine")
     monkeypatch.setattr(Budget, "scores", lambda *_: pytest.fail("time was spent"))
-    with pytest.raises(ValueError, match=f"holds {name} and is no run's folder: name another one"):
+    with pytest.raises(ValueError, match=f"holds {name} already: go on with --resume, or name an"):
         search(scenes["spacing"], "random", budget=10, folder=tmp_path)
     assert files(tmp_path) == {name: b"mine"}
 
 
-def test_a_run_beside_something_else_is_left_alone(scenes, tmp_path: Path) -> None:
+def test_other_files_are_left_alone(scenes, tmp_path: Path) -> None:
+    for name in ("notes.txt", *DERIVED):  # some of them another program's then
+        (tmp_path / name).write_text("mine")
     search(scenes["spacing"], "random", budget=10, folder=tmp_path)
-    (tmp_path / "notes.txt").write_text("mine")
+    assert all((tmp_path / name).read_text() == "mine" for name in DERIVED)
+    search(scenes["spacing"], "random", budget=20, folder=tmp_path, resume=True)
+    assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL, "notes.txt"))  # those were stale
+
+
+def test_a_smaller_budget_replaces_no_better_row(scenes, monkeypatch, tmp_path: Path) -> None:
+    search(scenes["spacing"], "random", budget=600, folder=tmp_path)
     before = files(tmp_path)
-    with pytest.raises(ValueError, match=r"holds notes\.txt"):
-        search(scenes["spacing"], "random", budget=10, folder=tmp_path)
-    assert files(tmp_path) == before
+    with pytest.raises(ValueError, match="has spent 600 evaluations: give more than 20 to go on"):
+        search(scenes["spacing"], "random", budget=20, folder=tmp_path, resume=True)
+    words = scenes["spacing"], "random"
+    with pytest.raises(ValueError, match="holds more of this search, 600 evaluations, than"):
+        search(*words, seconds=1e-9, folder=tmp_path, resume=True)
+
+    def interrupted(_: Budget) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="what is there stays"):
+        search(*words, budget=700, folder=tmp_path, resume=True, watch=interrupted)
+    (tmp_path / JOURNAL).unlink()  # one that grew too large goes
+    with pytest.raises(KeyboardInterrupt, match="what is there stays"):
+        search(*words, budget=700, folder=tmp_path, resume=True, watch=interrupted)
+    (tmp_path / JOURNAL).write_bytes(before[JOURNAL])
+    after = files(tmp_path)
+    assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}
+
+
+def test_a_run_of_another_search_that_has_no_journal_is_refused(scenes, tmp_path: Path) -> None:
+    search(scenes["spacing"], "random", budget=10, folder=tmp_path)
+    (tmp_path / JOURNAL).unlink()
+    for scene, seed in ((scenes["spacing"], 1), (scenes["both"], 0)):
+        with pytest.raises(ValueError, match=r"another search \(random, seed 0\): name another"):
+            search(scene, "random", budget=10, seed=seed, folder=tmp_path, resume=True)
 
 
 def test_a_place_that_cannot_be_written_is_told_first(scenes, monkeypatch, tmp_path: Path) -> None:
@@ -146,10 +150,9 @@ def test_the_best_so_far_is_on_disk_while_the_search_runs(
         assert not summary["finished"]
         assert summary["score"] == budget.best_score == trace_of(tmp_path)[-1][3]
         assert scenes["both"].score(layout) == pytest.approx(budget.best_score, abs=2e-6)
-        assert not (tmp_path / "result.png").exists()  # none of an earlier run either
+        assert not (tmp_path / "result.png").exists()
         seen.append(budget.best_score)
 
-    search(scenes["spacing"], "random", budget=10, folder=tmp_path)
     search(scenes["both"], "cma", budget=300, folder=tmp_path, watch=look)
     assert len(set(seen)) > 3
 
@@ -235,11 +238,3 @@ def test_ctrl_c_writes_the_best_so_far(tmp_path: Path) -> None:
     assert summary["interrupted"]
     scene = de.load_scene("sprint")
     assert summary["score"] == scene.score(de.Layout.read(folder / "layout.csv"))
-
-
-def test_what_was_made_of_an_earlier_run_goes_with_it(scenes, tmp_path: Path) -> None:
-    search(scenes["spacing"], "random", budget=20, folder=tmp_path)
-    for name in DERIVED:
-        (tmp_path / name).write_text("of the earlier run")
-    search(scenes["spacing"], "random", budget=20, seed=1, folder=tmp_path)
-    assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL))
