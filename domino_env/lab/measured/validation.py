@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from domino_env.lab.measured.comparison import MOST, Comparison, compare
-from domino_env.lab.measured.effects import EFFECTS
+from domino_env.lab.measured.effects import EFFECTS, Effect
 from domino_env.lab.measured.source import Source
 
 CLEARLY = 1.0  # standard uncertainties that both ends of a trend have to be off
@@ -43,22 +43,30 @@ class Validation:
     verdict: tuple[str, ...]
 
 
-def validate(source: Source) -> Validation:
-    """Compare a source with the model, in its own setting, other readings, with each effect."""
+def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validation:
+    """Compare a source with the model, in its own setting, other readings, with each effect.
+
+    Parameters
+    ----------
+    source
+        What was measured.
+    effects
+        What the model leaves out, by its words.
+    """
     main = compare(source, source.setting)
     readings = tuple(compare(source, i.of(source.setting), i.what) for i in source.instead)
     several = [r for r in readings if len(r.left_out) > 1]  # one spacing always has its friction
-    effects = tuple(_with_effect(source, main, what) for what in EFFECTS)
+    tried = tuple(_with_effect(source, main, what, effects[what]) for what in effects)
     agrees = _friction_off(source, main) <= MOST
     sentences = [_fit(main), _measured_friction(source, main), *_pattern(source, main)]
-    sentences += [_others(main, several), _span(main, several), _helps(main, effects)]
+    sentences += [_others(main, several), _span(main, several), _helps(main, tried)]
     verdict = tuple(s for s in sentences if s)
-    return Validation(source, main, readings, effects, main.holds and agrees, verdict)
+    return Validation(source, main, readings, tried, main.holds and agrees, verdict)
 
 
-def _with_effect(source: Source, main: Comparison, what: str) -> Comparison:
+def _with_effect(source: Source, main: Comparison, what: str, effect: Effect) -> Comparison:
     """The source's own setting with an effect, as large as it is at the friction found."""
-    setting, effect = main.setting, EFFECTS[what]
+    setting = main.setting
     factors = [effect(setting, setting.pitch(row.x), main.friction) for row in main.rows]
     return compare(source, setting, what, factors)
 
@@ -127,8 +135,7 @@ def _pattern(source: Source, main: Comparison) -> list[str]:
     if beyond:
         reasons.append(
             f"At {place(main, min(beyond))} the row is faster than the model without any friction: "
-            "the model loses too much at the hits there (it lets nothing bounce), or the time or "
-            "the gap is not what is told."
+            "the model loses too much there, or the time or the gap is not what is told."
         )
     ends = sorted(zip((r.x for r in main.rows), ahead, strict=True))
     narrow, wide = ends[0][1], ends[-1][1]
@@ -152,7 +159,7 @@ def _pattern(source: Source, main: Comparison) -> list[str]:
 
 def _helps(main: Comparison, effects: Sequence[Comparison]) -> str:
     """Which of what the model leaves out brings it nearer to the rows."""
-    if main.holds:
+    if main.holds or not effects:
         return ""
     best = min(effects, key=lambda e: e.worst)
     if not best.worst < HELPFUL * main.worst:

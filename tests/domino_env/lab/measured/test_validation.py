@@ -84,22 +84,22 @@ def test_the_uncertainty_of_a_spacing_counts() -> None:
 
 def test_verdicts_say_what_is_wrong() -> None:
     source = SOURCES["toronto"]
-    right = validate(synthetic(source, 0.2))
+    right = validate(synthetic(source, 0.2), {})
     assert right.explained
     assert right.verdict[0].startswith("Explained: with friction 0.200")
-    fast = validate(synthetic(source, 0.0, 1.2))
+    fast = validate(synthetic(source, 0.0, 1.2), {})
     assert not fast.explained
     assert fast.main.friction == 0.0
     assert "faster than the model without any friction" in " ".join(fast.verdict)
     rough = msgspec.structs.replace(
         synthetic(SOURCES["chapman"], 0.6), friction=SOURCES["chapman"].friction
     )
-    assert not validate(rough).explained
-    assert "which disagrees" in " ".join(validate(rough).verdict)
+    assert not validate(rough, {}).explained
+    assert "which disagrees" in " ".join(validate(rough, {}).verdict)
 
 
 def test_mclachlans_abscissa_is_the_gap_rather_than_the_pitch() -> None:
-    validation = validate(SOURCES["mclachlan"])
+    validation = validate(SOURCES["mclachlan"], {})
     (pitch,) = (r for r in validation.readings if r.setting.x_is == "pitch")
     assert validation.main.setting.x_is == "gap"
     assert validation.main.square < pitch.square
