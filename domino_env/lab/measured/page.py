@@ -39,14 +39,6 @@ NOT_USED = (
 )
 
 
-def spacing(comparison: Comparison, x: float) -> str:
-    """A spacing as its source tells it."""
-    setting = comparison.setting
-    if setting.x_unit == "m":
-        return f"{1e3 * x:.4g} mm"
-    return f"{x:.4g} {setting.x_unit}"
-
-
 def row_cells(comparison: Comparison) -> list[tuple[str, ...]]:
     """A line of a table for each row, under `ROWS`."""
     foretold = {left.x: left for left in comparison.left_out}
@@ -57,7 +49,7 @@ def row_cells(comparison: Comparison) -> list[tuple[str, ...]]:
         alone = comparison.single[k]
         lines.append(
             (
-                spacing(comparison, row.x) + (f", {row.floor}" if row.floor else ""),
+                comparison.setting.words(row.x) + (f", {row.floor}" if row.floor else ""),
                 f"{row.value:.4g} ± {comparison.sigmas[k]:.2g}",
                 f"{model:.4g}" if lives else "no wave",
                 f"{model / row.value - 1.0:+.1%}" if lives else "",

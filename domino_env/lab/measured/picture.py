@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from domino_env.lab.measured.model import row_model, speed_of
+from domino_env.lab.measured.source import UNITS
 from domino_env.lab.measured.validation import Validation, friction_words
 from domino_env.support.colours import AMBER, BLUE, INK, PALE, RED
 from domino_env.support.plot_style import LEGEND, escaped, new_panels, write_png
@@ -73,9 +74,8 @@ def _draw_panel(axes: Axes, validation: Validation) -> None:
             color=colour, label=floor or "measured",
         )  # fmt: skip
     axes.set_title(escaped(source.title.partition(":")[0]), loc="left", color=INK, size=10)
-    unit = {"m": "mm", "thickness": "thicknesses", "height": "heights", "width": "widths"}
     axes.set(
-        xlabel=f"{setting.x_is} [{unit[setting.x_unit]}]",
+        xlabel=f"{setting.x_is} [{UNITS[setting.x_unit]}]",
         ylabel=f"speed [{source.unit if source.quantity == 'speed' else 'm/s'}]",
         ylim=(0.0, None),
     )

@@ -23,6 +23,7 @@ Quantity = Literal["frequency", "speed", "time"]
 Abscissa = Literal["gap", "pitch"]
 Unit = Literal["m", "thickness", "height", "width"]
 Measured = Literal["steady", "row"]
+UNITS = {"m": "mm", "thickness": "thicknesses", "height": "heights", "width": "widths"}  # shown
 
 
 class Setting(Table):
@@ -65,6 +66,10 @@ class Setting(Table):
     def x_length(self) -> float:
         """The unit of x [m]."""
         return 1.0 if self.x_unit == "m" else float(getattr(self, self.x_unit))
+
+    def words(self, x: float) -> str:
+        """An x of the rows as it is shown."""
+        return f"{1e3 * x if self.x_unit == 'm' else x:.4g} {UNITS[self.x_unit]}"
 
     def pitch(self, x: float) -> float:
         """Pivot to pivot at an x of the rows [m]."""

@@ -11,6 +11,7 @@ from domino_env.lab.measured.effects import EFFECTS, Effect
 from domino_env.lab.measured.source import Source
 
 CLEARLY = 1.0  # standard uncertainties that both ends of a trend have to be off
+REFITS = 2  # of the friction, with an effect that depends on it
 HELPFUL = 0.75  # of how far the worst row is off without an effect
 
 
@@ -66,23 +67,22 @@ def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validat
 
 def _with_effect(source: Source, main: Comparison, what: str, effect: Effect) -> Comparison:
     """The source's own setting with an effect, as large as it is at the friction found."""
-    setting = main.setting
-    factors = [effect(setting, setting.pitch(row.x), main.friction) for row in main.rows]
-    return compare(source, setting, what, factors)
-
-
-def place(comparison: Comparison, x: float) -> str:
-    """A spacing in words, as its source tells it."""
-    setting = comparison.setting
-    unit = {"m": "mm", "thickness": "thicknesses", "height": "heights", "width": "widths"}
-    value = 1e3 * x if setting.x_unit == "m" else x
-    return f"a {setting.x_is} of {value:.4g} {unit[setting.x_unit]}"
+    setting, found = main.setting, main
+    for _ in range(REFITS):
+        friction = found.friction
+        factors = [effect(setting, setting.pitch(row.x), friction) for row in main.rows]
+        found = compare(source, setting, what, factors)
+    return found
 
 
 def friction_words(comparison: Comparison) -> str:
     """The friction found, with its uncertainty where it has one."""
     doubt = f" ± {comparison.uncertainty:.3f}" if math.isfinite(comparison.uncertainty) else ""
     return f"{comparison.friction:.3f}{doubt}"
+
+
+def _place(comparison: Comparison, x: float) -> str:
+    return f"a {comparison.setting.x_is} of {comparison.setting.words(x)}"
 
 
 def _fit(main: Comparison) -> str:
@@ -94,10 +94,12 @@ def _fit(main: Comparison) -> str:
     k = max(range(len(main.rows)), key=lambda i: abs(main.off[i]))
     told, row = main.explained[k], main.rows[k]
     if not 0.0 < told < math.inf:
-        return f"Not explained: at the best, {found}, the model's row dies at {place(main, row.x)}."
+        return (
+            f"Not explained: at the best, {found}, the model's row dies at {_place(main, row.x)}."
+        )
     return (
         f"Not explained: at the best, {found}, the model is {told / row.value - 1.0:+.1%} off at "
-        f"{place(main, row.x)}, {main.worst:.1f} of that row's uncertainties."
+        f"{_place(main, row.x)}, {main.worst:.1f} of that row's uncertainties."
     )
 
 
@@ -134,8 +136,8 @@ def _pattern(source: Source, main: Comparison) -> list[str]:
     ]
     if beyond:
         reasons.append(
-            f"At {place(main, min(beyond))} the row is faster than the model without any friction: "
-            "the model loses too much there, or the time or the gap is not what is told."
+            f"At {_place(main, min(beyond))} the row is faster than the model without any "
+            "friction: the model loses too much there, or the time or the gap is not as told."
         )
     ends = sorted(zip((r.x for r in main.rows), ahead, strict=True))
     narrow, wide = ends[0][1], ends[-1][1]
