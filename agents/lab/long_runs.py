@@ -147,7 +147,10 @@ def table(runs: list[LearningCurve]) -> str:
 def draw(runs: list[LearningCurve], path: Path) -> None:
     """Draw the curves of all seeds, a panel a scene: the share of the best known row's gain."""
     scenes = list(dict.fromkeys(run.scene for run in runs))
-    figure, panels = new_panels(len(scenes), 2, (4.5, 2.6))
+    figure, panels = new_panels(
+        len(scenes), 2, (4.5, 2.6), (0.0, 0.0), "Agents learn to build: best row so far",
+        "where its score lies between the best uniform row and the best known; a line a seed",
+    )  # fmt: skip
     for panel, scene in zip(panels, scenes, strict=True):
         style(panel, scene)
         for run in (r for r in runs if r.scene == scene):

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from domino_env.support.colours import COLOURS, FAINT, INK, OURS, SOFT
 from domino_env.support.files import write_bytes
 
+HEAD = 0.85  # inches for headline and subtitle
+NARROWEST = 7.5  # inches that a headline takes
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
 
@@ -67,6 +69,8 @@ def new_panels(
     most_across: int,
     size: tuple[float, float],
     margins: tuple[float, float] = (0.0, 0.0),
+    headline: str = "",
+    subtitle: str = "",
     **sharing: Any,
 ) -> tuple[Figure, list[Axes]]:
     """Open a figure with panels in lines of at most `most_across`.
@@ -81,6 +85,8 @@ def new_panels(
         Width and height of each panel [in].
     margins
         Width and height of what stands beside them, such as a legend [in].
+    headline, subtitle
+        What is said above all panels; no headline, no room for it.
     sharing
         `sharex`, `sharey`.
 
@@ -91,7 +97,11 @@ def new_panels(
     """
     across = min(number, most_across)
     down = -(-number // across)
-    figure = new_figure(margins[0] + size[0] * across, margins[1] + size[1] * down)
+    head = HEAD if headline else 0.0
+    width, height = margins[0] + size[0] * across, margins[1] + size[1] * down + head
+    figure = new_figure(max(width, NARROWEST if headline else 0.0), height)
+    if headline:
+        headings(figure, headline, subtitle)
     panels = list(figure.subplots(down, across, squeeze=False, **sharing).ravel())
     for axes in panels[number:]:
         axes.remove()
@@ -114,8 +124,11 @@ def style(axes: Axes, title: str = "") -> None:
 
 
 def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
-    """Say above a picture what it shows, `left` inches from its edge; a subtitle may be empty."""
+    """Say above a picture what it shows, `left` inches from its edge; what it lays out is below."""
     across, up = figure.get_size_inches()
+    layout: Any = figure.get_layout_engine()
+    if layout is not None:
+        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEAD / up))
     lines: list[tuple[str, float, dict[str, Any]]] = [
         (headline, 0.30, {"size": 14.5, "color": INK, "weight": "bold"}),
         (subtitle, 0.58, {"size": 9.5, "color": SOFT}),

@@ -20,13 +20,13 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
 from domino_env.scenes.scene import Scene
 from domino_env.support.colours import FAINT, INK, OURS, SOFT
-from domino_env.support.plot_style import headings, new_figure, plain_numbers, style
+from domino_env.support.plot_style import HEAD, headings, new_figure, plain_numbers, style
 
 Floats = NDArray[np.float64]
 
 WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
 SPAN = WIDTH - LEFT - RIGHT
-HEAD, LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.85, 0.30, 1.75, 0.18, 0.62, 0.55
+LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.30, 1.75, 0.18, 0.62, 0.55
 
 LONGEST = 45.0  # heights; of a longer row the two ends are shown
 SHORTEST = 8.0  # heights; a shorter row leaves room

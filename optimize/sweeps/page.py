@@ -33,6 +33,7 @@ def write(sweep: Sweep, folder: Path) -> None:
 def page(sweep: Sweep) -> str:
     """Write the page: the picture and a table, a line for each point and method."""
     seeds = len({r.seed for r in sweep.results})
+    over = "one seed" if seeds == 1 else f"medians over {seeds} seeds"
     keys = ", ".join(f"`{key}`" for key in sweep.keys)
     asked = {(r.seed, r.evaluations) for r in sweep.results}
     lines = [
@@ -40,8 +41,8 @@ def page(sweep: Sweep) -> str:
         "",
         f"{sweep.scene.title}, varied in {keys}: {len(sweep.points)} scenes, "
         f"{len(sweep.results)} searches of up to {max(n for _, n in asked)} rows each, "
-        f"{seeds} seeds. Medians over the seeds. *Gain* is over the best uniform row of the same "
-        "scene, *gap* to the best score of any search there.",
+        f"{over}. *Gain* is over the best uniform row of the same scene, "
+        "*gap* to the best score of any search there.",
         "",
         f"![{'gain over uniform' if sweep.scene.unit else 'score'} over {keys}](sweep.png)",
         "",
@@ -99,4 +100,4 @@ def _row(sweep: Sweep, r: TaskResult) -> tuple[object, ...]:
 
 
 def _median(values: list[float]) -> float:
-    return float(np.sort(values)[(len(values) - 1) // 2])
+    return float(np.median(values))

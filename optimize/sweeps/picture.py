@@ -6,17 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from domino_env.support.colours import SOFT
+from domino_env.support.colours import INK, KNOWN, OURS, SOFT
 from domino_env.support.plot_style import LEGEND, method_lines, new_panels, style, write_png
 from optimize.studies.task import TaskResult
 from optimize.sweeps.runner import Sweep
 
 MOST_PANELS = 6  # methods, or keys where there are more than two
 PANEL, BESIDE = (4.0, 3.2), (1.6, 0.5)  # [in]
+WRITTEN = 12  # values of both keys up to which a map says its numbers
 SPREAD = 15  # values of a key from which on they are taken for drawn ones
 
 Floats = NDArray[np.float64]
@@ -37,6 +39,16 @@ def _worth(sweep: Sweep, result: TaskResult) -> float:
 
 def _what(sweep: Sweep) -> str:
     return "gain over uniform" if sweep.scene.unit else "score"
+
+
+def _words(sweep: Sweep) -> tuple[str, str]:
+    """Headline and subtitle."""
+    seeds, rows = len({r.seed for r in sweep.results}), max(r.evaluations for r in sweep.results)
+    over = "one seed" if seeds == 1 else f"medians over {seeds} seeds"
+    return (
+        f"{sweep.scene.name}: {_what(sweep)}, over {' and '.join(sweep.keys)}",
+        f"{sweep.scene.title} · {len(sweep.points)} scenes, up to {rows} rows a search, {over}",
+    )
 
 
 def _written(sweep: Sweep) -> FuncFormatter:
@@ -60,7 +72,7 @@ def _on_a_grid(sweep: Sweep) -> bool:
 def _lines(sweep: Sweep) -> Figure:
     """A panel for each key: the median of each method over it, and single results faintly."""
     keys = sweep.keys[:MOST_PANELS]
-    figure, panels = new_panels(len(keys), 3, PANEL, BESIDE)
+    figure, panels = new_panels(len(keys), 3, PANEL, BESIDE, *_words(sweep))
     styles = method_lines(sweep.methods)
     for i, (key, axes) in enumerate(zip(keys, panels, strict=True)):
         places, numbers = _places(sweep, i)
@@ -84,14 +96,14 @@ def _lines(sweep: Sweep) -> Figure:
     panels[0].set_ylabel(_what(sweep))
     if len(sweep.methods) > 1:
         handles, names = panels[0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside right upper", **LEGEND)
+        figure.legend(handles, names, loc="outside right center", **LEGEND)
     return figure
 
 
 def _maps(sweep: Sweep) -> Figure:
     """A map for each method, medians over the seeds."""
     methods = sweep.methods[:MOST_PANELS]
-    figure, panels = new_panels(len(methods), 3, PANEL, BESIDE)
+    figure, panels = new_panels(len(methods), 3, PANEL, BESIDE, *_words(sweep))
     (across, _), (up, _) = _places(sweep, 0), _places(sweep, 1)
     columns, rows = {v: k for k, v in enumerate(across)}, {v: k for k, v in enumerate(up)}
     maps = []
@@ -108,11 +120,20 @@ def _maps(sweep: Sweep) -> Figure:
     told = np.concatenate([image.ravel() for image in maps])
     told = told[np.isfinite(told)]
     low, high = (told.min(), told.max()) if len(told) else (0.0, 1.0)
+    middle, colours = low, ["white", OURS]
+    if sweep.scene.unit:  # of gains blue is better than uniform, orange worse
+        high = max(-low, high)
+        low, middle, colours = -high, 0.0, [KNOWN, "white", OURS]
+    shades = LinearSegmentedColormap.from_list("gain", colours)
+    written = len(columns) <= WRITTEN and len(rows) <= WRITTEN
     shown: Any = None
     for method, image, axes in zip(methods, maps, panels, strict=True):
-        shown = axes.imshow(
-            image, origin="lower", aspect="auto", vmin=low, vmax=high, cmap="viridis"
-        )
+        shown = axes.imshow(image, origin="lower", aspect="auto", vmin=low, vmax=high, cmap=shades)
+        for (j, k), value in np.ndenumerate(image):
+            if written and np.isfinite(value):
+                dark = abs(value - middle) > 0.6 * (high - middle)
+                colour = "white" if dark else INK
+                axes.text(k, j, f"{value:.3g}", ha="center", va="center", size=8, color=colour)
         _ticks(axes.set_xticks, list(columns))
         _ticks(axes.set_yticks, list(rows))
         axes.set_xlabel(sweep.keys[0])

@@ -25,7 +25,15 @@ from domino_env.support.colours import (
     SOFT,
     UNIFORM,
 )
-from domino_env.support.plot_style import LEGEND, new_figure, new_panels, style, write_png
+from domino_env.support.plot_style import (
+    HEAD,
+    LEGEND,
+    headings,
+    new_figure,
+    new_panels,
+    style,
+    write_png,
+)
 
 FLOOR = 1e-16  # errors below rounding are drawn here
 
@@ -45,7 +53,16 @@ LOOKS = {
 def draw_accuracy(rows: Sequence[Row], measurements: Sequence[Measurement], path: Path) -> None:
     """Draw run time against error, a panel a row; best is the lower left corner."""
     across = 2
-    figure, panels = new_panels(len(rows), across, (5.6, 4.1), (0.0, 0.9), sharex=True, sharey=True)
+    figure, panels = new_panels(
+        len(rows),
+        across,
+        (5.6, 4.1),
+        (0.0, 0.4),
+        "What accuracy costs: the same equations, eight ways",
+        "best is below, on the left; arrows: how many times longer RK4 with located hits takes",
+        sharex=True,
+        sharey=True,
+    )
     for panel, row in zip(panels, rows, strict=True):
         _draw_panel(panel, row, [m for m in measurements if m.row == row.name])
     for panel in panels[-across:]:
@@ -54,12 +71,6 @@ def draw_accuracy(rows: Sequence[Row], measurements: Sequence[Measurement], path
         panel.set_ylabel("true relative error of the times")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, **LEGEND)
-    figure.suptitle(
-        "What accuracy costs: the same equations, eight ways.  Arrows: how many times longer RK4 "
-        "with located hits takes",
-        color=INK,
-        fontsize=11.5,
-    )
     write_png(figure, path)
 
 
@@ -143,7 +154,14 @@ OUTCOMES = {
 
 def draw_stability(verdicts: Sequence[Verdict], path: Path) -> None:
     """Draw every row at the edge as a column: a dot for the true error, a bar for its estimate."""
-    figure = new_figure(13.0, 5.8)
+    figure = new_figure(13.0, 5.8 + HEAD)
+    wrong = sum(bool(v.complaints) for v in verdicts)
+    judged = f"{wrong} not as they should be" if wrong else "no bar below its dot"
+    headings(
+        figure,
+        f"{len(verdicts)} rows at the edge: {judged}",
+        "dots: true error; bars: what the run itself says it is",
+    )
     axes = figure.add_subplot()
     axes.set_yscale("log")
     places, ticks, x, last = [], [], 0.0, ""
@@ -181,12 +199,7 @@ def draw_stability(verdicts: Sequence[Verdict], path: Path) -> None:
     names = list(dict.fromkeys(v.group for v in verdicts))
     axes.set_xticks([0.5 * (a + b) for a, b in ticks], names, rotation=28, ha="right")
     axes.set_ylabel("relative error of the times")
-    wrong = sum(bool(v.complaints) for v in verdicts)
-    style(
-        axes,
-        f"{len(verdicts)} rows at the edge: true error (dots) and what the run said it is (bars); "
-        + (f"{wrong} not as they should be" if wrong else "no bar below its dot"),
-    )
+    style(axes)
     axes.grid(axis="x", visible=False)
     axes.tick_params(axis="x", length=0)
     axes.legend(loc="upper right", ncols=5, **LEGEND)

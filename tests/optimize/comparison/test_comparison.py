@@ -15,6 +15,7 @@ import domino_env as de
 from domino_env.scenes.files.reading import scene_names
 from optimize import search
 from optimize.cli import comparisons
+from optimize.comparison import picture
 from optimize.comparison.page import FILES, page, table, write
 from optimize.comparison.runner import TARGETS, Comparison, compare
 from optimize.evaluation.result import SearchResult
@@ -83,6 +84,32 @@ def test_the_page_puts_the_best_first(comparison: Comparison) -> None:
     assert "`uniform`" in "".join(lines)
     for line in lines:
         assert line in page(comparison)
+
+
+def test_many_methods_have_a_panel_each_and_one_seed_is_called_so(
+    comparison: Comparison, tmp_path: Path, monkeypatch
+) -> None:
+    drawn = []
+    monkeypatch.setattr(picture, "write_png", lambda figure, path: drawn.append(figure))
+    first = [r for r in comparison.results if r.seed == 0]
+    many = tuple(replace(r, method=f"{r.method} {k}") for k in range(4) for r in first)
+    several = replace(comparison, results=many)
+    picture.draw_gaps(several, tmp_path)
+    picture.draw_gaps(comparison, tmp_path)
+    assert "one seed" in drawn[0].texts[1].get_text()
+    assert "medians over 2 seeds" in drawn[1].texts[1].get_text()
+    titles = [axes.get_title(loc="left") for axes in drawn[0].get_axes() if axes.get_visible()]
+    assert sorted(titles) == sorted(2 * several.methods)
+    told = page(several)
+    assert "one seed" in told
+    assert "seeds" not in told
+    assert "worst" in table(comparison, "spacing")[0]
+
+
+def test_medians_are_halfway_between_the_two_in_the_middle(comparison: Comparison) -> None:
+    scores = [r.score for r in comparison.of("spacing", "random")]
+    line = next(line for line in table(comparison, "spacing") if "`random`" in line)
+    assert float(line.split("|")[2]) == pytest.approx(np.mean(scores), abs=1e-5)
 
 
 def test_ctrl_c_keeps_what_is_complete(scenes, monkeypatch) -> None:
