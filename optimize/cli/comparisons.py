@@ -25,11 +25,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optimize.executors.choice import add_executor_options, asked_executor, require_executor
-from optimize.studies.options import add_study_options, asked_study
+from optimize.studies.options import add_study_options, asked_study, going_on
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+    from optimize.comparison.runner import Comparison
     from optimize.evaluation.result import SearchResult
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
@@ -62,9 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scenes.files.reading import load_scene, scene_names
     from domino_env.support.files import require_room
     from optimize import methods
-    from optimize.comparison.page import FILES, table, write
     from optimize.comparison.runner import compare, comparison_tasks
-    from optimize.records.shipped import update
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
     scenes = [load_scene(name) for name in names]
@@ -88,37 +87,40 @@ def run(arguments: argparse.Namespace) -> int:
     }  # fmt: skip
     default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
     require_executor(arguments)
-    study = asked_study(arguments, "comparison", default, tasks, settings)
     folder = Path(arguments.out)
     require_room(folder)
-    left = len(tasks) - study.tasks
-    go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
-    try:
-        with asked_executor(arguments) as executor:
+    # before the study: of an executor that does not answer no empty one is left
+    with asked_executor(arguments) as executor:
+        study = asked_study(arguments, "comparison", default, tasks, settings)
+        with going_on(study):
+            left = len(tasks) - study.tasks
             print(_announced(left, seconds, evaluations, executor), flush=True)
             comparison = compare(
                 scenes, chosen, seeds, seconds, _tell, evaluations=evaluations, executor=executor,
                 study=study, progress=None,
             )  # fmt: skip
-            if comparison.interrupted and executor is not None:
-                executor.kill()
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt("interrupted before any run was complete") from None
-    except OSError as error:
-        raise OSError(f"{error}; {go_on}") from None
+    with going_on(study):
+        return _written(comparison, folder, update_best=arguments.update_best)
+
+
+def _written(comparison: Comparison, folder: Path, *, update_best: bool) -> int:
+    """Write and print what came of it."""
+    from domino_env.scenes.files.reading import scene_names
+    from optimize.comparison.page import FILES, table, write
+    from optimize.records.shipped import update
+
     write(comparison, folder)
     for name in comparison.scenes:
         print(f"\n{name}\n" + "\n".join(table(comparison, name)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")
-    if arguments.update_best:
+    if update_best:
         shipped = [r for r in comparison.results if r.scene.name in scene_names()]
         improved = update(shipped)
         print(f"new records: {', '.join(improved) or 'none'}")
     for failure in comparison.failures:
         print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
     if comparison.interrupted:
-        done = len(comparison.results)
-        raise KeyboardInterrupt(f"interrupted: {done} runs are complete; {go_on}")
+        raise KeyboardInterrupt
     return 1 if comparison.failures else 0
 
 

@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 
 from optimize.executors.choice import add_executor_options, asked_executor, require_executor
-from optimize.studies.options import add_study_options, asked_study
+from optimize.studies.options import add_study_options, asked_study, going_on
 
 SUMMARY = "search many variations of a scene, on one machine or many"
 
@@ -61,22 +61,19 @@ def run(arguments: argparse.Namespace) -> int:
         "evaluations": tasks[0].evaluations, "seconds": arguments.seconds,
     }  # fmt: skip
     require_executor(arguments)
-    study = asked_study(arguments, "sweep", f"sweep-{scene.name}", tasks, settings)
-    folder = Path(arguments.out or f"runs/{study.name}")
-    require_room(folder)
-    before = f", {study.tasks} of them done before" if study.tasks else ""
-    print(f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}", flush=True)
-    lines = TaskLines(len({task.key for task in tasks}), study.name, plain=True)
-    go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
-    try:
-        with asked_executor(arguments) as executor:
+    # before the study: of an executor that does not answer no empty one is left
+    with asked_executor(arguments) as executor:
+        study = asked_study(arguments, "sweep", f"sweep-{scene.name}", tasks, settings)
+        folder = Path(arguments.out or f"runs/{study.name}")
+        require_room(folder)
+        before = f", {study.tasks} of them done before" if study.tasks else ""
+        print(f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}")
+        sys.stdout.flush()
+        lines = TaskLines(len({task.key for task in tasks}), study.name, plain=True)
+        with going_on(study):
             found = run_sweep(scene, tasks, executor=executor, study=study, lines=lines)
             if found.interrupted:
                 raise KeyboardInterrupt
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"interrupted: {go_on}") from None
-    except OSError as error:
-        raise OSError(f"{error}; {go_on}") from None
     if found.results:
         write(found, folder)
         print(f"{len(found.results)} results; written to {folder}: {', '.join(FILES)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
@@ -76,6 +77,29 @@ def telling_loss(executor: Executor) -> Iterator[None]:
     except (BrokenExecutor, CancelledError) as error:
         said = getattr(executor, "gone", WorkersExecutor.gone)
         raise ExecutorLost(f"{said}: {error}" if str(error) else said) from None
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Let what is inside come to its end before Ctrl-C or SIGTERM is heard.
+
+    For what is short, and must not stop half way: keeping a result, ending workers.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are heard in the main thread alone
+        return
+    came: list[int] = []
+    before = {}
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if callable(signal.getsignal(number)):  # not what ends the process, nor what is ignored
+            before[number] = signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[-1])
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from optimize.executors.base import (
     STRIKES,
     ExecutorLost,
     WorkersExecutor,
+    undisturbed,
     without_ctrl_c,
 )
 from optimize.executors.possible import require_possible
@@ -160,7 +162,13 @@ class DaskExecutor(WorkersExecutor):
 
     def kill(self) -> None:
         """Close without waiting for tasks; workers of other machines finish theirs for nobody."""
-        self.shutdown(wait=False)
+        with undisturbed():
+            if self._local is not None:  # asked to end, they would first finish what they do
+                for nanny in self._local.workers.values():
+                    nanny.auto_restart = False
+                    with suppress(AttributeError, TypeError, ProcessLookupError):  # none there yet
+                        os.kill(nanny.process.pid, signal.SIGKILL)
+            self.shutdown(wait=False)
 
     async def _pass_on(self, inner: Any, outer: Future[Any]) -> None:
         """Fetch an answer as soon as it is there, in the thread of the client's loop.

@@ -26,6 +26,7 @@ from optimize.executors.base import (
     ExecutorLost,
     WorkerLost,
     WorkersExecutor,
+    undisturbed,
     without_ctrl_c,
 )
 from optimize.executors.reports import listen
@@ -83,12 +84,13 @@ class ProcessExecutor(WorkersExecutor, ThreadPoolExecutor):
 
     def kill(self) -> None:
         """End all workers at once; what they were doing fails with ExecutorLost."""
-        super().shutdown(wait=False, cancel_futures=True)
-        with self._gate:
-            self._killed = True
-            for worker in self._processes:
-                worker.kill()
-        self.shutdown()
+        with undisturbed():
+            super().shutdown(wait=False, cancel_futures=True)
+            with self._gate:
+                self._killed = True
+                for worker in self._processes:
+                    worker.kill()
+            self.shutdown()
 
     def _run(self, call: bytes) -> Any:
         """In a thread: have a call done by an idle worker, again where it dies."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import hashlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from optimize.studies import DEFAULT_STORE, open_store
@@ -82,6 +83,20 @@ def asked_study(
         number += 1
         name = f"{default}-{number}"
     return store.begin(name, kind, full)
+
+
+@contextmanager
+def going_on(study: Study) -> Iterator[None]:
+    """Have whatever ends a command say what is done, and how to go on."""
+    try:
+        yield
+    except (KeyboardInterrupt, OSError) as end:
+        go_on = f"what is done is in study '{study.name}'; the same command with --resume goes on"
+        if isinstance(end, OSError):
+            raise OSError(f"{end}; {go_on}") from None
+        done = len(study.done())
+        said = f": {done} runs are complete; {go_on}" if done else " before any run was complete"
+        raise KeyboardInterrupt(f"interrupted{said}") from None
 
 
 def _last_with(store: Store, known: Iterable[Study], kind: str, default: str, digest: str) -> Study:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol
 
 from optimize.evaluation.budget import Budget
-from optimize.executors.base import ExecutorLost, WorkersExecutor, telling_loss
+from optimize.executors.base import (
+    ExecutorLost,
+    WorkersExecutor,
+    telling_loss,
+    undisturbed,
+)
 from optimize.executors.reports import say
 from optimize.studies.progress import TaskLines
 from optimize.studies.task import Task, TaskResult, run_task
@@ -58,7 +63,7 @@ def run_tasks(
 ) -> list[Failure]:
     """Run the tasks, in any order, and return those that failed.
 
-    Ctrl-C is raised once nothing waits any more; what is finished has been kept and reported.
+    Ctrl-C ends the executor's workers at once, and is raised; what is finished has been kept.
 
     Parameters
     ----------
@@ -97,7 +102,7 @@ def run_tasks(
             outcomes = _outcomes_here(missing, lines)
         else:
             outcomes = _outcomes_there(missing, executor, lines)
-        with closing(outcomes):
+        with ending_workers(executor), closing(outcomes):
             for task, outcome in outcomes:
                 try:
                     result = outcome()
@@ -108,12 +113,24 @@ def run_tasks(
                     lines.failed(task, failures[-1].reason)
                     continue
                 if study is not None:
-                    study.add(result)
+                    with undisturbed():
+                        study.add(result)
                 lines.finished(task, result)
                 if told is not None:
                     with lines.aside():
                         told(task, result)
     return failures
+
+
+@contextmanager
+def ending_workers(executor: Executor | None) -> Iterator[None]:
+    """Let Ctrl-C end the workers: a task that runs cannot be cancelled, and nobody wants it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if isinstance(executor, WorkersExecutor):
+            executor.kill()
+        raise
 
 
 def run_and_say(task: Task) -> TaskResult:

@@ -17,7 +17,7 @@ from optimize import search
 from optimize.cli import comparisons
 from optimize.comparison import picture
 from optimize.comparison.page import FILES, page, table, write
-from optimize.comparison.runner import TARGETS, Comparison, compare
+from optimize.comparison.runner import TARGETS, Comparison, _best_scores, compare
 from optimize.evaluation.result import SearchResult
 from optimize.records import shipped
 
@@ -166,17 +166,39 @@ def test_ctrl_c_ends_the_workers_at_once(scenes, tmp_path: Path, monkeypatch) ->
     comparisons.add_arguments(parser)
     words = ["mine.toml", "--methods", "uniform,random", "--seeds", "1", "--workers", "2"]
     running: list[int] = []
+    best = _best_scores
 
     def stop(result: SearchResult) -> None:
         running.extend(child.pid or 0 for child in active_children())
         raise KeyboardInterrupt
 
+    left: list[int] = []
     monkeypatch.setattr("optimize.cli.comparisons._tell", stop)
+    monkeypatch.setattr(
+        "optimize.comparison.runner._best_scores",
+        lambda results: left.extend(child.pid or 0 for child in active_children()) or best(results),
+    )
     with pytest.raises(KeyboardInterrupt, match="interrupted: 1 runs are complete"):
         comparisons.run(parser.parse_args([*words, "--evaluations", "100000000"]))
+    assert not set(left) & set(running)  # before anything is made of what is complete
     assert (tmp_path / "runs/comparison/comparison.md").exists()
     assert running
     assert not {child.pid for child in active_children()} & set(running)
+
+
+def test_a_second_ctrl_c_says_what_is_done(scenes, tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "mine.toml").write_text(scenes["spacing"].to_toml())
+    monkeypatch.chdir(tmp_path)
+
+    def again(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optimize.comparison.page.write", again)
+    parser = argparse.ArgumentParser()
+    comparisons.add_arguments(parser)
+    words = ["mine.toml", "--methods", "uniform", "--seeds", "1", "--evaluations", "9"]
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted: 1 runs are complete; .*--resume"):
+        comparisons.run(parser.parse_args(words))
 
 
 # best known -------------------------------------------------------------------------------------

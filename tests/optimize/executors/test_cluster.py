@@ -16,6 +16,7 @@ import pytest
 
 pytest.importorskip("distributed")
 
+from domino_env.cli.main import main
 from domino_env.support.provenance import versions
 from optimize import search
 from optimize.executors import ExecutorLost, open_executor
@@ -256,3 +257,14 @@ def test_workers_with_other_versions_are_refused(cluster: DaskExecutor, monkeypa
     monkeypatch.setattr(cluster._client, "run", lacking)
     with pytest.raises(ValueError, match="cannot import optimize: install domino-chains there"):
         cluster._require_same_versions()
+
+
+def test_a_scheduler_that_does_not_answer_leaves_no_study(
+    scenes, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.setattr("optimize.executors.cluster.ANSWER", 0.2)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(scenes["spacing"].to_toml())
+    for words in (["compare", "mine.toml"], ["sweep", "mine.toml", "--set", "physics.push=8"]):
+        assert main([*words, "--dask", "tcp://127.0.0.1:9", "--evaluations", "9"]) == 2
+    assert not (tmp_path / "runs" / "studies.sqlite").exists()

@@ -17,6 +17,7 @@ import pytest
 from optimize import search
 from optimize.comparison.runner import compare
 from optimize.executors import ExecutorLost, WorkerLost, open_executor
+from optimize.executors.base import undisturbed
 from optimize.executors.processes import ProcessExecutor
 from optimize.executors.reports import say
 from optimize.studies.running import run_tasks
@@ -321,3 +322,21 @@ def test_an_executor_that_breaks_is_told_and_what_is_done_stays(tasks, expected)
 def test_a_number_of_workers_that_makes_no_sense(workers: int) -> None:
     with pytest.raises(ValueError, match=f"--workers {workers}: give 1 to"), open_executor(workers):
         pass
+
+
+def test_what_must_not_stop_half_way_comes_to_its_end() -> None:
+    before, done = signal.signal(signal.SIGINT, signal.default_int_handler), []
+
+    def keep() -> None:
+        with undisturbed():
+            signal.raise_signal(signal.SIGINT)
+            done.append("the result")
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            keep()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)  # heard again
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done
