@@ -7,15 +7,19 @@ A subcommand is a module named in the entry-point group `domino.commands` that h
 from __future__ import annotations
 
 import argparse
+import io
 import os
+import re
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Sequence
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, TextIO
 
 from domino_env import __version__
+from domino_env.support.advice import Advice
 from domino_env.support.reading import one_line
 
 NOTICE_AFTER = 2.0  # [s] of silence
@@ -42,10 +46,15 @@ def main(words: Sequence[str] | None = None) -> int:
 
     Bad input ends with one line on standard error and status 2, Ctrl-C with 130, SIGTERM with 143.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a console that knows no µ shows another sign
+            stream.reconfigure(errors="replace")
     arguments = parser().parse_args(words)
     done = threading.Event()
     threading.Thread(target=_say_that_it_compiles, args=[done], daemon=True).start()
     interruption = _Interruption()
+    shown, warnings.showwarning = warnings.showwarning, _show
+    shown, warnings.showwarning = warnings.showwarning, _show
     try:
         code = int(arguments.run(arguments))
         sys.stdout.flush()
@@ -61,7 +70,8 @@ def main(words: Sequence[str] | None = None) -> int:
         if interruption.came and not str(error):
             print("domino: interrupted", file=sys.stderr)
             return interruption.code
-        print(f"domino: {one_line(str(error), 1000)}", file=sys.stderr)
+        said = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", str(error))
+        print(f"domino: {one_line(said, 1000)}", file=sys.stderr)
         return 2
     except Exception as error:
         if not interruption.came:
@@ -72,6 +82,21 @@ def main(words: Sequence[str] | None = None) -> int:
     finally:
         done.set()
         interruption.undo()
+        warnings.showwarning = shown
+
+
+_show_as_python = warnings.showwarning
+
+
+def _show(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int,
+    file: TextIO | None = None, line: str | None = None,
+) -> None:  # fmt: skip
+    """Print advice as a line; what libraries warn of is for who knows the program."""
+    if issubclass(category, Advice):
+        print(f"domino: {one_line(str(message), 1000)}", file=sys.stderr)
+    else:
+        _show_as_python(message, category, filename, lineno, file, line)
 
 
 class _Interruption:

@@ -13,6 +13,8 @@ from typing import Any
 import llvmlite.binding as llvm
 from numba.core import caching
 
+from domino_env.support.advice import Advice
+
 _FOLDER = Path(__file__).parents[1]
 STAMP = hashlib.sha256(
     b"\0".join(path.read_bytes() for path in sorted(_FOLDER.rglob("*.py")))
@@ -22,16 +24,12 @@ _BY_NAME: dict[str, Any] = {}  # functions compiled apart
 _BY_SYMBOL: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their compiled symbols: name, types
 
 
+_ADVISED: list[str] = []  # of folders that cannot be written; one line is enough
+
+
 def use_cache(dispatcher: Any) -> None:
     """Cache what is compiled; where no folder can be written, compile in memory and say so."""
-    try:
-        dispatcher._cache = _Cache(dispatcher.py_func)
-    except RuntimeError:
-        warnings.warn(
-            "no folder to cache compiled code in can be written, so every process compiles it anew:"
-            " set NUMBA_CACHE_DIR to a folder that can",
-            stacklevel=2,
-        )
+    dispatcher._cache = _Cache(dispatcher.py_func)
 
 
 def know_apart(dispatcher: Any) -> None:
@@ -69,13 +67,27 @@ class _Stamped:
         return STAMP
 
 
+_LOCATORS: Any = [
+    type(f"Stamped{locator.__name__}", (_Stamped, locator), {})
+    for locator in caching.CompileResultCacheImpl._locator_classes
+]
+
+
+class _ReadOnly(next(one for one in _LOCATORS if "InTree" in one.__name__)):  # type: ignore[misc]
+    """The folder of the source, though it cannot be written: what is there already is used.
+
+    In a container, say, whose image was built by another user.
+    """
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> Any:
+        return cls(py_func, py_file)
+
+
 class _Implementation(caching.CompileResultCacheImpl):
     """Keeps with machine code what it calls apart from itself, and has that ready before it."""
 
-    _locator_classes: Any = [  # noqa: RUF012 - Numba's own attribute
-        type(f"Stamped{locator.__name__}", (_Stamped, locator), {})
-        for locator in caching.CompileResultCacheImpl._locator_classes
-    ]
+    _locator_classes: Any = [*_LOCATORS, _ReadOnly]  # noqa: RUF012 - Numba's own attribute
 
     def reduce(self, data: Any) -> Any:
         needs = [
@@ -94,3 +106,24 @@ class _Implementation(caching.CompileResultCacheImpl):
 
 class _Cache(caching.FunctionCache):
     _impl_class = _Implementation
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except OSError:  # somebody else's file, or none where a folder should be
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:  # what is compiled serves this process all the same
+            self.disable()
+            if not _ADVISED:
+                _ADVISED.append(self.cache_path)
+                warnings.warn(
+                    f"compiled code cannot be kept in {self.cache_path} ({error.strerror}), so "
+                    "every process compiles it anew, which takes a while: set NUMBA_CACHE_DIR to a "
+                    "folder that can be written",
+                    Advice,
+                    stacklevel=2,
+                )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -197,6 +198,26 @@ def test_an_interruption_is_one_whatever_a_library_makes_of_it(
     finally:
         signal.signal(signal.SIGINT, before)
     assert capsys.readouterr().err.startswith("domino: interrupted" if becomes else "")
+
+
+def test_a_console_that_knows_few_signs_gets_all_the_rest(row: Path) -> None:
+    command = [sys.executable, "-m", "domino_env", "simulate", str(row)]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+    done = subprocess.run(command, capture_output=True, check=False, env=environment)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"gravity 9.81 m/s?, push 8 rad/s" in done.stdout
+
+
+def test_a_disk_that_is_full_is_named_by_the_file_asked_for(
+    capsys, monkeypatch, row: Path, tmp_path: Path
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    table = tmp_path / "table.csv"
+    assert main(["simulate", str(row), "--csv", str(table)]) == 2
+    assert capsys.readouterr().err == f"domino: No space left on device: '{table}'\n"
 
 
 def test_wrong_usage_ends_with_status_2(capsys) -> None:

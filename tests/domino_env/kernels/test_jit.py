@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from resource import RLIMIT_FSIZE, setrlimit
 
 import pytest
 
@@ -51,7 +52,7 @@ def copy(tmp_path):
     )
     (package / "kernels" / "probe.py").write_text(PROBE)
 
-    def ask(**environment):
+    def ask(*, full_disk=False, **environment):
         done = subprocess.run(
             [sys.executable, "-c", ASK],
             cwd=tmp_path,
@@ -59,6 +60,8 @@ def copy(tmp_path):
             capture_output=True,
             text=True,
             check=True,
+            # no file may grow then: Numba, too, is told as by a disk that is full
+            preexec_fn=(lambda: setrlimit(RLIMIT_FSIZE, (0, 0))) if full_disk else None,
         )
         return json.loads(done.stdout), done.stderr
 
@@ -102,6 +105,13 @@ def test_where_no_folder_can_be_written_it_compiles_in_memory_and_says_so(copy, 
         assert found["values"][1] == 1.0
         assert found["hits"] == [0, 0]
         assert said.count("set NUMBA_CACHE_DIR") == 1
+
+
+def test_a_full_disk_costs_the_cache_and_not_the_answer(copy):
+    found, said = copy(full_disk=True)
+    assert found["values"][1] == 1.0
+    assert f"compiled code cannot be kept in {copy.package / 'kernels' / '__pycache__'} (" in said
+    assert said.count("set NUMBA_CACHE_DIR") == 1
 
 
 @pytest.mark.parametrize("function", [polynomial.place, chain.chain])
