@@ -196,7 +196,7 @@ def drawing(layout: de.Layout, scene: Any) -> str:
         points = " ".join(
             f"{ROOM + (x - left) * scale:.1f},{high - ROOM - z * scale:.1f}" for x, z in corners[i]
         )
-        kind = "#d55e00" if i == leader else "#0072b2" if i < leader else "#8d99a6"
+        kind = "#d55e00" if i == leader else "#0b6e99" if i < leader else "#8d99a6"
         shapes.append(f'<polygon points="{points}" fill="{kind}"/>')
     if cut:
         middle = float(corners[layout.count - ENDS, :, 0].min()) - 0.5 * BREAK * tall
@@ -219,7 +219,7 @@ def schedule(name: str, values: np.ndarray) -> str:
     scale, step = (high - 26.0) / top, (WIDE - left - ROOM) / len(values)
     bars = "".join(
         f'<rect x="{left + k * step:.2f}" y="{high - 6.0 - v * scale:.1f}" '
-        f'width="{max(0.8 * step, 0.5):.2f}" height="{v * scale:.1f}" fill="#0072b2"/>'
+        f'width="{max(0.8 * step, 0.5):.2f}" height="{v * scale:.1f}" fill="#0b6e99"/>'
         for k, v in enumerate(values)
     )
     marks = "".join(

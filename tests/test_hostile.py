@@ -25,7 +25,7 @@ from domino_env.view.animation import Runner, frames
 from domino_env.view.report.page import read_racers, write_report
 from domino_env.view.report.race import Racer
 from domino_env.view.sound import Heard, clicks, listen, read_wav
-from domino_env.view.template import sheets
+from domino_env.view.template import strips
 from optimize.comparison.page import _about
 
 FUZZ = settings(max_examples=int(os.environ.get("FUZZ_EXAMPLES", "60")), derandomize=True)
@@ -186,7 +186,7 @@ def test_what_would_take_ages_to_draw_or_hear_is_refused(tmp_path: Path) -> None
     with pytest.raises(ValueError, match=r"a wave of .* s sounds for .* samples"):
         clicks(de.simulate(far, de.Physics(push=1e-3)), rate=1_000_000)
     with pytest.raises(ValueError, match=r"a row of .* m takes .* sheets of paper"):
-        sheets(far)
+        strips(far)
 
 
 # fuzz -------------------------------------------------------------------------------------------

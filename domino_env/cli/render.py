@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.chain.wave import simulate
-    from domino_env.support.reading import one_line
+    from domino_env.support.reading import one_line, row_name
     from domino_env.view.animation import Runner, frames, write_gif, write_mp4
 
     wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]
@@ -39,13 +39,18 @@ def run(arguments: argparse.Namespace) -> int:
         if Path(name).suffix.lower() != ending:
             raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
     asked = asked_physics(arguments, *arguments.layouts)
-    rows = [(one_line(Path(name).stem, 100), asked.read(name)) for name in arguments.layouts]
+    rows = [(row_name(Path(name)), asked.read(name)) for name in arguments.layouts]
     if asked.scene:
         rows.append(("best uniform", asked.scene.uniform().layout))
     print(asked.line)
+    if asked.scene:
+        heading = f"{one_line(asked.scene.name, 40)}: {one_line(asked.scene.title, 100)}"
+    else:
+        physics = asked.physics
+        heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
     runners = [Runner(name, simulate(layout, asked.physics)) for name, layout in rows]
     for name, _, write in wanted:
-        images = frames(runners, arguments.rate, arguments.slow, arguments.width)
+        images = frames(runners, arguments.rate, arguments.slow, arguments.width, heading)
         number = write(images, Path(name), arguments.rate)
         print(f"{name}: {number} images, {number / arguments.rate:.1f} s")
     return 0

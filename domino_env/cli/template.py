@@ -19,11 +19,12 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.scenes.files.beside import read_row, scene_beside
-    from domino_env.view.template import sheets, words, write_template
+    from domino_env.support.reading import row_name
+    from domino_env.view.template import strips, words, write_template
 
     source = Path(arguments.layout)
     layout = read_row(source, scene_beside(source))
     target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
-    write_template(layout, target, arguments.paper, source.stem)
-    print(f"{target}: {words(sheets(layout, arguments.paper))}")
+    write_template(layout, target, arguments.paper, f"Domino row {row_name(source)}")
+    print(f"{target}: {words(strips(layout, arguments.paper))}")
     return 0

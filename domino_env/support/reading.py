@@ -89,6 +89,12 @@ def refuse(path: Path | str, error: BaseException | str) -> NoReturn:
     raise ValueError(one_line(f"{name}: {said}")) from None
 
 
+def row_name(path: Path) -> str:
+    """What a row is called after its file: of a run's layout.csv, after the run's folder."""
+    of_run = path.stem == "layout"
+    return one_line(path.resolve().parent.name if of_run else path.stem, 100)
+
+
 def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:
     """Make text safe to print: nothing that moves a cursor or turns a line, and not too long."""
     text = text[-most:] if keep_end and len(text) > most else text[: most + 1]

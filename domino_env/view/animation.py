@@ -14,7 +14,7 @@ from PIL import Image
 from domino_env.chain.motion import Motion
 from domino_env.chain.wave import Wave
 from domino_env.support.files import write_bytes
-from domino_env.view.drawing import Scale, palette, stacked, strip
+from domino_env.view.drawing import Scale, palette, stacked, strip, title
 
 MOST_DOMINOES = 5_000  # in a picture of a row: drawing takes time by its square
 MOST_IMAGES = 5_000  # more than three minutes at 25 a second; 1 GB
@@ -38,7 +38,11 @@ class Runner:
 
 
 def frames(
-    runners: Sequence[Runner], rate: float = 30.0, slow: float = 5.0, width: int = 1000
+    runners: Sequence[Runner],
+    rate: float = 30.0,
+    slow: float = 5.0,
+    width: int = 1000,
+    heading: str = "",
 ) -> Iterator[Image.Image]:
     """Draw all rows toppling at once, one below the other, until all lie.
 
@@ -52,6 +56,8 @@ def frames(
         How many times slower than nature.
     width
         Of an image [px], even.
+    heading
+        What is said above all rows, with how slow the motion is; nothing where it is empty.
 
     Yields
     ------
@@ -83,9 +89,12 @@ def frames(
             "drawn: ask for fewer a second, or for a less slow motion"
         )
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
+    pace = "true time" if slow == 1.0 else f"{slow:g} times slower than nature"
+    above = [title(heading, pace, width)] if heading else []
     for t in times:
         yield stacked(
-            [
+            above
+            + [
                 _strip(one, motion, float(t), scale)
                 for one, motion in zip(runners, motions, strict=True)
             ]
@@ -161,10 +170,8 @@ def _strip(one: Runner, motion: Motion, t: float, scale: Scale) -> Image.Image:
     leader = int(motion.leader([t])[0][0])
     hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))
     clock = min(max(t, 0.0), float(wave.arrival_times[wave.hit - 1]))
-    line = f"{one.name}   {clock * 1e3:6.0f} ms   {hit} of {wave.layout.count}"
-    if t >= clock > 0.0 and hit == wave.hit:
-        ending = (
-            f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else wave.outcome.name.lower()
-        )
-        line += f"   {ending.replace('_', ' ')}"
+    speed = f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else ""
+    line = f"{one.name}   {speed}   {clock * 1e3:6.0f} ms   {hit} of {wave.layout.count}"
+    if t >= clock > 0.0 and hit == wave.hit and not speed:
+        line += f"   {wave.outcome.name.lower().replace('_', ' ')}"
     return strip(wave.layout, leans, leader, scale, line)

@@ -11,12 +11,14 @@ from PIL import Image, ImageDraw, ImageFont
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.motion import outlines
+from domino_env.support import colours
+from domino_env.support.colours import rgb
 
 Floats = NDArray[np.float64]
 
-# Okabe and Ito's colours, told apart by colour-blind eyes
-PAPER, INK, PALE = (255, 255, 255), (40, 44, 52), (150, 158, 168)
-STANDS, FALLS, LEADS = (176, 186, 197), (0, 114, 178), (213, 94, 0)
+PAPER, INK, PALE, SOFT = ((255, 255, 255), *map(rgb, (colours.INK, colours.PALE, colours.SOFT)))
+STANDS, FALLS, LEADS = (176, 186, 197), rgb(colours.BLUE), rgb(colours.RED)
+TITLE = 40  # height of the line above all rows [px]
 AHEAD = 0.72  # of the picture's width: where the front is kept once the row is longer than that
 FINER = 2  # drawn so much larger, then scaled down
 
@@ -98,6 +100,17 @@ def strip(
     return image
 
 
+def title(words: str, right: str, width: int) -> Image.Image:
+    """Draw the line above all rows, with words at its right end."""
+    image = Image.new("RGB", (width, TITLE), PAPER)
+    draw = ImageDraw.Draw(image)
+    room = width - 60 - draw.textlength(right, font(14))
+    size = next((s for s in range(19, 9, -1) if draw.textlength(words, font(s)) <= room), 9)
+    draw.text((20, TITLE - 6), words, fill=INK, font=font(size), anchor="lb")
+    draw.text((width - 20, TITLE - 6), right, fill=SOFT, font=font(14), anchor="rb")
+    return image
+
+
 def stacked(strips: list[Image.Image]) -> Image.Image:
     """Put strips below each other."""
     image = Image.new("RGB", (strips[0].width, sum(s.height for s in strips)), PAPER)
@@ -117,13 +130,13 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 @cache
 def palette() -> Image.Image:
     """List all colours of a picture and their blends into the paper, for formats with few."""
-    colours = []
+    shades = []
     for colour in (INK, PALE, STANDS, FALLS, LEADS):
         for part in np.linspace(1.0, 0.0, 9)[:-1]:
             mixed = part * np.array(colour) + (1.0 - part) * np.array(PAPER)
-            colours += [round(x) for x in mixed]
+            shades += [round(x) for x in mixed]
     image = Image.new("P", (1, 1))
-    image.putpalette(colours + list(PAPER))
+    image.putpalette(shades + list(PAPER))
     return image
 
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -14,45 +18,55 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from domino_env.chain.layout import Layout
+from domino_env.support.colours import INK, SOFT
 from domino_env.support.files import write_bytes
 from domino_env.support.plot_style import escaped
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # lying on the long side [m]
-MOST_SHEETS = 1_000  # of a row 270 m long
+MOST_SHEETS = 1_000  # of a row some hundred metres long
 MARGIN = 0.014  # [m] printers leave the rim white
 LEAD = 0.010  # [m] of paper before the first domino and after the last
+HEAD, FOOT = 0.024, 0.026  # [m] for the title, for the scale bar
+BESIDE = 0.013  # [m] of a strip on both sides of the dominoes, for numbers and marks
 BAR = 0.100  # [m] the scale bar
+MOST_GAPS = 240  # that the page of advice lists
 INCH, MM = 0.0254, 1000.0
 LINE = 0.4  # [pt]
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """One sheet of paper.
+class Strip:
+    """A stretch of the row, to be cut out and laid behind the one before.
 
     Attributes
     ----------
     number
         From 1.
     total
-        Of all sheets.
+        Of all strips.
+    sheet
+        The sheet of paper that it is on, from 1.
+    middle
+        Height of its middle on the sheet [m].
     begin
-        Where the stretch of row on it begins [m], from the first rear face less a lead.
+        Where the stretch begins along the row [m], from the first pivot.
     end
-        Where the stretch ends [m]; neighbours share an end, which is a joining line on both.
+        Where it ends [m]; neighbours share an end, which is a joining line on both.
     dominoes
-        Numbers of those whose footprint touches the stretch.
+        Numbers of those whose footprint touches it.
     """
 
     number: int
     total: int
+    sheet: int
+    middle: float
     begin: float
     end: float
     dominoes: tuple[int, ...]
 
 
-def sheets(layout: Layout, paper: str = "a4") -> list[Sheet]:
-    """Cut a row into sheets of paper.
+def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
+    """Cut a row into strips, as many on a sheet of paper as fit.
 
     Raises
     ------
@@ -62,55 +76,146 @@ def sheets(layout: Layout, paper: str = "a4") -> list[Sheet]:
     if paper not in PAPERS:
         raise ValueError(f"paper '{paper}': known are {', '.join(PAPERS)}")
     wide, high = PAPERS[paper]
-    if layout.width > high - 2.0 * MARGIN - 0.06:
+    across = layout.width + 2.0 * BESIDE
+    on_a_sheet = int((high - HEAD - FOOT) / across)
+    if on_a_sheet < 1:
         raise ValueError(f"width = {layout.width} m: the dominoes are wider than {paper} paper")
     stretch = wide - 2.0 * MARGIN
     rear, front = layout.positions - layout.thickness, layout.positions
     begin = float(rear[0]) - LEAD
     total = int(np.ceil((float(front[-1]) + LEAD - begin) / stretch - 1e-9))
-    if total > MOST_SHEETS:
+    papers = -(-total // on_a_sheet)
+    if papers > MOST_SHEETS:
         raise ValueError(
-            f"a row of {layout.length:.6g} m takes {total:,} sheets of paper, where at most "
+            f"a row of {layout.length:.6g} m takes {papers:,} sheets of paper, where at most "
             f"{MOST_SHEETS:,} are drawn: are its sizes metres?"
         )
     found = []
     for k in range(total):
         low, high_end = begin + k * stretch, begin + (k + 1) * stretch
         inside = np.flatnonzero((front > low) & (rear < high_end))
-        found.append(Sheet(k + 1, total, low, high_end, tuple(int(i) for i in inside)))
+        sheet, place = divmod(k, on_a_sheet)
+        middle = high - HEAD - (place + 0.5) * across
+        dominoes = tuple(int(i) for i in inside)
+        found.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, dominoes))
     return found
 
 
 def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "") -> int:
-    """Write the PDF whole, and return the number of sheets; refuses as `sheets` does."""
-    plan = sheets(layout, paper)
-    wide, high = PAPERS[paper]
+    """Write the PDF whole: a page of advice, then the sheets.
+
+    Returns
+    -------
+    int
+        Number of sheets with strips.
+
+    Raises
+    ------
+    ValueError
+        As `strips`.
+    """
+    plan = strips(layout, paper)
+    total = plan[-1].sheet
+    title = title or "Template"
     buffer = io.BytesIO()
     # plain, so that the same row gives the same file and a reader can check the lengths
     with (
         rc_context({"pdf.compression": 0, "pdf.fonttype": 42}),
-        PdfPages(buffer, metadata={"CreationDate": None, "Title": title or "Template"}) as pages,
+        PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
-        for sheet in plan:
-            figure = Figure(figsize=(wide / INCH, high / INCH))
-            axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-            axes.set(xlim=(0.0, wide * MM), ylim=(0.0, high * MM))
-            axes.set_axis_off()
-            _draw(axes, layout, sheet, high * MM, title)
-            pages.savefig(figure)
+        with _page(pages, paper, title, _sizes(layout)) as axes:
+            _advise(axes, layout, plan)
+        for number in range(1, total + 1):
+            with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
+                for strip in plan:
+                    if strip.sheet == number:
+                        _draw(axes, layout, strip)
+                _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
-    return len(plan)
+    return total
 
 
-def _draw(axes: Axes, layout: Layout, sheet: Sheet, high: float, title: str) -> None:
-    middle, half = high / 2.0, 0.5 * layout.width * MM
+def advice(plan: Sequence[Strip]) -> list[str]:
+    """Say how the row is built with the strips, step by step."""
+    steps = ["Print at 100 %, not fitted to the page, and check the scale bar with a ruler."]
+    if len(plan) > 1:
+        steps.append(
+            "Cut the strips out along the thin lines. Cut the left end of each along its dashed "
+            "line, and lay it on the dashed line at the right end of the strip before, so that "
+            "the circles meet."
+        )
+    return [
+        *steps,
+        "Tape the paper down flat: where it bends, gaps are wrong, and it must not slip.",
+        "Stand a domino upright on every box, its faces along the lines. Leave a few out along "
+        "the row, and fill these places last: what falls early then stops there.",
+        "Push domino 0 at its top; the wave runs along the arrows.",
+    ]
+
+
+def words(plan: Sequence[Strip]) -> str:
+    """Say how much paper it is, and what to do first."""
+    total = plan[-1].sheet
+    paper = "one sheet" if total == 1 else f"{total} sheets"
+    paper += " with one strip" if len(plan) == 1 else f" with {len(plan)} strips"
+    return f"a page of advice and {paper}: print at 100 % and check the scale bar"
+
+
+@contextmanager
+def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
+    """A sheet of paper to draw on, in millimetres, with its title."""
+    wide, high = PAPERS[paper]
+    figure = Figure(figsize=(wide / INCH, high / INCH))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set(xlim=(0.0, wide * MM), ylim=(0.0, high * MM))
+    axes.set_axis_off()
+    left, top = MARGIN * MM, high * MM
+    axes.text(left, top - 14.0, escaped(title), va="center", size=13, weight="bold", color=INK)
+    right = (wide - MARGIN) * MM
+    axes.text(right, top - 14.0, subtitle, va="center", ha="right", size=9, color=SOFT)
+    yield axes
+    pages.savefig(figure)
+
+
+def _sizes(layout: Layout) -> str:
+    return repr(layout)[len("Layout(") : -1]
+
+
+def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
+    """The steps on the left, the gaps of a row that is not too long on the right."""
+    left, top = MARGIN * MM, axes.get_ylim()[1] - 32.0
+    axes.text(left, top, "How to build it", size=11, color=INK, weight="bold")
+    y = top - 9.0
+    for number, step in enumerate(advice(plan), 1):
+        lines = wrap(step, 68)
+        axes.text(left, y, f"{number}", size=9.5, color=SOFT, va="top")
+        axes.text(left + 6.0, y, "\n".join(lines), size=9.5, color=INK, va="top", linespacing=1.35)
+        y -= 4.9 * len(lines) + 3.0
+    if not 1 < layout.count <= MOST_GAPS + 1:
+        return
+    x = 0.52 * axes.get_xlim()[1]
+    axes.text(x, top, "Gap in front of each domino [mm]", size=11, color=INK, weight="bold")
+    lines = [f"{i:3d} {1e3 * gap:6.2f}" for i, gap in enumerate(layout.spacing)]
+    down = max(40, -(-len(lines) // 6))
+    for k in range(0, len(lines), down):
+        text = "\n".join(lines[k : k + down])
+        axes.text(x, top - 9.0, text, size=8, color=INK, va="top", family="monospace")
+        x += 23.0
+
+
+def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
+    """A strip: its edges, its dominoes, and what joins it to its neighbours."""
+    middle, half = strip.middle * MM, 0.5 * layout.width * MM
     left = MARGIN * MM
-    right = left + (sheet.end - sheet.begin) * MM
+    right = left + (strip.end - strip.begin) * MM
+    edge = half + BESIDE * MM
     axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, dashes=(8, 3, 1, 3))
-    window = Rectangle((0.0, 0.0), right + left, high, transform=axes.transData)
-    for i in sheet.dominoes:
+    for y in (middle - edge, middle + edge):
+        axes.plot([0.0, right + left], [y, y], color="0.7", lw=LINE)
+    window = Rectangle((0.0, 0.0), right + left, axes.get_ylim()[1], transform=axes.transData)
+    for i in strip.dominoes:
         thick = layout.thickness[i] * MM
-        x = left + (layout.positions[i] - sheet.begin) * MM - thick
+        x = left + (layout.positions[i] - strip.begin) * MM - thick
         box = Rectangle((x, middle - half), thick, 2.0 * half, fill=False, lw=LINE, ec="black")
         axes.add_patch(box)
         box.set_clip_path(window)
@@ -119,43 +224,28 @@ def _draw(axes: Axes, layout: Layout, sheet: Sheet, high: float, title: str) -> 
             y = middle - half - (3.0 if i % 2 == 0 else 7.0)
             axes.text(x + thick / 2.0, y, str(i), ha="center", va="center", fontsize=6)
     for x, there, word in (
-        (left, sheet.number > 1, f"joins sheet {sheet.number - 1}"),
-        (right, sheet.number < sheet.total, f"joins sheet {sheet.number + 1}"),
+        (left, strip.number > 1, f"joins strip {strip.number - 1}"),
+        (right, strip.number < strip.total, f"joins strip {strip.number + 1}"),
     ):
         if not there:
             continue
-        axes.plot([x, x], [middle - 45.0, middle + 45.0], color="black", lw=LINE, dashes=(4, 3))
-        for y in (middle - 35.0, middle + 35.0):
-            axes.plot([x - 5.0, x + 5.0], [y, y], color="black", lw=LINE)
+        axes.plot([x, x], [middle - edge, middle + edge], color="black", lw=LINE, dashes=(4, 3))
+        for y in (middle - edge + 4.0, middle + edge - 4.0):
             axes.plot(x, y, marker="o", ms=6, mfc="none", mec="black", mew=LINE)
-        side = "left" if x == left else "right"
-        shift = 3.0 if x == left else -3.0
-        axes.text(x + shift, middle + 41.0, word, ha=side, va="center", fontsize=7)
-    axes.annotate(
-        "", (left + 30.0, middle + half + 12.0), (left + 5.0, middle + half + 12.0),
-        arrowprops={"arrowstyle": "->", "lw": 0.8},
-    )  # fmt: skip
-    axes.text(left + 32.0, middle + half + 12.0, "the wave runs this way", va="center", fontsize=7)
-    bar = left, left + BAR * MM
-    axes.plot(bar, [20.0, 20.0], color="black", lw=0.8)
+        side, shift = ("left", 4.0) if x == left else ("right", -4.0)
+        axes.text(x + shift, middle + edge - 4.0, word, ha=side, va="center", fontsize=7)
+    at, y = 0.5 * (left + right), middle + edge - 4.0
+    axes.text(at, y, f"strip {strip.number}", ha="right", va="center", fontsize=7)
+    axes.annotate("", (at + 24.0, y), (at + 4.0, y), arrowprops={"arrowstyle": "->", "lw": 0.8})
+
+
+def _draw_bar(axes: Axes) -> None:
+    left, y = MARGIN * MM, 14.0
+    axes.plot([left, left + BAR * MM], [y, y], color="black", lw=0.8)
     for k in range(11):
         x = left + 0.1 * k * BAR * MM
-        axes.plot([x, x], [20.0, 23.0 if k % 5 == 0 else 21.5], color="black", lw=LINE)
+        axes.plot([x, x], [y, y + (3.0 if k % 5 == 0 else 1.5)], color="black", lw=LINE)
     axes.text(
-        bar[1] + 3.0, 20.0, f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the page",
-        va="center", fontsize=7,
+        left + BAR * MM + 3.0, y, f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the "
+        "page", va="center", fontsize=7,
     )  # fmt: skip
-    head = escaped(title)
-    head += f"   sheet {sheet.number} of {sheet.total}"
-    head += f"   {layout.count} dominoes, {layout.length * MM:.1f} mm first pivot to last"
-    axes.text(left, high - 16.0, head.strip(), va="center", fontsize=9)
-
-
-def words(plan: list[Sheet]) -> str:
-    """Say what to do with the sheets."""
-    if len(plan) == 1:
-        return "one sheet: print at 100 % and check the scale bar"
-    return (
-        f"{len(plan)} sheets: print at 100 %, check the scale bar, cut along the dashed line on "
-        "the left, and lay it on the dashed line of the sheet before"
-    )

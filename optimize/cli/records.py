@@ -67,14 +67,16 @@ def run(arguments: argparse.Namespace) -> int:
 def _list(records: dict[str, BestKnown]) -> None:
     from domino_env.rigid.known import known_verification
     from domino_env.scenes.files.reading import load_scene
+    from domino_env.support.tables import text_table
 
-    print(f"{'scene':18}{'best known':48}{'by':12}hinged engine over ours")
+    rows = []
     for name, record in records.items():
         scene = load_scene(name)
         told = scene.in_words(record.score, scene.simulate(record.layout))
         one = known_verification(record.layout, scene.physics)
         checked = "not verified" if one is None else f"at most {one.largest:.3%} off"
-        print(f"{name:18}{told:48}{record.method:12}{checked}", flush=True)
+        rows.append((name, told, record.method, checked))
+    print("\n".join(text_table(("scene", "best known", "by", "hinged engine over ours"), rows)))
 
 
 def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int:

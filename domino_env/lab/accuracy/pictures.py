@@ -66,7 +66,7 @@ def draw_accuracy(rows: Sequence[Row], measurements: Sequence[Measurement], path
     for panel, row in zip(panels, rows, strict=True):
         _draw_panel(panel, row, [m for m in measurements if m.row == row.name])
     for panel in panels[-across:]:
-        panel.set_xlabel("run time [s]")
+        panel.set_xlabel("processor time")
     for panel in panels[::across]:
         panel.set_ylabel("true relative error of the times")
     handles, labels = panels[0].get_legend_handles_labels()

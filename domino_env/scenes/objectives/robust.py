@@ -179,7 +179,7 @@ class Robust(Objective):
     def in_words(self, score: float, wave: Wave) -> str:
         """Say the speed, and how many of the rows reach it."""
         part = 1.0 - self.settings.quantile
-        return f"{score:.6f} m/s reached by {part:.4g} of the rows as placed"
+        return f"{score:.6f} m/s reached by {100.0 * part:.4g} % of the rows as placed"
 
     @classmethod
     def clashes(

@@ -95,6 +95,18 @@ def test_a_race_ends_when_all_lie(tmp_path: Path) -> None:
     assert [f.name for f in tmp_path.iterdir()] == ["race.gif"]
 
 
+def test_a_heading_stands_above_the_rows_and_says_the_pace() -> None:
+    wave = de.simulate(de.Layout.uniform(5, pitch=0.02), de.Physics())
+    plain, headed, other = (
+        np.asarray(next(frames([Runner("a", wave)], slow=slow, width=400, heading=heading)))
+        for heading, slow in (("", 4.0), ("sprint: " + 20 * "a long title ", 4.0), ("sprint", 5.0))
+    )
+    above = len(headed) - len(plain)
+    assert above > 20
+    assert np.array_equal(headed[above:], plain)
+    assert not np.array_equal(headed[:above, 300:], other[:above, 300:])  # 4 and 5 times slower
+
+
 def test_the_command_writes_what_it_is_asked_for(tmp_path: Path, capsys) -> None:
     row = tmp_path / "row.csv"
     de.Layout.uniform(6, pitch=0.02).to_csv(row)

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.view.template import PAPERS, sheets, write_template
+from domino_env.view.template import PAPERS, strips, write_template
 
 LAYOUT = de.Layout(np.random.default_rng(1).uniform(0.004, 0.03, 59), 0.0075)
 POINT = 0.0254 / 72.0
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_every_domino_is_whole_on_a_sheet_or_shared_by_neighbours(paper: str) -> None:
-    plan = sheets(LAYOUT, paper)
-    assert sorted({i for sheet in plan for i in sheet.dominoes}) == list(range(60))
+def test_every_domino_is_whole_on_a_strip_or_shared_by_neighbours(paper: str) -> None:
+    plan = strips(LAYOUT, paper)
+    assert sorted({i for strip in plan for i in strip.dominoes}) == list(range(60))
     for before, after in pairwise(plan):
         assert before.end == pytest.approx(after.begin)
-    for sheet in plan:
-        assert sheet.end - sheet.begin < PAPERS[paper][0]
+    for strip in plan:
+        assert strip.end - strip.begin < PAPERS[paper][0]
 
 
 def test_footprints_are_drawn_at_one_to_one(tmp_path: Path) -> None:
@@ -34,21 +34,34 @@ def test_footprints_are_drawn_at_one_to_one(tmp_path: Path) -> None:
     assert len(found) >= 60
     np.testing.assert_allclose(found[:, 2] - found[:, 0], 0.0075, atol=2e-6)
     np.testing.assert_allclose(found[:, 3] - found[:, 1], LAYOUT.width, atol=2e-6)
-    first = len(sheets(LAYOUT)[0].dominoes)
+    first = len(strips(LAYOUT)[0].dominoes)
     gaps = np.diff(found[:first, 0])
     np.testing.assert_allclose(gaps, LAYOUT.pitch[: first - 1], atol=2e-6)
+
+
+def test_strips_of_a_sheet_do_not_touch_and_a_page_says_what_to_do(tmp_path: Path) -> None:
+    plan = strips(LAYOUT)
+    assert len(plan) > plan[-1].sheet == 2  # some are on one sheet
+    for before, after in pairwise(plan):
+        if before.sheet == after.sheet:
+            assert before.middle - after.middle >= LAYOUT.width
+    write_template(LAYOUT, tmp_path / "row.pdf", title="the row")
+    data = (tmp_path / "row.pdf").read_bytes()
+    assert data.count(b"/Type /Page\n") + data.count(b"/Type /Page ") == 1 + plan[-1].sheet
+    assert b"/Title (the row)" in data
+    assert len(strips(de.Layout(LAYOUT.spacing, 0.0075, width=0.1))) == len(plan)
 
 
 def test_same_row_gives_same_file(tmp_path: Path) -> None:
     files = [tmp_path / "a.pdf", tmp_path / "b.pdf"]
     for file in files:
-        assert write_template(LAYOUT, file) == len(sheets(LAYOUT))
+        assert write_template(LAYOUT, file) == strips(LAYOUT)[-1].sheet
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
 def test_unknown_paper_and_giants_are_refused() -> None:
     with pytest.raises(ValueError, match="known are a4, letter"):
-        sheets(LAYOUT, "b5")
+        strips(LAYOUT, "b5")
     giant = de.Layout([0.1], 0.1, height=1.0, width=0.5)
     with pytest.raises(ValueError, match="wider than a4"):
-        sheets(giant)
+        strips(giant)
