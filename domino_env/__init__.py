@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from domino_env.scenes.objectives.tempo import Tempo
     from domino_env.scenes.scene import Scene
     from domino_env.scenes.stock import Stock
+    from domino_env.standing.simulation import RigidWave, simulate_standing
     from domino_env.view.sound import Heard, clicks, listen
 
 __version__ = "0.1.0"
@@ -63,6 +64,7 @@ __all__ = [
     "Outcome",
     "Physics",
     "Placement",
+    "RigidWave",
     "Scene",
     "Snapshot",
     "SteadyWave",
@@ -81,6 +83,7 @@ __all__ = [
     "scene_names",
     "simulate",
     "simulate_batch",
+    "simulate_standing",
     "smallest_push",
     "steady_wave",
     "terminal_speed_estimate",
@@ -123,6 +126,8 @@ __getattr__, __dir__ = lazy_names(
         "Scene": "scenes.scene",
         "UniformMark": "scenes.baseline",
         "Stock": "scenes.stock",
+        "RigidWave": "standing.simulation",
+        "simulate_standing": "standing.simulation",
         "Heard": "view.sound",
         "clicks": "view.sound",
         "listen": "view.sound",

@@ -16,6 +16,7 @@ from domino_env.cli.physics_options import add_physics_options, asked_physics
 if TYPE_CHECKING:
     from domino_env.chain.wave import Wave
     from domino_env.scenes.scene import Scene
+    from domino_env.standing.simulation import RigidWave
 
 SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
 CSV_NAMES = (
@@ -23,6 +24,7 @@ CSV_NAMES = (
 )  # fmt: skip
 MOST_LINES = 60  # of a table that is printed whole unasked
 ENDS = 10  # lines at both ends of a longer one
+OPEN = 1e-5  # [m] contacts that open by less are not worth a line
 THICK = 0.5  # [m] a domino thicker than this was probably measured in millimetres
 
 
@@ -38,6 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all", action="store_true", help=f"every line of a row of more than {MOST_LINES} dominoes"
     )
+    parser.add_argument(
+        "--floor",
+        type=float,
+        metavar="FRICTION",
+        help="topple it also as rigid bodies that stand free on a floor of this friction",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -46,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.chain.wave import simulate
+    from domino_env.standing.simulation import simulate_standing
     from domino_env.support.tables import write_csv
 
     asked = asked_physics(arguments, arguments.layout)
@@ -54,13 +63,20 @@ def run(arguments: argparse.Namespace) -> int:
     judged = _judged(wave, scene) if scene else {}
     if arguments.csv:
         write_csv(Path(arguments.csv), CSV_NAMES, _csv_rows(wave))
+    standing = None
+    if arguments.floor is not None:
+        standing = simulate_standing(wave.layout, wave.physics, arguments.floor)
     if arguments.json:
         document = _document(wave) | {"physics_from": asked.origin} | judged
+        if standing:
+            document["standing"] = _standing_document(standing)
         print(json.dumps(document, indent=1, allow_nan=False))
         return 0
     print("\n".join(_table(wave, whole=arguments.all) + _verdict(wave) + [asked.line]))
     if scene:
         print("\n".join(_judgement(judged)))
+    if standing:
+        print("\n".join(_standing(standing, wave)))
     if arguments.csv:
         print(f"table written to {arguments.csv}")
     return 0
@@ -147,6 +163,53 @@ def _judgement(judged: dict[str, object]) -> list[str]:
     else:
         against = "below zero for a wave that dies; the best uniform pitch"
     return [f"score {judged['score']:.6f} on '{name}', {against} ({judged['uniform_score']:.6f})"]
+
+
+def _standing(row: RigidWave, wave: Wave) -> list[str]:
+    """What the same dominoes did as rigid bodies on a floor."""
+    count = row.layout.count
+    lines = ["", f"as rigid bodies that stand free on a floor of friction {row.floor_friction:g}:"]
+    if row.mean_speed > 0.0:
+        against = ""
+        if wave.mean_speed > 0.0:
+            against = f", {row.mean_speed / wave.mean_speed - 1.0:+.2%} against the model"
+        lines.append(
+            f"mean speed {row.mean_speed:.5f} m/s{against}, last domino hit after "
+            f"{row.arrival_times[-1]:.5f} s"
+        )
+    else:
+        lines.append(f"the wave ends after {row.hit} of {count} dominoes were struck")
+    lines.append(
+        f"{row.toppled} of {count} toppled; the foot of domino {row.slid.argmax()} slid furthest, "
+        f"{row.slid.max() * 1e3:.2f} mm"
+    )
+    if count > 1 and row.opened.max() > OPEN:
+        link = int(row.opened.argmax())
+        lines.append(
+            f"the contact of {link} and {link + 1} opened furthest, by {row.opened[link] * 1e3:.2f}"
+            f" mm after {row.opened_at[link]:.4f} s"
+        )
+    lines.append(
+        f"relative error of these times below {row.error_estimate:.1e}"
+        + ("" if row.converged else f", though {row.rtol:g} was asked for: the row is too delicate")
+    )
+    return lines
+
+
+def _standing_document(row: RigidWave) -> dict[str, object]:
+    """The rigid bodies as JSON; null where the wave did not come."""
+    return {
+        "floor_friction": row.floor_friction,
+        "mean_speed": row.mean_speed,
+        "hit": row.hit,
+        "toppled": row.toppled,
+        "error_estimate": row.error_estimate if math.isfinite(row.error_estimate) else None,
+        "converged": row.converged,
+        "arrival_times": [t if math.isfinite(t) else None for t in row.arrival_times.tolist()],
+        "slid": row.slid.tolist(),
+        "opened": row.opened.tolist(),
+        "opened_at": row.opened_at.tolist(),
+    }
 
 
 def _document(wave: Wave) -> dict[str, object]:

@@ -51,6 +51,15 @@ def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, row:
     assert "relative error of the times below" in text
 
 
+def test_simulate_shows_the_row_on_a_floor_too(capsys, row: Path) -> None:
+    text = said(capsys, "simulate", row, "--floor", 0.4)
+    standing = de.simulate_standing(de.Layout(GAPS, THICKNESS), de.Physics(), 0.4)
+    assert f"mean speed {standing.mean_speed:.5f} m/s, " in text
+    assert "5 of 5 toppled" in text
+    document = json.loads(said(capsys, "simulate", row, "--floor", 0.4, "--json"))
+    assert document["standing"]["arrival_times"] == standing.arrival_times.tolist()
+
+
 def test_millimetres_and_metres_are_the_same_row(capsys, row: Path, tmp_path: Path) -> None:
     metres = tmp_path / "metres.csv"
     de.Layout(GAPS, THICKNESS).to_csv(metres)

@@ -1,0 +1,270 @@
+"""Topple a row that stands: halve the steps until the arrival times hold still."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domino_env.chain.layout import Layout
+from domino_env.chain.physics import Physics
+from domino_env.standing import dynamics
+
+Floats = NDArray[np.float64]
+
+FLOOR_FRICTION = 0.5  # of wood on wood, as it is mostly given
+COARSEST, FINEST = 4.0, 1.0 / 32.0  # steps, in those of 0.16 ms for standard dominoes
+CALM = 5e-6  # of sqrt(g L): the velocity at which the sweeps of a step of fineness 1 end
+WINDOW = 24  # dominoes behind the leader that still move; what lies further back changes no digit
+PATIENCE = 3.0  # [sqrt(L/g)] without a hit before a wave counts as dead; a fall takes about one
+DOUBT = 2.0  # times what halving the steps changed
+GRAIN = 1e-4  # relative error of steps of fineness 1 that a change may hide by chance
+
+
+@dataclass(frozen=True, eq=False)
+class RigidWave:
+    """What a row of rigid bodies did.
+
+    Attributes
+    ----------
+    layout
+        What stood.
+    physics
+        What made it fall.
+    floor_friction
+        Coulomb coefficient between dominoes and the floor; None where they were hinged to it.
+    arrival_times
+        (N,) when each domino is first struck [s]: 0 for the first, inf where the wave did not come.
+    lean
+        (N,) largest angle from upright, towards the next domino, while it was followed [rad].
+    slid
+        (N,) how far the front bottom edge was from its place at most [m]; 0 where hinged.
+    opened
+        (N-1,) how wide the contact with the next domino opened after it had closed [m], and before
+        the tip slipped off for good.
+    opened_at
+        (N-1,) when it was that wide [s]; 0 where it never opened.
+    error_estimate
+        Largest |error|/t_k over the arrival times t_k, from runs with steps halved.
+    converged
+        False where the finest steps still moved the times by more than `rtol` allows.
+    rtol
+        The tolerance asked for.
+    times
+        (F,) at which poses were asked for [s].
+    poses
+        (F, N, 3) places (x, y) of the front bottom edges [m] and leans [rad] at `times`.
+    steps
+        Of time, in the finest run.
+    run_time
+        Spent computing [s].
+    """
+
+    layout: Layout
+    physics: Physics
+    floor_friction: float | None
+    arrival_times: Floats
+    lean: Floats
+    slid: Floats
+    opened: Floats
+    opened_at: Floats
+    error_estimate: float
+    converged: bool
+    rtol: float
+    times: Floats
+    poses: Floats
+    steps: int
+    run_time: float
+
+    def __repr__(self) -> str:
+        floor = "hinged" if self.floor_friction is None else f"floor {self.floor_friction:g}"
+        count = self.layout.count
+        if self.mean_speed > 0.0:
+            how = f"{count} dominoes in {self.arrival_times[-1]:.5g} s, {self.mean_speed:.5g} m/s"
+        else:
+            how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
+        return f"RigidWave({floor}: {how}, ±{self.error_estimate:.0e})"
+
+    @property
+    def hit(self) -> int:
+        """Dominoes struck; the first counts."""
+        return int(np.isfinite(self.arrival_times).sum())
+
+    @property
+    def topples(self) -> NDArray[np.bool_]:
+        """(N,) whether each domino passed its tipping angle."""
+        tipping = np.arctan2(self.layout.thickness, self.layout.height)
+        return np.asarray(self.lean > tipping)
+
+    @property
+    def toppled(self) -> int:
+        """Dominoes that passed their tipping angle."""
+        return int(self.topples.sum())
+
+    @property
+    def propagated(self) -> bool:
+        """Whether the last domino was struck and toppled."""
+        return bool(np.isfinite(self.arrival_times[-1]) and self.topples[-1])
+
+    @property
+    def mean_speed(self) -> float:
+        """First pivot to last as they stood, over the last arrival time [m/s]; 0 unless struck."""
+        last = float(self.arrival_times[-1])
+        return self.layout.length / last if 0.0 < last < math.inf else 0.0
+
+
+def simulate_standing(
+    layout: Layout,
+    physics: Physics,
+    floor_friction: float | None = FLOOR_FRICTION,
+    rtol: float = 1e-3,
+    *,
+    times: ArrayLike = (),
+) -> RigidWave:
+    """Topple a row of rigid bodies that stand free on a floor, or are hinged to it.
+
+    The analytic model of `simulate` holds every pivot to the floor and keeps every contact closed.
+    Here neither is assumed: feet may slip and lift, contacts open and close, all without
+    restitution and with Coulomb friction.  It costs some ten thousand times as much.
+
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall; its friction is that between dominoes.
+    floor_friction
+        Coulomb coefficient between dominoes and the floor, 0 or more; None hinges every domino at
+        its front bottom edge, as the analytic model has it.
+    rtol
+        Steps are halved until no arrival time moves by more than half of this, relative to itself.
+    times
+        (F,) moments at which the pose of every domino is wanted too [s], 0 or later.
+
+    Returns
+    -------
+    RigidWave
+        Arrival times with an estimate of their error, what toppled, slid and opened.
+
+    Raises
+    ------
+    ValueError
+        For a friction, tolerance or moment out of its range, and a row of one domino.
+    ArithmeticError
+        Where a velocity is not a number, which no row is known to bring about.
+
+    References
+    ----------
+    J. J. Moreau (1988), Unilateral contact and dry friction in finite freedom dynamics; M. Jean
+    (1999), The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177, 235-257.
+    """
+    begun = time.perf_counter()
+    if floor_friction is not None and not 0.0 <= floor_friction < math.inf:
+        raise ValueError(
+            f"floor_friction = {floor_friction}: give 0 or more, or None for hinged dominoes"
+        )
+    if not 1e-6 <= rtol < 1.0:
+        raise ValueError(f"rtol = {rtol}: steps of time reach 1e-6 to 1, and 1e-3 is quick")
+    moments = np.array(times, dtype=np.float64).reshape(-1)
+    if not (
+        np.isfinite(moments).all() and (moments >= 0.0).all() and (np.diff(moments) >= 0).all()
+    ):
+        raise ValueError("times: give finite moments from 0 on, in their order [s]")
+    none = np.zeros(0)
+    # the pose at a moment needs the finest run only
+    runs = [_run(layout, physics, floor_friction, COARSEST, none)]
+    changes = [math.inf]
+    fineness = COARSEST
+    while True:
+        fineness /= 2.0
+        runs.append(_run(layout, physics, floor_friction, fineness, none))
+        changes.append(_change(runs[-2].arrivals, runs[-1].arrivals))
+        # two in a row: one may be small by chance
+        doubt = DOUBT * max(changes[-1], 0.5 * changes[-2]) + GRAIN * fineness
+        if doubt <= rtol or fineness <= FINEST:
+            break
+    best = runs[-1]
+    if len(moments):
+        best = _run(layout, physics, floor_friction, fineness, moments)
+    return RigidWave(
+        layout=layout,
+        physics=physics,
+        floor_friction=None if floor_friction is None else float(floor_friction),
+        arrival_times=best.arrivals,
+        lean=best.lean,
+        slid=best.slid,
+        opened=best.opened,
+        opened_at=best.opened_at,
+        error_estimate=doubt,
+        converged=doubt <= rtol,
+        rtol=rtol,
+        times=moments,
+        poses=best.poses,
+        steps=best.steps,
+        run_time=time.perf_counter() - begun,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """One run with steps of one fineness."""
+
+    arrivals: Floats
+    lean: Floats
+    slid: Floats
+    opened: Floats
+    opened_at: Floats
+    poses: Floats
+    steps: int
+
+
+def _run(
+    layout: Layout, physics: Physics, floor: float | None, fineness: float, times: Floats
+) -> _Run:
+    count, tallest = layout.count, float(layout.height.max())
+    arrivals = np.full(count, np.inf)
+    arrivals[0] = 0.0
+    lean, slid = np.zeros(count), np.zeros(count)
+    opened, opened_at = np.zeros(max(count - 1, 0)), np.zeros(max(count - 1, 0))
+    poses = np.zeros((len(times), count, 3))
+    follow: Any = dynamics.follow
+    steps, _, _ = follow(
+        layout.height,
+        layout.thickness,
+        layout.density * layout.height * layout.thickness,
+        layout.positions,
+        physics.friction,
+        -1.0 if floor is None else float(floor),
+        physics.gravity,
+        physics.push,
+        fineness,
+        CALM * fineness * math.sqrt(physics.gravity * tallest),
+        WINDOW,
+        PATIENCE * math.sqrt(tallest / physics.gravity) + 2.0 / physics.push,
+        times,
+        arrivals,
+        lean,
+        slid,
+        opened,
+        opened_at,
+        poses,
+    )
+    if steps < 0:
+        raise ArithmeticError(
+            f"a velocity is not a number any more after {np.isfinite(arrivals).sum()} of {count} "
+            "dominoes were struck: this is a fault of the simulator, so please report the layout"
+        )
+    return _Run(arrivals, lean, slid, opened, opened_at, poses, steps)
+
+
+def _change(coarse: Floats, fine: Floats) -> float:
+    """Largest relative difference of arrival times; inf where the waves end at other dominoes."""
+    came = np.isfinite(fine)
+    if not np.array_equal(came, np.isfinite(coarse)):
+        return math.inf
+    struck = came & (fine > 0.0)
+    return float(np.max(np.abs(coarse[struck] / fine[struck] - 1.0), initial=0.0))
