@@ -49,7 +49,7 @@ NUMBERS = 20
 
 
 def _compiled(function: Any) -> Any:
-    options = {"nogil": True, "error_model": "numpy"}
+    options: Any = {"nogil": True, "error_model": "numpy"}
     try:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:  # no folder for a cache can be written
