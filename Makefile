@@ -7,7 +7,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	&& echo $$p && break; done)
 SCENE ?= sprint
 OUT ?= runs/$(SCENE)
-OPTIMIZE_FLAGS ?= --seconds 45
+OPTIMIZE_FLAGS ?=
 
 .PHONY: help run test bench lint docs clean
 

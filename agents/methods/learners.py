@@ -157,9 +157,7 @@ class _Learning:
         self.model._current_progress_remaining = 1.0 - self.budget.part
 
     def _check_the_clock(self) -> None:
-        budget = self.budget
-        if budget.seconds is not None and budget.elapsed >= budget.seconds and budget.finalists:
-            raise BudgetSpent
+        self.budget.require_more()
 
     def _adapt(self) -> None:
         if self.algorithm in NOISY:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from optimize.evaluation.result import SearchResult
 
 SUMMARY = "search a better row than the best uniform one"
-DEFAULT_SECONDS = 60.0
+MARKED = 1e-6  # a smaller relative distance to the best known is none
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,12 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="auto (default), cma, l-bfgs, slsqp, scp, … (see README), or package.module:function",
     )
-    parser.add_argument("--evaluations", type=int, help="rows that may be simulated")
     parser.add_argument(
-        "--seconds",
-        type=float,
-        help=f"time that may be spent ({DEFAULT_SECONDS:g} if --evaluations is not given either)",
+        "--evaluations", type=int, help="rows that may be simulated (until the search is done)"
     )
+    parser.add_argument("--seconds", type=float, help="time that may be spent (the same)")
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
     parser.add_argument("--out", metavar="FOLDER", help="the run's folder (runs/SCENE)")
     parser.add_argument(
@@ -43,21 +41,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on with the search in the folder; its seconds so far count",
     )
+    parser.add_argument(
+        "--update-best",
+        action="store_true",
+        help="write a new record into optimize/records/best_known.json",
+    )
     add_executor_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and say what was found."""
-    from domino_env.scenes.files.reading import load_scene
+    from domino_env.scenes.files.reading import load_scene, scene_names
     from optimize import methods
+    from optimize.records.shipped import update
     from optimize.searching.folder import FILES
     from optimize.searching.runner import search
 
     methods.load(arguments.method)
     scene = load_scene(arguments.scene)
-    seconds = arguments.seconds
-    if seconds is None and arguments.evaluations is None:
-        seconds = DEFAULT_SECONDS
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}")
     print(f"best uniform row: {_uniform(scene)}", flush=True)
@@ -67,12 +68,17 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.method,
             arguments.evaluations,
             arguments.seed,
-            seconds=seconds,
+            seconds=arguments.seconds,
             folder=folder,
             executor=executor,
             resume=arguments.resume,
         )
     print(f"best row found:   {_found(result)}")
+    print(f"the search ended: {result.ended}")
+    if scene.name in scene_names() and load_scene(scene.name) == scene:
+        print(f"best known:       {_against_best_known(result)}")
+        if arguments.update_best:
+            print(f"new records: {', '.join(update([result])) or 'none'}")
     print(f"written to {folder}: {', '.join(FILES)}")
     return 0
 
@@ -82,6 +88,22 @@ def _uniform(scene: Scene) -> str:
     gap, thickness = mark.layout.spacing[0] * 1e3, mark.layout.thickness[-1] * 1e3
     worth = scene.in_words(mark.score, mark.wave)
     return f"{worth}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({mark.wave.outcome.name})"
+
+
+def _against_best_known(result: SearchResult) -> str:
+    from optimize.records.shipped import NOTICED, best_known, closest_score
+
+    scene, record = result.scene, best_known().get(result.scene.name)
+    if record is None:
+        return "none so far"
+    worth = scene.in_words(record.score, scene.simulate(record.layout))
+    lead = closest_score(scene, result.layout) - record.score
+    if lead > NOTICED * abs(record.score):
+        return f"{worth}: a new record, for --update-best to keep"
+    short = -lead / abs(record.score)
+    return f"{worth}, by {record.method}: " + (
+        "reached" if short < MARKED else f"{short:.4%} short"
+    )
 
 
 def _found(result: SearchResult) -> str:

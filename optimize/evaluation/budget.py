@@ -15,6 +15,8 @@ PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
 MOST_ROWS = 256  # between two looks, so that enough of the good ones become finalists
 BULK = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 GRADIENT_COST = 4  # waves that a gradient takes as long as
+GAIN = 1e-5  # a smaller relative gain is none
+PATIENT = 20_000  # least evaluations of a search without any limit
 KEPT = 8  # best designs kept for a closer look at the end
 
 Step = tuple[int, int, float, float]
@@ -71,6 +73,10 @@ class Budget:
         The steepest slope left at each of them, see `slope_left`; None where it is not known.
     finalists
         The last improvements, (score, design) each, the best last.
+    standing
+        What the method says of its best so far: how much it is to be trusted, what it has tried.
+    gained
+        Evaluations at the last gain worth the name.
     """
 
     def __init__(
@@ -88,6 +94,10 @@ class Budget:
         self.trace: list[Step] = []
         self.slopes: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
+        self.standing = ""
+        self.gained = 0
+        self._reached = np.nan  # before the first
+        self._unlimited = evaluations is None and seconds is None
         self._recorder = recorder
         self._watch = watch
         self._piece = min(max(8, PIECE // self.problem.dominoes), MOST_ROWS)
@@ -114,13 +124,36 @@ class Budget:
 
     @property
     def part(self) -> float:
-        """Part that is spent, 0 to 1, of what runs out first."""
+        """Part that is spent, 0 to 1, of what runs out first; without limits, see `over`."""
         parts = [0.0]
+        if self._unlimited:
+            parts.append(self.spent / max(PATIENT, 2 * self.gained))
         if self.evaluations is not None:
             parts.append(self.spent / self.evaluations)
         if self.seconds is not None:
             parts.append(self.elapsed / self.seconds)
         return min(max(parts), 1.0)
+
+    @property
+    def over(self) -> str:
+        """Why nothing more may be spent; empty while something may.
+
+        Without any limit it is over where half of many evaluations have gained nothing.
+        """
+        if not self.finalists:  # even a budget of no time gets a first look
+            return ""
+        if self.evaluations is not None and self.spent >= self.evaluations:
+            return f"limit of {self.evaluations} rows reached"
+        if self.seconds is not None and self.elapsed >= self.seconds:
+            return f"limit of {self.seconds:g} s reached"
+        if self._unlimited and self.spent >= max(PATIENT, 2 * self.gained):
+            return f"nothing gained in the last {self.spent - self.gained} rows"
+        return ""
+
+    def require_more(self) -> None:
+        """Raise `BudgetSpent`, which says why, where nothing more may be spent."""
+        if self.over:
+            raise BudgetSpent(self.over)
 
     @property
     def left(self) -> float:
@@ -172,8 +205,7 @@ class Budget:
         scores = np.empty(len(designs))
         at = 0
         while at < len(designs):
-            if self.finalists and self.part >= 1.0:  # even a budget of no time gets a first look
-                raise BudgetSpent
+            self.require_more()
             most = self.bulk if self._recorder.elsewhere else self._piece
             size = min(most, len(designs) - at)
             if self.evaluations is not None:
@@ -232,8 +264,7 @@ class Budget:
         piece = max(1, self._piece // GRADIENT_COST)
         at = 0
         while at < len(designs):
-            if self.finalists and self.part >= 1.0:
-                raise BudgetSpent
+            self.require_more()
             size = min(piece, len(designs) - at)
             if self.evaluations is not None:
                 size = min(size, self.evaluations - self.spent)
@@ -256,8 +287,7 @@ class Budget:
         BudgetSpent
             Where it cannot be paid for.
         """
-        if self.left < 1 or (self.finalists and self.part >= 1.0):
-            raise BudgetSpent
+        self.require_more()
         design = np.asarray(design, dtype=np.float64)
         found, late, slopes = self._recorder.lateness(design)
         self._count(found)
@@ -303,5 +333,7 @@ class Budget:
             self.trace.append((self.spent, self.falls, self.elapsed, float(scores[i])))
             self.slopes.append(None if gradients is None else slope_left(designs[i], gradients[i]))
             self.finalists.append((float(scores[i]), designs[i].copy()))
+            if not scores[i] <= self._reached + GAIN * abs(self._reached):
+                self._reached, self.gained = float(scores[i]), self.spent
         if self._watch is not None:
             self._watch(self)

@@ -49,6 +49,8 @@ class SearchResult(MadeForScene):
         Time spent in all.
     interrupted
         Whether it was ended by hand.
+    ended
+        Why it ended, in words: what its method found enough, or the limit that it reached.
     """
 
     scene: Scene
@@ -64,6 +66,7 @@ class SearchResult(MadeForScene):
     falls: int
     seconds: float
     interrupted: bool
+    ended: str = ""
 
     @property
     def gain(self) -> float | None:

@@ -2,8 +2,9 @@
 
 A method is a function `run(budget, rng)`.  It asks `budget` for scores of designs in the unit box
 (`scores` of a batch, `score`, `score_and_gradient`) until BudgetSpent ends it, or returns when it
-has nothing left to try.  All its randomness comes from `rng`; what it has found is the budget's to
-remember.  One in a module of one's own is named `package.module:function`.
+has nothing left to try; in `budget.standing` it may say how far its best is to be trusted.  All its
+randomness comes from `rng`; what it has found is the budget's to remember.  One in a module of
+one's own is named `package.module:function`.
 """
 
 from __future__ import annotations

@@ -257,6 +257,7 @@ def summary(result: SearchResult) -> dict[str, Any]:
         "simulated_falls": result.falls,
         "seconds": result.seconds,
         "interrupted": result.interrupted,
+        "ended": result.ended,
         "error_estimate": wave.error_estimate,
         "converged": wave.converged,
         "lowest_stall_margin": float(min(m for m in wave.stall_margin if m == m)),

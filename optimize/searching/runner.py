@@ -29,8 +29,6 @@ from optimize.searching.progress import Watch, progress_line
 if TYPE_CHECKING:
     from optimize.methods import Method
 
-DEFAULT_BUDGET = 20_000  # evaluations, where nothing is said
-
 
 def search(
     scene: Scene | str | Path,
@@ -47,7 +45,9 @@ def search(
 ) -> SearchResult:
     """Search a layout of a scene that beats the best uniform pitch.
 
-    Ctrl-C ends the search with the best so far.
+    A search ends when its method is done, and says why; budget and seconds are limits to it. Where
+    there is no limit, one that is never done ends when its evaluations have gained nothing for
+    long. Ctrl-C ends the search with the best so far.
 
     Parameters
     ----------
@@ -57,13 +57,13 @@ def search(
         One of `METHODS`, or one of your own: a function `run(budget, rng)`, or its name as
         "package.module:function".
     budget
-        Layouts that may be simulated, never exceeded; 20 000 where neither budget nor seconds is
-        given. The best few are simulated once more, closely, at the end; that is not counted.
+        Layouts that may be simulated, never exceeded; None: no limit. The best few are simulated
+        once more, closely, at the end; that is not counted.
     seed
-        Of all randomness; the same seed and budget of evaluations give the same result to the bit
-        (a budget of seconds cannot).
+        Of all randomness; the same seed gives the same result to the bit, under a budget of
+        evaluations or none (one of seconds cannot), whatever the number of threads.
     seconds
-        Time that may be spent, not counting the search of the uniform pitch.
+        Time that may be spent, not counting the search of the uniform pitch; None: no limit.
     progress
         Whether to show a line with the best so far; None: on a terminal.
     folder
@@ -93,8 +93,6 @@ def search(
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
     run, method = methods.load(method), name_of(method)
-    if budget is None and seconds is None:
-        budget = DEFAULT_BUDGET
     if budget is not None and budget < 1:
         raise ValueError(f"budget = {budget}: give at least one evaluation")
     if seconds is not None and not seconds > 0.0:
@@ -129,10 +127,13 @@ def search(
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
                 run(meter, np.random.default_rng(seed))
-        except BudgetSpent:
-            pass
+            ended = f"done: {meter.standing or 'the method has nothing left to try'}"
+        except BudgetSpent as spent_up:
+            ended = "; ".join(
+                filter(None, (str(spent_up) or meter.over or "too little is left", meter.standing))
+            )
         except KeyboardInterrupt:
-            interrupted = True
+            interrupted, ended = True, "interrupted"
         spent = meter.elapsed
     if not (meter.finalists or interrupted):
         raise ValueError(f"method '{method}' ended without asking budget for a score")
@@ -152,6 +153,7 @@ def search(
         falls=meter.falls,
         seconds=spent,
         interrupted=interrupted,
+        ended=ended,
     )
     if files is not None:
         files.finish(result)

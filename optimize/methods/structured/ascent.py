@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from optimize.methods.structured.side_by_side import Asked, Search, side_by_side
+
 if TYPE_CHECKING:
     from optimize.evaluation.budget import Budget
 
@@ -211,29 +213,26 @@ class Refined:
                 self._begin(self.design)
 
 
-def climb(budget: Budget, arms: Sequence[Ascent | Refined], gradients: int) -> None:
+def climbing(arms: Sequence[Ascent | Refined], gradients: int) -> Search:
     """Go on with all in lockstep, so that they share batches.
 
     Parameters
     ----------
-    budget
-        Pays for the evaluations.
     arms
         The climbs.
     gradients
         Most evaluations with gradient of each.
-
-    Raises
-    ------
-    BudgetSpent
-        Where not all can be paid for.
     """
     until = {id(arm): arm.told + gradients for arm in arms}
     while live := [arm for arm in arms if not arm.done and arm.told < until[id(arm)]]:
-        wanted = np.array([arm.wanted for arm in live])
-        scores, slopes = budget.scores_and_gradients(wanted, of_dying=False)
+        scores, slopes = yield Asked(np.array([arm.wanted for arm in live]), gradients=True)
         for arm, score, slope in zip(live, scores, slopes, strict=True):
             arm.tell(float(score), slope)
+
+
+def climb(budget: Budget, arms: Sequence[Ascent | Refined], gradients: int) -> None:
+    """Let them climb, see `climbing`; raise BudgetSpent where not all can be paid for."""
+    side_by_side(budget, [climbing(arms, gradients)])
 
 
 class _Dense:

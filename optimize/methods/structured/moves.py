@@ -122,6 +122,22 @@ def join(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
     return np.concatenate([first[:, :at], last[:, at:]], axis=1)
 
 
+def exchange(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """Take a stretch from another good row."""
+    a, b = _stretch(design.shape[1], rng)
+    moved = design.copy()
+    moved[:, a:b] = other[:, a:b]
+    return moved
+
+
+def put_in(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
+    """Double one place and leave out another; what stands between moves along."""
+    pairs = design.shape[1]
+    i, j = (int(place) for place in rng.integers(pairs, size=2))
+    longer = np.insert(design, i, design[:, i], axis=1)
+    return np.asarray(np.delete(longer, j + (j > i), axis=1))
+
+
 def free_the_end(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
     """Set a value at the end anew: to a face of the box or anywhere."""
     moved = design.copy()
@@ -156,6 +172,8 @@ MOVES: tuple[Move, ...] = (
     kick_a_stretch,
     bend,
     join,
+    exchange,
+    put_in,
     free_the_end,
     swap,
 )

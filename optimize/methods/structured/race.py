@@ -6,7 +6,13 @@
    pay.
 2. Then good rows are changed by structured moves; many are scored, the best few climb a little, and
    those that come near the best climb on. Moves that have paid are drawn more often.
-3. When that gains no more, the same begins abroad with random starts, and the best come home.
+3. Beside it others do the same from random starts, each with a generator of its own and in the same
+   batches. Where one of them gains no more its best is an independent opinion of what can be
+   reached: it is joined with the best so far, start to end and end to start, and begins anew.
+
+The search is done when moves gain nothing any more and enough of the independent climbs agree with
+the best; where they never do, when twice as much was spent as the last gain took. Both count
+evaluations, so that the end does not depend on the machine.
 
 Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
 
@@ -27,8 +33,9 @@ from domino_env.support.distinct import distinct_rows
 from optimize.evaluation.budget import Budget
 from optimize.methods.schedules import schedule
 from optimize.methods.structured import assignment
-from optimize.methods.structured.ascent import Refined, climb
+from optimize.methods.structured.ascent import Refined, climbing
 from optimize.methods.structured.moves import MOVES, TIGHT_AT_MOST, bend, free_the_end, tight_end
+from optimize.methods.structured.side_by_side import Asked, Search, side_by_side
 from optimize.problem import Floats, Problem
 
 FIRST = 12  # gradients of every start
@@ -39,25 +46,24 @@ NEAR = 3e-4  # relative distance to the best that counts as near
 ELITE = 8  # rows that children come from
 COARSE = (28, 110)  # numbers of the schedules that long rows climb on first
 LONG = 200  # places from which on a row is long
-PATIENCE, GAIN = 6, 3e-6  # generations without a relative gain after which to look elsewhere
-EMIGRANTS = 2  # rows that come home from there
+PATIENCE, GAIN = 6, 3e-6  # generations without a relative gain after which a search has settled
 ALIKE = 1e-3  # largest distance of two designs that are one
+ABROAD = 3  # independent searches beside the first
+AGREE = 5e-5  # relative distance within which two of them agree
+ENOUGH = 3  # of them that agree, and the search is done
+MANY, AGAIN = 8, 2.0  # of them that need not agree, once so many times the evaluations were spent
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
-    """Race the starts, then change and climb, at home and abroad, until the budget is spent."""
+    """Race the starts, then change and climb, at home and abroad, until nothing is gained."""
     if budget.problem.scene.stock is not None:
         assignment.run(budget, rng)  # what stands where decides, and no climb can change it
         return
-    home = _Elite(budget.problem)
-    _race(budget, home, starts(budget.problem))
-    while True:
-        _settle(budget, home, rng)
-        abroad = _Elite(budget.problem)
-        _race(budget, abroad, random_starts(budget.problem, rng))
-        _settle(budget, abroad, rng)
-        for score, design in abroad.rows[:EMIGRANTS]:
-            home.add(score, design)
+    search = _Search(budget, _Elite(budget.problem))
+    budget.standing = "no independent climbs have ended yet; a longer search may find more"
+    side_by_side(budget, [_race(search.home, starts(budget.problem))])
+    first, *others = rng.spawn(1 + ABROAD)
+    side_by_side(budget, [search.at_home(first), *map(search.abroad, others)])
 
 
 def starts(problem: Problem) -> Floats:
@@ -112,11 +118,21 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
 
 @dataclass
 class _Elite:
-    """The best rows so far that are not alike, and which moves have paid."""
+    """The best rows so far that are not alike, and which moves have paid.
+
+    guests: the best of other searches, to be joined with.
+    idle: rows tried since the last gain.
+    """
 
     problem: Problem
     rows: list[tuple[float, Floats]] = field(default_factory=list)
     paid: Floats = field(default_factory=lambda: np.ones(len(MOVES)))
+    guests: list[Floats] = field(default_factory=list)
+    idle: int = 0
+
+    @property
+    def score(self) -> float:
+        return self.rows[0][0]
 
     def add(self, score: float, design: Floats) -> None:
         alike = [
@@ -135,6 +151,8 @@ class _Elite:
         """A changed row, and which move has changed it."""
         ranks = np.minimum(rng.geometric(0.35, 2) - 1, len(self.rows) - 1)
         parent, other = (_columns(self.problem, self.rows[r][1]) for r in ranks)
+        if self.guests and rng.random() < 0.5:
+            other = _columns(self.problem, self.guests[int(rng.integers(len(self.guests)))])
         move = int(rng.choice(len(MOVES), p=self.paid / self.paid.sum()))
         child = MOVES[move](parent, other, rng)
         if rng.random() < 0.25:
@@ -142,20 +160,77 @@ class _Elite:
             child = MOVES[move](child, other, rng)
         return np.clip(child.ravel(), 0.0, 1.0), move
 
+    def children(self, rng: np.random.Generator) -> tuple[Floats, list[int]]:
+        """A generation of changed rows, and which moves have changed them."""
+        drawn = [self.child(rng) for _ in range(DRAWN)]
+        return np.array([design for design, _ in drawn]), [move for _, move in drawn]
+
+    def joined(self, guest: Floats, rng: np.random.Generator) -> Floats:
+        """The best row and a guest, the start of the one before the end of the other."""
+        ours, theirs = (_columns(self.problem, row) for row in (self.rows[0][1], guest))
+        pairs = ours.shape[1]
+        cuts = rng.choice(pairs, min(DRAWN // 2, pairs), replace=False)
+        at = np.arange(pairs) < cuts[:, None, None]
+        both = np.concatenate([np.where(at, ours, theirs), np.where(at, theirs, ours)])
+        return both.reshape(len(both), -1)
+
     def learn(self, move: int, *, gained: bool) -> None:
         self.paid[move] = np.clip(self.paid[move] * (1.5 if gained else 0.97), 0.2, 5.0)
 
 
-def _race(budget: Budget, elite: _Elite, designs: Floats) -> None:
-    scores = budget.scores(designs)
+@dataclass
+class _Search:
+    """One search at home, which is done some day, and others abroad, which are not.
+
+    ends: what every one of these has come to, score and design.
+    """
+
+    budget: Budget
+    home: _Elite
+    ends: list[tuple[float, Floats]] = field(default_factory=list)
+
+    def at_home(self, rng: np.random.Generator) -> Search:
+        yield from _settle(self.home, rng)
+        met = 0
+        while not self.done():
+            while met == len(self.ends):
+                yield None
+            for score, design in self.ends[met:]:
+                met += 1
+                self.home.add(score, design)
+                self.home.guests.append(design)
+                yield from _generation(self.home, self.home.joined(design, rng), rng)
+            yield from _settle(self.home, rng)
+
+    def abroad(self, rng: np.random.Generator) -> Search:
+        while True:
+            elite = _Elite(self.home.problem)
+            yield from _race(elite, random_starts(self.home.problem, rng))
+            yield from _settle(elite, rng)
+            self.ends.append(elite.rows[0])
+
+    def done(self) -> bool:
+        """Whether to stop; says in any case how much the best is to be trusted."""
+        best = max([self.home.score, *(score for score, _ in self.ends)])
+        agree = sum(score >= best - AGREE * abs(best) for score, _ in self.ends)
+        words = f"{agree} of {len(self.ends)} independent climbs agree to {AGREE:.3%}"
+        self.budget.standing = f"{words}, {self.home.idle} moves without gain"
+        if agree >= ENOUGH:
+            return True
+        self.budget.standing += "; a longer search may find more"
+        return len(self.ends) >= MANY and self.budget.spent >= AGAIN * self.budget.gained
+
+
+def _race(elite: _Elite, designs: Floats) -> Search:
+    scores, _ = yield Asked(designs)
     order = np.argsort(-scores, kind="stable")
     for i in order:
         elite.add(float(scores[i]), designs[i])
-    levels = _levels(budget.problem, COARSE)
+    levels = _levels(elite.problem, COARSE)
     arms = [Refined(designs[i], *levels) for i in order if scores[i] > 0.0]
     gradients = FIRST
     while arms:
-        climb(budget, arms, gradients)
+        yield from climbing(arms, gradients)
         arms.sort(key=lambda arm: -arm.score)
         for arm in arms:
             elite.add(arm.score, arm.design)
@@ -163,39 +238,44 @@ def _race(budget: Budget, elite: _Elite, designs: Floats) -> None:
         gradients *= 2
 
 
-def _settle(budget: Budget, elite: _Elite, rng: np.random.Generator) -> None:
+def _settle(elite: _Elite, rng: np.random.Generator) -> Search:
     """One generation after the other until several in a row have gained nothing."""
     idle = 0
     while idle < PATIENCE:
-        before = elite.rows[0][0]
-        _generation(budget, elite, rng)
-        idle = 0 if elite.rows[0][0] > before + GAIN * abs(before) else idle + 1
+        before = elite.score
+        children, moves = elite.children(rng)
+        yield from _generation(elite, children, rng, moves)
+        idle = 0 if elite.score > before + GAIN * abs(before) else idle + 1
 
 
-def _generation(budget: Budget, elite: _Elite, rng: np.random.Generator) -> None:
-    drawn = [elite.child(rng) for _ in range(DRAWN)]
-    designs = budget.problem.project(np.array([design for design, _ in drawn]))
-    scores = budget.scores(designs)
-    before = elite.rows[0][0]
+def _generation(
+    elite: _Elite, drawn: Floats, rng: np.random.Generator, moves: Sequence[int] = ()
+) -> Search:
+    """Score changed rows and climb a little with some of them; moves: what has changed them."""
+    designs = elite.problem.project(drawn)
+    scores, _ = yield Asked(designs)
+    before = elite.score
     order = np.argsort(-scores, kind="stable")
     # the best by their score, and some by chance: what a climb can make of them shows later
-    chosen = [*order[: WIDE // 2], *rng.choice(order[WIDE // 2 :], WIDE // 2, replace=False)]
+    chosen = [*order[: WIDE // 2], *rng.permutation(order[WIDE // 2 :])[: WIDE // 2]]
     for i in order[: WIDE // 2]:
         elite.add(float(scores[i]), designs[i])
-    levels = _levels(budget.problem, COARSE[1:])
+    levels = _levels(elite.problem, COARSE[1:])
     arms = {int(i): Refined(designs[i], *levels) for i in chosen if scores[i] > 0.0}
-    climb(budget, list(arms.values()), SHORT)
+    yield from climbing(list(arms.values()), SHORT)
     near = [i for i, arm in arms.items() if arm.score > before - NEAR * abs(before)]
     near.sort(key=lambda i: -arms[i].score)
-    climb(budget, [arms[i] for i in near[: WIDE // 2]], MORE)
+    yield from climbing([arms[i] for i in near[: WIDE // 2]], MORE)
     best = max((arm.score for arm in arms.values()), default=-np.inf)
     for i, arm in arms.items():
         elite.add(arm.score, arm.design)
         gained = arm.score == best and best > before * (1.0 + 1e-6)
-        elite.learn(drawn[i][1], gained=gained)
+        if moves:
+            elite.learn(moves[i], gained=gained)
         if gained:
-            climb(budget, [arm], 4 * MORE)
+            yield from climbing([arm], 4 * MORE)
             elite.add(arm.score, arm.design)
+    elite.idle = 0 if elite.score > before + GAIN * abs(before) else elite.idle + len(designs)
 
 
 def _levels(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 import domino_env as de
 from domino_env.cli.main import main
+from optimize.records.shipped import best_known
 from optimize.searching.folder import FILES, JOURNAL
 
 
@@ -47,7 +49,8 @@ def test_a_search_says_what_it_found_and_where_it_is(
     assert lines[1].endswith("(PROPAGATED)")
     speed, gain = summary["mean_speed"], summary["gain"]
     assert lines[2].startswith(f"best row found:   {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; auto,")
-    assert lines[3] == f"written to {out}: {', '.join(FILES)}"
+    assert lines[3].startswith("the search ended: limit of 400 rows reached; ")
+    assert lines[4] == f"written to {out}: {', '.join(FILES)}"
 
 
 @pytest.mark.parametrize("method", ["uniform", "random", "l-bfgs"])
@@ -65,10 +68,20 @@ def test_a_run_goes_to_runs_and_the_name_of_the_scene(
     assert names == sorted((*FILES, JOURNAL))
 
 
-def test_without_a_budget_there_is_a_time(capsys, monkeypatch, scene_file: Path, tmp_path) -> None:
-    monkeypatch.setattr("optimize.cli.searches.DEFAULT_SECONDS", 1e-9)
-    said(capsys, "optimize", scene_file, "--method", "random", "--out", tmp_path / "run")
-    assert json.loads((tmp_path / "run" / "summary.json").read_text())["evaluations"] == 256
+def test_a_shipped_scene_is_told_how_far_from_the_best_known(
+    capsys, monkeypatch, tmp_path: Path
+) -> None:
+    words = ["optimize", "sprint", "--method", "uniform", "--update-best", "--out"]
+    text = said(capsys, *words, tmp_path / "run")
+    assert re.search(r"best known:       0.828\d+ m/s, by \w+: 3.08\d+% short", text)
+    assert "new records: none" in text
+    ended = json.loads((tmp_path / "run" / "summary.json").read_text())["ended"]
+    assert f"the search ended: {ended}\n" in text
+    monkeypatch.setattr("optimize.records.shipped.PATH", tmp_path / "best.json")
+    assert "best known:       none so far\nnew records: sprint" in said(
+        capsys, *words, tmp_path / "new"
+    )
+    assert best_known(tmp_path / "best.json")["sprint"].method == "uniform"
 
 
 def test_rows_that_die_are_told(capsys, scenes, tmp_path: Path) -> None:

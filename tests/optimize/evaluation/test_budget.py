@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optimize import Problem, search
-from optimize.evaluation.budget import Budget, BudgetSpent
+from optimize.evaluation.budget import PATIENT, Budget, BudgetSpent
 from optimize.evaluation.journal import Journal
 from optimize.evaluation.recorder import Recorder
 from optimize.searching.folder import JOURNAL
@@ -40,7 +40,8 @@ def test_a_budget_keeps_the_best(scenes) -> None:
     assert budget.best_score == max(scores)
     assert np.array_equal(budget.best, designs[np.argmax(scores)])
     assert [s for _, _, _, s in budget.trace] == sorted(set(seen))
-    assert budget.part == 0.0  # nothing limits it
+    assert budget.part == len(designs) / PATIENT  # nothing limits it
+    assert not budget.over
 
 
 def test_falls_count_what_was_simulated(scenes) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
 
+import numba
 import pytest
 
 import domino_env as de
@@ -37,9 +39,42 @@ def test_a_scene_that_leaves_nothing_free() -> None:
         search(scene)
 
 
-def test_a_scene_by_name_and_a_default_budget(scenes, monkeypatch) -> None:
-    monkeypatch.setattr("optimize.searching.runner.DEFAULT_BUDGET", 30)
-    assert search("sprint", "random").evaluations == 30
+def test_without_limits_a_search_ends_where_half_of_it_has_gained_nothing(
+    scenes, monkeypatch
+) -> None:
+    monkeypatch.setattr("optimize.evaluation.budget.PATIENT", 300)
+    result = search(scenes["one-gap"], "random")
+    last = max(n for n, _, _, score in result.trace if score < result.trace[-1][3] * (1 - 1e-5))
+    assert result.evaluations >= max(300, 2 * last)
+    assert result.ended.startswith("nothing gained in the last ")
+
+
+def test_a_search_says_why_it_ended(scenes) -> None:
+    scene = scenes["spacing"]
+    assert search(scene, "random", 7).ended == "limit of 7 rows reached"
+    assert search(scene, "random", seconds=1e-9).ended == "limit of 1e-09 s reached"
+    assert search(scene, "uniform").ended == "done: the method has nothing left to try"
+    early = search(scene, "auto", 60).ended
+    assert early.startswith("limit of 60 rows reached; no independent climbs have ended")
+
+
+def test_auto_ends_where_independent_climbs_agree_on_any_number_of_threads(
+    scenes, tmp_path
+) -> None:
+    kept = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        alone = search(scenes["both"], seed=1)
+    finally:
+        numba.set_num_threads(kept)
+    assert re.fullmatch(r"done: ([3-9]) of \d+ independent .* without gain", alone.ended)
+    limited = search(scenes["both"], budget=alone.evaluations - 1, seed=1, folder=tmp_path)
+    assert limited.ended.startswith(f"limit of {alone.evaluations - 1} rows reached; ")
+    assert search(scenes["both"], seed=2).score == pytest.approx(alone.score, rel=1e-4)
+    resumed = search(scenes["both"], seed=1, folder=tmp_path, resume=True)
+    assert resumed.ended == alone.ended
+    assert resumed.evaluations == alone.evaluations
+    assert (resumed.layout.spacing == alone.layout.spacing).all()
 
 
 def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypatch) -> None:
