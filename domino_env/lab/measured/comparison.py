@@ -117,7 +117,7 @@ def compare(
     """
     rows = source.kept(setting)
     factors = tuple(factors or [1.0] * len(rows))
-    scales = [1.0 / f if source.quantity == "time" else f for f in factors]
+    scales = [_scale(source, factor) for factor in factors]
     models = [
         _times(row_model(setting, source.quantity, row.x), scale)
         for row, scale in zip(rows, scales, strict=True)
@@ -127,7 +127,7 @@ def compare(
     best, _ = least_squares(models, values, sigmas)
     if setting.x_uncertainty:
         sigmas = [
-            math.hypot(r.uncertainty, f * _slope(source, setting, r.x, best))
+            math.hypot(r.uncertainty, f * _slope(source, setting, r.x, best) if f < math.inf else 0)
             for r, f in zip(rows, scales, strict=True)
         ]
     best, error = least_squares(models, values, sigmas)
@@ -185,6 +185,13 @@ def _slope(source: Source, setting: Setting, x: float, friction: float) -> float
     beside = (x - setting.x_uncertainty, x + setting.x_uncertainty)
     low, high = (row_model(setting, source.quantity, b)(friction) for b in beside)
     return 0.5 * (high - low) if math.isfinite(high - low) else 0.0
+
+
+def _scale(source: Source, factor: float) -> float:
+    """What a factor on the speed does to what was measured."""
+    if source.quantity != "time":
+        return factor
+    return 1.0 / factor if factor else math.inf
 
 
 def _times(model: Model, factor: float) -> Model:

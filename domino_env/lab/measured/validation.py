@@ -11,7 +11,6 @@ from domino_env.lab.measured.effects import EFFECTS, Effect
 from domino_env.lab.measured.source import Source
 
 CLEARLY = 1.0  # standard uncertainties that both ends of a trend have to be off
-REFITS = 2  # of the friction, with an effect that depends on it
 HELPFUL = 0.75  # of how far the worst row is off without an effect
 
 
@@ -67,12 +66,9 @@ def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validat
 
 def _with_effect(source: Source, main: Comparison, what: str, effect: Effect) -> Comparison:
     """The source's own setting with an effect, as large as it is at the friction found."""
-    setting, found = main.setting, main
-    for _ in range(REFITS):
-        friction = found.friction
-        factors = [effect(setting, setting.pitch(row.x), friction) for row in main.rows]
-        found = compare(source, setting, what, factors)
-    return found
+    setting = main.setting
+    factors = [effect(setting, setting.pitch(row.x), main.friction) for row in main.rows]
+    return compare(source, setting, what, factors)
 
 
 def friction_words(comparison: Comparison) -> str:
@@ -165,15 +161,17 @@ def _helps(main: Comparison, effects: Sequence[Comparison]) -> str:
         return ""
     best = min(effects, key=lambda e: e.worst)
     if not best.worst < HELPFUL * main.worst:
-        tried = "; ".join(map(_moves, effects))
-        return f"Nothing tried of what the model leaves out mends it ({tried})."
-    mended = "explained with" if best.holds else "nearer the mark with"
-    return f"{mended.capitalize()} {_moves(best)}: the worst row is then {best.worst:.1f} off."
-
-
-def _moves(effect: Comparison) -> str:
-    low, high = min(effect.factors) - 1.0, max(effect.factors) - 1.0
-    return f"{effect.what}, which changes the speeds by {low:+.1%} to {high:+.1%}"
+        most = max(e.worst for e in effects)
+        return (
+            "Nothing tried of what the model leaves out mends it (worst row "
+            f"{best.worst:.1f} to {most:.1f} off)."
+        )
+    low, high = min(best.factors) - 1.0, max(best.factors) - 1.0
+    return (
+        f"{'Explained' if best.holds else 'Nearer the mark'} with {best.what}, which changes the "
+        f"speeds by {low:+.1%} to {high:+.1%}: friction is then {friction_words(best)}, the worst "
+        f"row {best.worst:.1f} off."
+    )
 
 
 def _others(main: Comparison, readings: Sequence[Comparison]) -> str:

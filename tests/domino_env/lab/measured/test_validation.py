@@ -12,7 +12,7 @@ import pytest
 import domino_env as de
 from domino_env.cli.main import main
 from domino_env.lab.measured.comparison import compare, leave_out
-from domino_env.lab.measured.effects import uneven
+from domino_env.lab.measured.effects import slipping, uneven
 from domino_env.lab.measured.fit import least_squares
 from domino_env.lab.measured.model import row_model, speed_of
 from domino_env.lab.measured.page import section
@@ -113,19 +113,26 @@ def test_uneven_gaps_cost_more_the_more_uneven_and_the_narrower_they_are() -> No
     assert narrow[1] < uneven(0.02, setting, 0.03, 0.2) < 1.001
 
 
+def test_feet_that_slip_cost_little_but_where_gaps_are_nearly_out_of_reach() -> None:
+    setting = SOURCES["camera"].setting
+    assert slipping(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
+    assert slipping(0.3, setting, 0.017, 0.05) > 1.02
+    assert slipping(1.0, setting, 0.0508, 0.05) < 0.9
+
+
 def test_the_page_says_what_the_command_finds() -> None:
     text = (ROOT / "docs" / "measured.md").read_text("utf-8")
-    assert "\n".join(section(validate(SOURCES["chapman"]))) in text
+    assert "\n".join(section(validate(SOURCES["walker"]))) in text
     assert all(f"## {name}\n\n**{source.title}.**" in text for name, source in SOURCES.items())
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["validate", "chapman", "walker", "--out", str(tmp_path)]
+    words = ["validate", "walker", "8=90", "--thickness", "3", "--out", str(tmp_path)]
     assert main([*words, "--json", str(tmp_path / "all.json")]) == 0
     assert "2 of 2 sources explained" in capsys.readouterr().out
     assert (tmp_path / "measured.png").read_bytes()[:4] == b"\x89PNG"
     found = json.loads((tmp_path / "all.json").read_text("utf-8"))
-    assert [s["name"] for s in found["sources"]] == ["chapman", "walker"]
+    assert [s["name"] for s in found["sources"]] == ["walker", "rows"]
     assert np.isfinite(found["sources"][0]["readings"][0]["friction"])
 
     assert main(["fit", "16=64.4", "24=42.3", "32=28.1", "--gravity", "9.8"]) == 0
