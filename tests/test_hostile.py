@@ -21,6 +21,7 @@ import domino_env as de
 from domino_env.chain.layout import Layout
 from domino_env.cli.main import main
 from domino_env.scenes.files.reading import parse_scene
+from domino_env.support.advice import Advice
 from domino_env.view.animation import Runner, frames
 from domino_env.view.report.page import read_racers, write_report
 from domino_env.view.report.race import Racer
@@ -145,7 +146,9 @@ def test_every_file_of_the_corpus_is_expected() -> None:
 
 
 def test_millimetres_that_pass_for_metres_are_seen_in_the_wave() -> None:
-    wave = de.simulate(Layout.read(CORPUS / "layouts" / "millimetres.csv"), de.Physics())
+    with pytest.warns(Advice, match="lengths are in metres"):
+        row = Layout.read(CORPUS / "layouts" / "millimetres.csv")
+    wave = de.simulate(row, de.Physics())
     assert wave.outcome == de.Outcome.OUT_OF_REACH
     assert "out of reach" in wave.explanation
 

@@ -155,6 +155,8 @@ def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
                 value = float(cell.replace(",", ".") if divider != "," else cell) / per_unit
             except ValueError:
                 value, wrong = 0.0, f"'{one_line(cell, 60)}' is not a number"
+                if re.fullmatch(r"[0-9]+,[0-9]+", cell):
+                    wrong += f": where commas divide the cells, write {cell.replace(',', '.')}"
             else:
                 wrong = f"{one_line(cell, 60)} must be {_POSITIVE}"
             if SMALLEST <= value <= LARGEST:
@@ -169,6 +171,11 @@ def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
     others = [kind for kind in places if kind != "spacing"]
     before: tuple[int, list[str]] | None = None
     for line, row in rows:
+        if any(cell.strip() for cell in row[len(names) :]):  # 18,5 in two cells, say
+            raise ValueError(
+                f"{path}, line {line}: more cells than the {len(names)} names: where commas divide "
+                "the cells, write 18.5 with a point, or divide them by semicolons"
+            )
         # only now is it known that the one before is not the last, whose gap leads nowhere
         if before is not None:
             keep("spacing", *before)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -211,10 +212,8 @@ class Layout:
             Where the file has no column for it [m], as those written before version 0.2.0.
         """
         from domino_env.chain.files import read_csv
-        from domino_env.support.reading import naming
 
-        with naming(path):
-            return cls(**{"width": width} | read_csv(Path(path)))
+        return cls._read(path, read_csv, width)
 
     @classmethod
     def from_json(cls, path: str | Path, width: float = WIDTH) -> Layout:
@@ -228,14 +227,12 @@ class Layout:
             Where the file does not say it [m].
         """
         from domino_env.chain.files import read_json
-        from domino_env.support.reading import naming
 
-        with naming(path):
-            return cls(**{"width": width} | read_json(Path(path)))
+        return cls._read(path, read_json, width)
 
     @classmethod
     def read(cls, path: str | Path, width: float = WIDTH) -> Layout:
-        """Read a `.csv` or `.json` file.
+        """Read a `.csv` or `.json` file; lengths that look like another unit's are warned of.
 
         Parameters
         ----------
@@ -255,6 +252,27 @@ class Layout:
         if suffix == ".json":
             return cls.from_json(path, width)
         raise ValueError(f"{path}: a layout is a .csv or .json file, not '{suffix}'")
+
+    @classmethod
+    def _read(
+        cls, path: str | Path, arguments: Callable[[Path], dict[str, Any]], width: float
+    ) -> Layout:
+        from domino_env.chain.units import unit_slip
+        from domino_env.support.advice import advise
+        from domino_env.support.reading import naming, one_line
+
+        with naming(path):
+            row = cls(**{"width": width} | arguments(Path(path)))
+        if row.count > 1:
+            gaps, thick = row.spacing, row.thickness
+            slip = unit_slip(
+                float(row.height.max()),
+                (float(gaps.min()), float(gaps.max())),
+                (float(thick.min()), float(thick.max())),
+            )
+            if slip is not None:
+                advise(f"{one_line(str(path), 160, keep_end=True)}: {slip}")
+        return row
 
 
 def _span(values: Floats) -> str:

@@ -53,10 +53,11 @@ def main(words: Sequence[str] | None = None) -> int:
     done = threading.Event()
     threading.Thread(target=_say_that_it_compiles, args=[done], daemon=True).start()
     interruption = _Interruption()
-    shown, warnings.showwarning = warnings.showwarning, _show
-    shown, warnings.showwarning = warnings.showwarning, _show
     try:
-        code = int(arguments.run(arguments))
+        with warnings.catch_warnings():
+            warnings.simplefilter("default", Advice)
+            warnings.showwarning = _show
+            code = int(arguments.run(arguments))
         sys.stdout.flush()
         return interruption.code if interruption.came else code  # with the best so far, say
     except BrokenPipeError:
@@ -82,7 +83,6 @@ def main(words: Sequence[str] | None = None) -> int:
     finally:
         done.set()
         interruption.undo()
-        warnings.showwarning = shown
 
 
 _show_as_python = warnings.showwarning

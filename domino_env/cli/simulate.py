@@ -25,7 +25,6 @@ CSV_NAMES = (
 MOST_LINES = 60  # of a table that is printed whole unasked
 ENDS = 10  # lines at both ends of a longer one
 OPEN = 1e-5  # [m] contacts that open by less are not worth a line
-THICK = 0.5  # [m] a domino thicker than this was probably measured in millimetres
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -117,12 +116,6 @@ def _verdict(wave: Wave) -> list[str]:
         lines.append(
             f"the row is so close to a stall that rounding keeps the tolerance {wave.rtol:g} out "
             "of reach; the error estimate holds"
-        )
-    thickest = wave.layout.thickness.max()
-    if thickest > THICK:
-        lines.append(
-            f"a domino is {thickest:g} m thick: if the file is in millimetres, name its columns "
-            "spacing_mm and thickness_mm"
         )
     return lines
 

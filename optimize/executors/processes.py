@@ -13,6 +13,7 @@ import pickle
 import signal
 import threading
 import traceback
+import warnings
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -20,6 +21,7 @@ from multiprocessing import connection, get_context, parent_process
 from queue import LifoQueue
 from typing import Any
 
+from domino_env.support.advice import Advice
 from optimize.executors.base import (
     ONE_THREAD,
     STRIKES,
@@ -175,6 +177,7 @@ class _Worker:
 def _work(pipe: connection.Connection) -> None:
     """A worker's life: calls come in, answers go out, until the pipe closes."""
     os.environ.update(ONE_THREAD)  # before Numba or NumPy is loaded
+    warnings.simplefilter("ignore", Advice)  # which the first process gives
     threading.Thread(target=_die_with_parent, daemon=True).start()
     listen(lambda news: pipe.send_bytes(pickle.dumps((_SAID, news))))
     with suppress(EOFError, OSError):

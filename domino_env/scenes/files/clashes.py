@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from domino_env.chain.units import ADVICE, MOST
 from domino_env.scenes.files.tables import MOST_PAIRS, SceneFile, ThicknessTable
 from domino_env.scenes.objectives import OBJECTIVES
 
@@ -26,6 +27,7 @@ def _clashes(asked: SceneFile) -> Iterator[str]:
     if asked.thickness is not None and asked.stock is not None:
         yield "[thickness] stands beside [stock]: give one or the other"
     yield from _clashes_of_heights(asked)
+    yield from _slips_of_unit(asked)
     yield from _clashes_of_objective(asked)
     yield from _clashes_of_first(asked)
     yield from _too_many(asked)
@@ -51,6 +53,24 @@ def _clashes_of_heights(asked: SceneFile) -> Iterator[str]:
     for name, value in metres.items():
         if value is not None:
             yield f'{name} is in metres: not with of = "height"'
+
+
+def _slips_of_unit(asked: SceneFile) -> Iterator[str]:
+    """A scene of which no row can fall, or no domino is one, is none to spend time on."""
+    unit = 1.0 if asked.in_heights else asked.row.height
+    said = "heights" if asked.in_heights else "m"
+    least = asked.spacing.allowed()[0][0]
+    if asked.growth is None and least >= unit:
+        yield (
+            f"spacing: no gap may be smaller than {least:g} {said}, and no domino reaches further "
+            f"than its height of {asked.row.height:g} m: {ADVICE}"
+        )
+    thinnest = 0.0 if asked.stock is not None else asked.thickness_allowed()[0][0]
+    if thinnest > MOST * unit:
+        yield (
+            f"thickness: no domino may be thinner than {thinnest:g} {said}, with a height of "
+            f"{asked.row.height:g} m: {ADVICE}"
+        )
 
 
 def _clashes_of_objective(asked: SceneFile) -> Iterator[str]:

@@ -8,9 +8,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from domino_env.chain.units import unit_slip
 from domino_env.scenes.files.clashes import first_clash
 from domino_env.scenes.files.tables import SceneFile
 from domino_env.scenes.scene import Scene
+from domino_env.support.advice import advise
 from domino_env.support.models import model_of
 from domino_env.support.reading import naming, one_line, read_bytes, refuse
 
@@ -88,6 +90,9 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
             raise ValueError(clash)
         spacing, spacing_values = asked.spacing.allowed()
         thickness, thickness_values = asked.thickness_allowed()
+        slip = None if asked.in_heights else unit_slip(asked.row.height, spacing, thickness)
+        if slip is not None:
+            advise(f"{one_line(file, 160, keep_end=True)}: {slip}")
         return Scene(
             name=asked.name or name,
             title=asked.title or asked.name or name,

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.support.advice import Advice
 
 
 def same(one: Layout, other: Layout) -> bool:
@@ -225,6 +226,9 @@ def test_heights_and_densities_of_their_own(tmp_path: Path) -> None:
     ("spacing_mm,thickness_mm\n18,7.5\n\n-2,7.5\n,7.5\n", "line 4, column 'spacing_mm': -2"),
     ("spacing_mm,thickness_mm\n18,7.5\n,nan\n", "line 3, column 'thickness_mm': nan must be"),
     ("spacing_mm,thickness_mm,height_mm\n20,7,50\n,7,40\n", "would strike"),
+    ('spacing_mm,thickness_mm\n"18,5",7\n,7\n',
+     "'18,5' is not a number: where commas divide the cells, write 18.5"),
+    ("spacing_mm,thickness_mm\n18,5,7,5\n,7\n", "line 2: more cells than the 2 names: where"),
     ("spacing_mm,thickness_mm,width_mm\n20,7,24\n,7,40\n",
      "column 'width_mm': dominoes of 0.024 and 0.04 m; a row has one width"),
     ('spacing,thickness\n"' + "x" * 200_000, "not a table: field larger than field limit"),
@@ -258,6 +262,19 @@ def test_bad_json_is_refused_with_file_and_key(tmp_path: Path, text: str, words:
         Layout.from_json(path)
     assert str(refused.value).startswith(str(path))
     assert words in str(refused.value)
+
+
+@pytest.mark.parametrize(("table", "words"), [
+    ("spacing,thickness\n18,0.0075\n18,0.0075\n,0.0075\n", "no gap is smaller than 18 m, and"),
+    ("spacing,thickness\n18,7.5\n18,7.5\n,7.5\n", "a domino is 7.5 m thick, and the dominoes are"),
+    ("spacing_mm,thickness_mm\n0.018,7.5\n0.018,7.5\n,7.5\n", "no gap is larger than 1.8e-05 m"),
+    ("spacing_mm,thickness_mm\n18,0.0075\n,0.0075\n", "no domino is thicker than 7.5e-06 m"),
+    ("spacing,thickness,height\n18,7.5,48\n,7.5,48\n", "the dominoes are 48 m tall"),
+])  # fmt: skip
+def test_lengths_of_another_unit_are_warned_of(tmp_path: Path, table: str, words: str) -> None:
+    (tmp_path / "row.csv").write_text(table)
+    with pytest.warns(Advice, match=rf"row\.csv: {words}.*: lengths are in metres"):
+        Layout.read(tmp_path / "row.csv")
 
 
 def test_only_csv_and_json_are_read(tmp_path: Path) -> None:

@@ -134,9 +134,11 @@ def test_broken_rules_are_told_instead_of_a_score(capsys, row: Path, tmp_path: P
 
 def test_millimetres_taken_for_metres_are_noticed(capsys, tmp_path: Path) -> None:
     (tmp_path / "row.csv").write_text("spacing,thickness\n18,7.5\n,7.5\n")
-    text = said(capsys, "simulate", tmp_path / "row.csv")
-    assert "OUT_OF_REACH" in text
-    assert "a domino is 7.5 m thick: if the file is in millimetres, name its columns" in text
+    assert main(["simulate", str(tmp_path / "row.csv")]) == 0
+    said = capsys.readouterr()
+    assert "OUT_OF_REACH" in said.out
+    assert said.err.startswith(f"domino: {tmp_path / 'row.csv'}: a domino is 7.5 m thick, and the")
+    assert said.err.count("\n") == 1
 
 
 def test_the_table_for_other_programs(capsys, row: Path, tmp_path: Path) -> None:
