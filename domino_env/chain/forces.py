@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from domino_env import kernels
 from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.chain.physics import Physics, require_row
 from domino_env.chain.wave import Outcome
 from domino_env.support.brief import brief
 
@@ -87,6 +87,7 @@ def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
     rtol
         As of `simulate`.
     """
+    require_row(layout, physics)
     loads = np.full(layout.count, np.nan, kernels.LOADS)
     for least in ("contact_force", "hit_impulse", "flush_impulse", "load"):
         loads[least] = np.inf

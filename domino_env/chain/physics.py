@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from domino_env.chain.layout import Layout
+
 
 @dataclass(frozen=True)
 class Physics:
@@ -42,3 +44,23 @@ class Physics:
 def _require(name: str, value: float, unit: str, good: bool, wanted: str) -> None:
     if not (good and math.isfinite(value)):
         raise ValueError(f"{name} = {value}{unit}: give a finite number, {wanted}")
+
+
+def require_row(layout: object, physics: object) -> None:
+    """Refuse what is no row, or no physics, with how to make one.
+
+    Raises
+    ------
+    TypeError
+        For anything but a Layout and a Physics, in this order.
+    """
+    if not isinstance(layout, Layout):
+        raise TypeError(
+            f"layout is a {type(layout).__name__}: give a Layout, such as "
+            "Layout(spacing=[0.018, 0.02], thickness=0.0075), in metres"
+        )
+    if not isinstance(physics, Physics):
+        raise TypeError(
+            f"physics is a {type(physics).__name__}: give a Physics, such as "
+            "Physics(friction=0.25, push=8.0)"
+        )

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
 from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.chain.physics import Physics, require_row
 from domino_env.chain.standard import DENSITY, HEIGHT
 from domino_env.chain.wave import Outcome
 
@@ -178,6 +178,7 @@ def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> floa
         answer. 0 where the first domino, tipped by a breath, topples the row (it never is: it has
         to be lifted over its edge).
     """
+    require_row(layout, physics)
     row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
     outcome, need = kernels.compose_row(row, physics.friction, physics.gravity, rtol)
     if outcome != Outcome.PROPAGATED:

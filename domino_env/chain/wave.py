@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env import kernels
 from domino_env.chain.gradient import Gradient, pull, room_for
 from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.chain.physics import Physics, require_row
 from domino_env.support.threads import share_pieces
 
 Floats = NDArray[np.float64]
@@ -301,6 +301,8 @@ def simulate(
     ------
     ValueError
         For a tolerance out of its range.
+    TypeError
+        For what is no Layout or no Physics.
 
     Notes
     -----
@@ -313,6 +315,7 @@ def simulate(
     Chapman, The physics of toppling dominoes, eqs. 1-9.
     """
     began = time.perf_counter()
+    require_row(layout, physics)
     count = layout.count
     summaries = np.empty(1, kernels.SUMMARY)
     arrivals = np.empty((1, count), kernels.ARRIVAL)

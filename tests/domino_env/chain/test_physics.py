@@ -6,6 +6,7 @@ import dataclasses
 
 import pytest
 
+import domino_env as de
 from domino_env.chain.physics import Physics
 
 
@@ -36,3 +37,13 @@ def test_no_physics_is_refused_with_its_value(name: str, value: float, words: st
 def test_physics_cannot_be_changed() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         Physics().push = 1.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("function", [de.simulate, de.diagnose, de.smallest_push])
+def test_what_is_no_row_or_no_physics_is_told_what_is_wanted(function) -> None:
+    with pytest.raises(
+        TypeError, match=r"layout is a list: give a Layout, such as Layout\(spacing="
+    ):
+        function([0.018, 0.02], Physics())
+    with pytest.raises(TypeError, match=r"physics is a float: give a Physics, such as Physics\("):
+        function(de.Layout([0.018], 0.0075), 0.25)
