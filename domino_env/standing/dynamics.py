@@ -42,10 +42,11 @@ STIR = 1e-5  # [rad] a lean that grows by less has come to rest
 
 # a closed contact's numbers: how its normal and tangential velocity (at 0, 4) are made of those of
 # the two dominoes, and in which directions its impulses act (at 8, 12): x, y, turn of the first,
-# turn of the second; then what unit impulses change in them, and the friction
+# turn of the second; then what unit impulses change in them, the friction, one over such changes
 MOVES, ACTS = 0, 8
 NORMAL, CROSS, ACROSS, FRICTION = 16, 17, 18, 19
-NUMBERS = 20
+FIRM, FIRM_ACROSS = 20, 21
+NUMBERS = 22
 
 
 def _compiled(function: Any) -> Any:
@@ -322,6 +323,9 @@ def _couple(contact, c, light, light2, easy, easy2):
             + easy * contact[c, move + 2] * contact[c, act + 2]
             + easy2 * contact[c, move + 3] * contact[c, act + 3]
         )
+    gives, across = contact[c, NORMAL], contact[c, ACROSS]
+    contact[c, FIRM] = 1.0 / gives if gives > 0.0 else 0.0
+    contact[c, FIRM_ACROSS] = 1.0 / across if across > 0.0 else 0.0
 
 
 @_compiled
@@ -354,20 +358,28 @@ def _sweep(contact, who, found, impulse, v, light, easy, calm):
             x, y, w = v[i, 0], v[i, 1], v[i, 2]
             speed = contact[c, 0] * x + contact[c, 1] * y + contact[c, 2] * w
             slip = contact[c, 4] * x + contact[c, 5] * y + contact[c, 6] * w
+            x2 = y2 = w2 = 0.0
             if j >= 0:
-                x, y, w = v[j, 0], v[j, 1], v[j, 2]
-                speed -= contact[c, 0] * x + contact[c, 1] * y + contact[c, 3] * w
-                slip -= contact[c, 4] * x + contact[c, 5] * y + contact[c, 7] * w
+                x2, y2, w2 = v[j, 0], v[j, 1], v[j, 2]
+                speed -= contact[c, 0] * x2 + contact[c, 1] * y2 + contact[c, 3] * w2
+                slip -= contact[c, 4] * x2 + contact[c, 5] * y2 + contact[c, 7] * w2
             old, old_rub = impulse[i, kind, 0], impulse[i, kind, 1]
-            gives = contact[c, NORMAL]
-            normal = max(0.0, old - speed / gives) if gives > 0.0 else 0.0
+            normal = max(0.0, old - speed * contact[c, FIRM])
             slip += contact[c, CROSS] * (normal - old)
-            limit, gives_across = contact[c, FRICTION] * normal, contact[c, ACROSS]
-            rub = old_rub - slip / gives_across if gives_across > 0.0 else 0.0
-            rub = min(limit, max(-limit, rub))
+            limit = contact[c, FRICTION] * normal
+            rub = min(limit, max(-limit, old_rub - slip * contact[c, FIRM_ACROSS]))
             impulse[i, kind, 0], impulse[i, kind, 1] = normal, rub
-            _act(contact, who, c, normal - old, rub - old_rub, v, light, easy)
-            moved = max(moved, gives * abs(normal - old), gives_across * abs(rub - old_rub))
+            more, more_rub = normal - old, rub - old_rub
+            px = contact[c, 8] * more + contact[c, 12] * more_rub
+            py = contact[c, 9] * more + contact[c, 13] * more_rub
+            v[i, 0] = x + light[i] * px
+            v[i, 1] = y + light[i] * py
+            v[i, 2] = w + easy[i] * (contact[c, 10] * more + contact[c, 14] * more_rub)
+            if j >= 0:
+                v[j, 0] = x2 - light[j] * px
+                v[j, 1] = y2 - light[j] * py
+                v[j, 2] = w2 - easy[j] * (contact[c, 11] * more + contact[c, 15] * more_rub)
+            moved = max(moved, contact[c, NORMAL] * abs(more), contact[c, ACROSS] * abs(more_rub))
         if moved <= calm:
             return sweep, True
         if sweep == check:

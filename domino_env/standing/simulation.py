@@ -21,8 +21,8 @@ COARSEST, FINEST = 4.0, 1.0 / 32.0  # steps, in those of 0.16 ms for standard do
 CALM = 5e-6  # of sqrt(g L): the velocity at which the sweeps of a step of fineness 1 end
 WINDOW = 24  # dominoes behind the leader that still move; what lies further back changes no digit
 PATIENCE = 3.0  # [sqrt(L/g)] without a hit before a wave counts as dead; a fall takes about one
-DOUBT = 2.0  # times what halving the steps changed
-GRAIN = 1e-4  # relative error of steps of fineness 1 that a change may hide by chance
+DOUBT = 2.5  # times what halving the steps changed
+GRAIN = 2e-4  # relative error of steps of fineness 1 that a change may hide by chance
 
 
 @dataclass(frozen=True, eq=False)
