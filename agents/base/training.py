@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
-from tqdm import tqdm
-
 from agents.base.clock import Clock
 from agents.base.run_files import (
     CHECKPOINT,
@@ -24,6 +22,7 @@ from agents.base.run_files import (
     require_columns,
 )
 from domino_env.support.files import write_text
+from domino_env.support.progress import progress_bar
 from domino_env.support.provenance import versions
 from domino_env.support.tables import write_csv
 
@@ -70,19 +69,21 @@ class Training(ABC, Generic[Progress]):
     unit
         What a step is, for the progress bar.
     progress
-        Whether to show one.
+        Whether to show one; None: a bar on a terminal, elsewhere a line now and then.
     """
 
     COLUMNS: ClassVar[tuple[str, ...]]
     EVALUATIONS: ClassVar[int]
     CHECKPOINTS: ClassVar[int]
 
-    def __init__(self, folder: Path, seed: int, total: int, unit: str, progress: bool) -> None:
+    def __init__(
+        self, folder: Path, seed: int, total: int, unit: str, progress: bool | None
+    ) -> None:
         self.folder, self.seed, self.total = folder, seed, total
         self.curve: list[tuple[float, ...]] = []
         self.clock = Clock()
         self.next_evaluation = self.next_checkpoint = 0
-        self.bar: Any = tqdm(total=total, unit=unit, unit_scale=True, disable=not progress)
+        self.bar = progress_bar(progress, total=total, unit=unit, unit_scale=True)
 
     # what differs ---------------------------------------------------------------------------------
 

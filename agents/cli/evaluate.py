@@ -72,8 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _evaluate_scenes(policy: ConditionedPolicy, arguments: argparse.Namespace) -> int:
     """Its rows in many random scenes, as a table."""
-    import sys
-
     from agents.evaluation.many_scenes import evaluate_scenes
 
     found = evaluate_scenes(
@@ -81,7 +79,7 @@ def _evaluate_scenes(policy: ConditionedPolicy, arguments: argparse.Namespace) -
         arguments.seed,
         policy,
         evaluations=arguments.search,
-        progress=sys.stderr.isatty(),
+        progress=None,
     )
     print(found.table())
     if arguments.csv:

@@ -9,7 +9,6 @@ Needs the extra "rl". Ctrl-C ends the training with the best policy so far; --re
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -57,7 +56,7 @@ def _single(arguments: argparse.Namespace) -> TrainingRun:
         arguments.seed,
         arguments.out,
         resume=arguments.resume,
-        progress=sys.stderr.isatty(),
+        progress=None,
         warm_start=arguments.warm_start,
     )
     if done.clone_score is not None:
@@ -83,7 +82,7 @@ def _conditioned(arguments: argparse.Namespace) -> TrainingRun:
         arguments.seed,
         preset,
         resume=arguments.resume,
-        progress=sys.stderr.isatty(),
+        progress=None,
     )
     gain, beaten = done.curve[-1][2:4]
     print(f"beats the best uniform row in {beaten:.0%} of its scenes, by {gain:.2%} on average")

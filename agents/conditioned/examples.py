@@ -12,6 +12,7 @@ from agents.base.arrays import read_arrays
 from agents.conditioned.distribution import FEATURES, SceneDistribution, features_of, scene_with
 from domino_env import Scene
 from domino_env.support.files import write_bytes
+from domino_env.support.progress import progress_bar
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ def make_examples(
     seed: int,
     evaluations: int,
     file: Path | None = None,
-    progress: bool = False,
+    progress: bool | None = False,
 ) -> Examples:
     """Draw scenes and search a row for each.
 
@@ -74,15 +75,13 @@ def make_examples(
         Where the examples are kept; those that are there already are not searched again, so that an
         interrupted call goes on.
     progress
-        Whether to show a progress bar.
+        Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
 
     Raises
     ------
     ValueError
         Where the file holds other examples.
     """
-    from tqdm import tqdm
-
     from optimize import search
 
     rng = np.random.default_rng(seed)
@@ -97,7 +96,9 @@ def make_examples(
         if len(old) != number or not np.array_equal(old.scenes, scenes):
             raise ValueError(f"{file} holds examples of other scenes: name another file")
         found = old
-    for i in tqdm(range(begun, number), disable=not progress, unit=" scenes", initial=begun):
+    for i in progress_bar(
+        progress, iterable=range(begun, number), unit=" scenes", initial=begun, total=number
+    ):
         result = search(drawn[i], budget=evaluations, seed=seed, progress=False)
         found.gaps[i, : drawn[i].count - 1] = result.layout.spacing / drawn[i].height
         found.score[i], found.uniform[i] = result.score, result.uniform.score

@@ -92,7 +92,7 @@ def train_conditioned(
     *,
     examples: str | Path | None = None,
     resume: bool = False,
-    progress: bool = False,
+    progress: bool | None = False,
 ) -> ConditionedRun:
     """Train a policy on random scenes.
 
@@ -115,7 +115,7 @@ def train_conditioned(
     resume
         Go on from the checkpoint in the folder, with its seed, preset and distribution.
     progress
-        Whether to show progress bars.
+        Whether to show progress bars; None: on a terminal, elsewhere a line now and then.
 
     Returns
     -------
@@ -165,7 +165,7 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
         seed: int,
         folder: Path,
         examples: Path,
-        progress: bool = False,
+        progress: bool | None = False,
     ) -> None:
         from agents.conditioned.learner import Learner
 
@@ -235,7 +235,7 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
                 float(np.mean(untried)), float(np.mean(untried > 0.0)),
             )
         )  # fmt: skip
-        self.bar.set_postfix_str(f"gain {self.curve[-1][2]:.2%}")
+        self.bar.set_postfix_str(f"gain {self.curve[-1][2]:.2%}", refresh=False)
 
     # keeping --------------------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from agents.conditioned.examples import Examples
 from agents.conditioned.observations import PLANS
 from agents.conditioned.policy import ConditionedPolicy, shipped_policy
 from agents.conditioned.preset import EXAMPLES_SEED
+from domino_env.support.progress import progress_bar
 from domino_env.support.tables import markdown_table, write_csv
 from optimize.searching.compiling import compile_for
 
@@ -111,7 +112,7 @@ def evaluate_scenes(
     distribution: SceneDistribution | None = None,
     evaluations: int | None = None,
     examples: Examples | None = None,
-    progress: bool = False,
+    progress: bool | None = False,
 ) -> ScenesEvaluation:
     """Design rows for scenes that are drawn with a seed, and compare.
 
@@ -130,15 +131,13 @@ def evaluate_scenes(
     examples
         Of these very scenes, instead of searching.
     progress
-        Whether to show a progress bar.
+        Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
 
     Raises
     ------
     ValueError
         For no scenes, the seed of the examples, and examples of other scenes.
     """
-    from tqdm import tqdm
-
     from optimize import search
 
     if number < 1 or seed < 0:
@@ -154,7 +153,7 @@ def evaluate_scenes(
     designing = policy or shipped_policy()
     compile_for(scenes[0])
     found = np.full((6, number), np.nan)  # in the order of `ScenesEvaluation`, search last
-    for i, scene in enumerate(tqdm(scenes, disable=not progress, unit=" scenes")):
+    for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):
         best, plain = (designing.design(scene, n) for n in (PLANS, 1))
         found[1:5, i] = best.score, plain.score, best.seconds, plain.seconds
         if examples is not None:

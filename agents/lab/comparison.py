@@ -33,7 +33,12 @@ SEARCHED = 2500  # evaluations of the search that each scene is compared with
 
 
 def compare(
-    home: Path, number: int = 200, scenes_seed: int = 1, seed: int = 0, *, progress: bool = False
+    home: Path,
+    number: int = 200,
+    scenes_seed: int = 1,
+    seed: int = 0,
+    *,
+    progress: bool | None = False,
 ) -> str:
     """Train a policy in every way that is not trained yet, and evaluate all.
 
@@ -46,7 +51,7 @@ def compare(
     seed
         Of the trainings.
     progress
-        Whether to show progress bars.
+        Whether to show progress bars; None: on a terminal, elsewhere a line now and then.
 
     Returns
     -------
@@ -88,13 +93,11 @@ def _cells(name: str, found: ScenesEvaluation) -> tuple[str, ...]:
 
 def main() -> None:
     """Run the script."""
-    import sys
-
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("runs/family-comparison"))
     parser.add_argument("--scenes", type=int, default=200)
     arguments = parser.parse_args()
-    table = compare(arguments.out, arguments.scenes, progress=sys.stderr.isatty())
+    table = compare(arguments.out, arguments.scenes, progress=None)
     write_text(arguments.out / "comparison.md", table)
     print(table)
 

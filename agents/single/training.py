@@ -44,7 +44,7 @@ def train(
     folder: str | Path | None = None,
     *,
     resume: bool = False,
-    progress: bool = False,
+    progress: bool | None = False,
     plan: Preset | None = None,
     warm_start: str | Path | Layout | None = None,
 ) -> Run:
@@ -68,7 +68,7 @@ def train(
     resume
         Go on from the checkpoint in the folder, with its scene, seed and steps.
     progress
-        Whether to show a progress bar.
+        Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
     plan
         Another preset.
     warm_start
@@ -137,7 +137,7 @@ class SceneTraining(Training[SceneProgressDocument]):
         total: int,
         seed: int,
         folder: Path,
-        progress: bool = False,
+        progress: bool | None = False,
         warm_start: str | Path | Layout | None = None,
     ) -> None:
         from stable_baselines3.common.logger import Logger
@@ -262,7 +262,9 @@ class SceneTraining(Training[SceneProgressDocument]):
         )  # fmt: skip
         self.model.logger.record("design/score", built.score)
         self.model.logger.record("design/best_score", self.best)
-        self.bar.set_postfix_str(f"best {self.best:.4f}, uniform {built.uniform.score:.4f}")
+        self.bar.set_postfix_str(
+            f"best {self.best:.4f}, uniform {built.uniform.score:.4f}", refresh=False
+        )
         if self.clone_score is not None and built.score < self.clone_score - SLACK:
             load_weights(self.model.policy, self.folder / POLICY)  # what was tried is undone
             if self.steps >= self.total:

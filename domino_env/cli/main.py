@@ -20,6 +20,7 @@ from typing import Any, TextIO
 
 from domino_env import __version__
 from domino_env.support.advice import Advice
+from domino_env.support.progress import what_is_underway
 from domino_env.support.reading import one_line
 
 NOTICE_AFTER = 2.0  # [s] of silence
@@ -51,7 +52,7 @@ def main(words: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     arguments = parser().parse_args(words)
     done = threading.Event()
-    threading.Thread(target=_say_that_it_compiles, args=[done], daemon=True).start()
+    threading.Thread(target=_explain_silence, args=[done], daemon=True).start()
     interruption = _Interruption()
     try:
         with warnings.catch_warnings():
@@ -128,16 +129,26 @@ class _Interruption:
             signal.signal(number, before)
 
 
-def _say_that_it_compiles(done: threading.Event) -> None:
-    """Explain a long silence, once: kernels are compiled at their first use after an install."""
+def _explain_silence(done: threading.Event) -> None:
+    """Say, once, that kernels are compiled, and what else takes long before a bar moves."""
+    told: set[str] = set()
     while not done.wait(NOTICE_AFTER):
-        kernels = sys.modules.get("domino_env.kernels")
-        for kernel in list(vars(kernels).values()) if kernels else ():
-            told = getattr(kernel, "stats", None)  # where it is compiled code
-            # asked for, not in the cache, not there yet: it is being compiled
-            if told and set(told.cache_misses) - set(kernel.signatures):
-                print("compiling the simulator, once: some ten seconds ...", file=sys.stderr)
-                return
+        words = what_is_underway()
+        if _compiles():
+            words = "compiling the simulator, once: some ten seconds"
+        if words and words not in told:
+            print(f"{words} ...", file=sys.stderr, flush=True)
+            told.add(words)
+
+
+def _compiles() -> bool:
+    """Whether a kernel was asked for that is not in the cache, and is not there yet."""
+    kernels = sys.modules.get("domino_env.kernels")
+    for kernel in list(vars(kernels).values()) if kernels else ():
+        told = getattr(kernel, "stats", None)  # where it is compiled code
+        if told and set(told.cache_misses) - set(kernel.signatures):
+            return True
+    return False
 
 
 if __name__ == "__main__":

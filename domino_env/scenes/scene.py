@@ -15,6 +15,8 @@ from domino_env.scenes.files.writing import to_toml
 from domino_env.scenes.objectives import Evaluation, Slopes
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.waves import Waves
+from domino_env.support.progress import underway
+from domino_env.support.reading import one_line
 
 Floats = NDArray[np.float64]
 
@@ -233,6 +235,7 @@ class Scene(Specification):
 
 @lru_cache(maxsize=32)
 def _mark(scene: Scene) -> UniformMark:
-    layout = best_uniform(scene)
+    with underway(f"finding the best uniform row of '{one_line(scene.name, 40)}'"):
+        layout = best_uniform(scene)
     wave = scene.simulate(layout)
     return UniformMark(layout, wave, scene.score_wave(wave))

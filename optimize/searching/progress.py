@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from domino_env.scenes.baseline import gain
+from domino_env.support.progress import progress_bar
 
 if TYPE_CHECKING:
     from optimize.evaluation.budget import Budget
 
+LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
 FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
 
 
@@ -33,16 +34,16 @@ def progress_line(name: str, mark: float, shown: bool | None, unit: str = "m/s")
     mark
         Score of the best uniform row, the baseline.
     shown
-        Whether there is a line; None: where standard error is a terminal.
+        Whether there is a line; None: where standard error is a terminal, and elsewhere a new
+        line now and then.
     unit
         Of the scores.
     """
-    if not (sys.stderr.isatty() if shown is None else shown):
+    if shown is False:
         yield lambda budget: None
         return
-    from tqdm import tqdm
-
-    with tqdm(total=1.0, desc=name, bar_format=FORMAT, leave=False, dynamic_ncols=True) as line:
+    looks: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": FORMAT, "leave": False}
+    with progress_bar(shown, line=LINE, dynamic_ncols=True, **looks) as line:
 
         def watch(budget: Budget) -> None:
             line.set_postfix_str(best_so_far(budget.best_score, mark, unit), refresh=False)

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import _say_that_it_compiles, main
+from domino_env.cli.main import _explain_silence, main
+from domino_env.support.progress import underway
 
 GAPS, THICKNESS = [0.018, 0.0205, 0.022, 0.016], [0.0075, 0.007, 0.0075, 0.0075, 0.0075]
 
@@ -275,6 +276,15 @@ def test_who_waits_for_the_compiler_is_told_and_nobody_else(capsys, monkeypatch,
     monkeypatch.setitem(sys.modules, "domino_env.kernels", SimpleNamespace(solve_rows=kernel))
     waits = iter([False, False, True])
     done = SimpleNamespace(wait=lambda seconds: next(waits))
-    _say_that_it_compiles(done)
+    _explain_silence(done)
     told = "" if compiled else "compiling the simulator, once: some ten seconds ...\n"
     assert capsys.readouterr().err == told
+
+
+def test_a_long_search_for_the_uniform_row_is_told_of_once(capsys) -> None:
+    waits = iter([False, False, True])
+    with underway("finding the best uniform row of 'mine'"):
+        _explain_silence(SimpleNamespace(wait=lambda seconds: next(waits)))
+    assert capsys.readouterr().err == "finding the best uniform row of 'mine' ...\n"
+    _explain_silence(SimpleNamespace(wait=lambda seconds: True))
+    assert capsys.readouterr().err == ""

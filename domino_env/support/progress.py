@@ -1,0 +1,55 @@
+"""How far a long task is: a bar on a terminal, elsewhere a line now and then."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+EVERY = 30.0  # [s] between two lines where there is no terminal
+LINE = "{percentage:.0f} %, {n_fmt} of {total_fmt}{unit} in {elapsed}, {remaining} left{postfix}"
+
+_underway: list[str] = []
+
+
+def progress_bar(shown: bool | None, *, line: str = "", **looks: Any) -> Any:
+    """Open a bar of tqdm.
+
+    Parameters
+    ----------
+    shown
+        Whether there is one; None: on a terminal, and where standard error is none, a line on it
+        every `EVERY` seconds, the first after as many.
+    line
+        What such a line says, as tqdm's `bar_format`.
+    looks
+        Arguments of tqdm.
+    """
+    from tqdm import tqdm
+
+    if shown is not None or sys.stderr.isatty():
+        return tqdm(disable=shown is False, **looks)
+
+    class Lines(tqdm):  # type: ignore[misc]
+        def display(self, msg: str | None = None, pos: int | None = None) -> None:
+            if msg is None:  # and not wiped
+                print(str(self).strip(), file=sys.stderr, flush=True)
+
+    looks = {**looks, "bar_format": line or LINE, "leave": False, "dynamic_ncols": False}
+    return Lines(mininterval=EVERY, maxinterval=EVERY, delay=EVERY, **looks)
+
+
+@contextmanager
+def underway(words: str) -> Iterator[None]:
+    """Note what is being done, so that a command can explain a silence; see `what_is_underway`."""
+    _underway.append(words)
+    try:
+        yield
+    finally:
+        _underway.remove(words)
+
+
+def what_is_underway() -> str | None:
+    """What was last begun and is not done yet."""
+    return _underway[-1] if _underway else None
