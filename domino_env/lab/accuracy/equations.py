@@ -16,12 +16,20 @@ Source: Chapman, "The physics of toppling dominoes", eqs. 1-9; van Leeuwen 2004.
 """
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numba
 import numpy as np
 
-_JIT: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+
+def _compiled(function: Any) -> Any:
+    """Compile a function, and cache it where a folder can be written."""
+    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
+    with suppress(RuntimeError):
+        dispatcher.enable_caching()
+    return dispatcher
+
 
 PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4  # as in `wave.Outcome`
 UNFINISHED = -1  # the evaluations allowed were used up
@@ -36,7 +44,7 @@ HEIGHT, THICK_NEXT, PITCH, INERTIA, WEIGHT, THICKNESS, STATE, DUE, FREE = range(
 COLUMNS = 9
 
 
-@numba.njit(**_JIT)
+@_compiled
 def table(spacing, thickness, height, density):
     """Return (N, COLUMNS) what the equations need of a row, per unit of width; all tips."""
     rows = np.zeros((len(thickness), COLUMNS))
@@ -56,7 +64,7 @@ def table(spacing, thickness, height, density):
 
 
 # --- One link, the whole stack --------------------------------------------------------------------
-@numba.njit(**_JIT)
+@_compiled
 def link(row, state, s, c, mu):
     """One link at sin θ, cos θ of the domino ahead: sin and cos of the one behind, Ω, Ψ, B/A."""
     length, d, p = row[HEIGHT], row[THICK_NEXT], row[PITCH]
@@ -79,7 +87,7 @@ def link(row, state, s, c, mu):
     return s_i, c_i, omega, psi, ratio
 
 
-@numba.njit(**_JIT)
+@_compiled
 def stack(rows, n, back, angle, mu):
     """Sum over the stack that n leads.
 
@@ -105,7 +113,7 @@ def stack(rows, n, back, angle, mu):
     return sum_m, sum_g, sum_d, margin
 
 
-@numba.njit(**_JIT)
+@_compiled
 def from_sums(sums, speed2, gravity):
     """α_n from the sums of a stack and the leader's ω²; nan where M is not positive."""
     if not sums[0] > 0.0:
@@ -113,14 +121,14 @@ def from_sums(sums, speed2, gravity):
     return (gravity * sums[1] - speed2 * sums[2]) / sums[0]
 
 
-@numba.njit(**_JIT)
+@_compiled
 def acceleration(rows, n, back, angle, speed2, mu, gravity):
     """α_n at one angle and ω² of the leader."""
     return from_sums(stack(rows, n, back, angle, mu), speed2, gravity)
 
 
 # --- Hits and switches ----------------------------------------------------------------------------
-@numba.njit(**_JIT)
+@_compiled
 def hit(rows, n, sum_m, mu):
     """ω⁺/ω⁻ where leader n, upon a stack of Σ w I J, strikes n+1, with friction.
 
@@ -134,7 +142,7 @@ def hit(rows, n, sum_m, mu):
     return m / (m + rows[n + 1, INERTIA])
 
 
-@numba.njit(**_JIT)
+@_compiled
 def switch(rows, n, back, angle, mu, slack):
     """Switch every link that is due at the leader's angle, those flush together in one impact.
 
@@ -177,7 +185,7 @@ def switch(rows, n, back, angle, mu, slack):
     return before / after, back
 
 
-@numba.njit(**_JIT)
+@_compiled
 def lead_by(rows, n, i, angle):
     """Lean of leader n at which domino i leans by `angle`, from contact to contact, closed form."""
     for k in range(i, n):
@@ -191,7 +199,7 @@ def lead_by(rows, n, i, angle):
     return angle
 
 
-@numba.njit(**_JIT)
+@_compiled
 def first_switch(rows, n, back, angle):
     """Find the least lean of the leader at which one of the links switches that have by `angle`."""
     s, c = math.sin(angle), math.cos(angle)
@@ -205,7 +213,7 @@ def first_switch(rows, n, back, angle):
 
 
 # --- Steps ----------------------------------------------------------------------------------------
-@numba.njit(**_JIT)
+@_compiled
 def rk4_step(rows, n, back, angle, speed, a1, h, mu, gravity):
     """(angle, speed) after one classic Runge-Kutta step of h seconds; a1: α at its start."""
     v2 = speed + 0.5 * h * a1
@@ -220,7 +228,7 @@ def rk4_step(rows, n, back, angle, speed, a1, h, mu, gravity):
     )
 
 
-@numba.njit(**_JIT)
+@_compiled
 def rk4_to_angle(rows, n, back, angle, speed, a1, end, sums, mu, gravity):
     """(time, speed) of one Runge-Kutta step in the angle that ends exactly at `end`.
 
@@ -246,7 +254,7 @@ def rk4_to_angle(rows, n, back, angle, speed, a1, end, sums, mu, gravity):
     return x / 6.0 * slow, math.sqrt(u)
 
 
-@numba.njit(**_JIT)
+@_compiled
 def rk4_until(rows, n, back, angle, speed, a1, end, h, mu, gravity):
     """(time, speed) at which the step in time reaches `end`, by bisection.
 
@@ -267,7 +275,7 @@ def rk4_until(rows, n, back, angle, speed, a1, end, h, mu, gravity):
 
 
 # --- A row ----------------------------------------------------------------------------------------
-@numba.njit(**_JIT)
+@_compiled
 def goal(rows, n):
     """Angle of leader n at which its fall ends (it hits, or it tips), and whether it hits."""
     row = rows[n]
@@ -277,7 +285,7 @@ def goal(rows, n):
     return math.atan(row[THICKNESS] / row[HEIGHT]), False
 
 
-@numba.njit(**_JIT)
+@_compiled
 def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
     """Topple a row in fixed steps; what happens in a step takes place at its end.
 
@@ -327,7 +335,7 @@ def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
     return UNFINISHED, used
 
 
-@numba.njit(**_JIT)
+@_compiled
 def located(rows, mu, gravity, push, h, most, arrival):
     """Topple a row in RK4 steps of h that end exactly at hits and switches: order four.
 
