@@ -40,7 +40,7 @@ CHEAPER = {
     "domino optimize sprint": "--evaluations 100",
     "domino optimize my-row.toml --method scp --evaluations 5000 --seed 1 --out runs/mine":
         "--evaluations 50",
-    "domino compare sprint gentle --seconds 20": "--seconds 0.05 --methods auto,random",
+    "domino compare sprint --seconds 1": "--seconds 0.05 --methods auto,random",
     "domino compare sprint course --methods auto,cma,l-bfgs,slsqp,scp --seeds 3 --seconds 4":
         "--seeds 1 --seconds 0.05",
     "domino sweep sprint --set physics.friction=0:0.5:11 --workers 4":
@@ -56,7 +56,8 @@ CHEAPER = {
 }  # fmt: skip
 """What is added to a line so that it takes a second: the last word on an option holds."""
 TOO_LONG = {
-    "domino compare sprint course --evaluations 20000 --dask tcp://127.0.0.1:8786",  # a scheduler
+    # a scheduler
+    "domino compare sprint course --methods auto,cma --evaluations 2000 --dask tcp://127.0.0.1:8786",
     "domino best-known --verify",  # minutes
 }
 

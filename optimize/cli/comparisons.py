@@ -28,13 +28,16 @@ from optimize.executors.choice import add_executor_options, asked_executor, requ
 from optimize.studies.options import add_study_options, asked_study, going_on
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from concurrent.futures import Executor
 
     from optimize.comparison.runner import Comparison
     from optimize.evaluation.result import SearchResult
+    from optimize.studies.task import Task
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
-DEFAULT_SECONDS = 10.0
+DEFAULT_SECONDS = 4.0
+WORTH_A_TRIAL = 10  # times a trial's rows in a run: then a trial of every method is a small part
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +97,8 @@ def run(arguments: argparse.Namespace) -> int:
         study = asked_study(arguments, "comparison", default, tasks, settings)
         with going_on(study):
             left = len(tasks) - study.tasks
-            print(_announced(left, seconds, evaluations, executor), flush=True)
+            for line in _announced(tasks, left, executor):
+                print(line, flush=True)
             comparison = compare(
                 scenes, chosen, seeds, seconds, _tell, evaluations=evaluations, executor=executor,
                 study=study, progress=None,
@@ -124,18 +128,27 @@ def _written(comparison: Comparison, folder: Path, *, update_best: bool) -> int:
     return 1 if comparison.failures else 0
 
 
-def _announced(
-    runs: int, seconds: float | None, evaluations: int | None, executor: Executor | None
-) -> str:
-    """What is about to be run, and how long it takes where that is known."""
-    if seconds is None:
-        return f"{runs} runs of {evaluations} rows"
-    workers = getattr(executor, "workers", 1)
-    said = f"{runs} runs of {seconds:g} s: {-(-runs // workers) * seconds / 60.0:.1f} min"
-    cores = os.cpu_count() or 1
-    if workers > cores:
-        said += f"\n{workers} workers on {cores} cores: equal seconds are no equal chances so"
-    return said
+def _announced(tasks: list[Task], left: int, executor: Executor | None) -> Iterator[str]:
+    """What is about to be run, and how long it takes at most."""
+    from optimize.comparison.runner import TRIAL, seconds_expected
+    from optimize.studies.progress import in_words
+
+    if not left:
+        yield "all runs are done"
+        return
+    workers, cores = getattr(executor, "workers", 1), os.cpu_count() or 1
+    share = left / len(tasks) / min(workers, left)  # of the seconds that all take, one by one
+    first = tasks[0]
+    if first.seconds is not None:
+        whole = in_words(len(tasks) * first.seconds * share)
+        yield f"{left} runs of {first.seconds:g} s: at most {whole}"
+        if workers > cores:
+            yield f"{workers} workers on {cores} cores: equal seconds are no equal chances so"
+        return
+    yield f"{left} runs of {first.evaluations} rows"
+    if (first.evaluations or 0) >= WORTH_A_TRIAL * TRIAL:
+        whole = in_words(seconds_expected(tasks) * share)
+        yield f"about {whole}, judged by {TRIAL} rows of each method that comes with this"
 
 
 def _tell(result: SearchResult) -> None:

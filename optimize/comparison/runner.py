@@ -14,8 +14,10 @@ from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.support.brief import brief
 from optimize.evaluation.result import SearchResult
+from optimize.methods import METHODS
 from optimize.methods.own import importable_name
 from optimize.records.shipped import best_known
+from optimize.searching.runner import search
 from optimize.studies.progress import TaskLines
 from optimize.studies.running import Failure, Keeper, run_tasks
 from optimize.studies.task import Task, TaskResult, scene_of, search_result
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 TARGETS = 10.0 ** np.linspace(-1.0, -5.0, 41)  # relative gaps, as COCO spreads its targets
+TRIAL = 150  # rows of a search from which is judged how long a longer one takes
 SMALLEST_GAP = 1e-7  # below it the search's own tolerance decides
 
 
@@ -220,6 +223,24 @@ def compare(
     results = [found[task.key] for task in tasks if task.key in found]
     best = _best_scores(results)
     return Comparison(tuple(results), seconds, best, evaluations, tuple(failures), interrupted)
+
+
+def seconds_expected(tasks: Iterable[Task]) -> float:
+    """Say how long runs take, one after the other, by a short search of each kind [s].
+
+    Methods of other packages count for nothing: what a learner takes, its first rows do not tell.
+    """
+    pace: dict[tuple[str, str], float] = {}
+    total = 0.0
+    for task in tasks:
+        kind = task.scene, task.method
+        if kind not in pace:
+            pace[kind] = 0.0
+            if task.method in METHODS:
+                tried = search(scene_of(task.scene), task.method, TRIAL, progress=False)
+                pace[kind] = tried.seconds / tried.evaluations
+        total += pace[kind] * (task.evaluations or 0)
+    return total
 
 
 def comparison_tasks(

@@ -17,7 +17,7 @@ from optimize import search
 from optimize.cli import comparisons
 from optimize.comparison import picture
 from optimize.comparison.page import FILES, page, table, write
-from optimize.comparison.runner import TARGETS, Comparison, _best_scores, compare
+from optimize.comparison.runner import TARGETS, Comparison, _best_scores, compare, comparison_tasks
 from optimize.evaluation.result import SearchResult
 from optimize.records import shipped
 
@@ -104,6 +104,24 @@ def test_many_methods_have_a_panel_each_and_one_seed_is_called_so(
     assert "one seed" in told
     assert "seeds" not in told
     assert "worst" in table(comparison, "spacing")[0]
+
+
+def test_how_long_a_comparison_takes_is_said_first(scenes, monkeypatch) -> None:
+    seconds = comparison_tasks([scenes["spacing"]], ["random", "auto"], range(3), 2.0, None)
+    assert list(comparisons._announced(seconds, 6, None)) == ["6 runs of 2 s: at most 12 s"]
+    assert list(comparisons._announced(seconds, 3, None)) == ["3 runs of 2 s: at most 6 s"]
+    rows = comparison_tasks([scenes["spacing"]], ["random", "auto"], range(3), None, 6000)
+    result, tried = search(scenes["spacing"], "uniform", budget=1), []
+
+    def trial(scene: de.Scene, method: str, budget: int, **_: object) -> SearchResult:
+        tried.append(method)
+        return replace(result, seconds=0.5, evaluations=budget)
+
+    monkeypatch.setattr("optimize.comparison.runner.search", trial)
+    said = list(comparisons._announced(rows, 6, None))
+    assert tried == ["random", "auto"]  # each once
+    assert said[0] == "6 runs of 6000 rows"
+    assert said[1].startswith("about 5 min")  # 6 runs of 50 s
 
 
 def test_medians_are_halfway_between_the_two_in_the_middle(comparison: Comparison) -> None:
