@@ -45,6 +45,7 @@ SHORT, MORE = 10, 60  # gradients of a child, and of one that came near the best
 NEAR = 3e-4  # relative distance to the best that counts as near
 ELITE = 8  # rows that children come from
 COARSE = (28, 110)  # numbers of the schedules that long rows climb on first
+FEW = 2  # random starts of a long row, where each takes long
 LONG = 200  # places from which on a row is long
 PATIENCE, GAIN = 6, 3e-6  # generations without a relative gain after which a search has settled
 ALIKE = 1e-3  # largest distance of two designs that are one
@@ -61,7 +62,8 @@ def run(budget: Budget, rng: np.random.Generator) -> None:
         return
     search = _Search(budget, _Elite(budget.problem))
     budget.standing = "no independent climbs have ended yet; a longer search may find more"
-    side_by_side(budget, [_race(search.home, starts(budget.problem))])
+    if budget.problem.scene.count <= LONG:  # a batch by itself, and soon over
+        side_by_side(budget, [_race(search.home, starts(budget.problem))])
     first, *others = rng.spawn(1 + ABROAD)
     side_by_side(budget, [search.at_home(first), *map(search.abroad, others)])
 
@@ -100,7 +102,7 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
     """
     mark = _columns(problem, problem.design(problem.scene.uniform().layout))
     found = []
-    for _ in range(WIDE):
+    for _ in range(WIDE if mark.shape[1] <= LONG else FEW):
         design = mark.copy()
         for part in design[1 if problem.scene.free_spacing else 0 :]:
             if rng.random() < 0.5:
@@ -190,6 +192,8 @@ class _Search:
     ends: list[tuple[float, Floats]] = field(default_factory=list)
 
     def at_home(self, rng: np.random.Generator) -> Search:
+        if not self.home.rows:
+            yield from _race(self.home, starts(self.home.problem))
         yield from _settle(self.home, rng)
         met = 0
         while not self.done():
