@@ -21,8 +21,10 @@ COARSEST, FINEST = 4.0, 1.0 / 32.0  # steps, in those of 0.16 ms for standard do
 CALM = 5e-6  # of sqrt(g L): the velocity at which the sweeps of a step of fineness 1 end
 WINDOW = 24  # dominoes behind the leader that still move; what lies further back changes no digit
 PATIENCE = 3.0  # [sqrt(L/g)] without a hit before a wave counts as dead; a fall takes about one
-DOUBT = 2.5  # times what halving the steps changed
+DOUBT = 3.0  # times what halving the steps changed
 GRAIN = 2e-4  # relative error of steps of fineness 1 that a change may hide by chance
+
+NEVER: Floats = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,44 +169,41 @@ def simulate_standing(
         raise ValueError(
             f"floor_friction = {floor_friction}: give 0 or more, or None for hinged dominoes"
         )
-    if not 1e-6 <= rtol < 1.0:
-        raise ValueError(f"rtol = {rtol}: steps of time reach 1e-6 to 1, and 1e-3 is quick")
+    if not 1e-5 <= rtol < 1.0:
+        raise ValueError(f"rtol = {rtol}: steps of time reach 1e-5 to 1; 1e-3 is quick")
     moments = np.array(times, dtype=np.float64).reshape(-1)
     if not (
         np.isfinite(moments).all() and (moments >= 0.0).all() and (np.diff(moments) >= 0).all()
     ):
         raise ValueError("times: give finite moments from 0 on, in their order [s]")
-    none = np.zeros(0)
-    # the pose at a moment needs the finest run only
-    runs = [_run(layout, physics, floor_friction, COARSEST, none)]
-    changes = [math.inf]
+    run, largest = _run(layout, physics, floor_friction, COARSEST), 0.0
     fineness = COARSEST
-    while True:
+    while fineness > FINEST:
         fineness /= 2.0
-        runs.append(_run(layout, physics, floor_friction, fineness, none))
-        changes.append(_change(runs[-2].arrivals, runs[-1].arrivals))
-        # two in a row: one may be small by chance
-        doubt = DOUBT * max(changes[-1], 0.5 * changes[-2]) + GRAIN * fineness
-        if doubt <= rtol or fineness <= FINEST:
+        finer = _run(layout, physics, floor_friction, fineness)
+        # an error halves with the steps; a change smaller than that may be small by chance
+        largest = max(_change(run.arrivals, finer.arrivals), 0.5 * largest)
+        doubt = DOUBT * largest + GRAIN * fineness
+        run = finer
+        if doubt <= rtol and fineness <= COARSEST / 4.0:
             break
-    best = runs[-1]
     if len(moments):
-        best = _run(layout, physics, floor_friction, fineness, moments)
+        run = _run(layout, physics, floor_friction, fineness, moments)
     return RigidWave(
         layout=layout,
         physics=physics,
         floor_friction=None if floor_friction is None else float(floor_friction),
-        arrival_times=best.arrivals,
-        lean=best.lean,
-        slid=best.slid,
-        opened=best.opened,
-        opened_at=best.opened_at,
+        arrival_times=run.arrivals,
+        lean=run.lean,
+        slid=run.slid,
+        opened=run.opened,
+        opened_at=run.opened_at,
         error_estimate=doubt,
         converged=doubt <= rtol,
         rtol=rtol,
         times=moments,
-        poses=best.poses,
-        steps=best.steps,
+        poses=run.poses,
+        steps=run.steps,
         run_time=time.perf_counter() - begun,
     )
 
@@ -223,7 +222,7 @@ class _Run:
 
 
 def _run(
-    layout: Layout, physics: Physics, floor: float | None, fineness: float, times: Floats
+    layout: Layout, physics: Physics, floor: float | None, fineness: float, times: Floats = NEVER
 ) -> _Run:
     count, tallest = layout.count, float(layout.height.max())
     arrivals = np.full(count, np.inf)

@@ -78,7 +78,7 @@ def test_the_estimate_holds_against_finer_runs(seed: int) -> None:
     layout = random_row(seed)
     for floor in (None, 0.4):
         row = de.simulate_standing(layout, PHYSICS, floor)
-        fine = simulation._run(layout, PHYSICS, floor, 1.0 / 16.0, np.zeros(0)).arrivals
+        fine = simulation._run(layout, PHYSICS, floor, 1.0 / 16.0).arrivals
         error = np.abs(row.arrival_times[1:] / fine[1:] - 1.0).max()
         assert error <= row.error_estimate
 
