@@ -17,9 +17,17 @@ from optimize import search
 from optimize.cli import comparisons
 from optimize.comparison import picture
 from optimize.comparison.page import FILES, page, table, write
-from optimize.comparison.runner import TARGETS, Comparison, _best_scores, compare, comparison_tasks
+from optimize.comparison.runner import (
+    TARGETS,
+    TRIAL,
+    Comparison,
+    _best_scores,
+    compare,
+    comparison_tasks,
+)
 from optimize.evaluation.result import SearchResult
 from optimize.records import shipped
+from optimize.studies.progress import in_words
 
 RECORDS = shipped.best_known()
 
@@ -121,7 +129,7 @@ def test_how_long_a_comparison_takes_is_said_first(scenes, monkeypatch) -> None:
     said = list(comparisons._announced(rows, 6, None))
     assert tried == ["random", "auto"]  # each once
     assert said[0] == "6 runs of 6000 rows"
-    assert said[1].startswith("about 5 min")  # 6 runs of 50 s
+    assert said[1].startswith(f"about {in_words(6 * 6000 * 0.5 / TRIAL)}, judged by")
 
 
 def test_medians_are_halfway_between_the_two_in_the_middle(comparison: Comparison) -> None:
