@@ -17,7 +17,7 @@ from domino_env.support.distinct import distinct_rows
 
 Floats = NDArray[np.float64]
 
-GRID_1D, GRID_2D = 1024, 96  # first look at the whole range, per axis
+GRID_1D, GRID_2D, GRID_LONG = 1024, 96, 48  # first look at the whole range, per axis
 COARSE_1D, COARSE_2D = 128, 24  # where every look topples hundreds of rows
 KEEP, KEEP_LONG = 6, 2  # places that are looked at again, each time more closely
 FINEST = 1e-9  # [m] where looking closer ends
@@ -113,10 +113,12 @@ def best_point(scene: Specification) -> Floats:
     otherwise then, as on ground that is not the same everywhere, all are toppled whole.
     """
     rows = _uniform_rows(scene)
-    axes = _axes(rows)
+    axes = _axes(rows, COARSE_2D if rows.drawn else GRID_2D)
     look = scene.count * len(axes[0]) * len(axes[1])
     if rows.steady and look > LARGEST_LOOK:
-        point = _search(rows, axes, by_heads=True)
+        # the speed of a long row has few peaks, how it keeps to a schedule has many
+        fine = GRID_LONG if scene.criterion.rewards_speed else GRID_2D
+        point = _search(rows, _axes(rows, fine), by_heads=True)
         by_head, whole = rows.scores_by_heads(point[None], FINELY)[0], rows.scores(point[None])[0]
         if abs(by_head - whole) <= SAME * abs(whole):
             return point
@@ -133,10 +135,10 @@ def _uniform_rows(scene: Specification) -> UniformRows:
         return UniformRows(replace(scene, spacing_values=None, thickness_values=None))
 
 
-def _axes(rows: UniformRows) -> list[Floats]:
-    """For each of the two numbers, the values of the first look."""
-    both = float(np.min(rows.high - rows.low)) > 0.0
-    fine = (COARSE_2D if both else COARSE_1D) if rows.drawn else (GRID_2D if both else GRID_1D)
+def _axes(rows: UniformRows, fine: int) -> list[Floats]:
+    """For each of the two numbers, the values of the first look: `fine` where both are free."""
+    if float(np.min(rows.high - rows.low)) == 0.0:
+        fine = COARSE_1D if rows.drawn else GRID_1D
     return [
         np.linspace(a, b, 1 if a == b else fine) if some is None else np.array(some)
         for a, b, some in zip(rows.low, rows.high, rows.allowed, strict=True)
