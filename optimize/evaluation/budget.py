@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
 from domino_env.scenes.objectives import Evaluation
 from optimize.evaluation.recorder import Recorder
-from optimize.problem import STEP_RTOL, Floats
+from optimize.problem import STEP_RTOL, Floats, Problem
 
 PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
 MOST_ROWS = 256  # between two looks, so that enough of the good ones become finalists
@@ -316,8 +318,41 @@ class Budget:
         i = int(np.argmax(scores))
         if scores[i] > self.best_score:
             self._note(np.asarray(design(i))[None], scores[i : i + 1])
-        elif self._watch is not None:
-            self._watch(self)
+        else:
+            self._look()
+
+    @contextmanager
+    def lend(self, problem: Problem, evaluations: int) -> Iterator[Budget]:
+        """Give a budget for smaller rows of the same kind, which count by their dominoes.
+
+        What is asked of it no journal keeps: a search that goes on asks again.
+
+        Parameters
+        ----------
+        problem
+            Of the smaller rows.
+        evaluations
+            Most of them; half of what this budget can pay for at most.
+
+        Raises
+        ------
+        BudgetSpent
+            At the end, where it has used this one up; its own end is none.
+        """
+        share = problem.dominoes / self.problem.dominoes
+        if self.evaluations is not None:
+            evaluations = max(1, min(evaluations, int(0.5 * self.left / share)))
+        seconds = None if self.seconds is None else max(self.seconds - self.elapsed, 1e-9)
+        recorder = self._recorder.beside(problem)
+        own = Budget(recorder, evaluations, seconds, lambda _: self._look())
+        try:
+            yield own
+        except BudgetSpent:
+            pass
+        finally:
+            self.spent += math.ceil(own.spent * share)
+            self.falls += own.falls
+        self.require_more()
 
     def already_spent(self, seconds: float) -> None:
         """Count time that went into what the search builds on, before it began [s]."""
@@ -335,5 +370,8 @@ class Budget:
             self.finalists.append((float(scores[i]), designs[i].copy()))
             if not scores[i] <= self._reached + GAIN * abs(self._reached):
                 self._reached, self.gained = float(scores[i]), self.spent
+        self._look()
+
+    def _look(self) -> None:
         if self._watch is not None:
             self._watch(self)

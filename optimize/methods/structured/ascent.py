@@ -188,8 +188,11 @@ class Refined:
         if self._matrix is None:
             self._ascent = Ascent(design, self._project)
         else:
-            coarse = np.linalg.lstsq(self._matrix, design, rcond=None)[0]
-            self._ascent = Ascent(np.clip(coarse, 0.0, 1.0))
+            self._ascent = Ascent(np.clip(self._coarse(self._matrix, design), 0.0, 1.0))
+
+    def _coarse(self, matrix: Floats, design: Floats) -> Floats:
+        """The numbers of the schedule that comes nearest to a design."""
+        return np.asarray(np.linalg.lstsq(matrix, design, rcond=None)[0])
 
     @property
     def wanted(self) -> Floats:

@@ -14,6 +14,8 @@ The search is done when moves gain nothing any more and enough of the independen
 the best; where they never do, when twice as much was spent as the last gain took. Both count
 evaluations, so that the end does not depend on the machine.
 
+A long row begins as a shorter one ended, stretched: see `long_rows`.
+
 Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
 
 References
@@ -34,6 +36,7 @@ from optimize.evaluation.budget import Budget
 from optimize.methods.schedules import schedule
 from optimize.methods.structured import assignment
 from optimize.methods.structured.ascent import Refined, climbing
+from optimize.methods.structured.long_rows import best_stretched, is_long
 from optimize.methods.structured.moves import MOVES, TIGHT_AT_MOST, bend, free_the_end, tight_end
 from optimize.methods.structured.side_by_side import Asked, Search, side_by_side
 from optimize.problem import Floats, Problem
@@ -48,6 +51,7 @@ COARSE = (28, 110)  # numbers of the schedules that long rows climb on first
 FEW = 2  # random starts of a long row, where each takes long
 LONG = 200  # places from which on a row is long
 PATIENCE, GAIN = 6, 3e-6  # generations without a relative gain after which a search has settled
+LONGEST = 2000  # dominoes up to which generations pay; then another shorter row gains more
 ALIKE = 1e-3  # largest distance of two designs that are one
 ABROAD = 3  # independent searches beside the first
 AGREE = 5e-5  # relative distance within which two of them agree
@@ -62,7 +66,11 @@ def run(budget: Budget, rng: np.random.Generator) -> None:
         return
     search = _Search(budget, _Elite(budget.problem))
     budget.standing = "no independent climbs have ended yet; a longer search may find more"
-    if budget.problem.scene.count <= LONG:  # a batch by itself, and soon over
+    if is_long(budget.problem.scene):
+        search.stretch(rng)
+        if budget.problem.scene.count > LONGEST:
+            return
+    elif budget.problem.scene.count <= LONG:  # a batch by itself, and soon over
         side_by_side(budget, [_race(search.home, starts(budget.problem))])
     first, *others = rng.spawn(1 + ABROAD)
     side_by_side(budget, [search.at_home(first), *map(search.abroad, others)])
@@ -190,6 +198,16 @@ class _Search:
     budget: Budget
     home: _Elite
     ends: list[tuple[float, Floats]] = field(default_factory=list)
+
+    def stretch(self, rng: np.random.Generator) -> None:
+        """Begin a long row as a shorter one ended; one that is very long ends so too."""
+        problem = self.home.problem
+        mark = problem.design(problem.scene.uniform().layout)
+        self.home.add(self.budget.score(mark), mark)
+        self.home.add(*best_stretched(self.budget, rng, run))
+        while problem.scene.count > LONGEST and not self.done():
+            self.ends.append(best_stretched(self.budget, rng, run))
+            self.home.add(*self.ends[-1])
 
     def at_home(self, rng: np.random.Generator) -> Search:
         if not self.home.rows:
