@@ -87,6 +87,7 @@ def best_stretched(
     with budget.lend(shorter, SEARCHED) as own:
         search(own, rng)
     found = [own.best]
+    _score_stretched(budget, found[0])  # should time run out on the way
     for count in _counts(scene.count):
         shorter = Problem(_shortened(scene, count))
         gradients = max(LEAST, MOST * TIMES * SHORTEST // count)
@@ -132,6 +133,13 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
                 best, place = speed, np.array([gap, thickness])
         room = 2.0 * room / looks
     return (float(place[0]), float(place[1])) if best > 0.0 else None
+
+
+def _score_stretched(budget: Budget, short: Floats) -> None:
+    problem = budget.problem
+    pairs = problem.scene.count - 1
+    longer = repeated(short.reshape(problem.dimension // pairs, -1), pairs, 1)
+    budget.scores(problem.project(longer.reshape(1, -1)))
 
 
 def _counts(count: int) -> list[int]:
