@@ -14,7 +14,11 @@ The search is done when moves gain nothing any more and enough of the independen
 the best; where they never do, when twice as much was spent as the last gain took. Both count
 evaluations, so that the end does not depend on the machine.
 
+<<<<<<< HEAD
 A long row begins as a shorter one ended, stretched: see `long_rows`.
+=======
+A schedule is first tried to be met by least squares, as `gauss-newton` does.
+>>>>>>> b7327b3 (auto meets a schedule by least squares before anything else)
 
 Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
 
@@ -33,6 +37,7 @@ import numpy as np
 
 from domino_env.support.distinct import distinct_rows
 from optimize.evaluation.budget import Budget
+from optimize.methods.gradient import least_squares
 from optimize.methods.schedules import schedule
 from optimize.methods.structured import assignment
 from optimize.methods.structured.ascent import Refined, climbing
@@ -65,6 +70,11 @@ def run(budget: Budget, rng: np.random.Generator) -> None:
         assignment.run(budget, rng)  # what stands where decides, and no climb can change it
         return
     search = _Search(budget, _Elite(budget.problem))
+    if budget.problem.scene.tempo is not None:
+        if least_squares.is_soon_on_time(budget, rng):
+            budget.standing = least_squares.ON_SCHEDULE
+            return
+        search.ends.append((budget.best_score, budget.best))
     budget.standing = "no independent climbs have ended yet; a longer search may find more"
     if is_long(budget.problem.scene):
         search.stretch(rng)
@@ -234,7 +244,9 @@ class _Search:
     def done(self) -> bool:
         """Whether to stop; says in any case how much the best is to be trusted."""
         best = max([self.home.score, *(score for score, _ in self.ends)])
-        agree = sum(score >= best - AGREE * abs(best) for score, _ in self.ends)
+        # of a schedule, what is left to gain is what counts
+        scale = abs(best) if self.home.problem.scene.tempo is None else 1.0 - best
+        agree = sum(score >= best - AGREE * scale for score, _ in self.ends)
         words = f"{agree} of {len(self.ends)} independent climbs agree to {AGREE:.3%}"
         self.budget.standing = f"{words}, {self.home.idle} moves without gain"
         if agree >= ENOUGH:

@@ -118,3 +118,9 @@ def test_methods_load_only_when_asked_for() -> None:
     words = [sys.executable, "-c", script]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["[]", *METHODS]
+
+
+def test_auto_keeps_a_schedule_at_once() -> None:
+    result = search("tempo")
+    assert result.ended == "done: every domino is hit on schedule, to 1e-09 s"
+    assert result.score > 1.0 - 1e-6
