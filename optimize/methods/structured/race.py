@@ -14,11 +14,8 @@ The search is done when moves gain nothing any more and enough of the independen
 the best; where they never do, when twice as much was spent as the last gain took. Both count
 evaluations, so that the end does not depend on the machine.
 
-<<<<<<< HEAD
 A long row begins as a shorter one ended, stretched: see `long_rows`.
-=======
 A schedule is first tried to be met by least squares, as `gauss-newton` does.
->>>>>>> b7327b3 (auto meets a schedule by least squares before anything else)
 
 Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
 
