@@ -19,7 +19,8 @@ Floats = NDArray[np.float64]
 FLOOR_FRICTION = 0.5  # of wood on wood, as it is mostly given
 COARSEST, FINEST = 4.0, 1.0 / 32.0  # steps, in those of 0.16 ms for standard dominoes
 CALM = 5e-6  # of sqrt(g L): the velocity at which the sweeps of a step of fineness 1 end
-WINDOW = 24  # dominoes behind the leader that still move; what lies further back changes no digit
+WINDOW = 24  # dominoes behind the leader that still move, at least
+FORGOTTEN = 1e-4  # of the leader's speed: dominoes that a tight row gives less lie still
 PATIENCE = 3.0  # [sqrt(L/g)] without a hit before a wave counts as dead; a fall takes about one
 DOUBT = 3.0  # times what halving the steps changed
 GRAIN = 2e-4  # relative error of steps of fineness 1 that a change may hide by chance
@@ -208,6 +209,21 @@ def simulate_standing(
     )
 
 
+def window_of(layout: Layout) -> int:
+    """How many dominoes behind the leader still move in `simulate_standing`.
+
+    Notes
+    -----
+    Where a contact has closed, a domino turns by about 1 - √(λ² - d²)/L of what the next one turns,
+    with pitch λ, thickness d and height L: tight rows forget their stacks slowly.
+    """
+    pitch, thick, tall = layout.pitch, layout.thickness[1:], layout.height[:-1]
+    passed = 1.0 - np.sqrt(np.maximum(pitch**2 - thick**2, 0.0)) / tall
+    forgotten = np.cumsum(np.append(0.0, -np.log(np.clip(passed, 1e-3, 1.0 - 1e-3))))
+    first = np.searchsorted(forgotten, forgotten + math.log(FORGOTTEN), side="right")
+    return max(WINDOW, int(np.max(np.arange(layout.count) - first)) + 1)
+
+
 @dataclass(frozen=True, eq=False)
 class _Run:
     """One run with steps of one fineness."""
@@ -242,7 +258,7 @@ def _run(
         physics.push,
         fineness,
         CALM * fineness * math.sqrt(physics.gravity * tallest),
-        WINDOW,
+        window_of(layout),
         PATIENCE * math.sqrt(tallest / physics.gravity) + 2.0 / physics.push,
         times,
         arrivals,

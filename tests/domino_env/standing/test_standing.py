@@ -111,3 +111,11 @@ def test_a_wave_that_dies_says_how_far_it_came() -> None:
 def test_what_makes_no_sense_is_refused(arguments: dict[str, float], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         de.simulate_standing(random_row(0, 3), PHYSICS, **arguments)  # type: ignore[arg-type]
+
+
+def test_a_tight_row_remembers_more_of_its_stack() -> None:
+    # 24 dominoes behind the leader were all that moved: 1.1 % late after a hundred
+    row = de.Layout.uniform(70, pitch=0.0105, thickness=0.0075)
+    exact = de.simulate(row, de.Physics(push=8.0)).arrival_times[-1]
+    seen = de.simulate_standing(row, de.Physics(push=8.0), None).arrival_times[-1]
+    assert seen == pytest.approx(exact, rel=1e-3)
