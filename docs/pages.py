@@ -1,6 +1,6 @@
 """Pages that are made when the site is built: scenes and methods, from the data and docstrings.
 
-MkDocs calls `on_config`, `on_files` and `on_page_markdown` (mkdocs.yml, hooks).
+MkDocs calls `on_config` and `on_files` (mkdocs.yml, hooks).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 import domino_env as de
 from domino_env.chain.motion import Motion, outlines
-from domino_env.rigid.known import known_verification, markdown, read_verified
+from domino_env.rigid.known import known_verification
 from domino_env.scenes.files.schema import scene_schema
 from domino_env.support.tables import markdown_table
 from optimize.methods import METHODS, PEERS
@@ -55,12 +55,6 @@ def on_files(files: Files, config: Any) -> Files:
     files.append(File.generated(config, "scenes/index.md", content=scenes_page(records)))
     files.append(File.generated(config, "methods.md", content=methods_page()))
     return files
-
-
-def on_page_markdown(text: str, page: Any, config: Any, files: Files) -> str:
-    """What stands in a page for the table of verifications."""
-    mark = "<!-- verified -->"
-    return text.replace(mark, "\n".join(markdown(read_verified()))) if mark in text else text
 
 
 @cache
@@ -130,7 +124,7 @@ def scene_page(name: str, record: BestKnown | None) -> str:
             text += [schedule("thickness [mm]", 1e3 * record.layout.thickness), ""]
         if scene.free_height:
             text += [schedule("height [m]", record.layout.height), ""]
-        text += checked(name, record, scene)
+        text += checked(record, scene)
     source = (package_files("domino_env.scenes") / "shipped" / f"{name}.toml").read_text("utf-8")
     return "\n".join(
         [
@@ -153,13 +147,18 @@ def scene_page(name: str, record: BestKnown | None) -> str:
     )
 
 
-def checked(name: str, record: BestKnown, scene: Any) -> list[str]:
-    """What another engine says of the row."""
+def checked(record: BestKnown, scene: Any) -> list[str]:
+    """What others than the model saw of the row: hinged, and what is left of its gain on floors."""
     one = known_verification(record.layout, scene.physics)
     if one is None:
         return []
-    free = "" if one.free is None else f" Standing free on a rough floor: {one.free:+.2%}."
-    return [f"In an independent rigid-body engine ({one.engine}): {one.verdict}{free}", ""]
+    lines = [f"On hinges, in the simulator that keeps no contact closed: {one.verdict}", ""]
+    for look in one.floors[1:]:
+        lead = "" if look.gain is None else f", {look.gain:+.2%} over the best uniform row there"
+        up = f"; {look.best.staying_up} stay up" if look.best.staying_up else ""
+        lines.append(f"- On a floor of friction {look.floor:g}: {look.best.score}{lead}{up}.")
+    first = f" (The first {one.first} dominoes.)" if one.first < one.count else ""
+    return [*lines, "", f"[Checked in other physics](../verification.md).{first}", ""]
 
 
 def methods_page() -> str:

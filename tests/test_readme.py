@@ -49,9 +49,9 @@ CHEAPER = {
         "--workers 1 --evaluations 1",
     "domino train sprint --algorithm ppo": "--out runs/anew",
     "domino render runs/sprint/layout.csv --scene sprint --gif race.gif": "--rate 2",
-    "domino verify runs/sprint/layout.csv": "--steps 400 200",
+    "domino verify runs/sprint/layout.csv": "--no-engine --floor 0.5",
     "domino verify runs/sprint/layout.csv --scene sprint --json runs/sprint/verification.json":
-        "--steps 400 200",
+        "--steps 400 200 --floor 0.5",
     "domino accuracy": "--quick --budget 0.01 --scene sprint",
 }  # fmt: skip
 """What is added to a line so that it takes a second: the last word on an option holds."""

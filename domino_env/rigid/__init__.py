@@ -1,1 +1,1 @@
-"""The same rows in an independent rigid-body engine."""
+"""Judges of a row other than the model, on hinges and on floors; what they said."""

@@ -2,8 +2,13 @@
 
 Every domino is a box with its mass and moment of inertia; neighbours collide without restitution
 and rub with the row's friction.  *Hinged*: each turns about its front bottom edge, as the model
-has it, and a stop keeps it from leaning back.  *Free*: it stands on a rough floor and may slide or
-lift.  Lengths are millimetres inside, as the engine's tolerances are made for numbers near one.
+has it, and a stop keeps it from leaning back.  *Standing*: on a floor with a friction of its own it
+may slide and lift.  Lengths are millimetres inside, as the engine's tolerances are made for numbers
+near one.
+
+In every step the engine's contact solver makes a fixed number of sweeps over all contacts.  A flush
+sends its impulse through the whole stack, and too few sweeps let the stack bounce back from it: see
+`domino_env.rigid.converging`.
 """
 
 from __future__ import annotations
@@ -22,8 +27,6 @@ from domino_env.chain.physics import Physics
 Floats = NDArray[np.float64]
 
 MM = 1000.0
-ITERATIONS = 30  # of the engine's contact solver in every step
-FLOOR_FRICTION = 1.0  # of a free row: rough
 PATIENCE = 3.0  # [√(L/g)] without a hit before a wave counts as dead; a fall takes about one
 KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart
 STIR = 1e-5  # [rad] a lean that grows by less has come to rest
@@ -39,15 +42,21 @@ class Fallen:
     arrivals
         (N,) when each domino is hit [s]: the tip before it reaches its rear face; inf if never.
     toppled
-        Whether the last one passed its tipping angle.
+        How many passed their tipping angles.
     """
 
     arrivals: Floats
-    toppled: bool
+    toppled: int
 
 
 def topple(
-    layout: Layout, physics: Physics, step: float, *, hinged: bool = True, window: int | None = None
+    layout: Layout,
+    physics: Physics,
+    step: float,
+    *,
+    sweeps: int,
+    floor: float | None = None,
+    window: int | None = None,
 ) -> Fallen:
     """Follow a row in the engine until its last domino has toppled or nothing more happens.
 
@@ -59,24 +68,29 @@ def topple(
         What makes it fall.
     step
         Of time [s].
-    hinged
-        Whether each domino turns about its front bottom edge; else it stands free on the floor.
+    sweeps
+        Of the engine's contact solver in every step.
+    floor
+        Friction of the floor that the dominoes stand on; None where each turns about its front
+        bottom edge.
     window
-        So many dominoes behind the leader still move, and those further back lie still, which is
-        what makes long rows affordable; None: all move.
+        So many dominoes behind the leader still move, and those further back are taken away, which
+        is what makes it fast; None: all stay.
 
     Raises
     ------
     ImportError
         Without pymunk; says what to install.
     ValueError
-        For a step that is not between 0 and 1 ms, or no window.
+        For a step that is not between 0 and 1 ms, for no sweeps, or no window.
     """
     if not 0.0 < step <= 1e-3:
         raise ValueError(f"step = {step} s: give one above 0 and up to 0.001")
+    if sweeps < 1:
+        raise ValueError(f"sweeps = {sweeps}: at least one is needed")
     if window is not None and window < 1:
         raise ValueError(f"window = {window}: at least one domino must be able to move")
-    row = _Row(layout, physics, hinged)
+    row = _Row(layout, physics, sweeps, floor)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
     patience = patience_with(layout, physics)
@@ -92,13 +106,14 @@ def topple(
                 break
             row.place_up_to(leader + 1)
             if window is not None:
-                row.fix_up_to(leader - window - 1)
+                row.take_away_up_to(leader - window - 1)
             after = row.room(leader)
         elif now - arrivals[leader] > patience:
             break
         before = after
-    toppled = bool(np.isfinite(arrivals[-1])) and row.topples(step, patience)
-    return Fallen(arrivals, toppled)
+    if np.isfinite(arrivals[-1]):
+        row.let_last_fall(step, patience)
+    return Fallen(arrivals, row.toppled())
 
 
 def patience_with(layout: Layout, physics: Physics) -> float:
@@ -110,22 +125,22 @@ def patience_with(layout: Layout, physics: Physics) -> float:
 class _Row:
     """The engine's space with the row in it; dominoes come in as the wave comes near."""
 
-    def __init__(self, layout: Layout, physics: Physics, hinged: bool) -> None:
+    def __init__(self, layout: Layout, physics: Physics, sweeps: int, floor: float | None) -> None:
         self._pymunk = _engine()
-        self._layout, self._hinged = layout, hinged
+        self._layout, self._hinged = layout, floor is None
         space = self._pymunk.Space()
         space.gravity = (0.0, -physics.gravity * MM)
-        space.iterations = ITERATIONS
+        space.iterations = sweeps
         space.collision_slop = GRAIN
         self._space = space
         self.bodies: list[Any] = []
-        self._fixed = 0
+        self._gone = 0
         self.advance: Callable[[float], None] = space.step
         # the engine multiplies the two coefficients that meet; a smooth row still has a rough floor
         self._rub = math.sqrt(max(physics.friction, 1e-6))
-        if not hinged:
+        if floor is not None:
             reach = 2.0 * float(layout.height.max())
-            floor = self._pymunk.Poly(
+            ground = self._pymunk.Poly(
                 space.static_body,
                 [
                     (-reach * MM, -10.0),
@@ -134,9 +149,10 @@ class _Row:
                     (-reach * MM, 0.0),
                 ],
             )
-            floor.friction = FLOOR_FRICTION / self._rub
-            space.add(floor)
+            ground.friction = floor / self._rub
+            space.add(ground)
         self._rows = layout.positions - layout.thickness  # rear faces
+        self._tipping = np.arctan2(layout.thickness, layout.height)
         self.place_up_to(min(1, layout.count - 1))
         first = self.bodies[0]
         first.angular_velocity = -physics.push
@@ -167,26 +183,24 @@ class _Row:
                 self._space.add(hinge, stop)
             self.bodies.append(body)
 
-    def fix_up_to(self, last: int) -> None:
-        """Let the dominoes up to this one lie still for good."""
-        for body in self.bodies[self._fixed : max(last + 1, 0)]:
-            # a joint that could move neither of its two bodies has no answer
-            self._space.remove(*body.constraints)
-            body.body_type = self._pymunk.Body.STATIC
-            self._fixed += 1
+    def take_away_up_to(self, last: int) -> None:
+        """Remove the dominoes up to this one; held in place they would push those that move on."""
+        for body in self.bodies[self._gone : max(last + 1, 0)]:
+            self._space.remove(*body.constraints, *body.shapes, body)
+            self._gone += 1
 
-    def topples(self, step: float, patience: float) -> bool:
-        """Whether the last domino passes its tipping angle, without resting for so long [s]."""
-        last = self.bodies[-1]
-        tipping = math.atan2(float(self._layout.thickness[-1]), float(self._layout.height[-1]))
-        furthest, since = 0.0, 0.0
-        while since < patience:
+    def let_last_fall(self, step: float, patience: float) -> None:
+        """Go on until the last domino passes its tipping angle or rests for so long [s]."""
+        last, furthest, since = self.bodies[-1], 0.0, 0.0
+        while since < patience and -last.angle <= self._tipping[-1]:
             self.advance(step)
-            if -last.angle > tipping:
-                return True
             since = 0.0 if -last.angle > furthest + STIR else since + step
             furthest = max(furthest, -last.angle)
-        return False
+
+    def toppled(self) -> int:
+        """How many lean beyond their tipping angles, or did when they were taken away."""
+        placed = len(self.bodies)
+        return int(np.sum([-body.angle for body in self.bodies] > self._tipping[:placed]))
 
     def room(self, i: int) -> float:
         """From the top front edge of i to the rear face of i+1, which stands [mm]."""
@@ -195,6 +209,17 @@ class _Row:
         angle = body.angle
         tip: float = body.position.x + half[0] * math.cos(angle) - half[1] * math.sin(angle)
         return float(self._rows[i + 1]) * MM - tip
+
+
+def engine_version() -> str:
+    """Version of pymunk.
+
+    Raises
+    ------
+    ImportError
+        Without it; says what to install.
+    """
+    return str(_engine().version)
 
 
 def _engine() -> Any:

@@ -1,4 +1,4 @@
-"""Verified: what the engine said of the rows that ship, kept with them.
+"""Verified: what the judges saw of the rows that ship, kept with them.
 
 `known.json` beside this file: under a scene's name a `Verified`.  `domino best-known --verify
 --update` writes it; the documentation and `domino report` read it.
@@ -11,7 +11,6 @@ import json
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,69 +19,113 @@ from domino_env.chain.physics import Physics
 from domino_env.support.files import write_text
 from domino_env.support.models import model_of
 from domino_env.support.reading import naming, read_json
-from domino_env.support.tables import markdown_table
-
-if TYPE_CHECKING:
-    from domino_env.rigid.comparison import Verification
 
 PATH = Path(__file__).with_name("known.json")
 
 
 @dataclass(frozen=True)
-class Verified:
-    """One row beside the engine, in numbers.
+class Seen:
+    """One row on one floor, as a judge saw it, in numbers.
 
-    Differences are engine over model - 1 [1].
+    Attributes
+    ----------
+    last
+        Judge over the hinged model - 1 when the last domino is hit [1]; None where it never is.
+    largest
+        The largest such difference of any hit.
+    doubt
+        How far the judge itself may be off, by its own estimate [1]; None where it cannot tell.
+    staying_up
+        How many dominoes do not topple.
+    speed
+        First pivot to last over the last hit [m/s]; None where there was none.
+    score
+        What the row is worth in its scene, in words.
+    """
+
+    last: float | None
+    largest: float
+    doubt: float | None
+    staying_up: int
+    speed: float | None
+    score: str
+
+
+@dataclass(frozen=True)
+class OnFloor:
+    """A scene's best row beside its best uniform row on the same floor.
+
+    Attributes
+    ----------
+    floor
+        Its friction; None where the rows are hinged.
+    best
+        The best row known.
+    uniform
+        The best uniform row of this floor.
+    gap
+        Mean gap of that [m].
+    gain
+        How much faster the first is [1]; None in a scene that counts no speed, and where a wave
+        died.
+    engine
+        The best row, as the rigid-body engine saw it; None where it was not asked.
+    """
+
+    floor: float | None
+    best: Seen
+    uniform: Seen
+    gap: float
+    gain: float | None
+    engine: Seen | None = None
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What the judges saw of one row that ships.
 
     Attributes
     ----------
     digest
         Of the row and its physics.
-    engine
-        Name and version.
-    steps
-        Of the engine's time [s].
     count
         Number of dominoes.
-    hinged
-        Difference of the last arrival, on hinges, extrapolated; None where a wave died.
-    largest
-        The largest difference of any arrival, on hinges, extrapolated.
-    free
-        As `hinged`, of the row that stands free on a rough floor.
-    spread
-        How far the extrapolation reached beyond the finest step.
-    toppled
-        Whether the last domino toppled in the engine, on hinges.
-    free_toppled
-        The same of the row that stands free.
+    first
+        So many of them were looked at, from the first.
+    judge
+        Name and version of the built-in simulator.
+    engine
+        The same of the rigid-body engine; None where it was not asked.
+    floors
+        What they saw, hinged first.
+    verdict
+        Plain words on the hinged row.
+    uniform_verdict
+        The same of the best uniform row.
     flush_loss
         The largest of the wave.
     stall_margin
         The lowest of the wave.
-    opened
-        Contacts that the model keeps closed although they would open.
     lifted
-        Pivots that would lift.
-    verdict
-        Plain words.
+        Pivots that would lift, as the model's forces say.
     """
 
     digest: str
-    engine: str
-    steps: tuple[float, ...]
     count: int
-    hinged: float | None
-    largest: float
-    free: float | None
-    spread: float
-    toppled: bool
-    free_toppled: bool
+    first: int
+    judge: str
+    engine: str | None
+    floors: tuple[OnFloor, ...]
+    verdict: str
+    uniform_verdict: str
     flush_loss: float
     stall_margin: float
-    opened: int
     lifted: int
-    verdict: str
+
+    @property
+    def hinged(self) -> OnFloor:
+        """What they saw of the hinged rows."""
+        return self.floors[0]
 
 
 def digest(layout: Layout, physics: Physics) -> str:
@@ -93,33 +136,6 @@ def digest(layout: Layout, physics: Physics) -> str:
     )  # fmt: skip
     told = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in parts)
     return hashlib.sha256(told).hexdigest()[:16]
-
-
-def summary(checked: Verification) -> Verified:
-    """Put a verification into numbers."""
-    import pymunk
-
-    wave, found = checked.wave, checked.diagnosis
-    hinged, free = (
-        None if np.isnan(x) else float(x) for x in (checked.difference, checked.free_difference)
-    )
-    return Verified(
-        digest=digest(wave.layout, wave.physics),
-        engine=f"pymunk {pymunk.version}",
-        steps=tuple(float(h) for h in checked.steps),
-        count=wave.layout.count,
-        hinged=hinged,
-        largest=checked.largest_difference,
-        free=free,
-        spread=checked.spread,
-        toppled=checked.toppled,
-        free_toppled=checked.free_toppled,
-        flush_loss=wave.largest_flush_loss,
-        stall_margin=float(np.nanmin(wave.stall_margin)),
-        opened=len(found.opened),
-        lifted=len(found.lifted),
-        verdict=checked.verdict,
-    )
 
 
 def read_verified(path: Path = PATH) -> dict[str, Verified]:
@@ -145,32 +161,3 @@ def _by_digest() -> dict[str, Verified]:
 def known_verification(layout: Layout, physics: Physics) -> Verified | None:
     """Return what is kept of exactly this row under exactly this physics, if it is one of ours."""
     return _by_digest().get(digest(layout, physics))
-
-
-def markdown(found: dict[str, Verified]) -> list[str]:
-    """Tabulate all in Markdown, below it the reason of every row that differs in earnest."""
-    names = (
-        "scene", "dominoes", "hinged, last hit", "hinged, largest", "free, last hit",
-        "last topples, hinged / free", "largest flush loss", "lowest stall margin",
-        "pivots lifted", "steps [µs]",
-    )  # fmt: skip
-    rows = [
-        (
-            f"`{name}`", one.count, _share(one.hinged), f"{one.largest:.3%}", _share(one.free),
-            " / ".join("yes" if fell else "**no**" for fell in (one.toppled, one.free_toppled)),
-            f"{one.flush_loss:.2%}", f"{one.stall_margin:.2g}", one.lifted,
-            ", ".join(f"{h * 1e6:g}" for h in one.steps),
-        )
-        for name, one in found.items()
-    ]  # fmt: skip
-    lines = markdown_table(names, rows)
-    differ = [
-        f"- `{name}`: {one.verdict}"
-        for name, one in found.items()
-        if one.verdict.startswith("DIFFERS")
-    ]
-    return [*lines, "", *differ] if differ else lines
-
-
-def _share(value: float | None) -> str:
-    return "never" if value is None else f"{value:+.3%}"

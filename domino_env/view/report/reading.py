@@ -6,7 +6,6 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +14,7 @@ from msgspec import Meta
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
 from domino_env.chain.wave import simulate
+from domino_env.rigid.judges import in_words
 from domino_env.rigid.known import known_verification
 from domino_env.scenes.files.beside import common_scene, read_row
 from domino_env.scenes.scene import Scene
@@ -35,8 +35,19 @@ class SummaryDocument(Document):
     method: str | None = None
 
 
+class FloorDocument(Document):
+    """One floor of a run's verification.json."""
+
+    arrivals: Times
+    floor: Number | None = None
+    difference: Number | None = None
+
+
 class VerificationDocument(Document):
-    """What is read of a run's verification.json; differences are engine over model - 1 [1]."""
+    """What is read of a run's verification.json; differences are judge over model - 1 [1].
+
+    Files of older versions know two places, hinged and free on a floor of friction 1.
+    """
 
     engine: str
     verdict: str
@@ -45,6 +56,7 @@ class VerificationDocument(Document):
     model: Annotated[Times, Meta(description="when each domino is hit [s]")] = ()
     hinged: Times = ()
     free: Times = ()
+    floors: tuple[FloorDocument, ...] = ()
 
 
 def read_racers(
@@ -172,17 +184,23 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
     path = folder / "verification.json" if folder else None
     if path is None or not path.exists():
         known = known_verification(layout, physics)
-        return None if known is None else asdict(known)
+        if known is None:
+            return None
+        last = [(in_words(look.floor), look.best.last) for look in known.floors]
+        return {"judge": known.judge, "verdict": known.verdict, "last": last}
     with naming(path):
         check = model_of(VerificationDocument, read_json(path))
+    floors = check.floors or (
+        FloorDocument(check.hinged, None, check.difference),
+        FloorDocument(check.free, 1.0, check.free_difference),
+    )
     told: dict[str, Any] = {
-        "engine": one_line(check.engine, 1000),
+        "judge": one_line(check.engine, 1000),
         "verdict": one_line(check.verdict, 1000),
-        "hinged_last": check.difference,
-        "free_last": check.free_difference,
+        "last": [(in_words(one.floor), one.difference) for one in floors],
     }
-    times = {"model": check.model, "hinged": check.hinged, "free": check.free}
     # of an older version, or of another row: the verdict alone
-    if all(len(values) == layout.count for values in times.values()):
-        told |= {name: list(values) for name, values in times.items()}
+    if all(len(t) == layout.count for t in (check.model, *(one.arrivals for one in floors))):
+        told["model"] = list(check.model)
+        told["times"] = [(in_words(one.floor), list(one.arrivals)) for one in floors]
     return told

@@ -268,7 +268,7 @@
     const side = rows.flatMap((r, k) => {
       if (!r.verification || !r.verification.model) return [];
       const over = (times) => numbers.map((i) => (times[i + 1] == null || r.verification.model[i + 1] == null ? null : 100 * (times[i + 1] / r.verification.model[i + 1] - 1)));
-      return [{ name: `${r.name}, hinged`, values: over(r.verification.hinged), colour: k }, { name: `${r.name}, free`, values: over(r.verification.free), colour: k + 2 }];
+      return r.verification.times.map(([name, times], j) => ({ name: `${r.name}, ${name}`, values: over(times), colour: k + 2 * j }));
     });
     $("checkedbox").hidden = !side.length;
     if (side.length) chart("checked", numbers.map((i) => i + 1), side, "domino");
@@ -290,8 +290,8 @@
     const share = (v) => (v == null ? "never" : (v > 0 ? "+" : "") + (100 * v).toFixed(3) + " %");
     checked.forEach((r) => {
       const v = r.verification, line = document.createElement("li");
-      const hinged = v.hinged_last === undefined ? v.hinged : v.hinged_last, free = v.free_last === undefined ? v.free : v.free_last;
-      line.textContent = `${r.name}: ${v.verdict} Last hit, engine against ours: hinged ${share(hinged)}, standing free on a rough floor ${share(free)}.`;
+      const last = v.last.map(([name, value]) => `${name} ${share(value)}`).join(", ");
+      line.textContent = `${r.name}: ${v.verdict} Last hit against ours: ${last} (${v.judge}).`;
       $("verify").append(line);
     });
   }
