@@ -30,7 +30,7 @@ def best_uniform_on(scene: Scene, mark: Layout, floor: float | None, judge: Judg
     Returns
     -------
     Layout
-        The mark itself on hinges, and where the scene leaves no gap to choose (a length, a list,
+        The mark itself on hinges, if it is whole, and where the scene leaves no gap to choose (a length, a list,
         growing dominoes) or does not count speed.
 
     Notes
@@ -39,7 +39,8 @@ def best_uniform_on(scene: Scene, mark: Layout, floor: float | None, judge: Judg
     around the best, where the speed has one peak.
     """
     fixed = scene.length is not None or scene.spacing_values is not None or scene.growth is not None
-    if floor is None or fixed or scene.unit != "m/s":
+    whole = mark.count == scene.count
+    if (floor is None and whole) or fixed or scene.unit != "m/s":
         return mark
     gaps = mark.spacing
     mean = float(gaps.mean())
