@@ -85,7 +85,7 @@ def load(name: str | Method) -> Method:
     if word in others and bool(colon) == (word in OF_SOMETHING):
         found = others[word].load()
         return cast("Method", found(what) if colon else found)
-    if colon and what and word not in others:
+    if colon and what and word not in (*METHODS, *others):
         return load_own(name)
     if name in PEERS:
         module, needed = PEERS[name]
