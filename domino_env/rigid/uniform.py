@@ -30,8 +30,8 @@ def best_uniform_on(scene: Scene, mark: Layout, floor: float | None, judge: Judg
     Returns
     -------
     Layout
-        The mark itself on hinges, if it is whole, and where the scene leaves no gap to choose (a length, a list,
-        growing dominoes) or does not count speed.
+        The mark itself on hinges, if it is whole, and where the scene leaves no gap to choose (a
+        length, a list, growing dominoes) or does not count speed.
 
     Notes
     -----
