@@ -77,6 +77,14 @@ class DominoChain(RowEnv):
     row scores 0 or less, the return is 100 (score - its score) / |its score|.)  Where the objective
     is no speed ("tempo", "toppled", "magnify"), only the last step pays.
 
+    On a floor (`floor_friction`) steps are paid by the analytic wave all the same, and the last
+    one settles: a row that is whole is toppled standing, and the return is 100 (its score / that of
+    the uniform row best on this floor - 1), negative where it does not topple. `score` and `gain`
+    in the info are of the row as it stands, `outcome` and `wave` of the analytic wave, whose death
+    ends an episode here too. It costs a standing row an episode: with forty dominoes (`table`) an
+    episode takes some 130 ms of one core in place of 0.4; the rows that end together in the vector
+    environment are shared among all threads.
+
     ## Starting state
     The first domino alone. `reset(options={"layout": layout})` starts from a layout of fewer
     dominoes, which stand and have fallen; what they have gained counts as paid, so that

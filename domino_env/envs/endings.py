@@ -84,7 +84,7 @@ class Endings:
                 self._waves[i] = wave
             else:
                 self._waves[i] = replace(wave, reach=float(self.reach[i]))
-            self.score[i] = self.scene.score_wave(self._waves[i])
+        self.score[which] = self.scene.score_waves([self._waves[i] for i in which])
 
     def returns(self) -> Floats:
         """Give the gains over the best uniform row (E,), in per cent."""

@@ -40,7 +40,8 @@ class DominoLayout(RowEnv):
     `Box(0, 1, (1,), float32)`: 0 before the row is placed, 1 after.
 
     ## Rewards
-    100 (score / score of the best uniform row - 1), as the return of `DominoChain-v0`.
+    100 (score / score of the best uniform row - 1), as the return of `DominoChain-v0`. On a floor
+    the row is toppled standing, which takes some 130 ms of one core with forty dominoes.
 
     ## Starting state, episode end, info
     Nothing stands but the first domino; every step ends its episode. `info` has `score`, `gain`,

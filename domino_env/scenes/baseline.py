@@ -11,6 +11,7 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Wave
 from domino_env.scenes.shipped_marks import shipped_point
 from domino_env.scenes.specification import Specification
+from domino_env.scenes.standing_mark import best_standing
 from domino_env.scenes.uniform_rows import UniformRows
 from domino_env.support.brief import brief
 from domino_env.support.distinct import distinct_rows
@@ -114,6 +115,8 @@ def best_point(scene: Specification) -> Floats:
     """
     rows = _uniform_rows(scene)
     axes = _axes(rows, COARSE_2D if rows.drawn else GRID_2D)
+    if scene.floor_friction is not None:
+        return best_standing(rows, _grid(axes))
     look = scene.count * len(axes[0]) * len(axes[1])
     if rows.steady and look > LARGEST_LOOK:
         # the speed of a long row has few peaks, how it keeps to a schedule has many
@@ -145,9 +148,14 @@ def _axes(rows: UniformRows, fine: int) -> list[Floats]:
     ]
 
 
+def _grid(axes: list[Floats]) -> Floats:
+    """(P, 2) all points of the first look."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
 def _search(rows: UniformRows, axes: list[Floats], *, by_heads: bool = False) -> Floats:
     """The point (2,) of the highest score; by_heads: whether heads are toppled for whole rows."""
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    points = _grid(axes)
     scores = rows.scores_by_heads(points, COARSELY) if by_heads else rows.scores(points)
     first_points, first_scores = points, scores
     # no looking closer along an axis whose values are all on the list

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -73,11 +74,16 @@ class Scene(Specification):
     settings
         What the objective needs besides: a `Tempo` for "tempo", a `Placement` for "robust"; None
         for the others.
+    floor_friction
+        Coulomb coefficient of the floor on which the row stands free, 0 or more: what counts is
+        then its speed by `domino_env.simulate_standing`, if all dominoes topple. None where every
+        domino is held to the floor, as the analytic model has it.
 
     Raises
     ------
     ValueError
-        For an objective that there is not, or that lacks its settings or has those of another.
+        For an objective that there is not, or that lacks its settings or has those of another, and
+        for a floor under an objective that is no speed, or beside limits.
     """
 
     @property
@@ -87,7 +93,7 @@ class Scene(Specification):
 
     @property
     def waves_a_score(self) -> int:
-        """How many rows are simulated for one score."""
+        """How many rows are simulated for one score, or take as long as one that stands."""
         return self.criterion.waves_a_score
 
     def simulate(self, layout: Layout, rtol: float = SCORE_RTOL) -> Wave:
@@ -115,12 +121,22 @@ class Scene(Specification):
         return self.score_wave(self.simulate(layout))
 
     def score_wave(self, wave: Wave) -> float:
-        """Score a wave that has been simulated; "robust" topples its draws besides.
+        """Score a wave that has been simulated; "robust" topples its draws, a floor the row.
 
         A row that is not yet whole, as its wave died while it was built, is scored too: how such a
         wave is judged depends on nothing that is not yet placed.
         """
         return float(self.evaluate_wave(wave).score[0])
+
+    def score_waves(self, waves: Sequence[Wave]) -> Floats:
+        """Score many waves (W,) as `score_wave` does, those that take long by all threads."""
+        scores = np.empty(len(waves))
+        whole = [i for i, wave in enumerate(waves) if wave.layout.count == self.count]
+        if whole:
+            scores[whole] = self.criterion.evaluate_waves([waves[i] for i in whole]).score
+        for i in set(range(len(waves))) - set(whole):
+            scores[i] = self.score_wave(waves[i])
+        return scores
 
     def evaluate_wave(self, wave: Wave) -> Evaluation:
         """Give score, reach and falls of a wave, (1,) each: see `score_wave`."""

@@ -16,6 +16,7 @@ from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.robust import Placement
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import off_list, outside, too_steep
+from domino_env.scenes.standing_rows import StandingSpeed, checked_floor, refusal
 from domino_env.scenes.stock import Stock
 from domino_env.scenes.waves import LayoutBatch
 
@@ -49,6 +50,7 @@ class Specification:
     in_heights: bool = False
     limits: Limits | None = None
     settings: Any = None
+    floor_friction: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("spacing", "thickness", "spacing_values", "thickness_values", "growth"):
@@ -66,10 +68,25 @@ class Specification:
                 f"scene '{self.name}': settings = {self.settings!r}: objective = "
                 f"{self.objective!r} needs {'none' if needed is NoneType else needed.__name__}"
             )
+        if self.floor_friction is not None:
+            self._require_floor()
+
+    def _require_floor(self) -> None:
+        assert self.floor_friction is not None
+        object.__setattr__(self, "floor_friction", checked_floor(self.floor_friction))
+        refused = refusal(
+            self.objective,
+            is_speed=OBJECTIVES[self.objective].is_mean_speed,
+            limited=self.limits is not None,
+        )
+        if refused is not None:
+            raise ValueError(f"scene '{self.name}': {refused}")
 
     @property
     def criterion(self) -> Objective:
         """What counts, as an object: how waves are scored."""
+        if self.floor_friction is not None:
+            return StandingSpeed(self.settings, self.limits, self.floor_friction)
         return OBJECTIVES[self.objective](self.settings, self.limits)
 
     @property

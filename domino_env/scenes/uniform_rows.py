@@ -140,7 +140,7 @@ class UniformRows:
     @property
     def drawn(self) -> bool:
         """Whether a score takes many rows, drawn at random."""
-        return self.scene.criterion.waves_a_score > 1
+        return self.scene.placement is not None
 
     @property
     def steady(self) -> bool:

@@ -169,9 +169,7 @@ def _best(scene: Scene, meter: Budget) -> tuple[Layout, Wave, float]:
     """
     if not meter.finalists:
         raise KeyboardInterrupt  # ended by hand before anything was found
-    found = []
-    for _, design in reversed(meter.finalists):
-        layout = meter.problem.layout(design)
-        wave = scene.simulate(layout)
-        found.append((layout, wave, scene.score_wave(wave)))
-    return max(found, key=lambda one: one[2])
+    layouts = [meter.problem.layout(design) for _, design in reversed(meter.finalists)]
+    waves = [scene.simulate(layout) for layout in layouts]
+    scores = scene.score_waves(waves).tolist()
+    return max(zip(layouts, waves, scores, strict=True), key=lambda one: one[2])

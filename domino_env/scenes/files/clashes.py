@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from domino_env.chain.units import ADVICE, MOST
 from domino_env.scenes.files.tables import MOST_PAIRS, SceneFile, ThicknessTable
 from domino_env.scenes.objectives import OBJECTIVES
+from domino_env.scenes.standing_rows import refusal
 
 TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
 
@@ -83,6 +84,14 @@ def _clashes_of_objective(asked: SceneFile) -> Iterator[str]:
                 f"the table [{name}] {what} and objective = {asked.objective!r}: "
                 f"[{name}] and objective = {name!r} go together"
             )
+    if asked.physics.floor_friction is not None:
+        refused = refusal(
+            asked.objective,
+            is_speed=OBJECTIVES[asked.objective].is_mean_speed,
+            limited=asked.limits is not None,
+        )
+        if refused is not None:
+            yield refused
     yield from OBJECTIVES[asked.objective].clashes(
         count=asked.row.count,
         length=asked.row.length,

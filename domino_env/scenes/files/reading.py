@@ -114,4 +114,5 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
             in_heights=asked.in_heights,
             limits=asked.limits_asked(),
             settings=asked.settings(asked.objective),
+            floor_friction=asked.physics.floor_friction,
         )

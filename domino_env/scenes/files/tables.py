@@ -176,6 +176,13 @@ class PhysicsTable(Table):
     push: Annotated[Size, Meta(description="angular velocity of domino 0 at first [rad/s]")] = (
         _PHYSICS.push
     )
+    floor_friction: Annotated[
+        Part | None,
+        Meta(
+            description="coefficient of the floor on which the row stands free, to be scored so; "
+            "without it every domino is held to the floor"
+        ),
+    ] = None
 
 
 class LimitsTable(Table):

@@ -36,6 +36,7 @@ def document_of(scene: Specification) -> dict[str, Any]:
     for name, held in (("physics", scene.physics), ("limits", scene.limits)):
         if held is not None:
             found[name] = asdict(held)
+    found["physics"]["floor_friction"] = scene.floor_friction
     table = scene.criterion.table
     if table is not None:
         found[scene.objective] = {

@@ -8,8 +8,8 @@ and deaths then stay below -1/2.  So any two layouts can be compared, and a sear
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 from types import NoneType
 from typing import Any, ClassVar
 
@@ -48,6 +48,9 @@ class Evaluation:
     def without_gradient(self) -> NDArray[np.bool_]:
         """(B,) whose scores have no exact derivatives: of waves that died or broke a limit."""
         return (self.score < 0.0) | (self.reach < 1.0)
+
+
+EVALUATED = tuple(field.name for field in fields(Evaluation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +147,13 @@ class Objective(ABC):
     def evaluate_wave(self, wave: Wave) -> Evaluation:
         """Score one wave that has been simulated."""
         return self.judge(Waves.of_one(wave))
+
+    def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
+        """Score many waves that have been simulated."""
+        found = [self.evaluate_wave(wave) for wave in waves]
+        return Evaluation(
+            *(np.concatenate([getattr(one, name) for one in found]) for name in EVALUATED)
+        )
 
     def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
         """Simulate layouts and score them, with the derivatives of the successes' scores."""

@@ -36,7 +36,7 @@ from domino_env.support.distinct import distinct_rows
 from optimize.evaluation.budget import Budget
 from optimize.methods.gradient import least_squares
 from optimize.methods.schedules import schedule
-from optimize.methods.structured import assignment
+from optimize.methods.structured import assignment, two_fidelities
 from optimize.methods.structured.ascent import Refined, climbing
 from optimize.methods.structured.long_rows import best_stretched, is_long
 from optimize.methods.structured.moves import MOVES, TIGHT_AT_MOST, bend, free_the_end, tight_end
@@ -63,6 +63,9 @@ MANY, AGAIN = 8, 2.0  # of them that need not agree, once so many times the eval
 
 def run(budget: Budget, rng: np.random.Generator) -> None:
     """Race the starts, then change and climb, at home and abroad, until nothing is gained."""
+    if budget.problem.scene.floor_friction is not None:
+        two_fidelities.run(budget, rng, run)  # the same on the analytic model first
+        return
     if budget.problem.scene.stock is not None:
         assignment.run(budget, rng)  # what stands where decides, and no climb can change it
         return

@@ -23,6 +23,8 @@ def test_every_mark_that_ships_is_of_the_scene_as_it_is_and_no_neighbour_beats_i
         point = shipped_marks.shipped_point(scene)
         assert point is not None, f"{name}: run `python -m domino_env.scenes.files.marks`"
         rows, random = UniformRows(scene), np.random.default_rng(7)
+        if scene.floor_friction is not None:
+            continue  # its scores are known less closely: see test_floor
         drawn = scene.waves_a_score > 1
         near = point + 10.0 ** random.uniform(-6, -3, (6, 1)) * random.choice([-1.0, 1.0], (6, 2))
         far = random.uniform(rows.low, rows.high, (4 if drawn else 20, 2))

@@ -44,7 +44,7 @@ def rows(scene: de.Scene, count: int, seed: int) -> tuple[np.ndarray, np.ndarray
 def test_the_scenes_that_ship() -> None:
     assert NAMES == [
         "course", "gentle", "ideal", "jitter", "magnify", "marathon", "sprint", "sprint-thickness",
-        "stock", "tempo",
+        "stock", "table", "tempo",
     ]  # fmt: skip
 
 

@@ -1,0 +1,155 @@
+"""Scores of rows that stand free on a floor: their mean speed as rigid bodies, if all topple."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.chain.layout import Layout
+from domino_env.chain.physics import Physics
+from domino_env.chain.wave import Wave
+from domino_env.scenes.objectives.base import Evaluation, Slopes
+from domino_env.scenes.objectives.speed import Speed
+from domino_env.scenes.waves import LayoutBatch, Waves
+from domino_env.standing.simulation import RigidWave, simulate_standing
+from domino_env.support.threads import share_pieces
+
+RTOL = 1e-3  # of all standing scores, whatever is asked for: what they are off is some 2e-4 alike
+WAVES = 10_000  # analytic ones that take as long as one standing row
+
+
+def refusal(objective: str, *, is_speed: bool, limited: bool) -> str | None:
+    """Say why rows of a scene cannot be scored standing, in a sentence; None where they can.
+
+    Parameters
+    ----------
+    objective
+        Its name.
+    is_speed
+        Whether a success scores the mean speed of one wave.
+    limited
+        Whether the scene has limits.
+    """
+    if not is_speed:
+        return (
+            f"physics.floor_friction and objective = {objective!r}: a row that stands is scored by "
+            "its speed; choose objective = 'mean_speed' or 'time', or leave the floor out"
+        )
+    if limited:
+        return (
+            "physics.floor_friction stands beside [limits]: stall margins and flushes are of the "
+            "analytic wave, which a row that stands does not have; leave one of them out"
+        )
+    return None
+
+
+def checked_floor(floor_friction: float) -> float:
+    """Give the coefficient as a number.
+
+    Raises
+    ------
+    ValueError
+        For one that is negative or not finite.
+    """
+    if not 0.0 <= floor_friction < math.inf:
+        raise ValueError(
+            f"floor_friction = {floor_friction}: give a finite number, 0 or more, or leave it out "
+            "for dominoes that are held to the floor"
+        )
+    return float(floor_friction)
+
+
+@dataclass(frozen=True)
+class StandingSpeed(Speed):
+    """A success scores the mean speed of the row as it stands free on a floor [m/s].
+
+    Parameters
+    ----------
+    floor_friction
+        Coulomb coefficient between dominoes and floor.
+
+    Notes
+    -----
+    A failure scores between -1 and 0: the part of the dominoes that topple from the first on,
+    less 1. Slopes are those of the analytic model, as much larger as the standing speed is: near
+    enough to climb by, but not exact.
+    """
+
+    floor_friction: float
+
+    is_mean_speed: ClassVar[bool] = False
+    """Nor is it that of the analytic wave."""
+
+    @property
+    def waves_a_score(self) -> int:
+        """How many analytic waves take as long as one score."""
+        return WAVES
+
+    def evaluate(self, rows: LayoutBatch) -> Evaluation:
+        """Topple layouts on the floor, by all threads, and score them."""
+        return self._topple([rows.layout(b) for b in range(len(rows))], rows.physics)
+
+    def evaluate_wave(self, wave: Wave) -> Evaluation:
+        """Score the row of a wave as it stands."""
+        return self._topple([wave.layout], wave.physics)
+
+    def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
+        """Score the rows of waves of one scene as they stand, by all threads."""
+        return self._topple([wave.layout for wave in waves], waves[0].physics)
+
+    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
+        """Score layouts as they stand, with slopes of the analytic model."""
+        found = self.evaluate(rows)
+        hinged, slopes = super().evaluate_with_slopes(rows)
+        both = (found.score > 0.0) & (hinged.score > 0.0)
+        ratio = np.where(both, found.score / np.where(both, hinged.score, 1.0), 0.0)[:, None]
+        kept = slopes.where(both)
+        return found, Slopes(ratio * kept.spacing, ratio * kept.thickness, ratio * kept.height)
+
+    def in_words(self, score: float, wave: Wave) -> str:
+        """Say the speed of a success, and on what."""
+        return f"{score:.4f} m/s on a floor of friction {self.floor_friction:g}"
+
+    def _topple(self, layouts: list[Layout], physics: Physics) -> Evaluation:
+        waves: list[RigidWave | None] = [None] * len(layouts)
+
+        def topple(first: int, last: int) -> None:
+            for b in range(first, last):
+                waves[b] = simulate_standing(layouts[b], physics, self.floor_friction, RTOL)
+
+        if layouts:
+            share_pieces(topple, len(layouts), WAVES * layouts[0].count)
+        return self.judge(_as_waves([wave for wave in waves if wave is not None]))
+
+
+def _as_waves(found: list[RigidWave]) -> Waves:
+    """What scores depend on, of rows that have toppled on the floor."""
+    whole = np.array([wave.propagated and wave.topples.all() for wave in found], np.bool_)
+    return Waves(
+        propagated=whole,
+        reach=np.where(whole, 1.0, [_reach(wave) for wave in found]),
+        mean_speed=np.array([wave.mean_speed for wave in found]),
+        toppled=np.array([float(wave.toppled) for wave in found]),
+        arrival_times=np.array([wave.arrival_times for wave in found]),
+        lowest_stall_margin=np.zeros(len(found)),
+        largest_flush_loss=np.zeros(len(found)),
+        last_height=np.array([wave.layout.height[-1] for wave in found]),
+        count=found[0].layout.count if found else 0,
+        rtol=RTOL,
+    )
+
+
+def _reach(wave: RigidWave) -> float:
+    """Dominoes that topple from the first on, and how far the next one came, over N; below 1."""
+    up: NDArray[np.intp] = np.flatnonzero(~wave.topples)
+    count = wave.layout.count
+    if not len(up):  # all lie, but the last was never struck
+        return 1.0 - 0.5 / count
+    k = int(up[0])
+    tipping = math.atan2(float(wave.layout.thickness[k]), float(wave.layout.height[k]))
+    return (k + 0.99 * max(float(wave.lean[k]), 0.0) / tipping) / count

@@ -1,0 +1,146 @@
+"""Scenes whose rows stand free on a floor: what is scored, refused, written down and searched."""
+
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.envs.chain_env import DominoChain, DominoChainVector
+from domino_env.envs.layout_env import DominoLayout, DominoLayoutVector
+from domino_env.scenes import standing_mark
+from domino_env.scenes.files.reading import parse_scene
+from domino_env.scenes.limits import Limits
+from domino_env.scenes.uniform_rows import UniformRows
+from optimize import Problem, search
+
+SMALL = replace(
+    de.load_scene("table"), name="small table", count=5, floor_friction=0.3, spacing=(0.01, 0.025)
+)
+GAPS = np.random.default_rng(3).uniform(*SMALL.spacing, (6, SMALL.count - 1))
+
+
+def test_what_counts_is_the_speed_of_the_row_as_it_stands() -> None:
+    row = SMALL.layout(GAPS[0])
+    standing = de.simulate_standing(row, SMALL.physics, SMALL.floor_friction)
+    assert standing.topples.all()
+    assert SMALL.score(row) == standing.mean_speed == SMALL.score_batch(GAPS[:1], None)[0]
+    hinged = replace(SMALL, floor_friction=None).score(row)
+    assert 1e-4 < abs(standing.mean_speed / hinged - 1.0) < 0.05
+    assert "floor of friction 0.3" in SMALL.in_words(SMALL.score(row), SMALL.simulate(row))
+
+
+def test_a_row_that_fails_scores_by_how_far_it_topples() -> None:
+    scene = replace(SMALL, spacing=(0.001, 0.06))
+    gaps = np.repeat(GAPS[:1], 3, axis=0)
+    gaps[0, 1] = gaps[1, 3] = 0.055  # out of reach
+    early, late, whole = scene.evaluate_batch(gaps, None).score
+    assert -1.0 < early < late < 0.0 < whole
+    assert 2.0 / 5.0 <= early + 1.0 < 4.0 / 5.0 <= late + 1.0
+
+
+def test_scores_have_the_same_bits_in_any_company() -> None:
+    threads = numba.get_num_threads()
+    together = SMALL.score_batch(GAPS, None)
+    try:
+        numba.set_num_threads(1)
+        assert np.array_equal(SMALL.score_batch(GAPS, None, 1e-10), together)
+    finally:
+        numba.set_num_threads(threads)
+    waves = [SMALL.simulate(SMALL.layout(gaps)) for gaps in GAPS[:2]]
+    assert np.array_equal(SMALL.score_waves(waves), together[:2])
+
+
+def test_slopes_are_those_of_the_analytic_model_at_the_standing_speed() -> None:
+    scores, slopes, *_ = SMALL.score_batch_gradient(GAPS[:1], None)
+    hinged, exact, *_ = replace(SMALL, floor_friction=None).score_batch_gradient(GAPS[:1], None)
+    assert scores[0] == SMALL.score_batch(GAPS[:1], None)[0]
+    np.testing.assert_allclose(slopes / scores[0], exact / hinged[0], rtol=1e-12)
+
+
+def test_scenes_with_equal_floors_are_equal() -> None:
+    same = replace(SMALL, floor_friction=np.float64(0.3))
+    assert same == SMALL
+    assert hash(same) == hash(SMALL)
+    assert SMALL != replace(SMALL, floor_friction=0.31) != replace(SMALL, floor_friction=None)
+    assert "floor_friction = 0.3" in SMALL.to_toml()
+    assert "floor" not in replace(SMALL, floor_friction=None).to_toml().split("[row]")[1]
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ('objective = "toppled"', "scored by its speed"),
+        ('objective = "robust"\n[robust]\ndeviation = 0.0005', "scored by its speed"),
+        ("[limits]\nstall_margin = 0.1", r"stands beside \[limits\]"),
+    ],
+)
+def test_what_a_standing_row_cannot_be_asked_is_refused(table: str, said: str) -> None:
+    text = f"{table}\n" + SMALL.to_toml().split("\n", 3)[3]
+    if table.startswith("["):
+        text = SMALL.to_toml() + table
+    with pytest.raises(ValueError, match=said):
+        parse_scene(text, "x", "x.toml")
+
+
+def test_a_scene_made_by_hand_is_refused_as_its_file_is() -> None:
+    with pytest.raises(ValueError, match=r"stands beside \[limits\]"):
+        replace(SMALL, limits=Limits(0.1))
+    with pytest.raises(ValueError, match=r"floor_friction = -0\.1: give a finite number"):
+        replace(SMALL, floor_friction=-0.1)
+
+
+def test_the_best_uniform_row_is_the_best_on_that_floor(monkeypatch) -> None:
+    monkeypatch.setattr(standing_mark, "LOOKS", 4)
+    mark = SMALL.uniform()
+    assert mark.score == SMALL.score(mark.layout)
+    gaps = np.linspace(*SMALL.spacing, 16)[:, None] * np.ones(SMALL.count - 1)
+    assert mark.score >= SMALL.score_batch(gaps, None).max() * (1.0 - 3e-4)
+
+
+def test_no_uniform_row_beats_that_of_the_scene_that_ships() -> None:
+    scene = de.load_scene("table")
+    mark, rows = scene.uniform(), UniformRows(scene)
+    gap = mark.layout.spacing[0]
+    others = np.array([[gap + d, 0.0075] for d in (-1e-3, 1e-3)])
+    assert rows.scores(others).max() <= mark.score * (1.0 + 3e-4)
+
+
+def test_auto_settles_on_the_floor(monkeypatch) -> None:
+    from optimize.methods.structured import two_fidelities
+
+    monkeypatch.setattr(two_fidelities, "HINGED", 200)
+    scene = replace(SMALL, count=8, spacing=(0.002, 0.04))
+    found = search(scene, budget=20, seed=1, progress=False)
+    assert 10 < found.evaluations <= 20
+    assert found.score == scene.score(found.layout) > found.uniform.score
+    assert search(scene, budget=20, seed=1, progress=False).layout == found.layout
+    hinged = search(replace(scene, floor_friction=None), budget=600, progress=False)
+    assert found.score > scene.score(hinged.layout) * (1.0 - 5e-5)
+
+
+def test_a_problem_of_a_floor_asks_for_few_rows_at_once() -> None:
+    assert Problem(SMALL).dominoes > 1000 * SMALL.count
+
+
+@pytest.mark.parametrize(
+    "kinds", [(DominoChain, DominoChainVector), (DominoLayout, DominoLayoutVector)]
+)
+def test_an_episode_returns_what_the_row_is_worth_on_the_floor(kinds, monkeypatch) -> None:
+    monkeypatch.setattr(standing_mark, "LOOKS", 4)
+    one, many = kinds[0](SMALL), kinds[1](3, SMALL, autoreset_mode="Disabled")
+    rng = np.random.default_rng(5)
+    steps = 1 if kinds[0] is DominoLayout else SMALL.count - 1
+    actions = rng.uniform(-1.0, 1.0, (steps, 3, *one.action_space.shape))
+    many.reset()
+    together = [many.step(some) for some in actions]
+    for b in range(3):
+        one.reset()
+        alone = [one.step(some[b]) for some in actions]
+        assert [step[1] for step in alone] == [step[1][b] for step in together]
+        info = alone[-1][-1]
+        worth = 100.0 * (SMALL.score(info["layout"]) / SMALL.uniform().score - 1.0)
+        assert sum(step[1] for step in alone) == pytest.approx(worth, abs=1e-9)
+        assert info["score"] == together[-1][-1]["score"][b] == SMALL.score(info["layout"])
+        assert info["gain"] == pytest.approx(worth / 100.0, abs=1e-12)
