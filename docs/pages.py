@@ -1,19 +1,24 @@
 """Pages that are made when the site is built: scenes and methods, from the data and docstrings.
 
+Run as a program it writes the table of README.md anew.
+
 MkDocs calls `on_config` and `on_files` (mkdocs.yml, hooks).
 """
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files as package_files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import domino_env as de
 from domino_env.chain.motion import Motion, outlines
-from domino_env.rigid.known import known_verification
+from domino_env.rigid.known import known_verification, read_verified
 from domino_env.scenes.files.schema import scene_schema
 from domino_env.support.tables import markdown_table
 from optimize.methods import METHODS, PEERS
@@ -26,6 +31,13 @@ WIDE, ROOM = 940.0, 10.0  # [px]
 ENDS = 36  # dominoes at either end that are drawn of a long row
 BREAK = 2.0  # [heights] between the two ends
 FALLEN = 0.6  # of the wave's time: the instant that is drawn
+USUAL = 0.0075  # [m]: a standard domino's thickness
+WHAT_FLOORS_LEAVE = (
+    "",
+    "The last columns are what is left of *over equal* when rows stand free on a floor of that",
+    "friction, by `domino best-known --verify`; dominoes that stay up are counted.",
+)
+MADE = re.compile(r"(<!-- made by .*? -->\n).*?(<!-- end -->)", re.DOTALL)
 METHOD_OPTIONS = (  # of mkdocstrings: the module's docstring alone, under a heading of ours
     "    options:",
     "      members: false",
@@ -71,16 +83,98 @@ def scenes_page(records: dict[str, BestKnown]) -> str:
         "A scene is a design problem in one TOML file: what stands, what may be chosen, what",
         "counts. These ship, and are there to be copied.",
         "",
+        *scenes_table(records, "{}.md"),
+        "",
+        "## What a scene's file holds",
+        "",
+        "[Searching a better row](../searching.md) shows a file of your own.",
+        "",
+        *keys(),
     ]
+    return "\n".join(lines) + "\n"
+
+
+def scenes_table(records: dict[str, BestKnown], link: str) -> list[str]:
+    """What every scene asks, how three rows of it compare, and what floors leave of the gain."""
+    floors = floor_frictions()
     rows = []
     for name in de.scene_names():
-        scene, record = shipped(name), records.get(name)
-        mark = scene.uniform()
-        best = scene.in_words(record.score, scene.simulate(record.layout)) if record else "none"
-        uniform = scene.in_words(mark.score, mark.wave)
-        rows.append((f"[`{name}`]({name}.md)", scene.title, uniform, best))
-    lines += markdown_table(("scene", "what", "best uniform row", "best row known"), rows)
-    return "\n".join([*lines, "", "## What a scene's file holds", "", *keys()]) + "\n"
+        scene = shipped(name)
+        usual, uniform, best = three_rows(scene, records.get(name))
+        rows.append(
+            (
+                f"[`{name}`]({link.format(name)})",
+                scene.title,
+                *(worth(scene, row) for row in (usual, uniform, best)),
+                lead(scene, best, usual),
+                lead(scene, best, uniform),
+                *(left_on(floor, name, records) for floor in floors),
+            )
+        )
+    names = ["scene", "what it asks", "usual gaps", "best equal gaps", "best row known"]
+    names += ["over usual", "over equal"] + [f"floor {floor:g}" for floor in floors]
+    sprint = shipped("sprint")
+    usual, uniform, best = three_rows(sprint, records["sprint"])
+    return [
+        *markdown_table(names, rows),
+        "",
+        "Speeds are in m/s. *Usual gaps* are as wide as the dominoes are thick (7.5 mm where the",
+        "thickness is free): how builders like them. A dash: no such row, or no ratio that says",
+        f"much. On `sprint` the best row known is {lead(sprint, best, usual)[1:]} faster than",
+        f"usual gaps and {lead(sprint, best, uniform)[1:]} faster than the best equal gaps.",
+        *(WHAT_FLOORS_LEAVE if floors else ()),
+    ]
+
+
+def three_rows(scene: de.Scene, record: BestKnown | None) -> list[tuple[float, de.Layout] | None]:
+    """Score and layout: gaps as builders like them, the best equal ones, the best row known."""
+    mark = scene.uniform()
+    thickness = mark.layout.thickness if scene.stock else np.full(scene.count, USUAL)
+    usual = replace(mark.layout, spacing=thickness[:-1].copy(), thickness=thickness)
+    allowed = not scene.violations(usual) and not scene.free_height
+    return [
+        (scene.score(usual), usual) if allowed else None,
+        (mark.score, mark.layout),
+        (record.score, record.layout) if record else None,
+    ]
+
+
+def worth(scene: de.Scene, row: tuple[float, de.Layout] | None) -> str:
+    """Write what a row is worth into a cell."""
+    if row is None:
+        return "–"
+    score, layout = row
+    if score <= 0.0:
+        return "dies"
+    return f"{score:.4f}" if scene.unit == "m/s" else scene.in_words(score, scene.simulate(layout))
+
+
+def lead(
+    scene: de.Scene, row: tuple[float, de.Layout] | None, other: tuple[float, de.Layout] | None
+) -> str:
+    """How much faster one row is than another."""
+    if row is None or other is None or other[0] <= 0.0 or scene.unit != "m/s":
+        return "–"
+    return f"{row[0] / other[0] - 1.0:+.1%}"
+
+
+def floor_frictions() -> list[float]:
+    """On which floors the rows that ship were looked at."""
+    looks = [look for one in read_verified().values() for look in one.floors]
+    return sorted({look.floor for look in looks if look.floor})
+
+
+def left_on(floor: float, name: str, records: dict[str, BestKnown]) -> str:
+    """How much faster the best row is on a floor than the best uniform row of that floor."""
+    record = records.get(name)
+    one = record and known_verification(record.layout, shipped(name).physics)
+    for look in one.floors if one else ():
+        if look.floor == floor:
+            up = look.best.staying_up
+            gain = "–" if look.gain is None else f"{look.gain:+.1%}"
+            first = f" (first {one.first})" if one.first < one.count else ""
+            return gain + first + (f" ({up} up)" if up else "")
+    return "–"
 
 
 def keys() -> list[str]:
@@ -132,9 +226,9 @@ def scene_page(name: str, record: BestKnown | None) -> str:
             "## Try it",
             "",
             "```",
-            f"domino optimize {name} --seconds 10        # search one yourself",
-            f"domino best-known {name} --layout best.csv # the row above",
-            f"domino report best.csv --scene {name}      # and see it race",
+            f"domino optimize {name}                        # search one yourself",
+            f"domino best-known {name} --layout runs/best.csv # the row above",
+            f"domino report runs/best.csv --scene {name}      # and see it race",
             "```",
             "",
             "## The file",
@@ -236,3 +330,14 @@ def _svg(high: float, inside: str, words: str) -> str:
         f'<div><svg viewBox="0 0 {WIDE:.0f} {high:.0f}" width="100%" role="img" '
         f'aria-label="{words}"><title>{words}</title>{inside}</svg></div>'
     )
+
+
+def readme_with_table(text: str) -> str:
+    """README with the table of scenes as the records are now."""
+    table = "\n".join(scenes_table(best_known(), "domino_env/scenes/shipped/{}.toml"))
+    return MADE.sub(lambda found: f"{found[1]}\n{table}\n\n{found[2]}", text)
+
+
+if __name__ == "__main__":
+    README = Path(__file__).resolve().parents[1] / "README.md"
+    README.write_text(readme_with_table(README.read_text("utf-8")), "utf-8")

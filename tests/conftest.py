@@ -1,8 +1,12 @@
 """What all tests share."""
 
+import importlib.util
 import os
 import signal
+from pathlib import Path
+from types import ModuleType
 
+import pytest
 from hypothesis import settings
 
 # No deadlines: how long an example takes says something about the machine, not about the program.
@@ -14,3 +18,14 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "domino"))
 # started in the background of a shell, tests would pass on to programs that Ctrl-C is ignored
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session")
+def pages() -> ModuleType:
+    """The module that makes pages when the site is built, and README's table."""
+    spec = importlib.util.spec_from_file_location(
+        "pages", Path(__file__).resolve().parents[1] / "docs" / "pages.py"
+    )
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

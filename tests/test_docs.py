@@ -1,7 +1,6 @@
 """The documentation: its examples run, its pictures are there."""
 
 import dataclasses
-import importlib.util
 import re
 import warnings
 from pathlib import Path
@@ -46,16 +45,8 @@ def test_every_optimiser_beats_equal_gaps_as_it_is_written(section: str) -> None
         assert names["problem"].score(names["best"]) > 1.005 * names["mark"].score
 
 
-def made() -> ModuleType:
-    """The module that makes pages when the site is built."""
-    spec = importlib.util.spec_from_file_location("pages", ROOT / "docs" / "pages.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_a_scene_has_a_page_with_its_row_drawn_and_numbers_from_the_data() -> None:
-    pages, record = made(), best_known()["course"]
+def test_a_scene_has_a_page_with_its_row_drawn_and_numbers_from_the_data(pages: ModuleType) -> None:
+    record = best_known()["course"]
     text = pages.scene_page("course", record)
     assert f"**{record.score:.6f} m/s**" in text
     for name, dominoes in (("to scale", 60), ("gap in front", 59)):
@@ -67,22 +58,22 @@ def test_a_scene_has_a_page_with_its_row_drawn_and_numbers_from_the_data() -> No
     ).rstrip() in text
 
 
-def test_long_rows_are_drawn_by_their_ends() -> None:
+def test_long_rows_are_drawn_by_their_ends(pages: ModuleType) -> None:
     scene = dataclasses.replace(de.load_scene("sprint"), count=200)
-    drawn = made().drawing(scene.layout(0.012), scene)
-    assert drawn.count("<polygon") == 2 * made().ENDS
-    assert f"{200 - 2 * made().ENDS} more" in drawn
+    drawn = pages.drawing(scene.layout(0.012), scene)
+    assert drawn.count("<polygon") == 2 * pages.ENDS
+    assert f"{200 - 2 * pages.ENDS} more" in drawn
 
 
-def test_every_key_of_a_scene_s_file_is_explained() -> None:
-    lines = made().keys()
+def test_every_key_of_a_scene_s_file_is_explained(pages: ModuleType) -> None:
+    lines = pages.keys()
     assert "| [row] | `count` | number of dominoes |  |" in lines
     assert any(line.startswith("| [tempo] | `tolerance` | ") for line in lines)
     assert all(line.split(" | ")[2].strip() for line in lines)
 
 
-def test_every_method_has_a_section() -> None:
-    text = made().methods_page()
+def test_every_method_has_a_section(pages: ModuleType) -> None:
+    text = pages.methods_page()
     assert all(f"## `{name}`\n\n" in text for name in METHODS)
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from importlib.metadata import metadata
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -35,9 +36,22 @@ def commands(text: str) -> list[str]:
     return [line.partition(" #")[0].strip() for line in lines]
 
 
-LINES = commands("".join(blocks("")))
+TYPED = ("README.md", "index.md", "simulating.md", "searching.md", "building.md", "physics.md")
+TYPED += ("accuracy.md",)
+LINES = list(
+    dict.fromkeys(
+        line
+        for page in TYPED
+        for language, text in FENCED.findall(PAGES[page])
+        if not language
+        for line in commands(text)
+    )
+)
 CHEAPER = {
-    "domino optimize sprint": "--evaluations 100",
+    "domino optimize sprint --resume": "--evaluations 100",
+    "domino optimize course": "--evaluations 100",
+    "domino optimize jitter": "--evaluations 20",
+    "domino optimize my-row.toml": "--evaluations 50",
     "domino optimize my-row.toml --method scp --evaluations 5000 --seed 1 --out runs/mine":
         "--evaluations 50",
     "domino compare sprint --seconds 1": "--seconds 0.05 --methods auto,random",
@@ -45,21 +59,13 @@ CHEAPER = {
         "--seeds 1 --seconds 0.05",
     "domino sweep sprint --set physics.friction=0:0.5:11 --workers 4":
         "--workers 1 --evaluations 1",
-    "domino sweep sprint --set physics.friction=0:0.5:11 --set physics.push=4,8,12 --workers 4":
-        "--workers 1 --evaluations 1",
     "domino train sprint --algorithm ppo": "--out runs/anew",
-    "domino render runs/sprint/layout.csv --scene sprint --gif race.gif": "--rate 2",
+    "domino render runs/sprint/layout.csv --scene sprint --slow 4 --gif runs/race.gif": "--rate 2",
     "domino verify runs/sprint/layout.csv": "--no-engine --floor 0.5",
-    "domino verify runs/sprint/layout.csv --scene sprint --json runs/sprint/verification.json":
-        "--steps 400 200 --floor 0.5",
     "domino accuracy": "--quick --budget 0.01 --scene sprint",
 }  # fmt: skip
 """What is added to a line so that it takes a second: the last word on an option holds."""
-TOO_LONG = {
-    # a scheduler
-    "domino compare sprint course --methods auto,cma --evaluations 2000 --dask tcp://127.0.0.1:8786",
-    "domino best-known --verify",  # minutes
-}
+TOO_LONG = {"domino accuracy --stability", "domino accuracy --savings"}  # minutes
 
 
 def small_preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
@@ -106,18 +112,25 @@ def test_its_python_runs_and_says_what_it_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("agents.single.training.preset", small_preset)
     names: dict[str, Any] = {}
     for code in blocks("python"):
         exec(compile(code, "README.md", "exec"), names)
-    speed = de.simulate(names["layout"], de.Physics(push=5 * names["np"].pi)).mean_speed
-    assert f"{speed:.3f} m/s" in README
-    assert f'design("sprint").score  # {names["design"]("sprint").score:.5f}' in README
-    assert names["total"] == pytest.approx(100.0 * names["info"]["gain"])
+    result = names["result"]
+    assert f"# {result.score:.4f} m/s, {result.gain:.1%} over the best equal gaps" in README
+    assert names["rows"].num_envs == 1024
 
 
-def test_its_scene_is_one(tmp_path: Path) -> None:
-    (asked,) = blocks("toml")
+def test_its_table_is_that_of_the_records(pages: ModuleType) -> None:
+    """Otherwise `python docs/pages.py` writes it anew."""
+    assert pages.readme_with_table(README) == README
+
+
+def test_it_fits_on_two_screens() -> None:
+    assert len(README.splitlines()) <= 150
+
+
+def test_the_scene_on_the_page_of_searches_is_one(tmp_path: Path) -> None:
+    (asked,) = (text for word, text in FENCED.findall(PAGES["searching.md"]) if word == "toml")
     whole = (ROOT / "domino_env" / "scenes" / "shipped" / "sprint.toml").read_text("utf-8")
     head, *tables = re.split(r"^(?=\[)", whole, flags=re.MULTILINE)
     kept = [t for t in tables if t.split("]")[0] not in ("[spacing", "[thickness")]
@@ -151,6 +164,10 @@ def test_targets_and_extras_exist() -> None:
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     assert set(re.findall(r"(?:^|`)make ([a-z]+)", README, re.MULTILINE)) <= targets
     extras = set(metadata("domino-chains").get_all("Provides-Extra"))
-    told = set(re.findall(r"extra:? `?([a-z]+)", README))
-    assert told
-    assert told <= extras
+    table = re.findall(r"^\| (`[a-z`, ]+) \|", PAGES["index.md"], re.MULTILINE)
+    told = set(re.findall("`([a-z]+)`", " ".join(table)))
+    assert told == extras  # the page that installs knows all
+    for text in PAGES.values():
+        assert set(re.findall(r"\(extra:? `?([a-z]+)", text)) <= extras
+        for listed in re.findall(r"-e \.\[([a-z,]+)\]", text):
+            assert set(listed.split(",")) <= extras

@@ -1,4 +1,4 @@
-"""Long trainings over scenes and seeds, and the tables and curves that the README shows of them.
+"""Long trainings over scenes and seeds, and the tables and curves of them in the documentation.
 
     python -m agents.lab.long_runs --out runs/long --docs docs
 

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--method",
         default="auto",
-        help="auto (default), cma, l-bfgs, slsqp, scp, … (see README), or package.module:function",
+        help="auto (default), cma, l-bfgs, slsqp, scp, …, or package.module:function",
     )
     parser.add_argument(
         "--evaluations", type=int, help="rows that may be simulated (until the search is done)"
