@@ -206,3 +206,11 @@ def test_ci_runs_the_tests() -> None:
     script = ROOT / ".ci" / "run"
     assert os.access(script, os.X_OK)
     assert "make test" in script.read_text()
+
+
+def test_the_version_stands_in_one_place_and_in_the_citation() -> None:
+    assert "version" in PROJECT["project"]["dynamic"]
+    cited = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\nversion: {domino_env.__version__}\n" in cited
+    changes = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    assert f"\n## {domino_env.__version__}\n" in changes
