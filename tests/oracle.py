@@ -29,7 +29,7 @@ class Result:
 
     outcome: str = ""  # as the names of domino_env.Outcome
     leader: int = 0  # who led at the end
-    lead: float = 0.0  # its angle then [rad]
+    lead: float = 0.0  # its angle then, from the vertical [rad]
     hit: int = 1  # dominoes struck, the first and one struck in vain among them
     toppled: int = 0  # dominoes past their tipping angle
     reach: float = 0.0  # falls done and the part of the last one, over all
@@ -80,17 +80,27 @@ class Contacts:
 class Chain:
     """A row, the states of its links, and the equations of its stack."""
 
-    def __init__(self, spacing, thickness, height, density, friction, gravity, width=0.024):
+    def __init__(
+        self, spacing, thickness, height, density, friction, gravity, width=0.024, rise=0.0,
+        tilt=0.0, turned=0.0,
+    ):  # fmt: skip
         self.d = np.asarray(thickness, float)
         count = len(self.d)
         self.s = np.asarray(spacing, float)
+        self.stand = np.broadcast_to(np.asarray(tilt, float), count)  # lean at rest
         self.height = np.broadcast_to(np.asarray(height, float), count)
         self.mass = np.broadcast_to(np.asarray(density, float), count) * self.height * self.d
         self.mass = self.mass * width
         self.inertia = self.mass * (self.height**2 + self.d**2) / 3.0
         self.tipping = np.arctan2(self.d, self.height)
-        self.x = np.concatenate(([0.0], np.cumsum(self.s + self.d[1:])))
-        self.friction, self.gravity = friction, gravity
+        # pivot to pivot: as far forward as leaves the free gap before the next one's rear face
+        step = np.zeros((count - 1, 2))
+        step[:, 1] = rise
+        face = ahead(self.stand[1:])
+        step[:, 0] = (self.s + self.d[1:] - step[:, 1] * face[:, 1]) / face[:, 0]
+        self.foot = np.concatenate((np.zeros((1, 2)), np.cumsum(step, axis=0)))
+        self.friction = friction
+        self.gravity = gravity * np.array([np.sin(turned), -np.cos(turned)])  # a vector
         self.state = np.full(count - 1, TIP)  # of the link of i and i+1
         self.back = 0  # the last domino that still leans on another
 
@@ -100,7 +110,7 @@ class Chain:
         theta = [lead]
         for i in range(n - 1, self.back - 1, -1):
             b = theta[-1]
-            pivots = np.array([self.x[i + 1] - self.x[i], 0.0])
+            pivots = self.foot[i + 1] - self.foot[i]
             if self.state[i] == TIP:  # its tip lies in the plane of the rear face of the next
                 gap = dot(pivots, ahead(b)) - self.d[i + 1]
                 theta.append(b + np.arcsin(gap / self.height[i]))
@@ -115,8 +125,8 @@ class Chain:
         state = self.state if state is None else state
         a, b = theta[:-1], theta[1:]
         d, length = self.d[self.back + 1 : n + 1, None], self.height[links, None]
-        foot = np.zeros((len(a), 2))  # of the one behind, from the pivot of the one ahead
-        foot[:, 0] = self.x[links] - self.x[self.back + 1 : n + 1]
+        # of the one behind, from the pivot of the one ahead
+        foot = self.foot[links] - self.foot[self.back + 1 : n + 1]
         ua, fa, ub, fb = up(a), ahead(a), up(b), ahead(b)
 
         # tip on the rear face:  tip · ahead_b + d = 0,  tip from the pivot of the one ahead
@@ -186,7 +196,7 @@ class Chain:
         stack = slice(self.back, n + 1)
         centre = 0.5 * (self.height[stack, None] * up(theta) - self.d[stack, None] * ahead(theta))
         right = np.zeros((2 * size - 1, 2))
-        right[:size, 0] = centre[:, 0] * self.mass[stack] * self.gravity
+        right[:size, 0] = torque(centre, self.mass[stack, None] * self.gravity)
         a, b = omega[:-1], omega[1:]
         squares = np.stack([a * a, 2.0 * a * b, b * b], -1)
         right[size:, 0] = -(contacts.second * squares).sum(axis=1)
@@ -221,22 +231,29 @@ class Chain:
 
 def topple(
     spacing, thickness, friction=0.25, gravity=9.81, push=8.0, height=0.048, density=1040.0,
-    rtol=1e-13,
+    rtol=1e-13, rise=0.0, tilt=0.0, turned=0.0,
 ):  # fmt: skip
-    """Let a row fall: the reference for `simulate`."""
-    chain = Chain(spacing, thickness, height, density, friction, gravity)
+    """Let a row fall: the reference for `simulate`.
+
+    turned: how far gravity is turned forward from straight down [rad].
+    """
+    chain = Chain(
+        spacing, thickness, height, density, friction, gravity, rise=rise, tilt=tilt, turned=turned
+    )
     count = len(chain.d)
     result = Result()
     time, speed = 0.0, push
     for n in range(count):
         strikes = n + 1 < count and chain.s[n] < chain.height[n]
-        target = np.arcsin(chain.s[n] / chain.height[n]) if strikes else chain.tipping[n]
+        target, stand = chain.tipping[n], chain.stand[n]
+        if strikes:  # the next stands: its rear face is still
+            target = chain.stand[n + 1] + np.arcsin(chain.s[n] / chain.height[n])
         result.release_velocity.append(speed)
-        start, lead, lowest = speed, 0.0, speed
+        start, lead, lowest = speed, stand, speed
 
-        def ended(outcome, *, falls=n, at=target, goal=target):
+        def ended(outcome, *, falls=n, at=target, goal=target, stand=stand):
             result.outcome, result.leader, result.lead = outcome, falls, at
-            result.reach = (falls + at / goal) / count
+            result.reach = (falls + (at - stand) / (goal - stand)) / count
             past = chain.angles(falls, at) > chain.tipping[chain.back : falls + 1]
             # a leader that has come to its tipping angle goes on
             falling = outcome in ("PROPAGATED", "OUT_OF_REACH")
@@ -272,7 +289,8 @@ def topple(
         result.impact_velocity.append(speed)
         theta = chain.angles(n, target)
         omega = chain.ratios(chain.contacts(n, theta)) * speed
-        struck = chain.impact(n + 1, np.append(theta, 0.0), np.append(omega, 0.0), chain.state)
+        theta, omega = np.append(theta, chain.stand[n + 1]), np.append(omega, 0.0)
+        struck = chain.impact(n + 1, theta, omega, chain.state)
         speed = struck[0][-1]
         if not speed > 0.0:
             return ended("JAMMED")

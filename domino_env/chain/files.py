@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
 from array import array
 from collections.abc import Iterator
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from domino_env.chain.standard import DENSITY, HEIGHT
 from domino_env.support import tables
 from domino_env.support.files import write_text
-from domino_env.support.models import LARGEST, SMALLEST, Size, Table, model_of
+from domino_env.support.models import LARGEST, SMALLEST, Number, Size, Table, model_of
 from domino_env.support.reading import encoding_of, naming, one_line, read_bytes
 from domino_env.support.reading import read_json as read_document
 
@@ -32,8 +33,10 @@ MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of mem
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
 _POSITIVE = f"more than 0 and finite, {SMALLEST:g} to {LARGEST:g} in SI units"
 # divided by, not multiplied with 0.001: 18 mm then reads as the very number 0.018
-_PER_UNIT = {"density": 1.0}
-for _name in ("spacing", "thickness", "height", "width"):
+_PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / math.pi}
+_GROUND = ("rise", "tilt")
+_OF_PAIRS = {"spacing": "the free gap in front", "rise": "the rise in front"}
+for _name in ("spacing", "thickness", "height", "width", "rise"):
     _PER_UNIT[_name] = 1.0
     _PER_UNIT[f"{_name}_mm"] = 1000.0
     _PER_UNIT[f"{_name}_m"] = 1.0
@@ -47,6 +50,12 @@ class LayoutTable(Table):
     height: Annotated[Size | list[Size], Meta(description="[m]")] = HEIGHT
     width: Annotated[Size | UnsetType, Meta(description="across the row [m]")] = UNSET
     density: Annotated[Size | list[Size], Meta(description="[kg/m³]")] = DENSITY
+    rise: Annotated[
+        Number | list[Number], Meta(description="how much higher the next pivot lies [m]")
+    ] = 0.0  # fmt: skip
+    tilt: Annotated[
+        Number | list[Number], Meta(description="slope under a domino, positive downhill [rad]")
+    ] = 0.0  # fmt: skip
     unit: Annotated[
         Literal["SI: m, kg/m3"], Meta(description="the only one that is read")
     ] = UNIT  # fmt: skip
@@ -65,20 +74,39 @@ class LayoutTable(Table):
 
 
 def write_csv(
-    path: Path, spacing: Floats, thickness: Floats, height: Floats, width: float, density: Floats
+    path: Path,
+    spacing: Floats,
+    thickness: Floats,
+    height: Floats,
+    width: float,
+    density: Floats,
+    ground: tuple[Floats, Floats] | None = None,
 ) -> None:
-    """Write one row a domino, SI units, shortest digits that read back to the same bits."""
+    """Write one row a domino, SI units, shortest digits that read back to the same bits.
+
+    ground: rise and tilt, where it is not flat.
+    """
     gaps = [*spacing.tolist(), None]
     tall, dense = height.tolist(), density.tolist()
-    rows = zip(count(), gaps, thickness.tolist(), tall, repeat(width), dense, strict=False)
-    names = ("number", "spacing", "thickness", "height", "width", "density")
-    tables.write_csv(path, names, rows)
+    columns = [count(), gaps, thickness.tolist(), tall, repeat(width), dense]
+    names = ["number", "spacing", "thickness", "height", "width", "density"]
+    if ground:
+        rise, tilt = ground
+        columns += [[*rise.tolist(), None], tilt.tolist()]
+        names += _GROUND
+    tables.write_csv(path, tuple(names), zip(*columns, strict=False))
 
 
 def write_json(
-    path: Path, spacing: Floats, thickness: Floats, height: Floats, width: float, density: Floats
+    path: Path,
+    spacing: Floats,
+    thickness: Floats,
+    height: Floats,
+    width: float,
+    density: Floats,
+    ground: tuple[Floats, Floats] | None = None,
 ) -> None:
-    """Write every array in full, SI units."""
+    """Write every array in full, SI units; ground: rise and tilt, where it is not flat."""
     document = {
         "unit": UNIT,
         "spacing": spacing.tolist(),
@@ -87,6 +115,8 @@ def write_json(
         "width": width,
         "density": density.tolist(),
     }
+    if ground:
+        document |= {name: array.tolist() for name, array in zip(_GROUND, ground, strict=True)}
     write_text(path, json.dumps(document, indent=1) + "\n")
 
 
@@ -100,6 +130,8 @@ def read_csv(path: Path) -> dict[str, Any]:
     - thickness (or thickness_mm).
     - height (height_mm) and density, if they differ from the standard domino's.
     - width (width_mm), the same in every line.
+    - rise (rise_mm), how much higher the next pivot lies, and tilt (tilt_deg), the slope under it,
+      positive downhill, where the ground is not flat. The last rise is not used.
 
     Comma, semicolon or tab between the cells, decimal commas where the cells are not divided by
     commas. Other columns are left alone.
@@ -134,7 +166,7 @@ def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
     places: dict[str, tuple[int, float]] = {}
     for place, name in enumerate(names):
         if name in _PER_UNIT:
-            kind = name.removesuffix("_mm").removesuffix("_m")
+            kind = re.sub("_(mm|m|deg|rad)$", "", name)
             if kind in places:
                 raise ValueError(f"{path}, line {head}: two columns give the {kind}; keep one")
             places[kind] = (place, _PER_UNIT[name])
@@ -159,16 +191,19 @@ def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
                     wrong += f": where commas divide the cells, write {cell.replace(',', '.')}"
             else:
                 wrong = f"{one_line(cell, 60)} must be {_POSITIVE}"
-            if SMALLEST <= value <= LARGEST:
+                if kind in _GROUND:
+                    wrong = f"{one_line(cell, 60)} must be finite"
+            if SMALLEST <= value <= LARGEST or (kind in _GROUND and abs(value) <= LARGEST):
                 columns[kind].append(value)
                 return
-        elif kind == "spacing":
-            wrong = "empty; give the free gap in front of every domino but the last"
+        elif kind in _OF_PAIRS:
+            wrong = f"empty; give {_OF_PAIRS[kind]} of every domino but the last"
         else:
             wrong = f"empty; every domino needs a {kind}"
         raise ValueError(f"{path}, line {line}, column '{one_line(names[place], 60)}': {wrong}")
 
-    others = [kind for kind in places if kind != "spacing"]
+    others = [kind for kind in places if kind not in _OF_PAIRS]
+    pairs = [kind for kind in places if kind in _OF_PAIRS]
     before: tuple[int, list[str]] | None = None
     for line, row in rows:
         if any(cell.strip() for cell in row[len(names) :]):  # 18,5 in two cells, say
@@ -178,7 +213,8 @@ def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
             )
         # only now is it known that the one before is not the last, whose gap leads nowhere
         if before is not None:
-            keep("spacing", *before)
+            for kind in pairs:
+                keep(kind, *before)
         before = line, row
         for kind in others:
             keep(kind, line, row)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from domino_env import kernels
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics, require_row
+from domino_env.chain.rows import row_of
 from domino_env.chain.wave import Outcome
 from domino_env.support.brief import brief
 
@@ -33,9 +34,10 @@ class Diagnosis:
         (N-1,) smallest impulse of that contact in flushes [N s]; nan where there was none.
     floor_friction
         (N,) coefficient of friction with the floor that keeps the pivot from sliding; inf where
-        the pivot is not pressed down at all.
+        the pivot is not pressed onto the ground at all.
     least_load
-        (N,) smallest load on the pivot over the domino's weight; negative where it lifts.
+        (N,) smallest load on the pivot, upright to the ground, over the domino's weight; negative
+        where it lifts.
     flush_loss
         (N,) largest part of the leader's speed lost in one flush while domino i led.
     stall_margin
@@ -92,7 +94,7 @@ def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
     for least in ("contact_force", "hit_impulse", "flush_impulse", "load"):
         loads[least] = np.inf
     loads["floor_friction"] = -np.inf
-    row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
+    row = row_of(layout)
     outcome = kernels.diagnose_chain(
         row, physics.friction, physics.gravity, physics.push, rtol, loads
     )

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
+from domino_env.chain import footing
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
+from domino_env.chain.rows import Row, bars_of, row_of
 from domino_env.support.brief import brief
 
 Floats = NDArray[np.float64]
@@ -52,20 +55,35 @@ class Gradient:
     friction: float | Floats
     gravity: float | Floats
     push: float | Floats
-
     __repr__ = brief
 
     def scaled(self, factor: float) -> Gradient:
         """Return the gradient of `factor` times the number."""
-        return Gradient(
-            self.spacing * factor,
-            self.thickness * factor,
-            self.height * factor,
-            self.density * factor,
-            self.friction * factor,
-            self.gravity * factor,
-            self.push * factor,
-        )
+        return type(self)(*(getattr(self, part.name) * factor for part in fields(self)))
+
+
+@dataclass(frozen=True, eq=False)
+class HillGradient(Gradient):
+    """Derivatives over hills: the ground has some too.
+
+    Attributes
+    ----------
+    rise
+        (N-1,) [1/m]; the next pivot rises with all after it, and the gaps stay.
+    tilt
+        (N,) [1/rad]; the ground under one domino turns about its pivot, and the gaps stay.
+    """
+
+    rise: Floats
+    tilt: Floats
+
+    __repr__ = brief
+
+
+def gradient_of(bars: Row, friction: Any, gravity: Any, push: Any) -> Gradient:
+    """Return the gradient that the kernels wrote, of one row or of many."""
+    parts = *bars[:4], friction, gravity, push
+    return HillGradient(*parts, *bars[4:]) if len(bars) > 4 else Gradient(*parts)
 
 
 Tape = NDArray[np.record]
@@ -108,10 +126,38 @@ def pull(
         raise ValueError(
             f"arrival_bar[{k}] = {bar[k]}, but the wave never came to domino {k}: leave it at 0"
         )
-    count, whole = layout.count, np.zeros(1, kernels.WHOLE)[0]
-    row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
-    slopes = kernels.Row(np.zeros(count - 1), *(np.zeros(count) for _ in range(3)))
+    whole = np.zeros(1, kernels.WHOLE)[0]
+    row = row_of(layout)
+    slopes = bars_of(row)
     kernels.pull(
         row, physics.friction, physics.gravity, physics.push, tape, len(tape), bar, slopes, whole
     )
-    return Gradient(*slopes, float(whole.friction), float(whole.gravity), float(whole.push))
+    return gradient_of(slopes, float(whole.friction), float(whole.gravity), float(whole.push))
+
+
+def longer_over_hills(found: HillGradient, layout: Layout, weight: float) -> HillGradient:
+    """Return a gradient and `weight` times that of the length, over hills.
+
+    Parameters
+    ----------
+    found
+        The gradient, of a row over hills.
+    layout
+        The row.
+    weight
+        Of the length.
+    """
+    ahead, pitch = layout.tilt[1:], layout.spacing + layout.thickness[1:]
+    step = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt)
+    share, up = weight * pitch / layout.pitch, weight * step / layout.pitch
+    tan, sec = np.tan(ahead), 1.0 / np.cos(ahead)
+    thickness, tilt = found.thickness.copy(), found.tilt.copy()
+    thickness[1:] += share + up * tan
+    tilt[1:] += up * (pitch * sec + layout.rise * tan) * sec
+    return replace(
+        found,
+        spacing=found.spacing + share + up * tan,
+        thickness=thickness,
+        rise=found.rise + up * sec,
+        tilt=tilt,
+    )

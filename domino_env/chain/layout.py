@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.chain import footing
 from domino_env.chain.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
 
 Floats = NDArray[np.float64]
@@ -35,13 +36,19 @@ class Layout:
         Size across the fall [m]; it changes no time. Unless given, 0.024.
     density
         Scalar or (N,) [kg/m³]; unless given, 1040.
+    rise
+        Scalar or (N-1,) how much higher the next pivot lies [m]; unless given, 0.
+    tilt
+        Scalar or (N,) how far the ground under each domino slopes, positive downhill [rad]; unless
+        given, 0. A gap is measured from the pivot, perpendicular to the back of the next domino: on
+        an even slope along the ground.
 
     Raises
     ------
     ValueError
         For what cannot stand: lengths that do not match, values that are not positive and finite,
-        a tip that would strike above the next domino's top. Names the element, its value and what
-        to do.
+        a tip that would strike above the next domino's top, ground too steep or too hollow. Names
+        the element, its value and what to do.
     """
 
     spacing: Floats
@@ -49,6 +56,9 @@ class Layout:
     height: Floats
     width: float
     density: Floats
+    rise: Floats
+    tilt: Floats
+    is_flat: bool  # whether the ground is
 
     def __init__(
         self,
@@ -57,6 +67,8 @@ class Layout:
         height: ArrayLike = HEIGHT,
         width: float = WIDTH,
         density: ArrayLike = DENSITY,
+        rise: ArrayLike = 0.0,
+        tilt: ArrayLike = 0.0,
     ) -> None:
         gaps = np.array(spacing, dtype=np.float64)
         if gaps.ndim != 1:
@@ -75,11 +87,22 @@ class Layout:
         if not (isinstance(width, int | float | np.number) and 0.0 < width < np.inf):
             raise ValueError(f"width = {width!r} m: must be one number, positive and finite")
         object.__setattr__(self, "width", float(width))
-        _require_low_tips(gaps, values["height"])
+        ground = {"rise": _full("rise", rise, count - 1), "tilt": _full("tilt", tilt, count)}
+        for name, array in ground.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "is_flat", not (ground["rise"].any() or ground["tilt"].any()))
+        if self.is_flat:
+            _require_low_tips(gaps, values["height"])
+        elif found := footing.trouble(
+            gaps, values["thickness"], values["height"], ground["rise"], ground["tilt"]
+        ):
+            raise ValueError(found[1])
 
     def __reduce__(self) -> tuple[object, ...]:
         # built anew, so that a copy's arrays are read-only too: the kernel is compiled for those
-        return Layout, (self.spacing, self.thickness, self.height, self.width, self.density)
+        flat = (self.spacing, self.thickness, self.height, self.width, self.density)
+        return Layout, (flat if self.is_flat else (*flat, self.rise, self.tilt))
 
     def __eq__(self, other: object) -> bool:
         """Whether two layouts are the same to the last bit."""
@@ -87,7 +110,7 @@ class Layout:
             return NotImplemented
         return self.width == other.width and all(
             np.array_equal(getattr(self, name), getattr(other, name))
-            for name in ("spacing", "thickness", "height", "density")
+            for name in ("spacing", "thickness", "height", "density", "rise", "tilt")
         )
 
     def __hash__(self) -> int:
@@ -116,6 +139,7 @@ class Layout:
         height: float = HEIGHT,
         width: float = WIDTH,
         density: float = DENSITY,
+        slope: float = 0.0,
     ) -> Layout:
         """Stand `count` equal dominoes in a row.
 
@@ -135,6 +159,8 @@ class Layout:
             Size across the fall [m].
         density
             Of every domino [kg/m³].
+        slope
+            Of the ground, an even one, positive downhill [rad].
 
         Raises
         ------
@@ -150,7 +176,23 @@ class Layout:
             raise ValueError(
                 f"pitch = {pitch} m is not more than thickness = {thickness} m: dominoes overlap"
             )
-        return cls(np.full(count - 1, gap), np.full(count, thickness), height, width, density)
+        rise = -(gap + thickness) * np.sin(slope)
+        row = np.full(count - 1, gap), np.full(count, thickness), height, width, density
+        return cls(*row, rise, slope)
+
+    def require_flat(self, what: str) -> None:
+        """Refuse ground that is not flat for `what` does not know it.
+
+        Raises
+        ------
+        ValueError
+            Names `what`.
+        """
+        if not self.is_flat:
+            raise ValueError(
+                f"{what} knows flat ground only so far, and this row's is not: rise or tilt is not "
+                "0 everywhere"
+            )
 
     @property
     def count(self) -> int:
@@ -160,22 +202,32 @@ class Layout:
     @cached_property
     def pitch(self) -> Floats:
         """(N-1,) pivot to pivot [m]."""
-        pitches = self.spacing + self.thickness[1:]
+        if self.is_flat:
+            pitches = self.spacing + self.thickness[1:]
+        else:
+            pitches = footing.pitches(self.spacing, self.thickness, self.rise, self.tilt)
         pitches.flags.writeable = False
         return pitches
 
     @property
     def is_uniform(self) -> bool:
         """Whether all gaps are equal, and all dominoes."""
-        arrays = (self.spacing, self.thickness, self.height, self.density)
+        arrays = self.spacing, self.thickness, self.height, self.density, self.rise, self.tilt
         return all(bool(np.all(array == array[:1])) for array in arrays)
 
     @cached_property
     def positions(self) -> Floats:
-        """(N,) pivots (front bottom edges) along the row, the first at 0 [m]."""
+        """(N,) pivots (front bottom edges) along the line from pivot to pivot, from 0 [m]."""
         places = np.concatenate(([0.0], np.cumsum(self.pitch)))
         places.flags.writeable = False
         return places
+
+    @property
+    def pivots(self) -> Floats:
+        """(N, 2) where the front bottom edges are, x forward and z up, the first at 0 [m]."""
+        if self.is_flat:
+            return np.stack([self.positions, np.zeros(self.count)], axis=-1)
+        return footing.pivots(self.spacing, self.thickness, self.rise, self.tilt)
 
     @property
     def length(self) -> float:
@@ -187,18 +239,23 @@ class Layout:
         return import_module("domino_env.view.plots").plot_layout(self)
 
     def to_csv(self, path: str | Path) -> None:
-        """Write one row a domino, in metres; the last spacing is empty."""
+        """Write one row a domino, in metres; the last spacing is empty.
+
+        Ground that is not flat has columns of its own: rise, and tilt in radians.
+        """
         from domino_env.chain.files import write_csv
 
         columns = self.spacing, self.thickness, self.height
-        write_csv(Path(path), *columns, self.width, self.density)
+        ground = None if self.is_flat else (self.rise, self.tilt)
+        write_csv(Path(path), *columns, self.width, self.density, ground)
 
     def to_json(self, path: str | Path) -> None:
         """Write every array, in SI units."""
         from domino_env.chain.files import write_json
 
         columns = self.spacing, self.thickness, self.height
-        write_json(Path(path), *columns, self.width, self.density)
+        ground = None if self.is_flat else (self.rise, self.tilt)
+        write_json(Path(path), *columns, self.width, self.density, ground)
 
     @classmethod
     def from_csv(cls, path: str | Path, width: float = WIDTH) -> Layout:
@@ -285,6 +342,8 @@ def _full(name: str, values: ArrayLike, count: int) -> Floats:
     array = np.array(values, dtype=np.float64)
     if array.ndim == 0:
         return np.full(count, float(array))
+    if array.shape != (count,) and name == "rise":
+        raise ValueError(f"rise has shape {array.shape}: give one number or one a pair, ({count},)")
     if array.shape != (count,):
         raise ValueError(
             f"{name} has shape {array.shape}, but {count - 1} spacings stand between {count} "

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
+from domino_env.chain import footing
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
+from domino_env.chain.rows import row_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -39,7 +41,7 @@ class Motion:
 
     def __init__(self, layout: Layout, physics: Physics, rtol: float = 1e-8) -> None:
         self.layout, self.physics = layout, physics
-        row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
+        row = row_of(layout)
         snapshots = np.zeros((layout.count, PIECES + 1), kernels.SNAPSHOT)
         falls = kernels.watch_chain(
             row, physics.friction, physics.gravity, physics.push, rtol, snapshots
@@ -49,7 +51,7 @@ class Motion:
         self.end = float(self._begins[-1])
 
     def leader(self, times: ArrayLike) -> tuple[Ints, Floats]:
-        """Who leads at each instant, and its lean [rad]."""
+        """Who leads at each instant, and its lean from the vertical [rad]."""
         t = np.clip(np.asarray(times, dtype=np.float64), 0.0, self.end)
         n = np.clip(np.searchsorted(self._begins, t, side="right") - 1, 0, len(self._snapshots) - 1)
         angle = np.empty(len(t))
@@ -58,26 +60,28 @@ class Motion:
             angle[at] = _hermite(
                 t[at] - self._begins[k], fall["time"], fall["angle"], fall["speed"]
             )
-        return n, angle
+        return n, angle + self.layout.tilt[n]
 
     def angles(self, times: ArrayLike) -> Floats:
-        """Lean of every domino from upright, (T, N) [rad], at T instants [s] since the push."""
+        """Lean of every domino from the vertical (T, N) [rad] at T instants [s] since the push."""
         n, angle = self.leader(np.atleast_1d(np.asarray(times, dtype=np.float64)))
         return lean_behind(self.layout, n, angle)
 
 
 def lean_behind(layout: Layout, leader: Ints, angle: Floats) -> Floats:
-    """Return (T, N) leans of a row whose leader (T,) leans by angle (T,) [rad].
+    """Return (T, N) leans from the vertical of a row whose leader (T,) leans by angle (T,) [rad].
 
-    Those ahead of the leader stand. Contacts as of physics: a tip slides down until the faces are
-    flush, then the front face rests on the rear edge, until that is lost; angles only grow, so each
-    lean tells its contact.
+    Those ahead of the leader stand, upright to their ground. Contacts as of physics: a tip slides
+    down until the faces are flush, then the front face rests on the rear edge, until that is lost;
+    angles only grow, so each lean tells its contact.
 
     References
     ----------
     J. M. J. van Leeuwen, The domino effect (2004), arXiv physics/0401018;
     Chapman, The physics of toppling dominoes, eq. 1.
     """
+    if not layout.is_flat:
+        return _lean_over_hills(layout, leader, angle)
     leans = np.zeros((len(leader), layout.count))
     s, c = np.sin(angle), np.cos(angle)
     leans[np.arange(len(leader)), leader] = angle
@@ -103,15 +107,41 @@ def lean_behind(layout: Layout, leader: Ints, angle: Floats) -> Floats:
     return leans
 
 
+def _lean_over_hills(layout: Layout, leader: Ints, angle: Floats) -> Floats:
+    """`lean_behind`; each link is seen upright from the stand of the domino ahead."""
+    leans = np.tile(layout.tilt, (len(leader), 1))
+    leans[np.arange(len(leader)), leader] = angle
+    rises = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt)
+    theta = np.array(angle)
+    for i in range(int(leader.max()) - 1, -1, -1):
+        length, stand, behind = layout.height[i], layout.tilt[i + 1], leader > i
+        p, d = (
+            (layout.spacing[i] + layout.thickness[i + 1]) / length,
+            layout.thickness[i + 1] / length,
+        )
+        e = rises[i] / length
+        # p cos ψ - e sin ψ = r cos(ψ + slant) falls; a link that is lost stays as it was
+        r, slant = np.hypot(p, e), np.arctan2(e, p)
+        lowest = (r * r + d * d - 1.0) / (2.0 * d)
+        last = np.arccos(np.clip(lowest / r, -1.0, 1.0)) - slant
+        psi = np.minimum(np.where(behind, theta - stand, 0.0), last)
+        gap = r * np.cos(psi + slant) - d
+        tip = psi + np.arcsin(np.clip(gap, -1.0, 1.0))
+        corner = np.arctan2(p - d * np.cos(psi), e + d * np.sin(psi))
+        theta = np.where(behind, np.where(gap < 0.0, corner, tip) + stand, theta)
+        leans[:, i] = np.where(behind, theta, leans[:, i])
+    return leans
+
+
 def outlines(layout: Layout, leans: Floats) -> Floats:
     """Return the corners of every domino of leans (N,) [rad], (N, 4, 2) [m].
 
-    x runs along the row, z up. In order: the front bottom edge it turns about, top front, top rear,
+    x runs forward, z up. In order: the front bottom edge it turns about, top front, top rear,
     bottom rear.
     """
     up = np.stack([np.sin(leans), np.cos(leans)], axis=-1) * layout.height[:, None]
     back = np.stack([-np.cos(leans), np.sin(leans)], axis=-1) * layout.thickness[:, None]
-    foot = np.stack([layout.positions, np.zeros(layout.count)], axis=-1)
+    foot = layout.pivots
     return np.stack([foot, foot + up, foot + up + back, foot + back], axis=1)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env import kernels
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics, require_row
+from domino_env.chain.rows import Row, row_of
 from domino_env.chain.standard import DENSITY, HEIGHT
 from domino_env.chain.wave import Outcome
 
@@ -60,6 +61,7 @@ def steady_wave(
     physics: Physics | None = None,
     *,
     density: ArrayLike = DENSITY,
+    slope: float = 0.0,
     rtol: float = 1e-11,
 ) -> SteadyWave:
     """Find the steady wave of an endless uniform row, or of one that repeats a pattern.
@@ -77,6 +79,8 @@ def steady_wave(
         Friction and gravity, by default 0.25 and 9.81 m/s²; the push plays no part.
     density
         A number or (P,) [kg/m³].
+    slope
+        Of the ground, an even one, positive downhill [rad].
     rtol
         Relative error allowed in the times.
 
@@ -97,23 +101,27 @@ def steady_wave(
         np.ascontiguousarray(a) for a in np.broadcast_arrays(*(np.atleast_1d(a) for a in shapes))
     )
     gaps = pitches - np.roll(thick, -1)
+    rise = -np.sin(slope) * pitches
     Layout(  # checks a period and the first domino of the next
         np.append(gaps, gaps[0]),
         np.append(thick, [thick[0], thick[1 % len(thick)]]),
         np.append(tall, [tall[0], tall[1 % len(tall)]]),
         density=np.append(rho, [rho[0], rho[1 % len(rho)]]),
+        rise=np.append(rise, rise[0]),
+        tilt=slope,
     )
     if np.any(gaps >= tall):
         j = int(np.argmax(gaps >= tall))
         return _none(f"gap {j} of the pattern, {gaps[j]} m, is out of reach", scalar, len(thick))
-    return _fixed_point(gaps, thick, tall, rho, physics, rtol, scalar)
+    pattern: Row = kernels.Row(gaps, thick, tall, rho)
+    if slope != 0.0:
+        tilt = np.full(len(thick), float(slope))
+        pattern = kernels.HillRow(gaps, thick, tall, rho, rise, tilt)
+    return _fixed_point(pattern, physics, rtol, scalar)
 
 
-def _fixed_point(
-    gaps: Floats, thick: Floats, tall: Floats, rho: Floats, physics: Physics, rtol: float,
-    scalar: bool,
-) -> SteadyWave:  # fmt: skip
-    pattern = kernels.Row(gaps, thick, tall, rho)
+def _fixed_point(pattern: Row, physics: Physics, rtol: float, scalar: bool) -> SteadyWave:
+    gaps, thick = pattern.spacing, pattern.thickness
     falls = np.zeros(len(thick), kernels.FALL)
     ring_rows = 512
     while True:
@@ -179,8 +187,7 @@ def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> floa
         to be lifted over its edge).
     """
     require_row(layout, physics)
-    row = kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density)
-    outcome, need = kernels.compose_row(row, physics.friction, physics.gravity, rtol)
+    outcome, need = kernels.compose_row(row_of(layout), physics.friction, physics.gravity, rtol)
     if outcome != Outcome.PROPAGATED:
         return math.inf
     return math.sqrt(max(float(need), 0.0))

@@ -12,9 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.chain.gradient import Gradient, pull, room_for
+from domino_env.chain import footing
+from domino_env.chain.gradient import (
+    Gradient,
+    HillGradient,
+    gradient_of,
+    longer_over_hills,
+    pull,
+    room_for,
+)
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics, require_row
+from domino_env.chain.rows import Row, bars_of, batch_of
 from domino_env.support.threads import share_pieces
 
 Floats = NDArray[np.float64]
@@ -193,6 +202,8 @@ class Wave:
             raise ValueError(f"there is no speed to differentiate: {self.explanation}")
         bar[-1] = -self.mean_speed / total
         found = self.pullback(bar)
+        if isinstance(found, HillGradient):
+            return longer_over_hills(found, self.layout, 1.0 / total)
         spacing, thickness = found.spacing + 1.0 / total, found.thickness.copy()
         thickness[1:] += 1.0 / total  # the way from the first pivot to the last grows too
         return replace(found, spacing=spacing, thickness=thickness)
@@ -319,9 +330,7 @@ def simulate(
     count = layout.count
     summaries = np.empty(1, kernels.SUMMARY)
     arrivals = np.empty((1, count), kernels.ARRIVAL)
-    rows = kernels.Row(
-        layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
-    )
+    rows = batch_of(layout)
     tape = room_for(count) if gradient else np.empty(0, kernels.EVENT)
     while True:
         kernels.solve_rows(
@@ -361,6 +370,8 @@ def simulate_batch(
     *,
     height: ArrayLike = 0.048,
     density: ArrayLike = 1040.0,
+    rise: ArrayLike = 0.0,
+    tilt: ArrayLike = 0.0,
     rtol: float = 1e-6,
     record: bool = True,
     gradient: bool = False,
@@ -379,6 +390,10 @@ def simulate_batch(
         Scalar, (N,) or (B, N) [m].
     density
         Scalar, (N,) or (B, N) [kg/m³].
+    rise
+        Scalar, (N-1,) or (B, N-1), as of `Layout` [m].
+    tilt
+        Scalar, (N,) or (B, N), as of `Layout` [rad].
     rtol
         As of `simulate`.
     record
@@ -397,7 +412,7 @@ def simulate_batch(
     The number of threads is Numba's (`numba.set_num_threads`).
     """
     began = time.perf_counter()
-    rows = _checked_batch(spacing, thickness, height, density)
+    rows = _checked_batch(spacing, thickness, height, density, rise, tilt)
     number, count = rows.thickness.shape
     summaries = np.empty(number, kernels.SUMMARY)
     record = record and not gradient
@@ -405,12 +420,10 @@ def simulate_batch(
     setting = (rows, physics.friction, physics.gravity, physics.push, _checked(rtol))
     slopes = None
     if gradient:
-        bars = kernels.Row(
-            np.empty((number, count - 1)), *(np.empty((number, count)) for _ in range(3))
-        )
+        bars = bars_of(rows)
         wholes = np.empty(number, kernels.WHOLE)
         share_pieces(kernels.pull_rows, number, count, *setting, summaries, bars, wholes)
-        slopes = Gradient(*bars, wholes["friction"], wholes["gravity"], wholes["push"])
+        slopes = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
     else:
         untaped = np.empty(0, kernels.EVENT)
         share_pieces(
@@ -418,7 +431,10 @@ def simulate_batch(
         )
     total = summaries["total_time"]
     # summed as Layout.length sums it, so that speeds agree to the last bit
-    pitches = rows.spacing + rows.thickness[:, 1:]
+    if isinstance(rows, kernels.HillRow):
+        pitches = footing.pitches(rows.spacing, rows.thickness, rows.rise, rows.tilt)
+    else:
+        pitches = rows.spacing + rows.thickness[:, 1:]
     way = np.cumsum(pitches, axis=1)[:, -1] if count > 1 else np.zeros(number)
     speed = np.where(np.isfinite(total) & (total > 0.0), way / np.maximum(total, 1e-300), 0.0)
     empty = np.empty((number, 0))
@@ -455,8 +471,13 @@ def _checked(rtol: float) -> float:
 
 
 def _checked_batch(
-    spacing: ArrayLike, thickness: ArrayLike, height: ArrayLike, density: ArrayLike
-) -> kernels.Row:
+    spacing: ArrayLike,
+    thickness: ArrayLike,
+    height: ArrayLike,
+    density: ArrayLike,
+    rise: ArrayLike,
+    tilt: ArrayLike,
+) -> Row:
     """The arrays of a batch as the kernels take them; all that cannot stand is refused."""
     s = np.ascontiguousarray(spacing, dtype=np.float64)
     if s.ndim != 2:
@@ -480,6 +501,14 @@ def _checked_batch(
             raise ValueError(
                 f"{name}[{b}, {i}] = {values[b, i]} {unit}: must be positive and finite"
             )
+    flat = not (np.any(rise) or np.any(tilt))
+    if not flat:
+        e, slope = _rows("rise", rise, rows, count - 1), _rows("tilt", tilt, rows, count)
+        e, slope = np.broadcast_to(e, s.shape), np.broadcast_to(slope, d.shape)
+        if found := footing.trouble(s, d, length, e, slope):
+            raise ValueError(f"layout {found[0][0]}: {found[1]}")
+        arrays = (np.ascontiguousarray(a) for a in (s, d, length, rho, e, slope))
+        return kernels.HillRow(*(_read_only(array) for array in arrays))
     if np.any(length[:, 1:] != length[:, :-1]) and count > 1:
         tall, short = length[:, :-1], length[:, 1:]
         low = (s >= tall) | (tall**2 - s**2 <= short**2 * (1.0 + 1e-12))

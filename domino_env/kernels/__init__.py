@@ -22,6 +22,7 @@ in that angle, so a fall, a flush and a hit are affine maps of u, and nothing is
     batch, choice, observation, episode    the environments' step
     records, tape    what is kept of a chain
     adjoint     the same, backwards
+    hills       what differs over ground that is not flat
     jit         how all of it is compiled and cached
 
 This face offers what Python calls, and only that.
@@ -30,6 +31,7 @@ Sources: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of topp
 eqs. 1-3, 7-9, restated for unequal dominoes.
 """
 
+from domino_env.kernels import hills
 from domino_env.kernels.adjoint.chain import pull, pull_rows
 from domino_env.kernels.adjoint.slots import WHOLE
 from domino_env.kernels.batch import EPISODE, RULES, RUNNING, Batch
@@ -44,6 +46,7 @@ from domino_env.kernels.slots import (
     ARRIVAL,
     EVENT,
     FALL,
+    HILL_LINK,
     JAMMED,
     LINK,
     NO_RIGID_ANSWER,
@@ -54,6 +57,7 @@ from domino_env.kernels.slots import (
     STALLED,
     STATE,
     SUMMARY,
+    HillRow,
     Row,
     Summary,
 )
@@ -64,6 +68,7 @@ __all__ = [
     "EVENT",
     "FALL",
     "FRONT_LIMIT",
+    "HILL_LINK",
     "JAMMED",
     "LEAD_LIMIT",
     "LINK",
@@ -81,11 +86,13 @@ __all__ = [
     "SUMMARY",
     "WHOLE",
     "Batch",
+    "HillRow",
     "Row",
     "Summary",
     "compose_row",
     "diagnose_chain",
     "gap_range",
+    "hills",
     "period_falls",
     "place_rows",
     "pull",

@@ -5,15 +5,14 @@ import numpy as np
 from domino_env.kernels.contact import pose
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import lengthen_tail, open_chain, place
-from domino_env.kernels.jit import apart, borrowed, door, inlined, keep, part
-from domino_env.kernels.links import join
+from domino_env.kernels.jit import apart, borrowed, door, inlined, keep, part, varies
+from domino_env.kernels.links import join, new_ring
 from domino_env.kernels.records import blank, record, summarise
 from domino_env.kernels.slots import (
     ARRIVAL,
     EVENT,
     JAMMED,
     LANES,
-    LINK,
     OUT_OF_REACH,
     PROPAGATED,
     RING_ROWS,
@@ -73,7 +72,7 @@ def chain(row, mu, gravity, push, rtol, lanes, ring, state, deep, arrivals, tape
     if push == 0.0:
         state.composing = True
     elif count > 3 and is_uniform(row):
-        join(ring, 0, 0, row.height[0], row.spacing[0], row.thickness[0])
+        join(ring, 0, 0, row, 0, 0)
         ring[0].tail = count * ring[0].inertia
         outcome, first = uniform_chain(
             lanes, ring, count, mu, gravity, rtol, state, deep, arrivals, tape
@@ -109,6 +108,7 @@ def solve(row, mu, gravity, push, rtol, lanes, ring, state, deep, arrivals, tape
     return result
 
 
+@varies
 @inlined
 def row_of(rows, b):
     """Row b of a batch; where all have the same height or density, it stands there once."""
@@ -128,7 +128,7 @@ def solve_rows(first, last, rows, mu, gravity, push, rtol, deep, summaries, arri
     arrivals: (B, N), or (0, 0).  tape: for one chain, or empty.
     """
     count = rows.thickness.shape[1]
-    own_ring, own_lanes = np.zeros(ring_size(count), LINK), np.zeros(LANES)
+    own_ring, own_lanes = new_ring(rows, ring_size(count)), np.zeros(LANES)
     own_state = np.zeros(1, STATE)
     ring, lanes, state = borrowed(own_ring), borrowed(own_lanes), own_state[0]
     unrecorded = np.empty(0, ARRIVAL)
@@ -146,7 +146,7 @@ def solve_rows(first, last, rows, mu, gravity, push, rtol, deep, summaries, arri
 @door
 def compose_row(row, mu, gravity, rtol):
     """The maps of all falls of a chain, composed: (outcome, least u_0 that runs through)."""
-    own_state, ring = np.zeros(1, STATE), np.zeros(ring_size(len(row.thickness)), LINK)
+    own_state, ring = np.zeros(1, STATE), new_ring(row, ring_size(len(row.thickness)))
     lanes, state = np.zeros(LANES), own_state[0]
     unrecorded, untaped = np.empty(0, ARRIVAL), np.empty(0, EVENT)
     outcome, _, _, _ = chain(

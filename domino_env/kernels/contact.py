@@ -8,8 +8,8 @@ eqs. 1-3 and 7, restated for unequal dominoes.
 
 import math
 
-from domino_env.kernels.jit import part
-from domino_env.kernels.slots import TINY, TIP
+from domino_env.kernels.jit import inlined, part, varies
+from domino_env.kernels.slots import TINY, TIP, Shape
 
 
 @part
@@ -20,9 +20,18 @@ def pose(angle):
     return 2.0 * s * c, 2.0 * s * s
 
 
+@varies
+@inlined
+def shape_of(link):
+    """What the contacts below need of a link; `tip` and `corner` over hills are found by it."""
+    return Shape(link.p_l, link.s_l, link.rest, link.d_l)
+
+
+@varies
 @part
-def tip(s, v, p_l, s_l, rest, d_l, mu):
+def tip(s, v, shape, mu):
     """The top edge of i slides down the back of i+1: sin θ_i, 1 - cos θ_i, Ω, Ψ, B/A."""
+    p_l, s_l, rest, d_l = shape
     sd = s_l - p_l * v  # sin Δ, eq. 1
     cd2 = (1.0 + sd) * (rest + p_l * v)
     cd = math.sqrt(cd2 if cd2 > TINY else TINY)
@@ -38,9 +47,11 @@ def tip(s, v, p_l, s_l, rest, d_l, mu):
     return s_i, v_i, omega, psi, ratio
 
 
+@varies
 @part
-def corner(s, v, p_l, s_l, rest, d_l, mu):
+def corner(s, v, shape, mu):
     """The front face of i rests on the rear bottom edge of i+1; the same five numbers."""
+    p_l, s_l, _, d_l = shape
     r2 = s_l * s_l + 2.0 * p_l * d_l * v  # squared distance from pivot i to that edge
     r1 = math.sqrt(r2)
     up = r1 + d_l * s
@@ -60,5 +71,5 @@ def corner(s, v, p_l, s_l, rest, d_l, mu):
 def link_at(link, s, v, mu):
     """One link in its present contact, for a single angle; the same five numbers."""
     if link.contact == TIP:
-        return tip(s, v, link.p_l, link.s_l, link.rest, link.d_l, mu)
-    return corner(s, v, link.p_l, link.s_l, link.rest, link.d_l, mu)
+        return tip(s, v, shape_of(link), mu)
+    return corner(s, v, shape_of(link), mu)

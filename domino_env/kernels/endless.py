@@ -7,8 +7,8 @@ import numpy as np
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import begin, heaviest_force
 from domino_env.kernels.jit import door, keep, part
-from domino_env.kernels.links import join, stand
-from domino_env.kernels.slots import EVENT, LANES, LINK, PROPAGATED, STATE
+from domino_env.kernels.links import join, new_ring, stand
+from domino_env.kernels.slots import EVENT, LANES, PROPAGATED, STATE
 
 
 @part
@@ -18,8 +18,8 @@ def repeat_behind(ring, mask, n, pattern, state):
     state.back = 0
     for i in range(n - mask, n + 2):
         j, ahead = i % period, (i + 1) % period
-        stand(ring, mask, i, pattern.height[j], pattern.thickness[j], pattern.density[j])
-        join(ring, mask, i, pattern.height[j], pattern.spacing[j], pattern.thickness[ahead])
+        stand(ring, mask, i, pattern, j)
+        join(ring, mask, i, pattern, j, ahead)
         domino = ring[i & mask]
         domino.tail = domino.inertia * (i - n + mask + 2)
 
@@ -34,7 +34,7 @@ def period_falls(pattern, mu, gravity, rtol, ring_rows, u, falls):
     """
     period, mask = len(pattern.thickness), ring_rows - 1
     own_state = np.zeros(1, STATE)
-    lanes, ring, state = np.zeros(LANES), np.zeros(ring_rows, LINK), own_state[0]
+    lanes, ring, state = np.zeros(LANES), new_ring(pattern, ring_rows), own_state[0]
     untaped = np.empty(0, EVENT)
     begin(state, 1.0)
     state.u = u

@@ -13,7 +13,7 @@ from domino_env.kernels.interval import (
     compose,
     ride,
 )
-from domino_env.kernels.jit import apart, inlined, part
+from domino_env.kernels.jit import apart, inlined, part, varies
 from domino_env.kernels.links import can_flush
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.slots import (
@@ -133,6 +133,14 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
     return PROPAGATED
 
 
+@varies
+@inlined
+def hit_ratio(leader):
+    """Ω of the leader at the instant at which it hits the next: how its J continues."""
+    return 1.0
+
+
+@varies
 @inlined
 def hit(leader, struck, mu, state):
     """The leader, at its hitting angle, strikes the next: Chapman, eqs. 8-9, with friction."""
@@ -148,6 +156,7 @@ def hit(leader, struck, mu, state):
     return PROPAGATED
 
 
+@varies
 @inlined
 def fall_angle(leader, strikes):
     """Angle at which the leader hits the next, or, where there is none in reach, tips over."""
@@ -180,7 +189,7 @@ def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep, tape):
     """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
     if state.composing:
         state.u = gravity * state.kappa  # something of its size: it weighs what may be cut
-    released = begin_fall(state, gravity)
+    released = begin_fall(ring[n & mask], mu, gravity, state)
     b = fall_angle(ring[n & mask], strikes)
     outcome = fall(lanes, ring, mask, n, 0.0, b, mu, gravity, rtol, state, deep, tape)
     outcome = close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)

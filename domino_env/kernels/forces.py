@@ -6,14 +6,14 @@ import numpy as np
 
 from domino_env.kernels.chain import ring_size
 from domino_env.kernels.contact import link_at, pose
-from domino_env.kernels.fall import close_fall, fall, fall_angle
+from domino_env.kernels.fall import close_fall, fall, fall_angle, hit_ratio
 from domino_env.kernels.front import begin_fall, lengthen_tail, open_chain, place
-from domino_env.kernels.jit import door, keep, part
+from domino_env.kernels.jit import door, inlined, keep, part, varies
+from domino_env.kernels.links import new_ring, past_flush
 from domino_env.kernels.slots import (
     CORNER,
     EVENT,
     LANES,
-    LINK,
     OUT_OF_REACH,
     PROPAGATED,
     STATE,
@@ -40,6 +40,7 @@ GEOMETRY = record_type(  # of each domino at one instant
     cos=float,
     before=float,  # J with the contacts as they were, and as they are
     after=float,
+    lever=float,  # of its weight about the pivot, over half its height
     drv=float,  # D
     w=float,
     arm=float,  # A and B of its contact with the next [m]
@@ -47,8 +48,47 @@ GEOMETRY = record_type(  # of each domino at one instant
 )
 
 
+@varies
+@inlined
+def upright(row, i, s, c):
+    """sin and cos of the lean of domino i from the vertical; over hills it stands at a slope."""
+    return s, c
+
+
+@varies
+@inlined
+def to_ground(row, i, x, z):
+    """A force along the ground under domino i, and upright to it."""
+    return x, z
+
+
+@varies
+@inlined
+def mass_of(row, domino, i):
+    """Mass of domino i, per unit of width."""
+    return 2.0 * domino.half_weight / row.height[i]
+
+
+@varies
+@inlined
+def tip_ratio(link, s, v):
+    """Ω of a tip whose faces are flush."""
+    return 1.0 - link.p_l * s
+
+
+@varies
+@inlined
+def arm_behind(link, s, v, mu):
+    """A over the height of the domino behind."""
+    if link.contact == TIP:
+        sd = link.s_l - link.p_l * v
+        cd = math.sqrt(max((1.0 + sd) * (link.rest + link.p_l * v), TINY))
+        return cd + mu * sd
+    return math.sqrt(link.s_l**2 + 2.0 * link.p_l * link.d_l * v)
+
+
 @part
-def stack_geometry(ring, mask, n, low, angle, mu, height, geometry, flushing):
+def stack_geometry(row, ring, mask, n, low, angle, mu, geometry, flushing):
     """The geometry of dominoes low … n.
 
     flushing: links whose faces are flush have tip contact before and corner contact after.
@@ -56,28 +96,26 @@ def stack_geometry(ring, mask, n, low, angle, mu, height, geometry, flushing):
     s, v = pose(angle)
     before, after, drv, w = 1.0, 1.0, 0.0, 1.0
     here = geometry[n]
-    here.sin, here.cos, here.before, here.after = s, 1.0 - v, 1.0, 1.0
+    here.sin, here.cos = upright(row, n, s, 1.0 - v)
+    here.lever = s - ring[n & mask].slender * (1.0 - v)
+    here.before, here.after = 1.0, 1.0
     here.drv, here.w, here.arm, here.arm_next = 0.0, 1.0, 0.0, 0.0
     for i in range(n - 1, low - 1, -1):
         link = ring[i & mask]
         s_i, v_i, omega, psi, ratio = link_at(link, s, v, mu)
         old = omega
         if flushing and link.contact == CORNER:
-            over = link.p_l * (v - link.v_flush)
+            over = past_flush(link, v - link.v_flush)
             if abs(over) <= 2.0 * TOGETHER:
-                old, omega = 1.0 - link.p_l * s, 0.0
+                old, omega = tip_ratio(link, s, v), 0.0
         drv = omega * drv + psi * after * after
         before, after, w = old * before, omega * after, w * ratio
-        if link.contact == TIP:
-            sd = link.s_l - link.p_l * v
-            cd = math.sqrt(max((1.0 + sd) * (link.rest + link.p_l * v), TINY))
-            arm = height[i] * (cd + mu * sd)
-        else:
-            r2 = link.s_l**2 + 2.0 * link.p_l * link.d_l * v
-            arm = height[i] * math.sqrt(r2)
+        arm = row.height[i] * arm_behind(link, s, v, mu)
         s, v = s_i, v_i
         here = geometry[i]
-        here.sin, here.cos, here.before, here.after = s, 1.0 - v, before, after
+        here.sin, here.cos = upright(row, i, s, 1.0 - v)
+        here.lever = s - link.slender * (1.0 - v)
+        here.before, here.after = before, after
         here.drv, here.w, here.arm, here.arm_next = drv, w, arm, arm * ratio
 
 
@@ -94,12 +132,12 @@ def contact_impulses(ring, mask, n, low, geometry, gain_before, gain_after, leas
 
 
 @part
-def contact_forces(ring, mask, n, low, geometry, u, gravity, mu, height, thickness, loads):
+def contact_forces(row, ring, mask, n, low, geometry, u, gravity, mu, loads):
     """Least contact forces and loads on the pivots, at one instant."""
     m, g, d = 0.0, 0.0, 0.0
     for i in range(low, n + 1):
         domino, here = ring[i & mask], geometry[i]
-        weight = gravity * domino.half_weight * (here.sin - domino.slender * here.cos)
+        weight = gravity * domino.half_weight * here.lever
         m += here.w * domino.inertia * here.after
         g += here.w * weight
         d += here.w * domino.inertia * here.drv
@@ -108,7 +146,7 @@ def contact_forces(ring, mask, n, low, geometry, u, gravity, mu, height, thickne
     for i in range(low, n + 1):
         domino, here, load = ring[i & mask], geometry[i], loads[i]
         s, c = here.sin, here.cos
-        weight = gravity * domino.half_weight * (s - domino.slender * c)
+        weight = gravity * domino.half_weight * here.lever
         alpha = here.after * lead + here.drv * u
         omega2 = here.after * here.after * u
         back_x, back_z = push_x, push_z
@@ -121,11 +159,12 @@ def contact_forces(ring, mask, n, low, geometry, u, gravity, mu, height, thickne
             push_x = force * (face.cos - mu * face.sin)
             push_z = force * (-face.sin - mu * face.cos)
             arm_back = here.arm_next
-        mass = 2.0 * domino.half_weight / height[i]
-        x = 0.5 * (height[i] * s - thickness[i] * c)
-        z = 0.5 * (height[i] * c + thickness[i] * s)
+        mass, height, thickness = mass_of(row, domino, i), row.height[i], row.thickness[i]
+        x = 0.5 * (height * s - thickness * c)
+        z = 0.5 * (height * c + thickness * s)
         floor_x = mass * (alpha * z - omega2 * x) - back_x + push_x
         floor_z = mass * (gravity - alpha * x - omega2 * z) - back_z + push_z
+        floor_x, floor_z = to_ground(row, i, floor_x, floor_z)
         load.load = min(load.load, floor_z / (mass * gravity))
         need = abs(floor_x) / floor_z if floor_z > 0.0 else np.inf
         load.floor_friction = max(load.floor_friction, need)
@@ -134,7 +173,7 @@ def contact_forces(ring, mask, n, low, geometry, u, gravity, mu, height, thickne
 @door
 def diagnose_chain(row, mu, gravity, push, rtol, loads):
     """A chain with its forces looked at; returns how it ended.  loads: (N,)."""
-    count, ring = len(row.thickness), np.zeros(ring_size(len(row.thickness)), LINK)
+    count, ring = len(row.thickness), new_ring(row, ring_size(len(row.thickness)))
     own_state, geometry = np.zeros(1, STATE), np.zeros(count, GEOMETRY)
     lanes, state, mask = np.zeros(LANES), own_state[0], len(ring) - 1
     untaped = np.empty(0, EVENT)
@@ -144,7 +183,7 @@ def diagnose_chain(row, mu, gravity, push, rtol, loads):
         strikes = n + 1 < count and row.spacing[n] < row.height[n]
         place(row, ring, mask, n, state)
         lengthen_tail(ring, mask, n)
-        released = begin_fall(state, gravity)
+        released = begin_fall(ring[n & mask], mu, gravity, state)
         state.flush_loss = 0.0
         b = fall_angle(ring[n & mask], strikes)
         for piece in range(PIECES + 1):
@@ -159,19 +198,15 @@ def diagnose_chain(row, mu, gravity, push, rtol, loads):
                     break
                 if state.flushes > flushes:
                     low = max(state.back, n - DEEPEST)
-                    stack_geometry(
-                        ring, mask, n, low, state.switched, mu, row.height, geometry, True
-                    )
+                    stack_geometry(row, ring, mask, n, low, state.switched, mu, geometry, True)
                     contact_impulses(
                         ring, mask, n, low, geometry, state.w_before, state.w_after,
                         loads["flush_impulse"],
                     )  # fmt: skip
                 state.flush_loss = max(lost, state.flush_loss)
             low = max(state.back, n - DEEPEST)
-            stack_geometry(ring, mask, n, low, at, mu, row.height, geometry, False)
-            contact_forces(
-                ring, mask, n, low, geometry, state.u, gravity, mu, row.height, row.thickness, loads
-            )
+            stack_geometry(row, ring, mask, n, low, at, mu, geometry, False)
+            contact_forces(row, ring, mask, n, low, geometry, state.u, gravity, mu, loads)
         loads[n].flush_loss = state.flush_loss
         came = math.sqrt(state.u)
         outcome = close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
@@ -182,7 +217,8 @@ def diagnose_chain(row, mu, gravity, push, rtol, loads):
             break
         went = math.sqrt(state.u)
         low = max(state.back, n + 1 - DEEPEST)
-        stack_geometry(ring, mask, n + 1, low, 0.0, mu, row.height, geometry, False)
+        stack_geometry(row, ring, mask, n + 1, low, 0.0, mu, geometry, False)
+        came /= hit_ratio(ring[n & mask])  # as its speed reads in the new stack
         contact_impulses(ring, mask, n + 1, low, geometry, came, went, loads["hit_impulse"])
     keep(own_state)
     keep(ring)

@@ -2,8 +2,8 @@
 
 import math
 
-from domino_env.kernels.jit import inlined, part
-from domino_env.kernels.links import join, stand
+from domino_env.kernels.jit import inlined, part, varies
+from domino_env.kernels.links import join, most_passed_on, stand
 from domino_env.kernels.slots import EPS
 
 
@@ -33,7 +33,7 @@ def begin(state, push):
 def open_chain(row, push, ring, state):
     """The first domino stands and has been pushed."""
     begin(state, push)
-    stand(ring, 0, 0, row.height[0], row.thickness[0], row.density[0])
+    stand(ring, 0, 0, row, 0)
     state.kappa = heaviest_force(row.height[0], row.thickness[0])
 
 
@@ -41,23 +41,31 @@ def open_chain(row, push, ring, state):
 def place(row, ring, mask, n, state):
     """Stand domino n+1, if there is one, in front of leader n."""
     if n + 1 < len(row.thickness):
-        d = row.thickness[n + 1]
-        stand(ring, mask, n + 1, row.height[n + 1], d, row.density[n + 1])
-        join(ring, mask, n, row.height[n], row.spacing[n], d)
-        state.kappa = max(state.kappa, heaviest_force(row.height[n + 1], d))
+        stand(ring, mask, n + 1, row, n + 1)
+        join(ring, mask, n, row, n, n + 1)
+        torque = heaviest_force(row.height[n + 1], row.thickness[n + 1])
+        state.kappa = max(state.kappa, torque)
 
 
 @inlined
 def lengthen_tail(ring, mask, n):
     """A bound on what lies behind leader n, from that of the one before."""
     if n > 0:
-        ring[n & mask].tail = ring[n & mask].inertia + ring[(n - 1) & mask].tail
+        behind = ring[(n - 1) & mask]
+        ring[n & mask].tail = ring[n & mask].inertia + most_passed_on(behind) * behind.tail
+
+
+@varies
+@inlined
+def grain(leader, mu, depth):
+    """By how many roundings of a leader's torque an interval may be off."""
+    return 8.0
 
 
 @inlined
-def begin_fall(state, gravity):
+def begin_fall(leader, mu, gravity, state):
     """Nothing of the fall is done; returns u at release."""
-    state.noise = 8.0 * EPS * gravity * state.kappa
+    state.noise = grain(leader, mu, state.depth) * EPS * gravity * state.kappa
     state.fall_time = 0.0
     state.margin = state.u
     return state.u

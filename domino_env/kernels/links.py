@@ -1,13 +1,31 @@
 """Dominoes and links in the ring: how they are written down, and how a link changes its contact."""
 
-from domino_env.kernels.jit import inlined, part
-from domino_env.kernels.slots import CORNER, RELEASED, TIP
+import numpy as np
+
+from domino_env.kernels.jit import inlined, part, varies
+from domino_env.kernels.slots import CORNER, LINK, RELEASED, TIP
 
 
+@varies
+@part
+def new_ring(row, size):
+    """An empty ring for the dominoes of a row."""
+    return np.zeros(size, LINK)
+
+
+@varies
 @inlined
-def stand(ring, mask, i, height, thickness, density):
-    """Write domino i into the ring (per unit of width; its link forward comes with the next)."""
-    domino = ring[i & mask]
+def stand(ring, mask, i, row, j):
+    """Write domino j of a row into the ring as domino i.
+
+    Per unit of width; its link forward comes with the next.
+    """
+    domino, height, thickness, density = (
+        ring[i & mask],
+        row.height[j],
+        row.thickness[j],
+        row.density[j],
+    )
     mass = density * height * thickness
     domino.inertia = mass * (height * height + thickness * thickness) / 3.0
     domino.half_weight = 0.5 * mass * height  # times gravity where it is used
@@ -18,10 +36,16 @@ def stand(ring, mask, i, height, thickness, density):
     domino.end_weight = 0.0
 
 
+@varies
 @inlined
-def join(ring, mask, i, height, gap, thickness_next):
-    """Write the link from i to i+1."""
-    link = ring[i & mask]
+def join(ring, mask, i, row, j, ahead):
+    """Write the link from i to i+1, which are dominoes j and `ahead` of the row."""
+    link, height, gap, thickness_next = (
+        ring[i & mask],
+        row.height[j],
+        row.spacing[j],
+        row.thickness[ahead],
+    )
     pitch = gap + thickness_next
     link.p_l = pitch / height
     link.s_l = gap / height
@@ -31,6 +55,27 @@ def join(ring, mask, i, height, gap, thickness_next):
     # cos θ = (p² + d² - L²) / 2pd, for the tip and for the corner
     link.v_release = (height - gap) * (height + gap) / (2.0 * pitch * thickness_next)
     link.due = min(link.v_flush, link.v_release)
+
+
+@varies
+@inlined
+def far(link):
+    """p² + e² - d², between the pivots."""
+    return link.s_l * (link.p_l + link.d_l)
+
+
+@varies
+@inlined
+def most_passed_on(link):
+    """Bound on Ω and |B/A| of a link at its tip."""
+    return 1.0
+
+
+@varies
+@inlined
+def past_flush(link, over):
+    """By what Δ [rad] the faces are past flush where 1 - cos θ_{i+1} is past its due by `over`."""
+    return over * link.p_l
 
 
 @inlined

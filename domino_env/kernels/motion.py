@@ -8,7 +8,8 @@ from domino_env.kernels.chain import ring_size
 from domino_env.kernels.fall import close_fall, fall, fall_angle
 from domino_env.kernels.front import begin_fall, lengthen_tail, open_chain, place
 from domino_env.kernels.jit import door, keep
-from domino_env.kernels.slots import EVENT, LANES, LINK, PROPAGATED, STATE, TINY
+from domino_env.kernels.links import new_ring
+from domino_env.kernels.slots import EVENT, LANES, PROPAGATED, STATE, TINY
 
 FLOOR = 1.55  # [rad] where the last leader is left, all but flat
 
@@ -21,7 +22,7 @@ def watch_chain(row, mu, gravity, push, rtol, snapshots):
     leader that strikes nothing falls on to FLOOR; one that stalls is left where it stops.
     """
     count, pieces = len(row.thickness), snapshots.shape[1] - 1
-    own_state, ring = np.zeros(1, STATE), np.zeros(ring_size(count), LINK)
+    own_state, ring = np.zeros(1, STATE), new_ring(row, ring_size(count))
     lanes, state, mask = np.zeros(LANES), own_state[0], len(ring) - 1
     untaped = np.empty(0, EVENT)
     open_chain(row, push, ring, state)
@@ -31,7 +32,7 @@ def watch_chain(row, mu, gravity, push, rtol, snapshots):
         strikes = n + 1 < count and row.spacing[n] < row.height[n]
         place(row, ring, mask, n, state)
         lengthen_tail(ring, mask, n)
-        released = begin_fall(state, gravity)
+        released = begin_fall(ring[n & mask], mu, gravity, state)
         b = fall_angle(ring[n & mask], True) if strikes else FLOOR
         snapshots[n, 0].speed = math.sqrt(state.u)
         outcome = PROPAGATED

@@ -13,6 +13,12 @@ in units of L_i, which the names p_l, s_l, d_l recall):
 
 1 - cos θ stands in for cos θ throughout: with it no difference of nearly equal numbers is left
 when gaps are tiny or nearly out of reach.
+
+Over hills θ counts from each domino's own stand, and what a link is made of is seen upright from
+the stand of i+1:
+
+    e_i        how much higher pivot i+1 is than pivot i, upright to the ground under i+1
+    β_i        slope of the ground under i less that under i+1: θ_i counts from β_i in that view
 """
 
 from typing import Any, NamedTuple
@@ -21,9 +27,15 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 
-def record_type(**fields: DTypeLike) -> np.dtype[np.record]:
-    """A structured dtype whose elements have their fields as attributes, compiled or not."""
-    described: Any = (np.record, np.dtype(list(fields.items()), align=True))
+def record_type(
+    base: np.dtype[np.record] | None = None, **fields: DTypeLike
+) -> np.dtype[np.record]:
+    """A structured dtype whose elements have their fields as attributes, compiled or not.
+
+    Those of `base` come last: a type that began with them, Numba would take for the base.
+    """
+    inherited = [(name, base[name]) for name in base.names or ()] if base is not None else []
+    described: Any = (np.record, np.dtype([*fields.items(), *inherited], align=True))
     record: np.dtype[np.record] = np.dtype(described)
     return record
 
@@ -60,6 +72,36 @@ LINK = record_type(
     contact=int,
     noted=int,  # 1 if the tape knows that the link turned corner
 )
+HILL_LINK = record_type(  # of rows over hills; half_weight and slender are then those to the slope
+    LINK,
+    rise_l=float,  # e of the link, seen upright from the stand of i+1
+    pace=float,  # dΔ/d(1 - cos θ_{i+1}) where it goes flush
+    turn=float,  # β, its sine and 1 - cosine
+    turn_s=float,
+    turn_v=float,
+)
+
+
+class Shape(NamedTuple):
+    """What a contact needs of its link."""
+
+    p_l: float
+    s_l: float
+    rest: float
+    d_l: float
+
+
+class HillShape(NamedTuple):
+    """The same over hills."""
+
+    p_l: float
+    s_l: float
+    rest: float
+    d_l: float
+    rise_l: float
+    turn_s: float
+    turn_v: float
+
 
 # --- The state of a chain between two falls -------------------------------------------------------
 STATE = record_type(
@@ -160,3 +202,14 @@ class Row(NamedTuple):
     thickness: NDArray[np.float64]
     height: NDArray[np.float64]
     density: NDArray[np.float64]
+
+
+class HillRow(NamedTuple):
+    """The same over hills [rad]: next pivot over this one, and the slope under each domino."""
+
+    spacing: NDArray[np.float64]
+    thickness: NDArray[np.float64]
+    height: NDArray[np.float64]
+    density: NDArray[np.float64]
+    rise: NDArray[np.float64]
+    tilt: NDArray[np.float64]

@@ -2,9 +2,9 @@
 
 import math
 
-from domino_env.kernels.contact import corner, tip
+from domino_env.kernels.contact import corner, shape_of, tip
 from domino_env.kernels.jit import apart, inlined, part
-from domino_env.kernels.links import catch_up
+from domino_env.kernels.links import catch_up, far, most_passed_on, past_flush
 from domino_env.kernels.quadrature import ORDERS, PLACES
 from domino_env.kernels.slots import (
     DRV,
@@ -73,15 +73,12 @@ def lead(lanes, count, leader, mu):
 @inlined
 def lean_at(lanes, count, link, mu, at_tip):
     """`lean` in one contact: a constant in the call makes a loop for each."""
-    p_l, s_l, rest, d_l = link.p_l, link.s_l, link.rest, link.d_l
-    inertia, half, slender = link.inertia, link.half_weight, link.slender
+    shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
     for j in range(count):
         if at_tip:
-            s, v, omega, psi, ratio = tip(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, mu)
+            s, v, omega, psi, ratio = tip(lanes[SIN + j], lanes[VER + j], shape, mu)
         else:
-            s, v, omega, psi, ratio = corner(
-                lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, mu
-            )
+            s, v, omega, psi, ratio = corner(lanes[SIN + j], lanes[VER + j], shape, mu)
         jac = lanes[JAC + j]
         drv = omega * lanes[DRV + j] + psi * jac * jac
         jac = omega * jac
@@ -108,12 +105,12 @@ def lean(lanes, count, link, mu):
 @inlined
 def lean_free_at(lanes, count, link, at_tip):
     """`lean_free` in one contact."""
-    p_l, s_l, rest, d_l, inertia = link.p_l, link.s_l, link.rest, link.d_l, link.inertia
+    shape, inertia = shape_of(link), link.inertia
     for j in range(count):
         if at_tip:
-            s, v, omega, _, _ = tip(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, 0.0)
+            s, v, omega, _, _ = tip(lanes[SIN + j], lanes[VER + j], shape, 0.0)
         else:
-            s, v, omega, _, _ = corner(lanes[SIN + j], lanes[VER + j], p_l, s_l, rest, d_l, 0.0)
+            s, v, omega, _, _ = corner(lanes[SIN + j], lanes[VER + j], shape, 0.0)
         jac = omega * lanes[JAC + j]
         lanes[SIN + j] = s
         lanes[VER + j] = v
@@ -181,9 +178,9 @@ def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, watch):
             if watch == TO_HIT and over + 1e-12 * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
                 return i, 0.0, True
             if watch == TO_SWITCH:
-                if over * link.p_l >= 1e-3 * TOGETHER:
+                if past_flush(link, over) >= 1e-3 * TOGETHER:
                     return i, 0.0, True
-                if over * link.p_l >= -TOGETHER:
+                if past_flush(link, over) >= -TOGETHER:
                     state.last_due = i
         if mu > 0.0:
             lean(lanes, count, link, mu)
@@ -206,15 +203,15 @@ def renew_tails(ring, mask, low, n):
     """Renew the bound T_i on Σ_{k ≤ i} I_k w_k / w_i from the cut up to the leader.
 
     T_i = I_i + |B/A| T_{i-1}.  As θ only grows, |B/A| of a link only falls until it turns corner,
-    where Ω ≤ (1 - p² + d²)/2 takes over; an old bound stays a bound.
+    where Ω ≤ (1 - p² - e² + d²)/2 takes over; an old bound stays a bound.
     """
     for i in range(low + 1, n + 1):
         below, domino = ring[(i - 1) & mask], ring[i & mask]
-        x2 = below.s_l * (below.p_l + below.d_l)
+        x2 = far(below)
         ratio = 0.5 * (1.0 - x2)
-        above = abs(domino.end_weight)
+        above, most = abs(domino.end_weight), most_passed_on(below)
         if above > TINY:
-            ratio = max(ratio, min(abs(below.end_weight) / above, 1.0))
+            ratio = max(ratio, min(abs(below.end_weight) / above, most))
         else:
-            ratio = 1.0
+            ratio = most
         domino.tail = domino.inertia + ratio * below.tail

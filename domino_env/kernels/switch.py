@@ -2,7 +2,7 @@
 
 from domino_env.kernels.contact import link_at, pose
 from domino_env.kernels.jit import apart, part
-from domino_env.kernels.links import can_flush, catch_up, flush, release
+from domino_env.kernels.links import can_flush, catch_up, flush, past_flush, release
 from domino_env.kernels.quadrature import ORDERS, PLACES
 from domino_env.kernels.slots import JAC, RELEASED, SIN, TINY, TOGETHER, VER
 
@@ -101,7 +101,7 @@ def switch(ring, mask, n, due_link, low, angle, mu, state):
         i -= 1
         link = ring[i & mask]
         over = v - link.due
-        due = over * link.p_l >= -TOGETHER
+        due = past_flush(link, over) >= -TOGETHER
         if not can_flush(link) and over >= -1e-12 * link.due:
             s, v, _, _, _ = link_at(link, s, v, mu)
             census(ring, mask, i, state.back, s, v, mu, state)

@@ -3,7 +3,7 @@
 from domino_env.kernels.fall import close_fall, fall, fall_angle
 from domino_env.kernels.front import begin_fall
 from domino_env.kernels.interval import CREEP, DEAD, FINE, ROUGH, affine_map, ride
-from domino_env.kernels.jit import apart, part
+from domino_env.kernels.jit import apart, inlined, part, varies
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import record
 from domino_env.kernels.slots import JAC, MAP_U, PROPAGATED, STALLED, WGT
@@ -11,10 +11,16 @@ from domino_env.kernels.stack import lead, lean, lean_free, spread, tail_size
 from domino_env.kernels.tape import note_hit, note_ride
 
 
+@varies
 @part
 def is_uniform(row):
     """Whether one stack serves every fall: all parts equal, and no link ever switches."""
-    spacing, thickness, height, density = row
+    return equal_parts(row.spacing, row.thickness, row.height, row.density)
+
+
+@part
+def equal_parts(spacing, thickness, height, density):
+    """`is_uniform` on flat ground."""
     s, d, length = spacing[0], thickness[0], height[0]
     if s * (s + 2.0 * d) > length * length or s >= length:
         return False
@@ -43,6 +49,13 @@ def uniform_order(lanes, domino, count, b, mu, gravity, tol):
     return -1
 
 
+@varies
+@inlined
+def finer_rule(domino, k, missed):
+    """The rule after one that did not resolve the time, for so many falls on end."""
+    return k
+
+
 @apart
 def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, arrivals, tape):
     """Falls 0 … N-2 of a uniform row: each adds one link to the same lanes until the tail is dead.
@@ -59,9 +72,9 @@ def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, arrivals, 
     lead(lanes, lanes_used, domino, mu)
     inertia = domino.inertia
     e_error, u_error, q_off, r_off, tail, behind = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    depth, closed = 0, False
+    depth, closed, missed = 0, False, 0
     for n in range(count - 1):
-        released = begin_fall(state, gravity)
+        released = begin_fall(domino, mu, gravity, state)
         force = 2.0 * b * gravity * state.kappa / state.u
         if closed:  # as u falls, what was cut off weighs more
             tail = tail_size(lanes, lanes_used, mu, force, b, behind)
@@ -96,7 +109,9 @@ def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, arrivals, 
             state.depth = depth
             if len(tape) > 0:
                 note_ride(tape, state, n, 0.0, b, k, n - depth, released)
+        missed = missed + 1 if done == ROUGH else 0
         if done == ROUGH:
+            k = finer_rule(domino, k, missed)
             outcome = fall(lanes, ring, 0, n, 0.0, b, mu, gravity, rtol, state, deep, tape)
             depth, closed = 0, False  # the lanes were used: begin again
             lanes_used = spread(lanes, k, 0.0, b)

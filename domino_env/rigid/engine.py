@@ -84,6 +84,7 @@ def topple(
     ValueError
         For a step that is not between 0 and 1 ms, for no sweeps, or no window.
     """
+    layout.require_flat("the rigid-body engine")
     if not 0.0 < step <= 1e-3:
         raise ValueError(f"step = {step} s: give one above 0 and up to 0.001")
     if sweeps < 1:

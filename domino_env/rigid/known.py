@@ -134,7 +134,8 @@ def digest(layout: Layout, physics: Physics) -> str:
         layout.spacing, layout.thickness, layout.height, layout.density,
         (physics.friction, physics.gravity, physics.push),
     )  # fmt: skip
-    told = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in parts)
+    ground = () if layout.is_flat else (layout.rise, layout.tilt)
+    told = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in (*parts, *ground))
     return hashlib.sha256(told).hexdigest()[:16]
 
 

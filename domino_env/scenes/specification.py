@@ -185,6 +185,8 @@ class Specification:
         if layout.count != self.count:
             return [f"{layout.count} dominoes stand where the scene asks for {self.count}"]
         found = []
+        if not layout.is_flat:
+            found.append("its ground is not flat, as the scene's is: rise and tilt must be 0")
         if not np.isclose(layout.thickness[0], self.first_thickness, rtol=1e-9, atol=0.0):
             found.append(
                 f"thickness[0] = {layout.thickness[0]} m: the first domino is the scene's, "

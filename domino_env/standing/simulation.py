@@ -156,7 +156,8 @@ def simulate_standing(
     Raises
     ------
     ValueError
-        For a friction, tolerance or moment out of its range, and a row of one domino.
+        For a friction, tolerance or moment out of its range, a row of one domino, and ground that
+        is not flat.
     ArithmeticError
         Where a velocity is not a number, which no row is known to bring about.
 
@@ -166,6 +167,7 @@ def simulate_standing(
     (1999), The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177, 235-257.
     """
     begun = time.perf_counter()
+    layout.require_flat("simulate_standing")
     if floor_friction is not None and not 0.0 <= floor_friction < math.inf:
         raise ValueError(
             f"floor_friction = {floor_friction}: give 0 or more, or None for hinged dominoes"

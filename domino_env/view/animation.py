@@ -77,6 +77,7 @@ def frames(
         raise ValueError(f"width = {width} px: give an even number of at least 200")
     for one in runners:
         require_drawable(one.name, one.wave.layout.count)
+        one.wave.layout.require_flat("the animation")
     motions = [Motion(one.wave.layout, one.wave.physics) for one in runners]
     longest = max(float(one.wave.layout.length) for one in runners)
     tallest = max(float(one.wave.layout.height.max()) for one in runners)

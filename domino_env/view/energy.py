@@ -78,6 +78,7 @@ def energies(motion: Motion, wave: Wave) -> Energy:
     friction on both sides is the flush's. Without friction all of it is.
     """
     layout = wave.layout
+    layout.require_flat("the account of energy")
     ends = wave.arrival_times[: wave.hit]
     if wave.hit < layout.count:
         ends = np.append(ends, motion.end)

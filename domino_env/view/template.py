@@ -73,6 +73,7 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     ValueError
         For an unknown paper, too wide a domino, or more sheets than `MOST_SHEETS`.
     """
+    layout.require_flat("the paper template")
     if paper not in PAPERS:
         raise ValueError(f"paper '{paper}': known are {', '.join(PAPERS)}")
     wide, high = PAPERS[paper]

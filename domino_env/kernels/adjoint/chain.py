@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from domino_env.kernels.adjoint.contact import hit_angle_back
 from domino_env.kernels.adjoint.interval import ride_back
 from domino_env.kernels.adjoint.slots import (
     BARS,
@@ -21,8 +22,8 @@ from domino_env.kernels.adjoint.switch import flush_back, hit_back, switch_back
 from domino_env.kernels.adjoint.uniform import SHARED, fall_back, forget, room_for_table
 from domino_env.kernels.chain import ring_size, row_of, solve
 from domino_env.kernels.fall import fall_angle
-from domino_env.kernels.jit import apart, door, keep, part
-from domino_env.kernels.links import join, stand
+from domino_env.kernels.jit import apart, door, keep, part, varies
+from domino_env.kernels.links import join, new_ring, stand
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 from domino_env.kernels.slots import (
@@ -32,14 +33,12 @@ from domino_env.kernels.slots import (
     FLIP,
     HIT,
     LANES,
-    LINK,
     PITCH,
     PROPAGATED,
     RIDE,
     STATE,
     SWITCH,
     TIP,
-    Row,
 )
 from domino_env.kernels.uniform import is_uniform
 
@@ -70,7 +69,7 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
             struck, low = tape[edge_row].leader, tape[edge_row].low
             b = fall_angle(ring[struck], True)
             x_bar = mass_back(lanes, bars, trail, ring, struck, low, b, m_bar, mu, parts, whole)
-            parts[struck, PART_GAP] += x_bar / math.cos(b)
+            hit_angle_back(ring[struck], math.cos(b), x_bar, parts[struck])
             m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
         if kind == FLIP:
             ring[n].contact = TIP
@@ -107,9 +106,10 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
                     lanes, bars, trail, ring, event, u_bar, t_bar, m_bar, mu, gravity, parts, whole
                 )
             edge_bar += end_bar
-            if edge == AT_HIT:  # sin θ = s
+            if edge == AT_HIT:
                 leader = ring[n]
-                parts[n, PART_GAP] += edge_bar / math.sqrt(leader.rest * (1.0 + leader.s_l))
+                cosine = math.sqrt(leader.rest * (1.0 + leader.s_l))
+                hit_angle_back(leader, cosine, edge_bar, parts[n])
             elif edge == AT_SWITCH:
                 switch_back(trail, ring, tape[edge_row], edge_bar, mu, parts)
             edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
@@ -117,9 +117,16 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
     return u_bar
 
 
+@varies
 @part
 def bodies_back(row, ring, parts, bar):
-    """From the bars of links and bodies to those of spacing, thickness, height and density."""
+    """From the bars of links and bodies to those of all that the row is made of."""
+    bodies_flat(row, ring, parts, bar)
+
+
+@part
+def bodies_flat(row, ring, parts, bar):
+    """`bodies_back` on flat ground: to those of spacing, thickness, height and density."""
     count = len(row.thickness)
     bar.thickness[:] = 0.0
     bar.height[:] = 0.0
@@ -154,11 +161,11 @@ def pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
     bar: a `Row` that is written, as is `whole`.
     """
     count = len(row.thickness)
-    ring = np.empty(count, LINK)
+    ring = new_ring(row, count)
     for i in range(count):
-        stand(ring, -1, i, row.height[i], row.thickness[i], row.density[i])
+        stand(ring, -1, i, row, i)
         if i + 1 < count:
-            join(ring, -1, i, row.height[i], row.spacing[i], row.thickness[i + 1])
+            join(ring, -1, i, row, i, i + 1)
     depth, count_lanes = 0, 0
     for at in range(used):
         event = tape[at]
@@ -195,13 +202,13 @@ def pull_rows(first, last, rows, mu, gravity, push, rtol, summaries, bars, whole
     bars: a `Row` of (B, N-1) and thrice (B, N).  wholes: (B,).
     """
     count = rows.thickness.shape[1]
-    ring, lanes = np.zeros(ring_size(count), LINK), np.zeros(LANES)
+    ring, lanes = new_ring(rows, ring_size(count)), np.zeros(LANES)
     own_state, unrecorded = np.zeros(1, STATE), np.empty(0, ARRIVAL)
     tape, arrival_bar, state = np.empty(4 * count + 16, EVENT), np.zeros(count), own_state[0]
     arrival_bar[count - 1] = 1.0
     for b in range(first, last):
         row = row_of(rows, b)
-        bar = Row(bars.spacing[b], bars.thickness[b], bars.height[b], bars.density[b])
+        bar = row_of(bars, b)
         while True:
             outcome, leader, struck, toppled = solve(
                 row, mu, gravity, push, rtol, lanes, ring, state, True, unrecorded, tape
@@ -214,10 +221,8 @@ def pull_rows(first, last, rows, mu, gravity, push, rtol, summaries, bars, whole
             used = state.taped
             pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, wholes[b])
         else:
-            bar.spacing[:] = 0.0
-            bar.thickness[:] = 0.0
-            bar.height[:] = 0.0
-            bar.density[:] = 0.0
+            for array in bar:
+                array[:] = 0.0
             wholes[b].friction = wholes[b].gravity = wholes[b].push = 0.0
     keep(own_state)
     keep(ring)

@@ -2,13 +2,17 @@
 
 import math
 
-from domino_env.kernels.jit import part
+from domino_env.kernels.adjoint.slots import PART_GAP, PART_PITCH, PART_THICK, ShapeBar
+from domino_env.kernels.contact import shape_of
+from domino_env.kernels.jit import inlined, part, varies
 from domino_env.kernels.slots import TINY, TIP
 
 
+@varies
 @part
-def tip_back(s, v, p_l, s_l, rest, d_l, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """`tip` in reverse: bars of s, v, p, s_l, d, μ; and Ω, Ψ, B/A again."""
+def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
+    """`tip` in reverse: bars of s, v, the link, μ; and Ω, Ψ, B/A again."""
+    p_l, s_l, rest, d_l = shape
     sd = s_l - p_l * v
     cd2 = (1.0 + sd) * (rest + p_l * v)
     cd = math.sqrt(cd2 if cd2 > TINY else TINY)
@@ -49,12 +53,15 @@ def tip_back(s, v, p_l, s_l, rest, d_l, mu, s_bar, v_bar, omega_bar, psi_bar, ra
     # contact
     sd_bar -= sd * inv_cd * cd_bar
     p_bar -= v * sd_bar
-    return back_s, -c_bar - p_l * sd_bar, p_bar, sd_bar, d_bar, mu_bar, omega, psi, ratio
+    back_v = -c_bar - p_l * sd_bar
+    return back_s, back_v, ShapeBar(p_bar, sd_bar, d_bar), mu_bar, omega, psi, ratio
 
 
+@varies
 @part
-def corner_back(s, v, p_l, s_l, d_l, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """`corner` in reverse; the same nine numbers."""
+def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
+    """`corner` in reverse; the same seven."""
+    p_l, s_l, _, d_l = shape
     r2 = s_l * s_l + 2.0 * p_l * d_l * v
     inv_r2 = 1.0 / r2
     inv_r1 = math.sqrt(inv_r2)
@@ -91,17 +98,41 @@ def corner_back(s, v, p_l, s_l, d_l, mu, s_bar, v_bar, omega_bar, psi_bar, ratio
     p_bar += 2.0 * d_l * v * r2_bar
     d_bar += 2.0 * p_l * v * r2_bar
     back_v += 2.0 * p_l * d_l * r2_bar
-    return back_s, back_v, p_bar, gap_bar, d_bar, mu_bar, omega, psi, ratio
+    return back_s, back_v, ShapeBar(p_bar, gap_bar, d_bar), mu_bar, omega, psi, ratio
 
 
 @part
 def link_back_at(link, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """`link_at` in reverse, for a single angle; the same nine numbers."""
+    """`link_at` in reverse, for a single angle; the same seven."""
     if link.contact == TIP:
-        return tip_back(
-            s, v, link.p_l, link.s_l, link.rest, link.d_l, mu, s_bar, v_bar, omega_bar, psi_bar,
-            ratio_bar,
-        )  # fmt: skip
-    return corner_back(
-        s, v, link.p_l, link.s_l, link.d_l, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar
-    )
+        return tip_back(s, v, shape_of(link), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
+    return corner_back(s, v, shape_of(link), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
+
+
+@varies
+@inlined
+def add_shape(parts, shape_bar):
+    """Add the bars of a link to those of its parts."""
+    parts[PART_PITCH] += shape_bar.pitch
+    parts[PART_GAP] += shape_bar.gap
+    parts[PART_THICK] += shape_bar.thick
+
+
+@varies
+@inlined
+def due_back(link, flushed, due_bar, parts):
+    """What a link waits for, in reverse."""
+    if flushed:  # s / p
+        parts[PART_GAP] += due_bar / link.p_l
+        parts[PART_PITCH] -= due_bar * link.s_l / (link.p_l * link.p_l)
+    else:  # (1 - s²) / 2pd
+        parts[PART_GAP] -= due_bar * link.s_l / (link.p_l * link.d_l)
+        parts[PART_PITCH] -= due_bar * link.v_release / link.p_l
+        parts[PART_THICK] -= due_bar * link.v_release / link.d_l
+
+
+@varies
+@inlined
+def hit_angle_back(link, cosine, x_bar, parts):
+    """The angle of a hit in reverse: sin θ = s."""
+    parts[PART_GAP] += x_bar / cosine

@@ -25,8 +25,8 @@ from domino_env.kernels.adjoint.slots import (
     SEED_G,
     SEED_M,
 )
-from domino_env.kernels.contact import pose
-from domino_env.kernels.jit import inlined, part
+from domino_env.kernels.contact import pose, shape_of
+from domino_env.kernels.jit import inlined, part, varies
 from domino_env.kernels.quadrature import ORDERS, PLACES
 from domino_env.kernels.slots import (
     DRV,
@@ -43,11 +43,31 @@ from domino_env.kernels.slots import (
 from domino_env.kernels.stack import lead, lean, lean_free
 
 
+@varies
+@inlined
+def keep_shape(bars, j, shape_bar):
+    """Write the bars of a link into its lane."""
+    bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = shape_bar
+
+
+@varies
+@inlined
+def no_shape(bars, j, domino):
+    """The leader has no link."""
+    bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = 0.0, 0.0, 0.0
+
+
+@varies
+@inlined
+def parts_of(link):
+    """How many parts there are bars of."""
+    return 6
+
+
 @inlined
 def lean_back(bars, above, here, count, link, mu, at_tip):
     """`lean` in reverse; `above` and `here` are the lanes before and after it."""
-    p_l, s_l, rest, d_l = link.p_l, link.s_l, link.rest, link.d_l
-    inertia, half, slender = link.inertia, link.half_weight, link.slender
+    shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
     for j in range(count):
         s, v, w, jac, drv = above[SIN + j], above[VER + j], above[WGT + j], above[JAC + j], above[DRV + j]  # noqa: E501  # fmt: skip
         s_i, c_i, w_i, jac_i, drv_i = here[SIN + j], 1.0 - here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
@@ -63,26 +83,25 @@ def lean_back(bars, above, here, count, link, mu, at_tip):
         bars[B_SLENDER + j] = -g * w_i * half * c_i
         o_bar, psi_bar, ratio_bar = drv_bar * drv + jac_bar * jac, drv_bar * jac * jac, w_bar * w
         if at_tip:
-            s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, psi, ratio = tip_back(
-                s, v, p_l, s_l, rest, d_l, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
+            s_bar, v_bar, shape_bar, mu_bar, omega, psi, ratio = tip_back(
+                s, v, shape, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
             )
         else:
-            s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, psi, ratio = corner_back(
-                s, v, p_l, s_l, d_l, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
+            s_bar, v_bar, shape_bar, mu_bar, omega, psi, ratio = corner_back(
+                s, v, shape, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
             )
         bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
         bars[B_WGT + j] = w_bar * ratio
         bars[B_JAC + j] = jac_bar * omega + 2.0 * drv_bar * psi * jac
         bars[B_DRV + j] = drv_bar * omega
         bars[B_MU + j] += mu_bar
-        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = p_bar, gap_bar, d_bar
+        keep_shape(bars, j, shape_bar)
 
 
 @inlined
 def lean_free_back(bars, above, here, count, link, at_tip):
     """`lean_free` in reverse."""
-    p_l, s_l, rest, d_l = link.p_l, link.s_l, link.rest, link.d_l
-    inertia, half, slender = link.inertia, link.half_weight, link.slender
+    shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
     for j in range(count):
         s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
         s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
@@ -94,32 +113,41 @@ def lean_free_back(bars, above, here, count, link, at_tip):
         bars[B_HALF + j] = g * (slender * s_i - v_i)
         bars[B_SLENDER + j] = g * half * s_i
         if at_tip:
-            s_bar, v_bar, p_bar, gap_bar, d_bar, _, omega, _, _ = tip_back(
-                s, v, p_l, s_l, rest, d_l, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+            s_bar, v_bar, shape_bar, _, omega, _, _ = tip_back(
+                s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
             )
         else:
-            s_bar, v_bar, p_bar, gap_bar, d_bar, _, omega, _, _ = corner_back(
-                s, v, p_l, s_l, d_l, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+            s_bar, v_bar, shape_bar, _, omega, _, _ = corner_back(
+                s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
             )
         bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
         bars[B_JAC + j] = jac_bar * omega
-        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = p_bar, gap_bar, d_bar
+        keep_shape(bars, j, shape_bar)
 
 
-@part
-def gather(bars, count, parts):
-    """Add what all lanes say of one domino."""
-    p, s, d, inertia, half, slender = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+@varies
+@inlined
+def gather_shape(bars, count, domino, parts):
+    """`gather`, of its link."""
+    p, s, d = 0.0, 0.0, 0.0
     for j in range(count):
         p += bars[B_PITCH + j]
         s += bars[B_GAP + j]
         d += bars[B_THICK + j]
-        inertia += bars[B_INERTIA + j]
-        half += bars[B_HALF + j]
-        slender += bars[B_SLENDER + j]
     parts[PART_PITCH] += p
     parts[PART_GAP] += s
     parts[PART_THICK] += d
+
+
+@part
+def gather(bars, count, domino, parts):
+    """Add what all lanes say of one domino."""
+    gather_shape(bars, count, domino, parts)
+    inertia, half, slender = 0.0, 0.0, 0.0
+    for j in range(count):
+        inertia += bars[B_INERTIA + j]
+        half += bars[B_HALF + j]
+        slender += bars[B_SLENDER + j]
     parts[PART_INERTIA] += inertia
     parts[PART_HALF] += half
     parts[PART_SLENDER] += slender
@@ -181,7 +209,7 @@ def lead_back(bars, first, count, leader, mu):
     half, slender = leader.half_weight, leader.slender
     for j in range(count):
         s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
-        bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = 0.0, 0.0, 0.0
+        no_shape(bars, j, leader)
         bars[B_INERTIA + j] = bars[SEED_M + j]
         if mu > 0.0:
             bars[B_SIN + j] += g * half
@@ -215,9 +243,9 @@ def stack_back(bars, count, ring, n, low, mu, trail, parts):
     no_bars(bars, count)
     for i in range(low, n):
         link_back(bars, trail[n - i - 1], trail[n - i], count, ring[i], mu)
-        gather(bars, count, parts[i])
+        gather(bars, count, ring[i], parts[i])
     lead_back(bars, trail[0], count, ring[n], mu)
-    gather(bars, count, parts[n])
+    gather(bars, count, ring[n], parts[n])
 
 
 @part
@@ -240,7 +268,7 @@ def tabulate(bars, k, ring, n, low, mu, trail, table):
             else:
                 lead_back(bars, trail[0], count, ring[n], mu)
             for j in range(count):
-                for c in range(6):
+                for c in range(parts_of(ring[i])):
                     table[q * count + j, (n - i) * PARTS + c] = bars[B_PITCH + c * PITCH + j]
         for j in range(count):
             x, at = angle_bar(bars, trail[0], j), (depth + 1) * PARTS

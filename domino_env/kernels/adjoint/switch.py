@@ -2,27 +2,20 @@
 
 import math
 
-from domino_env.kernels.adjoint.contact import link_back_at, tip_back
+from domino_env.kernels.adjoint.contact import add_shape, due_back, link_back_at, tip_back
 from domino_env.kernels.adjoint.slots import (
     FLUSHING,
     PART_GAP,
     PART_INERTIA,
-    PART_PITCH,
     PART_THICK,
+    PARTS,
 )
-from domino_env.kernels.contact import link_at, pose, tip
-from domino_env.kernels.jit import part
+from domino_env.kernels.contact import link_at, pose, shape_of, tip
+from domino_env.kernels.jit import part, varies
 from domino_env.kernels.slots import JAC, SIN, TINY, VER, WGT
 
 
-@part
-def add_link(parts, i, p_bar, gap_bar, d_bar):
-    """Add to the bars of p, s and d of link i."""
-    parts[i, PART_PITCH] += p_bar
-    parts[i, PART_GAP] += gap_bar
-    parts[i, PART_THICK] += d_bar
-
-
+@varies
 @part
 def hit_back(ring, hit, u_bar, mu, parts, whole):
     """`hit` in reverse: bars of u before it and of M."""
@@ -59,7 +52,7 @@ def flush_back(trail, ring, switch, u_bar, mu, parts, whole):
         link, here = ring[i], trail[n - i]
         s_i, v_i, omega, _, ratio = link_at(link, s, v, mu)
         if link.contact == FLUSHING:
-            _, _, omega, _, _ = tip(s, v, link.p_l, link.s_l, link.rest, link.d_l, mu)
+            _, _, omega, _, _ = tip(s, v, shape_of(link), mu)
             first = max(first, i + 1)
         s, v, w, jac = s_i, v_i, w * ratio, jac * omega
         here[SIN], here[VER], here[WGT], here[JAC] = s, v, w, jac
@@ -70,6 +63,7 @@ def flush_back(trail, ring, switch, u_bar, mu, parts, whole):
     keep_bar = 2.0 * keep * u * u_bar
     before_bar, after_bar = keep_bar / after, -keep_bar * keep / after
     s_bar, v_bar, w_bar, jac_bar = 0.0, 0.0, 0.0, 0.0
+    sums = trail[n - low + 1, :PARTS]  # of one link; the trail is one longer than the stack
     for i in range(low, n):
         link, here, above = ring[i], trail[n - i], trail[n - i - 1]
         seed = before_bar + (after_bar if i >= first else 0.0)
@@ -80,17 +74,20 @@ def flush_back(trail, ring, switch, u_bar, mu, parts, whole):
         s, v, w, jac = above[SIN], above[VER], above[WGT], above[JAC]
         o_bar, r_bar = jac_bar * jac, w_bar * w
         o_new = 0.0 if link.contact == FLUSHING else o_bar
-        s_bar, v_bar, p_bar, gap_bar, d_bar, mu_bar, omega, _, ratio = link_back_at(
+        sums[:] = 0.0
+        s_bar, v_bar, shape_bar, mu_bar, omega, _, ratio = link_back_at(
             link, s, v, mu, s_bar, v_bar, o_new, 0.0, r_bar
         )
+        add_shape(sums, shape_bar)
         if link.contact == FLUSHING:
-            s_2, v_2, p_2, gap_2, d_2, _, omega, _, _ = tip_back(
-                s, v, link.p_l, link.s_l, link.rest, link.d_l, mu, 0.0, 0.0, o_bar, 0.0, 0.0
+            s_2, v_2, shape_bar, _, omega, _, _ = tip_back(
+                s, v, shape_of(link), mu, 0.0, 0.0, o_bar, 0.0, 0.0
             )
             s_bar, v_bar = s_bar + s_2, v_bar + v_2
-            p_bar, gap_bar, d_bar = p_bar + p_2, gap_bar + gap_2, d_bar + d_2
+            add_shape(sums, shape_bar)
         w_bar, jac_bar = w_bar * ratio, jac_bar * omega
-        add_link(parts, i, p_bar, gap_bar, d_bar)
+        for c in range(PARTS):
+            parts[i, c] += sums[c]
         whole.friction += mu_bar
     parts[n, PART_INERTIA] += before_bar + after_bar
     return keep * keep * u_bar, (1.0 - trail[0, VER]) * s_bar + trail[0, SIN] * v_bar
@@ -112,18 +109,11 @@ def switch_back(trail, ring, switch, x_bar, mu, parts):
     if abs(rate) < TINY:
         return  # the link stands still: no angle is the answer, and this one is kept
     due_bar = x_bar / rate
-    due = ring[due_link]
-    if switch.flushed:  # s / p
-        parts[due_link, PART_GAP] += due_bar / due.p_l
-        parts[due_link, PART_PITCH] -= due_bar * due.s_l / (due.p_l * due.p_l)
-    else:  # (1 - s²) / 2pd
-        parts[due_link, PART_GAP] -= due_bar * due.s_l / (due.p_l * due.d_l)
-        parts[due_link, PART_PITCH] -= due_bar * due.v_release / due.p_l
-        parts[due_link, PART_THICK] -= due_bar * due.v_release / due.d_l
+    due_back(ring[due_link], switch.flushed, due_bar, parts[due_link])
     s_bar, v_bar = 0.0, -due_bar
     for i in range(due_link + 1, n):
         above = trail[n - i - 1]
-        s_bar, v_bar, p_bar, gap_bar, d_bar, _, _, _, _ = link_back_at(
+        s_bar, v_bar, shape_bar, _, _, _, _ = link_back_at(
             ring[i], above[SIN], above[VER], mu, s_bar, v_bar, 0.0, 0.0, 0.0
         )
-        add_link(parts, i, p_bar, gap_bar, d_bar)
+        add_shape(parts[i], shape_bar)

@@ -10,11 +10,17 @@ waits three times as long.  Here a function is one of
     apart    machine code of its own, once, which its callers call
     door     what Python calls
 
+A part that `varies` has a second one for rows over hills, made known by `on_hills`.  Which of them
+is called, the types of the arguments say: rows, links and shapes over hills have fields `rise…`. So
+what flat ground runs knows nothing of hills, and who stays there does not wait for their machine
+code.
+
 Only doors can be called from Python, and only from there.  With NUMBA_DISABLE_JIT=1 all of them are
 the Python functions that they are written as.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import wraps
 from typing import Any
 
 import numba
@@ -24,7 +30,7 @@ from domino_env.kernels.jit.arrays import DISABLED, borrowed
 from domino_env.kernels.jit.cache import know_apart, use_cache
 from domino_env.kernels.jit.libraries import Apart, Door, Library, Part, compiler_into
 
-__all__ = ["apart", "borrowed", "door", "inlined", "keep", "part"]
+__all__ = ["apart", "borrowed", "door", "inlined", "keep", "on_hills", "part", "varies"]
 
 
 def door(function: Callable[..., Any]) -> Any:
@@ -48,6 +54,49 @@ def inlined(function: Callable[..., Any]) -> Any:
 def apart(function: Callable[..., Any]) -> Any:
     """Compile a function once, on its own."""
     return _compiled(function, Apart)
+
+
+def varies(flat: Any) -> Any:
+    """Let `on_hills` replace a part where its arguments are of a row over hills."""
+    if DISABLED:
+
+        @wraps(flat)
+        def either(*arguments: Any) -> Any:
+            over = any(_knows_hills(argument) for argument in arguments)
+            return (either.hills if over else flat)(*arguments)  # type: ignore[attr-defined]
+
+        return either
+    template, overload = flat.get_call_template, flat.get_overload
+
+    def choose(arguments: Iterable[Any]) -> bool:
+        return any(_knows_hills(argument) for argument in arguments)
+
+    flat.get_call_template = lambda arguments, names: (
+        flat.hills.get_call_template if choose(arguments) else template
+    )(arguments, names)
+    flat.get_overload = lambda arguments: (
+        flat.hills.get_overload if choose(arguments) else overload
+    )(arguments)
+    return flat
+
+
+def on_hills(flat: Any) -> Callable[[Any], Any]:
+    """Make known what a part that varies is replaced by, over hills."""
+
+    def register(hills: Any) -> Any:
+        flat.hills = hills
+        return hills
+
+    return register
+
+
+def _knows_hills(value: Any) -> bool:
+    """Whether a value, or a type of Numba's, has a field of hills."""
+    for owner in (value, getattr(value, "dtype", None)):
+        for names in ("_fields", "fields", "names"):
+            if any(name.startswith("rise") for name in getattr(owner, names, None) or ()):
+                return True
+    return False
 
 
 def _compiled(function: Callable[..., Any], library: type[Library], **options: bool) -> Any:

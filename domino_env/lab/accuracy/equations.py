@@ -38,14 +38,18 @@ TIP, CORNER = 0.0, 1.0
 TOGETHER = 1e-9  # [rad] links flush within this Δ switch in one impact
 EULER, RK4 = 0, 1
 
-# Columns of a row's table: one line a domino and its link to the next.  DUE is the cos θ_{i+1} at
-# which the link next switches, FREE the one at which it is released.
+# Columns of a row's table: one line a domino and its link to the next.  PITCH and RISE lead from
+# pivot to pivot, TILT is the lean at rest, with sine and cosine of that of the next.  DUE is the
+# cosine of the lean of i+1 from its rest at which the link next switches, FREE the one at which it
+# is released.
 HEIGHT, THICK_NEXT, PITCH, INERTIA, WEIGHT, THICKNESS, STATE, DUE, FREE = range(9)
-COLUMNS = 9
+RISE, TILT, TILT_NEXT, SIN_NEXT, COS_NEXT = range(9, 14)
+COLUMNS = 14
+NEVER = -2.0  # no cosine
 
 
 @_compiled
-def table(spacing, thickness, height, density):
+def table(spacing, thickness, height, density, rise, tilt):
     """Return (N, COLUMNS) what the equations need of a row, per unit of width; all tips."""
     rows = np.zeros((len(thickness), COLUMNS))
     for i in range(len(thickness)):
@@ -54,37 +58,63 @@ def table(spacing, thickness, height, density):
         rows[i, HEIGHT], rows[i, THICKNESS] = length, d
         rows[i, INERTIA] = mass * (length * length + d * d) / 3.0
         rows[i, WEIGHT] = 0.5 * mass  # times gravity where it is used
+        rows[i, TILT] = tilt[i]
         if i + 1 < len(thickness):
             d = thickness[i + 1]
             p = spacing[i] + d
-            free = (p * p + d * d - length * length) / (2.0 * p * d)
-            rows[i, PITCH], rows[i, THICK_NEXT] = p, d
-            rows[i, FREE], rows[i, DUE] = free, max(d / p, free)
+            s, c, e = math.sin(tilt[i + 1]), math.cos(tilt[i + 1]), rise[i]
+            p = (p + e * s) / c
+            rows[i, PITCH], rows[i, RISE], rows[i, THICK_NEXT] = p, e, d
+            rows[i, TILT_NEXT], rows[i, SIN_NEXT], rows[i, COS_NEXT] = tilt[i + 1], s, c
+            flush = cosine_at(d, p, e, tilt[i + 1])
+            free = cosine_at(
+                (p * p + e * e + d * d - length * length) / (2.0 * d), p, e, tilt[i + 1]
+            )
+            rows[i, FREE], rows[i, DUE] = free, max(flush, free)
     return rows
+
+
+@_compiled
+def cosine_at(level, p, e, tilt):
+    """Cosine of the lean from its rest at which p cos θ - e sin θ has fallen to a level."""
+    if e == 0.0 and tilt == 0.0:
+        return level / p
+    far = math.sqrt(p * p + e * e)
+    if level <= -far:
+        return NEVER
+    return math.cos(math.acos(min(level / far, 1.0)) - math.atan2(e, p) - tilt)
 
 
 # --- One link, the whole stack --------------------------------------------------------------------
 @_compiled
 def link(row, state, s, c, mu):
     """One link at sin θ, cos θ of the domino ahead: sin and cos of the one behind, Ω, Ψ, B/A."""
-    length, d, p = row[HEIGHT], row[THICK_NEXT], row[PITCH]
+    length, d, p, e = row[HEIGHT], row[THICK_NEXT], row[PITCH], row[RISE]
     if state == TIP:
-        sin_gap = (p * c - d) / length  # eq. 1
+        sin_gap = (p * c - e * s - d) / length  # eq. 1
         cos_gap = math.sqrt(max(1.0 - sin_gap * sin_gap, 1e-30))
-        omega = 1.0 - p * s / (length * cos_gap)  # eq. 2
+        q = p * s + e * c
+        omega = 1.0 - q / (length * cos_gap)  # eq. 2
         s_i = s * cos_gap + c * sin_gap
         c_i = c * cos_gap - s * sin_gap
-        psi = -p * (c_i + s * sin_gap * omega) / (length * cos_gap * cos_gap)  # eq. 3, corrected
-        ratio = (length * cos_gap - p * s - mu * d) / (length * (cos_gap + mu * sin_gap))  # eq. 7
+        bend = p * (c_i + s * sin_gap * omega) - e * (s_i - c * sin_gap * omega)
+        psi = -bend / (length * cos_gap * cos_gap)  # eq. 3, corrected
+        ratio = (length * cos_gap - q - mu * d) / (length * (cos_gap + mu * sin_gap))  # eq. 7
         return s_i, c_i, omega, psi, ratio
-    square = p * p - 2.0 * p * d * c + d * d
+    square = p * p - 2.0 * p * d * c + d * d + e * (e + 2.0 * d * s)
     root = math.sqrt(square)
     s_i = (p - d * c) / root
-    c_i = d * s / root
-    omega = d * (d - p * c) / square
-    psi = p * d * s * (p * p - d * d) / (square * square)
+    c_i = (d * s + e) / root
+    omega = d * (d - p * c + e * s) / square
+    psi = (p * d * s + e * d * c) * (p * p - d * d + e * e) / (square * square)
     ratio = d * (s * c_i - c * s_i - mu * (c * c_i + s * s_i)) / root
     return s_i, c_i, omega, psi, ratio
+
+
+@_compiled
+def upright(row, s, c):
+    """Cosine of the lean of the domino ahead from its rest."""
+    return c * row[COS_NEXT] + s * row[SIN_NEXT]
 
 
 @_compiled
@@ -102,7 +132,7 @@ def stack(rows, n, back, angle, mu):
     sum_d = 0.0
     for i in range(n - 1, back - 1, -1):
         row = rows[i]
-        margin = min(margin, c - row[DUE])
+        margin = min(margin, upright(row, s, c) - row[DUE])
         s, c, omega, psi, ratio = link(row, row[STATE], s, c, mu)
         drv = omega * drv + psi * jac * jac
         jac *= omega
@@ -132,14 +162,15 @@ def acceleration(rows, n, back, angle, speed2, mu, gravity):
 def hit(rows, n, sum_m, mu):
     """ω⁺/ω⁻ where leader n, upon a stack of Σ w I J, strikes n+1, with friction.
 
-    Not within (0, 1) where friction passes no push on.
+    0 where friction passes no push on.
 
     References
     ----------
     Chapman, The physics of toppling dominoes, eqs. 8-9.
     """
-    m = link(rows[n], TIP, 0.0, 1.0, mu)[4] * sum_m
-    return m / (m + rows[n + 1, INERTIA])
+    _, _, omega, _, ratio = link(rows[n], TIP, rows[n, SIN_NEXT], rows[n, COS_NEXT], mu)
+    m = ratio * sum_m
+    return m / (m * omega + rows[n + 1, INERTIA]) if m > 0.0 else 0.0
 
 
 @_compiled
@@ -168,7 +199,7 @@ def switch(rows, n, back, angle, mu, slack):
     while i > back:
         i -= 1
         row = rows[i]
-        over = row[DUE] - c
+        over = row[DUE] - upright(row, s, c)
         flushes = row[STATE] == TIP and row[DUE] > row[FREE]
         if not flushes and over >= -1e-14:
             back = i + 1
@@ -190,12 +221,13 @@ def lead_by(rows, n, i, angle):
     """Lean of leader n at which domino i leans by `angle`, from contact to contact, closed form."""
     for k in range(i, n):
         row = rows[k]
-        p, d = row[PITCH], row[THICK_NEXT]
+        p, d, e = row[PITCH], row[THICK_NEXT], row[RISE]
         if row[STATE] == TIP:
-            a, b = p - row[HEIGHT] * math.sin(angle), row[HEIGHT] * math.cos(angle)
+            a, b = p - row[HEIGHT] * math.sin(angle), row[HEIGHT] * math.cos(angle) - e
             angle = math.atan2(b, a) - math.acos(min(d / math.sqrt(a * a + b * b), 1.0))
         else:
-            angle += math.acos(min(max(p / d * math.cos(angle), -1.0), 1.0))
+            x = p / d * math.cos(angle) - e / d * math.sin(angle)
+            angle += math.acos(min(max(x, -1.0), 1.0))
     return angle
 
 
@@ -206,8 +238,9 @@ def first_switch(rows, n, back, angle):
     first = angle
     for i in range(n - 1, back - 1, -1):
         row = rows[i]
-        if c < row[DUE]:
-            first = min(first, lead_by(rows, n, i + 1, math.acos(row[DUE])))
+        if upright(row, s, c) < row[DUE]:
+            goes = row[TILT_NEXT] + math.acos(row[DUE])
+            first = min(first, lead_by(rows, n, i + 1, goes))
         s, c, _, _, _ = link(row, row[STATE], s, c, 0.0)
     return first
 
@@ -279,9 +312,9 @@ def rk4_until(rows, n, back, angle, speed, a1, end, h, mu, gravity):
 def goal(rows, n):
     """Angle of leader n at which its fall ends (it hits, or it tips), and whether it hits."""
     row = rows[n]
-    gap = row[PITCH] - row[THICK_NEXT]
+    gap = row[PITCH] * row[COS_NEXT] - row[RISE] * row[SIN_NEXT] - row[THICK_NEXT]
     if n + 1 < len(rows) and gap < row[HEIGHT]:
-        return math.asin(gap / row[HEIGHT]), True
+        return math.asin(gap / row[HEIGHT]) + row[TILT_NEXT], True
     return math.atan(row[THICKNESS] / row[HEIGHT]), False
 
 
@@ -289,8 +322,8 @@ def goal(rows, n):
 def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
     """Topple a row in fixed steps; what happens in a step takes place at its end.
 
-    The next leader starts upright: what the last step had gone too far is lost, as in the program
-    of the article. Arrival times are written into `arrival`.
+    The next leader starts from its rest: what the last step had gone too far is lost, as in the
+    program of the article. Arrival times are written into `arrival`.
 
     Returns
     -------
@@ -299,7 +332,7 @@ def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
     int
         Evaluations of the stack's acceleration.
     """
-    angle, speed, now, n, back, used = 0.0, push, 0.0, 0, 0, 0
+    angle, speed, now, n, back, used = rows[0, TILT], push, 0.0, 0, 0, 0
     end, strikes = goal(rows, 0)
     sums = stack(rows, n, back, angle, mu)
     while used < most:
@@ -326,10 +359,10 @@ def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
             return (OUT_OF_REACH if n + 1 < len(rows) else PROPAGATED), used
         keep = hit(rows, n, sums[0], mu)
         arrival[n + 1] = now
-        if not 0.0 < keep < 1.0:
+        if not 0.0 < keep < np.inf:
             return JAMMED, used
         n += 1
-        angle, speed = 0.0, speed * keep
+        angle, speed = rows[n, TILT], speed * keep
         end, strikes = goal(rows, n)
         sums = stack(rows, n, back, angle, mu)
     return UNFINISHED, used
@@ -349,7 +382,7 @@ def located(rows, mu, gravity, push, h, most, arrival):
     int
         Evaluations of the stack's acceleration.
     """
-    angle, speed, now, n, back, used = 0.0, push, 0.0, 0, 0, 0
+    angle, speed, now, n, back, used = rows[0, TILT], push, 0.0, 0, 0, 0
     end, strikes = goal(rows, 0)
     sums = stack(rows, n, back, angle, mu)
     while used < most:
@@ -389,10 +422,10 @@ def located(rows, mu, gravity, push, h, most, arrival):
             return (OUT_OF_REACH if n + 1 < len(rows) else PROPAGATED), used
         keep = hit(rows, n, sums[0], mu)
         arrival[n + 1] = now
-        if not 0.0 < keep < 1.0:
+        if not 0.0 < keep < np.inf:
             return JAMMED, used
         n += 1
-        angle, speed = 0.0, speed * keep
+        angle, speed = rows[n, TILT], speed * keep
         end, strikes = goal(rows, n)
         sums = stack(rows, n, back, angle, mu)
         used += 1

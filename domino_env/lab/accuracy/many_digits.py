@@ -116,6 +116,7 @@ class _Row:
         self.count = layout.count
         self.height, self.thick = exact(layout.height), exact(layout.thickness)
         self.gap, density = exact(layout.spacing), exact(layout.density)
+        self.tilt, self.rise = exact(layout.tilt), exact(layout.rise)
         self.mu, self.g = mp.mpf(physics.friction), mp.mpf(physics.gravity)
         self.push = mp.mpf(physics.push)
         self.mass = [r * h * d for r, h, d in zip(density, self.height, self.thick, strict=True)]
@@ -128,15 +129,18 @@ class _Row:
         self.flushes = 0
 
     # where everything is ---------------------------------------------------------------------
-    def pitch(self, i: int) -> Number:
-        return self.gap[i] + self.thick[i + 1]
+    def shift(self, i: int) -> Pair:
+        """From pivot i to pivot i+1: upright to the rear face of i+1 lies the gap before it."""
+        slope, e = self.tilt[i + 1], self.rise[i]
+        way = self.gap[i] + self.thick[i + 1] + e * mp.sin(slope)
+        return way / mp.cos(slope), e
 
     def behind(self, i: int, angle: Number) -> Number:
         """Lean of domino i where i+1 leans by `angle`."""
-        length, p, d = self.height[i], self.pitch(i), self.thick[i + 1]
+        length, (p, e), d = self.height[i], self.shift(i), self.thick[i + 1]
         if self.state[i] == "tip":
-            return angle + mp.asin((p * mp.cos(angle) - d) / length)
-        return mp.atan2(p - d * mp.cos(angle), d * mp.sin(angle))
+            return angle + mp.asin((p * mp.cos(angle) - e * mp.sin(angle) - d) / length)
+        return mp.atan2(p - d * mp.cos(angle), e + d * mp.sin(angle))
 
     def angles(self, n: int, angle: Number, last: int) -> Leans:
         """Leans of dominoes n … last where n leads."""
@@ -155,14 +159,14 @@ class _Row:
             -self.thick[i + 1] * ahead[0],
             -self.thick[i + 1] * ahead[1],
         )  # rear bottom edge from pivot i+1
-        shift = (self.pitch(i), mp.mpf(0))  # from pivot i to pivot i+1
+        shift = self.shift(i)
         if self.state[i] == "tip":
             at_i = (self.height[i] * mp.sin(a), self.height[i] * mp.cos(a))
-            at_next = (at_i[0] - shift[0], at_i[1])
+            at_next = (at_i[0] - shift[0], at_i[1] - shift[1])
             normal, along = ahead, face
         else:
             at_next = edge
-            at_i = (edge[0] + shift[0], edge[1])
+            at_i = (edge[0] + shift[0], edge[1] + shift[1])
             normal, along = (mp.cos(a), -mp.sin(a)), (mp.sin(a), mp.cos(a))
 
         def velocity(place: Pair, speed: Number) -> Pair:
@@ -254,11 +258,12 @@ class _Row:
     # switches --------------------------------------------------------------------------------
     def due(self, i: int) -> tuple[Number, str]:
         """Lean of i+1 at which link i switches, and to what."""
-        length, p, d = self.height[i], self.pitch(i), self.thick[i + 1]
-        cosine = (p * p + d * d - length * length) / (2 * p * d)
-        free = mp.acos(cosine) if cosine > -1 else mp.inf
-        if self.state[i] == "tip" and p * p - d * d < length * length:
-            return mp.acos(d / p), "corner"
+        length, (p, e), d = self.height[i], self.shift(i), self.thick[i + 1]
+        far, up = mp.sqrt(p * p + e * e), mp.atan2(e, p)  # of pivot i+1, seen from pivot i
+        cosine = (far * far + d * d - length * length) / (2 * far * d)
+        free = mp.acos(cosine) - up if cosine > -1 else mp.inf
+        if self.state[i] == "tip" and far * far - d * d < length * length:
+            return mp.acos(d / far) - up, "corner"
         return free, "released"
 
     def next_switch(self, n: int, a: Number, b: Number) -> Number | None:
@@ -308,10 +313,10 @@ class _Row:
         for n in range(self.count):
             strikes = n + 1 < self.count and self.gap[n] < self.height[n]
             if strikes:
-                b = mp.asin(self.gap[n] / self.height[n])
+                b = self.tilt[n + 1] + mp.asin(self.gap[n] / self.height[n])
             else:
                 b = mp.atan(self.thick[n] / self.height[n])
-            a, released = mp.mpf(0), u
+            a, released = self.tilt[n], u
             while a < b:
                 end = self.next_switch(n, a, b) or b
                 if end > a:
@@ -330,12 +335,12 @@ class _Row:
             if not strikes:
                 return ended(Outcome.PROPAGATED if n + 1 == self.count else Outcome.OUT_OF_REACH)
             times.append(now)
-            lean, rate, _ = self.motion(n + 1, mp.mpf(0))
+            lean, rate, _ = self.motion(n + 1, self.tilt[n + 1])
             before = {k: self.inertia[k] * rate[k] * (k <= n) for k in lean}
             ratio = self.solve(n + 1, lean, rate, [before])[0]
             if not 0 < ratio < 1:
                 return ended(Outcome.JAMMED)
-            u *= ratio * ratio
+            u *= (ratio / rate[n]) ** 2  # the leader struck as fast as it turns in the new stack
         raise AssertionError("a row ends with its last domino")
 
 

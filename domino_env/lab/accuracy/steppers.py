@@ -75,7 +75,8 @@ def step_row(
         raise ValueError(f"method = {method!r}: choose one of {', '.join(FIXED + ADAPTIVE)}")
     if not 0.0 < setting < math.inf:
         raise ValueError(f"setting = {setting}: a step [s] or tolerance, positive and finite")
-    rows = eq.table(layout.spacing, layout.thickness, layout.height, layout.density)
+    row = layout.spacing, layout.thickness, layout.height, layout.density
+    rows = eq.table(*row, layout.rise, layout.tilt)
     arrival = np.full(layout.count, np.inf)
     arrival[0] = 0.0
     given = (rows, physics.friction, physics.gravity, physics.push, setting)
@@ -125,7 +126,7 @@ def _adaptive(
     events = (arrives, switches, stops)
     for event in events:
         event.terminal = True  # type: ignore[attr-defined]
-    angle, speed, now = 0.0, physics.push, 0.0
+    angle, speed, now = float(rows[0, eq.TILT]), physics.push, 0.0
     while True:
         # a link may be due at once: flush together with a hit, or released by a flush
         if switches(now, np.array([angle, speed])) <= 1e-14:
@@ -139,10 +140,10 @@ def _adaptive(
                 return (eq.PROPAGATED if n + 1 == len(rows) else eq.OUT_OF_REACH), used
             arrival[n + 1] = now
             keep = eq.hit(rows, n, sums[0], mu)
-            if not 0.0 < keep < 1.0:
+            if not 0.0 < keep < math.inf:
                 return eq.JAMMED, used
             n += 1
-            angle, speed = 0.0, speed * keep
+            angle, speed = float(rows[n, eq.TILT]), speed * keep
             end, strikes = eq.goal(rows, n)
         if not eq.stack(rows, n, back, angle, mu)[0] > 0.0:
             return eq.NO_RIGID_ANSWER, used
@@ -154,7 +155,7 @@ def _adaptive(
                 (angle, speed),
                 method=method,
                 rtol=max(rtol, 2.3e-14),
-                atol=(rtol * end, rtol * 1.0 / swing),
+                atol=(rtol * (end - float(rows[n, eq.TILT])), rtol * 1.0 / swing),
                 events=events,
             )
         except _SpentError:

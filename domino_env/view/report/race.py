@@ -67,6 +67,7 @@ def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
     for one in racers:
         if one.wave.layout.count < 2:
             raise ValueError(f"{one.name}: one domino does not race; give at least two")
+        one.wave.layout.require_flat("the race page")
     merits = _merits(racers)
     first = max(range(len(racers)), key=lambda k: merits[k])
     return {

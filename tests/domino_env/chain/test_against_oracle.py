@@ -3,6 +3,7 @@
 import numpy as np
 import oracle
 import pytest
+from hilly_rows import hilly_row
 
 import domino_env as de
 
@@ -12,9 +13,9 @@ AGREE = 1e-11  # relative, of times and velocities
 def compare(spacing, thickness, *, rtol=AGREE, reach=1e-9, **given):
     """Topple both, hold all they say against each other; returns what simulate says."""
     slow = oracle.topple(spacing, thickness, **given)
-    layout = de.Layout(
-        spacing, thickness, given.get("height", 0.048), density=given.get("density", 1040.0)
-    )
+    ground = {name: given[name] for name in ("rise", "tilt") if name in given}
+    height, density = given.get("height", 0.048), given.get("density", 1040.0)
+    layout = de.Layout(spacing, thickness, height, density=density, **ground)
     physics = de.Physics(
         given.get("friction", 0.25), given.get("gravity", 9.81), given.get("push", 8.0)
     )
@@ -70,6 +71,24 @@ def test_heights_up_and_down(seed):
     spacing = np.maximum(room * 1.001, rng.uniform(0.005, 0.03, 8))
     thickness = rng.uniform(0.005, 0.01, 9)
     compare(spacing, thickness, height=height, friction=0.3 * (seed % 2), push=16.0)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2, 0.5])
+@pytest.mark.parametrize("seed", [1, 2, 3, 5])
+def test_over_hills(seed, friction):
+    """Crests, hollows and steps; thin dominoes, which slip off, among them."""
+    layout = hilly_row(seed, 9)
+    row = layout.spacing, layout.thickness
+    compare(*row, friction=friction, push=16.0, rise=layout.rise, tilt=layout.tilt)
+
+
+@pytest.mark.parametrize("slope", [-0.12, 0.14])
+def test_on_an_even_slope(slope):
+    """Uphill this one dies."""
+    rng = np.random.default_rng(7)
+    spacing, thickness = rng.uniform(0.006, 0.034, 11), rng.uniform(0.007, 0.01, 12)
+    rise = -(spacing + thickness[1:]) * np.sin(slope)
+    compare(spacing, thickness, push=7.0, rise=rise, tilt=slope)
 
 
 @pytest.mark.parametrize("name", ["sprint", "sprint-thickness", "ideal", "gentle"])

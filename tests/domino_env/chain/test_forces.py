@@ -13,46 +13,54 @@ COUNT, GRAVITY = 7, 9.81
 
 
 @door
-def stand_all(ring, height, spacing, thickness, density):
-    for i in range(len(thickness)):
-        links.stand(ring, len(ring) - 1, i, height, thickness[i], density[i])
-    for i in range(len(spacing)):
-        links.join(ring, len(ring) - 1, i, height, spacing[i], thickness[i + 1])
+def stand_all(ring, row):
+    for i in range(len(row.thickness)):
+        links.stand(ring, len(ring) - 1, i, row, i)
+    for i in range(len(row.spacing)):
+        links.join(ring, len(ring) - 1, i, row, i, i + 1)
 
 
 @door
-def loads_at(ring, n, angle, u, gravity, mu, height, thickness, geometry, loads):
+def loads_at(row, ring, n, angle, u, gravity, mu, geometry, loads):
     mask = len(ring) - 1
-    forces.stack_geometry(ring, mask, n, 0, angle, mu, height, geometry, False)
-    forces.contact_forces(ring, mask, n, 0, geometry, u, gravity, mu, height, thickness, loads)
+    forces.stack_geometry(row, ring, mask, n, 0, angle, mu, geometry, False)
+    forces.contact_forces(row, ring, mask, n, 0, geometry, u, gravity, mu, loads)
 
 
 @door
-def impulses_at(ring, n, mu, height, before, after, geometry, least):
+def impulses_at(row, ring, n, mu, before, after, geometry, least):
     mask = len(ring) - 1
-    forces.stack_geometry(ring, mask, n, 0, 0.0, mu, height, geometry, False)
+    forces.stack_geometry(row, ring, mask, n, 0, 0.0, mu, geometry, False)
     forces.contact_impulses(ring, mask, n, 0, geometry, before, after, least)
 
 
-def stacks(seed, friction):
+def stacks(seed, friction, hills):
     """The same row in the kernels' ring and as the oracle's chain."""
     rng = np.random.default_rng(seed)
     spacing, thickness = rng.uniform(0.01, 0.03, COUNT - 1), rng.uniform(0.005, 0.01, COUNT)
     density = rng.uniform(500.0, 2000.0, COUNT)
-    ring = np.zeros(8, kernels.LINK)
-    stand_all(ring, 0.048, spacing, thickness, density)
-    chain = oracle.Chain(spacing, thickness, 0.048, density, friction, GRAVITY, width=1.0)
-    return ring, chain, np.full(COUNT, 0.048), thickness
+    rise, tilt = rng.uniform(-0.001, 0.002, COUNT - 1), rng.uniform(-0.05, 0.05, COUNT)
+    row = spacing, thickness, np.full(COUNT, 0.048), density
+    ground = (hills * rise, hills * tilt)
+    row = kernels.HillRow(*row, *ground) if hills else kernels.Row(*row)
+    ring = np.zeros(8, kernels.HILL_LINK if hills else kernels.LINK)
+    stand_all(ring, row)
+    chain = oracle.Chain(
+        spacing, thickness, 0.048, density, friction, GRAVITY, 1.0, ground[0], ground[1]
+    )
+    return row, ring, chain
 
 
+@pytest.mark.parametrize("hills", [False, True])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("seed", range(4))
-def test_forces_at_one_instant(seed, friction):
-    ring, chain, height, thickness = stacks(seed, friction)
+def test_forces_at_one_instant(seed, friction, hills):
+    row, ring, chain = stacks(seed, friction, hills)
     n, angle, speed = COUNT - 1, 0.05, 6.0
     geometry, loads = np.zeros(COUNT, forces.GEOMETRY), np.full(COUNT, np.inf, forces.LOADS)
     loads["floor_friction"] = -np.inf
-    loads_at(ring, n, angle, speed**2, GRAVITY, friction, height, thickness, geometry, loads)
+    loads_at(row, ring, n, angle, speed**2, GRAVITY, friction, geometry, loads)
+    angle += chain.stand[n]
     alpha, normals, _ = chain.motion(n, angle, speed)
     np.testing.assert_allclose(loads["contact_force"][:-1], normals, rtol=1e-9)
 
@@ -61,32 +69,35 @@ def test_forces_at_one_instant(seed, friction):
     contacts = chain.contacts(n, theta)
     omega = chain.ratios(contacts) * speed
     up, ahead = oracle.up(theta), oracle.ahead(theta)
-    arm = 0.5 * (height[:, None] * up - thickness[:, None] * ahead)
+    arm = 0.5 * (row.height[:, None] * up - row.thickness[:, None] * ahead)
     turned = np.stack([arm[:, 1], -arm[:, 0]], -1)
     floor = chain.mass[:, None] * (alpha[:, None] * turned - omega[:, None] ** 2 * arm)
     floor[:, 1] += chain.mass * GRAVITY
     onward = normals[:, None] * (contacts.normal - friction * contacts.along)  # tips slide down
     floor[:-1] += onward
     floor[1:] -= onward
-    load = floor[:, 1] / (chain.mass * GRAVITY)
+    along = oracle.dot(floor, oracle.ahead(chain.stand))
+    upright = oracle.dot(floor, oracle.up(chain.stand))
+    load = upright / (chain.mass * GRAVITY)
     np.testing.assert_allclose(loads["load"], load, rtol=1e-8, atol=1e-9)
     pressed = load > 0.0
-    need = np.abs(floor[:, 0]) / floor[:, 1]
+    need = np.abs(along) / upright
     np.testing.assert_allclose(loads["floor_friction"][pressed], need[pressed], rtol=1e-8)
     assert np.isinf(loads["floor_friction"][~pressed]).all()
 
 
+@pytest.mark.parametrize("hills", [False, True])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("seed", range(4))
-def test_impulses_of_a_hit(seed, friction):
-    ring, chain, height, _ = stacks(seed, friction)
+def test_impulses_of_a_hit(seed, friction, hills):
+    row, ring, chain = stacks(seed, friction, hills)
     n = COUNT - 1
     geometry, least = np.zeros(COUNT, forces.GEOMETRY), np.full(COUNT, np.inf)
-    theta = chain.angles(n, 0.0)
+    theta = chain.angles(n, chain.stand[n])
     omega = chain.ratios(chain.contacts(n, theta)) * 9.0
     omega[-1] = 0.0
     after, impulses = chain.impact(n, theta, omega, chain.state)
-    impulses_at(ring, n, friction, height, 9.0, after[-1], geometry, least)
+    impulses_at(row, ring, n, friction, 9.0, after[-1], geometry, least)
     np.testing.assert_allclose(least[:-1], impulses, rtol=1e-9)
 
 

@@ -18,6 +18,13 @@ from domino_env.scenes.stock import Stock
 H = 0.048
 
 
+def over_hills(gaps, thickness):
+    """A row over waves in the ground."""
+    tilt = 0.06 * np.cos(1.0 + 0.7 * np.arange(len(gaps) + 1))
+    rise = -(np.asarray(gaps) + thickness) * np.sin(0.5 * (tilt[1:] + tilt[:-1]))
+    return de.Layout(gaps, thickness, rise=rise, tilt=tilt)
+
+
 def results():
     """Outcome, counts and times of every case, by name."""
     rng = np.random.default_rng(7)
@@ -32,7 +39,8 @@ def results():
     def add_gradient(name, layout, physics, rtol=1e-7):
         wave = de.simulate(layout, physics, rtol=rtol, gradient=True)
         pulled = wave.pullback(np.isfinite(wave.arrival_times).astype(float))
-        found[f"{name}: gradient"] = [*pulled.spacing, *pulled.thickness, pulled.push]
+        ground = () if layout.is_flat else (*pulled.rise, *pulled.tilt)
+        found[f"{name}: gradient"] = [*pulled.spacing, *pulled.thickness, pulled.push, *ground]
 
     random = rng.uniform(0.002, 0.034, 11)
     spacing = [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020]
@@ -65,6 +73,19 @@ def results():
             add_gradient(f"{name}: {excess} from a stall", row, push)
         steady = de.steady_wave([0.02, 0.03], 0.0075, physics=physics, rtol=1e-5)
         found[f"{name}: steady"] = [steady.speed, *steady.omega_release]
+        for kind, row in (
+            ("flushes", over_hills(random[:9] + 0.008, 0.0075)),
+            ("releases", over_hills(spacing, 0.0075)),
+        ):
+            add(f"{name}: hills, {kind}", row, push)
+            add_gradient(f"{name}: hills, {kind}", row, push)
+        slope = de.Layout.uniform(12, pitch=0.03, slope=0.05)
+        add(f"{name}: slope", slope, physics, 1e-4)
+        add(f"{name}: slope, tight tolerance", slope, physics, 1e-13)
+        add_gradient(f"{name}: slope", slope, physics, 1e-4)
+        found[f"{name}: push over hills"] = [de.smallest_push(row, physics, rtol=1e-9)]
+        seen = de.diagnose(row, push)
+        found[f"{name}: diagnosis over hills"] = [float(np.nanmin(seen.least_load))]
     thick = [0.0075, 0.0075, 0.05, 0.05, 0.0075]
     add("jams", de.Layout(np.full(4, 0.02), thick), de.Physics(1.0))
     flush = de.Layout(

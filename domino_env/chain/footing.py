@@ -1,0 +1,90 @@
+"""What ground that is not flat means for a row: how links lie on it, and what cannot stand.
+
+Everything takes one row or, with one more axis in front, many.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def steps(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
+    """Return how far each next pivot lies above the last one, upright to its own ground [m].
+
+    (…, N-1); 0 on an even slope.
+    """
+    ahead = tilt[..., 1:]
+    return (spacing + thickness[..., 1:]) * np.tan(ahead) + rise / np.cos(ahead)
+
+
+def pitches(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
+    """Return the distances from pivot to pivot (…, N-1) [m]."""
+    return np.hypot(spacing + thickness[..., 1:], steps(spacing, thickness, rise, tilt))
+
+
+def pivots(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
+    """Return where the front bottom edges are (N, 2) [m], x forward and z up, the first at 0."""
+    ahead = tilt[1:]
+    forward = (spacing + thickness[1:] + rise * np.sin(ahead)) / np.cos(ahead)
+    return np.concatenate((np.zeros((1, 2)), np.cumsum(np.stack([forward, rise], -1), axis=0)))
+
+
+def trouble(
+    spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
+) -> tuple[tuple[int, ...], str] | None:
+    """Find what cannot stand or fall on such ground.
+
+    Returns
+    -------
+    tuple or None
+        The index of the first domino concerned and the sentence about it; None where all is well.
+    """
+    height = np.broadcast_to(height, thickness.shape)
+    for name, values, unit in (("rise", rise, "m"), ("tilt", tilt, "rad")):
+        if (at := _first(~np.isfinite(values))) is not None:
+            return at, f"{name}[{at[-1]}] = {values[at]} {unit}: must be finite"
+    steepest = np.arctan2(thickness, height)
+    if (at := _first(np.abs(tilt) >= steepest)) is not None:
+        lean, most = np.degrees([tilt[at], steepest[at]])
+        return at, (
+            f"domino {at[-1]} does not stand: tilt[{at[-1]}] is {lean:.4g}°, and it tips over by "
+            f"itself from {most:.4g}° on (the angle whose tangent is thickness over height); make "
+            "the ground flatter there, or the domino thicker"
+        )
+    tall, ahead = height[..., :-1], height[..., 1:]
+    near = spacing < tall
+    meeting = tall * np.sin(tilt[..., :-1] - tilt[..., 1:])
+    if (at := _first(near & (meeting >= spacing))) is not None:
+        i = at[-1]
+        return at, (
+            f"dominoes {i} and {i + 1} lean against each other before anything falls, as the "
+            f"ground between them is hollow: make spacing[{i}] = {spacing[at]} m more than "
+            f"{meeting[at]:.6g} m, or the difference of their tilts smaller"
+        )
+    up = steps(spacing, thickness, rise, tilt)
+    strike = np.sqrt(np.maximum(tall**2 - spacing**2, 0.0))
+    if (at := _first(near & (up > np.minimum(spacing, 0.999 * strike)))) is not None:
+        i, most = at[-1], min(spacing[at], 0.999 * strike[at])
+        return at, (
+            f"domino {i + 1} stands {up[at]:.6g} m above domino {i}, seen from its own ground: "
+            f"that is a stair, which this model does not know; at most {most:.6g} m over this "
+            f"spacing[{i}] = {spacing[at]} m"
+        )
+    high = strike - up > np.minimum(ahead * (1.0 + 1e-12), 1.999 * strike)
+    if (at := _first(near & high)) is not None:
+        i = at[-1]
+        return at, (
+            f"domino {i} (height {tall[at]} m) would strike {strike[at] - up[at]:.6g} m up, above "
+            f"the top of domino {i + 1} (height[{i + 1}] = {ahead[at]} m), which stands "
+            f"{-up[at]:.6g} m lower, seen from its own ground: widen spacing[{i}] = {spacing[at]} "
+            f"m, or make domino {i + 1} taller or the ground less hollow"
+        )
+    return None
+
+
+def _first(wrong: NDArray[np.bool_]) -> tuple[int, ...] | None:
+    found = np.argwhere(wrong)
+    return tuple(int(k) for k in found[0]) if len(found) else None
