@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from domino_env.chain.forces import diagnose
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
+from domino_env.chain.wave import simulate
 from domino_env.rigid.judges import in_words
-from domino_env.rigid.opening import Opening, link_gap
+from domino_env.rigid.opening import Opening, link_gap, openings
 from domino_env.standing.simulation import simulate_standing
 from domino_env.support.colours import BLUE, INK, RED
 from domino_env.support.plot_style import LEGEND, new_figure, style, write_png
@@ -20,16 +21,31 @@ Floats = NDArray[np.float64]
 
 FRAMES = 2000
 FLOOR = 0.5
-AROUND = 0.06  # [s] that are shown, before and after
+HITS = 9  # after the contact has closed, that are shown
+
+
+def worst_opening(layout: Layout, physics: Physics) -> Opening:
+    """Find the contact that the model holds closed with the largest pull, of those that open.
+
+    Raises
+    ------
+    ValueError
+        Where none opens.
+    """
+    found = openings(layout, physics)
+    if not found:
+        raise ValueError("no contact of this row opens that the model keeps closed")
+    least = diagnose(layout, physics).least_contact_force
+    return min(found, key=lambda one: float(least[one.link]))
 
 
 def write_opening(layout: Layout, physics: Physics, opening: Opening, path: Path) -> None:
     """Draw the gap of a link over time, hinged and standing, and the forces that the model has."""
-    begin, end = max(opening.time - AROUND, 0.0), opening.time + AROUND
-    times = np.linspace(begin, end, FRAMES)
+    i = opening.link
+    arrivals = simulate(layout, physics).arrival_times
+    times = np.linspace(arrivals[i + 1], arrivals[min(i + 1 + HITS, layout.count - 1)], FRAMES)
     figure = new_figure(8.0, 5.6)
     above, below = figure.subplots(2, 1)
-    i = opening.link
     style(above, f"gap between dominoes {i} and {i + 1} [mm], over time [s]")
     for floor, colour in ((None, BLUE), (FLOOR, RED)):
         seen = simulate_standing(layout, physics, floor_friction=floor, times=times)

@@ -19,7 +19,7 @@ import numpy as np
 
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import Outcome, simulate
-from domino_env.lab.opening import write_opening
+from domino_env.lab.opening import worst_opening, write_opening
 from domino_env.rigid.built_in import Standing
 from domino_env.rigid.comparison import Verification, verify
 from domino_env.rigid.judges import Judge
@@ -134,6 +134,18 @@ def random_table(rows: Sequence[RandomRow]) -> list[str]:
     return markdown_table(names, cells)
 
 
+def opening_shown(rows: Sequence[RandomRow], path: Path) -> list[str]:
+    """Draw a contact that opens, of the row that is furthest from the model; and say which."""
+    one = max(rows, key=lambda row: row.checked.largest_difference)
+    opening = worst_opening(one.layout, one.scene.physics)
+    write_opening(one.layout, one.scene.physics, opening, path)
+    return [
+        f"![The gap of a contact that opens, and the forces of the model]({path.name})",
+        "",
+        f"{one.name}: the contact {opening}.",
+    ]
+
+
 def fill(page: str, tables: dict[str, list[str]]) -> str:
     """Write tables into a page, each between its mark and the next ``<!-- end -->``.
 
@@ -180,15 +192,7 @@ def main() -> None:
             engine = Engine()
         rows = random_rows(engine=engine)
         tables["random"] = random_table(rows)
-        widest = max(rows, key=lambda one: max((o.width for o in one.checked.openings), default=0))
-        opening = max(widest.checked.openings, key=lambda one: one.width)
-        picture = arguments.page.with_name(PICTURE)
-        write_opening(widest.layout, widest.scene.physics, opening, picture)
-        tables["opening"] = [
-            f"![The gap of a contact that opens, and the forces of the model]({PICTURE})",
-            "",
-            f"{widest.name}: the contact {opening}.",
-        ]
+        tables["opening"] = opening_shown(rows, arguments.page.with_name(PICTURE))
     page = arguments.page.read_text("utf-8")
     write_text(arguments.page, fill(page, tables))
 
