@@ -78,6 +78,9 @@ def shipped(name: str) -> de.Scene:
 def scenes_page(records: dict[str, BestKnown]) -> str:
     """All scenes in a table."""
     lines = [
+        "---",
+        "hide: [toc]",  # the table is wide
+        "---",
         "# Scenes",
         "",
         "A scene is a design problem in one TOML file: what stands, what may be chosen, what",
