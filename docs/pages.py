@@ -34,7 +34,7 @@ FALLEN = 0.6  # of the wave's time: the instant that is drawn
 USUAL = 0.0075  # [m]: a standard domino's thickness
 WHAT_FLOORS_LEAVE = (
     "",
-    "The last columns are what is left of *over equal* when rows stand free on a floor of that",
+    "The last column is what is left of *over equal* when rows stand free on floors of such",
     "friction, by `domino best-known --verify`; dominoes that stay up are counted.",
 )
 MADE = re.compile(r"(<!-- made by .*? -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -111,11 +111,12 @@ def scenes_table(records: dict[str, BestKnown], link: str) -> list[str]:
                 *(worth(scene, row) for row in (usual, uniform, best)),
                 lead(scene, best, usual),
                 lead(scene, best, uniform),
-                *(left_on(floor, name, records) for floor in floors),
+                *([" / ".join(left_on(f, name, records) for f in floors)] if floors else []),
             )
         )
     names = ["scene", "what it asks", "usual gaps", "best equal gaps", "best row known"]
-    names += ["over usual", "over equal"] + [f"floor {floor:g}" for floor in floors]
+    names += ["over usual", "over equal"]
+    names += [f"on floors of {' / '.join(f'{floor:g}' for floor in floors)}"] if floors else []
     sprint = shipped("sprint")
     usual, uniform, best = three_rows(sprint, records["sprint"])
     return [
