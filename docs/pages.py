@@ -8,7 +8,6 @@ MkDocs calls `on_config` and `on_files` (mkdocs.yml, hooks).
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from functools import cache
 from importlib.resources import files as package_files
 from pathlib import Path
@@ -134,7 +133,7 @@ def three_rows(scene: de.Scene, record: BestKnown | None) -> list[tuple[float, d
     """Score and layout: gaps as builders like them, the best equal ones, the best row known."""
     mark = scene.uniform()
     thickness = mark.layout.thickness if scene.stock else np.full(scene.count, USUAL)
-    usual = replace(mark.layout, spacing=thickness[:-1].copy(), thickness=thickness)
+    usual = de.Layout(thickness[:-1], thickness, height=mark.layout.height)
     allowed = not scene.violations(usual) and not scene.free_height
     return [
         (scene.score(usual), usual) if allowed else None,
