@@ -58,7 +58,8 @@ def search(
         "package.module:function".
     budget
         Layouts that may be simulated, never exceeded; None: no limit. The best few are simulated
-        once more, closely, at the end; that is not counted.
+        once more, closely, at the end; that is not counted. On a floor those count that are toppled
+        standing, and not the analytic ones that say which.
     seed
         Of all randomness; the same seed gives the same result to the bit, under a budget of
         evaluations or none (one of seconds cannot), whatever the number of threads.

@@ -15,6 +15,8 @@ the best; where they never do, when twice as much was spent as the last gain too
 evaluations, so that the end does not depend on the machine.
 
 A long row begins as a shorter one ended, stretched: see `long_rows`.
+A row that stands on a floor is searched on the analytic model first; from there its ratio to the
+standing speed is learned from the rows that are toppled: see `two_fidelities`.
 A schedule is first tried to be met by least squares, as `gauss-newton` does.
 
 Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
