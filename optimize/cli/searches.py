@@ -54,17 +54,16 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.scenes.files.reading import load_scene, scene_names
-    from domino_env.support.files import require_none
     from optimize import methods
     from optimize.records.shipped import update
-    from optimize.searching.folder import FILES
+    from optimize.searching.folder import FILES, require_place
     from optimize.searching.runner import search
 
     methods.load(arguments.method)
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
-    if not arguments.resume:  # before the best uniform row is searched, which may take long
-        require_none(Path(folder), FILES)
+    # before the best uniform row is searched, which may take long
+    require_place(Path(folder), resume=arguments.resume)
     print(f"{scene.name}: {scene.title}")
     print(f"best uniform row: {_uniform(scene)}", flush=True)
     with asked_executor(arguments) as executor:

@@ -53,6 +53,28 @@ class SummaryDocument(Document):
     evaluations: Annotated[int, Meta(ge=0)] = 0
 
 
+def require_place(path: Path, *, resume: bool) -> None:
+    """Refuse what no run can be written into; the folder is made if need be.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    resume
+        Whether it may hold a run.
+
+    Raises
+    ------
+    ValueError
+        For a file, a folder that cannot be written or, without `resume`, one that holds a run.
+    """
+    if path.exists() and not path.is_dir():
+        raise ValueError(f"{path} is a file: name a folder for the run")
+    if not resume:
+        require_none(path, FILES)
+    require_room(path)
+
+
 class RunFolder:
     """The folder of one run.
 
@@ -94,19 +116,15 @@ class RunFolder:
         self._saved = float("-inf")
         self._score = float("-inf")
         self._begun = False
-        if path.exists() and not path.is_dir():
-            raise ValueError(f"{path} is a file: name a folder for the run")
         self.journal = path / JOURNAL
         self._resume = resume
         self._before = self._spent_before() if resume else 0
-        if not resume:
-            require_none(path, FILES)
-        elif evaluations is not None and evaluations < self._before:
+        require_place(path, resume=resume)
+        if evaluations is not None and evaluations < self._before:
             raise ValueError(
                 f"{path} holds a search that has spent {self._before} evaluations: give more than "
                 f"{evaluations} to go on with it"
             )
-        require_room(path)
         if resume and (path / OLD_JOURNAL).exists() and not self.journal.exists():
             raise ValueError(
                 f"{path / OLD_JOURNAL} was written by version 0.1.0, and only that can go on with "

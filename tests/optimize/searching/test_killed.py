@@ -255,11 +255,11 @@ def test_a_place_that_cannot_be_written_is_told_before_any_time_is_spent(
         "optimize.evaluation.budget.Budget.scores", lambda *_: pytest.fail("time was spent")
     )
     inside = str(file / "x")
-    store = str(tmp_path / "s.sqlite")
+    store, out = str(tmp_path / "s.sqlite"), str(tmp_path / "out")
     for words in (
         ["optimize", str(scene), "--out", inside],
         ["compare", str(scene), "--methods", "cma", "--out", inside, "--store", store],
-        ["compare", str(scene), "--methods", "cma", "--store", inside, "--out", store],
+        ["compare", str(scene), "--methods", "cma", "--store", inside, "--out", out],
         ["sweep", str(scene), "--set", "physics.push=8", "--out", inside, "--store", store],
         ["sweep", str(scene), "--set", "physics.push=8", "--store", inside],
         ["sweep", str(scene), "--set", "physics.push=8", "--store", "/dev/full"],
