@@ -73,6 +73,7 @@ def extremes(million: bool = True) -> Iterator[Extreme]:
     yield from growing_heights()
     yield from flush_patterns()
     yield from flushes_close_together()
+    yield from over_hills()
     yield from long_rows(1_000_000 if million else 10_000)
 
 
@@ -171,6 +172,10 @@ def near_touching() -> Iterator[Extreme]:
             Layout.uniform(20, spacing=gap),
             Physics(friction=0.0, push=1e4),
         )
+    for friction in (0.25, 0.0):
+        tiny = Layout.uniform(20, spacing=1e-4 * H, slope=0.1)
+        name = f"μ = {friction:g}, gaps of 1e-4 downhill"
+        yield Extreme("near touching", name, tiny, Physics(friction, push=20.0))
 
 
 def near_out_of_reach() -> Iterator[Extreme]:
@@ -308,6 +313,25 @@ def flushes_close_together() -> Iterator[Extreme]:
                 Layout(gaps, D),
                 Physics(),
             )
+
+
+def over_hills() -> Iterator[Extreme]:
+    """Yield rows on ground that could hardly be steeper, more crooked or more stepped."""
+    steepest, group = math.atan(D / H), "hills"
+    for friction in (0.25, 0.0):
+        physics = Physics(friction, push=20.0)
+        for share in (0.9999, -0.9999):
+            row = Layout.uniform(20, spacing=0.015, slope=share * steepest)
+            yield Extreme(group, f"μ = {friction:g}, {share:g} of too steep", row, physics)
+        waves = 0.12 * np.cos(1.6 * np.arange(20))
+        lie = -0.0275 * np.sin(0.5 * (waves[1:] + waves[:-1]))
+        crooked = Layout(np.full(19, 0.02), D, rise=lie, tilt=waves)
+        yield Extreme(group, f"μ = {friction:g}, crest after hollow", crooked, physics)
+        high = Layout([0.02, 0.012, 0.02], D, rise=[0.0199, 0.0119, -0.0035])
+        yield Extreme(group, f"μ = {friction:g}, nearly stairs", high, physics, exact=True)
+        turn = math.asin(0.01 / H) * (1.0 - 1e-6)  # the first all but leans on the second
+        hollow = Layout([0.01, 0.015], D, rise=0.0019, tilt=[0.5 * turn, -0.5 * turn, 0.0])
+        yield Extreme(group, f"μ = {friction:g}, tops all but touch", hollow, physics)
 
 
 def long_rows(count: int) -> Iterator[Extreme]:

@@ -102,6 +102,12 @@ def _kinds(rows: int) -> Iterator[tuple[str, np.ndarray, np.ndarray, Physics, di
     same = np.repeat(gaps(0.001, 0.045, (rows, 1)), n - 1, axis=1)
     for mu in (0.25, 0.0):
         yield f"uniform, {mu}", same, equal, Physics(mu, push=15.0), {}
+    tilt = 0.1 * np.sin(gaps(0, 6, (rows, 1)) + gaps(0.02, 0.3, (rows, 1)) * np.arange(n))
+    even = gaps(0.01, 0.03, (rows, n - 1))
+    ground = {"rise": -(even + 0.0075) * np.sin(0.5 * (tilt[:, 1:] + tilt[:, :-1])), "tilt": tilt}
+    ground["rise"] += gaps(0, 0.001, (rows, n - 1))
+    for mu in (0.25, 0.0):
+        yield f"hills, {mu}", even, equal, Physics(mu, push=10.0), ground
     yield "short, weak push", wide[:, :3], mixed[:, :4], Physics(push=4.0), {}
 
 
