@@ -12,7 +12,7 @@ from domino_env.scenes.uniform_rows import UniformRows
 Floats = NDArray[np.float64]
 
 LOOKS = 10  # standing rows of a first look at the whole range, and again at where it is fast
-FAST = 0.95  # part of the best analytic speed that counts as fast
+SLOWER, LEVEL = 0.05, 5e-4  # than the best: part that still counts as fast, and as level
 TOGETHER, ROUNDS = 4, 8  # standing rows of a later look, and how many looks there are at most
 NEAR = 2.0  # power of the squared distance by which what was learned nearer by counts more
 CLOSEST, FLAT = 0.01, 1e-6  # of the range: distance that counts as none, and what tilts cost
@@ -45,7 +45,7 @@ def best_standing(rows: UniformRows, points: Floats) -> Floats:
     span = np.maximum(np.ptp(points, axis=0), 1e-12)
     places = (points - points.min(axis=0)) / span
     best = int(np.argmax(hinged))
-    fast = np.flatnonzero(hinged >= FAST * hinged[best])
+    fast = _within(hinged, SLOWER)
     known = [best, *_spread(places, np.arange(len(points)), LOOKS), *_spread(places, fast, LOOKS)]
     known = list(dict.fromkeys(known))
     scores = rows.scores(points[known])
@@ -54,8 +54,7 @@ def best_standing(rows: UniformRows, points: Floats) -> Floats:
         fresh = [int(i) for i in np.argsort(-promised, kind="stable")[:1] if int(i) not in known]
         if not fresh:
             break
-        better = np.flatnonzero(promised > 0.9995 * promised[fresh[0]])
-        more = _spread(places, better, TOGETHER - 1)
+        more = _spread(places, _within(promised, LEVEL), TOGETHER - 1)
         fresh += [i for i in dict.fromkeys(more) if i not in known and i not in fresh]
         scores = np.concatenate([scores, rows.scores(points[fresh])])
         known += fresh
@@ -77,6 +76,12 @@ def _promised(places: Floats, hinged: Floats, known: list[int], scores: Floats) 
     found = np.where((hinged > 0.0) & (learned > 0.0), hinged * learned, failed)
     found[known] = scores
     return np.asarray(found)
+
+
+def _within(scores: Floats, part: float) -> NDArray[np.intp]:
+    """Those that are the best to so small a part."""
+    most = scores.max()
+    return np.flatnonzero(scores >= most - part * abs(most))
 
 
 def _spread(places: Floats, some: NDArray[np.intp], number: int) -> list[int]:

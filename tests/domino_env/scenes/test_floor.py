@@ -99,6 +99,14 @@ def test_the_best_uniform_row_is_the_best_on_that_floor(monkeypatch) -> None:
     assert mark.score >= SMALL.score_batch(gaps, None).max() * (1.0 - 3e-4)
 
 
+def test_where_no_row_topples_there_is_a_mark_and_a_search_all_the_same(monkeypatch) -> None:
+    monkeypatch.setattr(standing_mark, "LOOKS", 3)
+    scene = replace(SMALL, physics=de.Physics(push=0.3))
+    assert -1.0 < scene.uniform().score < 0.0
+    found = search(scene, budget=4, progress=False)
+    assert scene.uniform().score <= found.score < 0.0
+
+
 def test_no_uniform_row_beats_that_of_the_scene_that_ships() -> None:
     scene = de.load_scene("table")
     mark, rows = scene.uniform(), UniformRows(scene)
