@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -58,7 +58,7 @@ class Layout:
     density: Floats
     rise: Floats
     tilt: Floats
-    is_flat: bool  # whether the ground is
+    is_flat: bool = field(init=False)  # whether the ground is
 
     def __init__(
         self,

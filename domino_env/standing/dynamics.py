@@ -59,7 +59,7 @@ def _compiled(function: Any) -> Any:
 
 @_compiled
 def follow(
-    height, thickness, mass, pivots, friction, floor, gravity, push,
+    height, thickness, mass, pivots, tilt, friction, floor, gravity, push,
     fineness, calm, window, patience, times,
     arrivals, lean, slid, opened, opened_at, poses,
 ):  # fmt: skip
@@ -67,8 +67,9 @@ def follow(
 
     Parameters
     ----------
-    height, thickness, mass, pivots
-        (N,) of the dominoes; pivots are the places of their front bottom edges.
+    height, thickness, mass, pivots, tilt
+        (N,) of the dominoes; pivots (N, 2) are the places of their front bottom edges, tilt is how
+        far the ground under each slopes forward [rad].  Its floor is the plane that it stands on.
     friction, floor
         Between dominoes, and of the floor; a floor below 0 means hinges.
     gravity, push
@@ -100,17 +101,23 @@ def follow(
     v = np.zeros((count, 3))
     light, easy = np.zeros(count), np.zeros(count)  # 1/mass, 1/inertia; 0: it does not move
     ex, ey = np.zeros(count), np.zeros(count)  # front bottom edge from the point followed, upright
+    slope = np.zeros((count, 2))  # sine and cosine of the tilts
     inertia = np.zeros(count)
     for i in range(count):
         square = height[i] ** 2 + thickness[i] ** 2
         if hinged:
-            x[i], inertia[i] = pivots[i], mass[i] * square / 3.0
+            inertia[i] = mass[i] * square / 3.0
         else:
             ex[i], ey[i] = 0.5 * thickness[i], -0.5 * height[i]
-            x[i], y[i], inertia[i] = pivots[i] - ex[i], -ey[i], mass[i] * square / 12.0
+            inertia[i] = mass[i] * square / 12.0
+        sine, cosine = math.sin(tilt[i]), math.cos(tilt[i])
+        slope[i, 0], slope[i, 1], a[i] = sine, cosine, tilt[i]
+        x[i] = pivots[i, 0] - ex[i] * cosine - ey[i] * sine
+        y[i] = pivots[i, 1] + ex[i] * sine - ey[i] * cosine
     v[0, 2], easy[0] = push, 1.0 / inertia[0]
     if not hinged:
-        v[0, 0], v[0, 1], light[0] = -push * ey[0], push * ex[0], 1.0 / mass[0]
+        v[0, 0], v[0, 1] = push * (y[0] - pivots[0, 1]), push * (pivots[0, 0] - x[0])
+        light[0] = 1.0 / mass[0]
     impulse = np.zeros((count, KINDS, 2))
     now_pose, mid_pose = np.zeros((count, 4)), np.zeros((count, 4))  # x, y, sine, cosine of lean
     gaps = np.full(count, np.inf)
@@ -122,7 +129,9 @@ def follow(
     last_step = impulses_of = 0.0  # the length of the last step, the kick that impulses belong to
     share = 1.0  # of a full step; 0: an impact
     steps = swept = unsettled = 0
-    room = _room(0, x[0], a[0], ex, ey, height, thickness, pivots) if count > 1 else 0.0
+    room = (
+        _room(0, x[0], y[0], a[0], ex, ey, height, thickness, pivots, slope) if count > 1 else 0.0
+    )
     while True:
         longest = min(FALL * math.sqrt(tallest / gravity), TURN / max(v[leader, 2], 1e-9))
         step = share * fineness * longest
@@ -140,7 +149,7 @@ def follow(
                 v[i, 1] -= kick * gravity
         found = _find_contacts(
             low, leader, hinged, friction, floor, now_pose, mid_pose, ex, ey, height, thickness,
-            light, easy, contact, who, impulse, gaps,
+            light, easy, pivots, slope, contact, who, impulse, gaps,
         )  # fmt: skip
         grown = kick / impulses_of if impulses_of > 0.0 else 0.0
         for c in range(found):
@@ -155,8 +164,8 @@ def follow(
         hit = False
         if leader < count - 1:
             after = _room(
-                leader, x[leader] + step * v[leader, 0], a[leader] + step * v[leader, 2],
-                ex, ey, height, thickness, pivots,
+                leader, x[leader] + step * v[leader, 0], y[leader] + step * v[leader, 1],
+                a[leader] + step * v[leader, 2], ex, ey, height, thickness, pivots, slope,
             )  # fmt: skip
             if after <= 0.0 < room and share == 1.0:
                 share = room / (room - after)  # once more, so that the step ends with the hit
@@ -170,8 +179,7 @@ def follow(
             y[i] += step * v[i, 1]
             a[i] += step * v[i, 2]
             lean[i] = max(lean[i], a[i])
-            moved = x[i] + ex[i] * math.cos(a[i]) + ey[i] * math.sin(a[i]) - pivots[i]
-            slid[i] = max(slid[i], abs(moved))
+            slid[i] = max(slid[i], abs(_slip(i, x, y, a, ex, ey, pivots, slope)))
             if i < leader and opened[i] < gaps[i] < np.inf:
                 opened[i], opened_at[i] = gaps[i], now
         now, last_step, share = now + step, step, 1.0
@@ -181,14 +189,17 @@ def follow(
         if hit:
             leader += 1
             arrivals[leader] = progress = now
-            share, furthest = 0.0, 0.0
+            share, furthest = 0.0, a[leader]
             easy[leader] = 1.0 / inertia[leader]
             light[leader] = 0.0 if hinged else 1.0 / mass[leader]
             if leader - low >= window:
                 light[low], easy[low], v[low] = 0.0, 0.0, 0.0
                 low += 1
             if leader < count - 1:
-                room = _room(leader, x[leader], a[leader], ex, ey, height, thickness, pivots)
+                room = _room(
+                    leader, x[leader], y[leader], a[leader], ex, ey, height, thickness, pivots,
+                    slope,
+                )  # fmt: skip
         elif leader == count - 1:
             if a[leader] > math.atan2(thickness[leader], height[leader]) and frame == len(times):
                 break
@@ -205,10 +216,25 @@ def _pose(pose, i, x, y, lean):
 
 
 @_compiled
-def _room(i, x, lean, ex, ey, height, thickness, pivots):
-    """From the tip of i to the rear face of the next, which still stands [m]."""
-    tip = x + ex[i] * math.cos(lean) + (ey[i] + height[i]) * math.sin(lean)
-    return pivots[i + 1] - thickness[i + 1] - tip
+def _room(i, x, y, lean, ex, ey, height, thickness, pivots, slope):
+    """From the tip of i, whose point followed and lean are given, to the rear face of the next [m].
+
+    That one still stands.
+    """
+    sine, cosine = math.sin(lean), math.cos(lean)
+    rise = ey[i] + height[i]
+    dx = x + ex[i] * cosine + rise * sine - pivots[i + 1, 0]
+    dy = y - ex[i] * sine + rise * cosine - pivots[i + 1, 1]
+    return dy * slope[i + 1, 0] - dx * slope[i + 1, 1] - thickness[i + 1]
+
+
+@_compiled
+def _slip(i, x, y, a, ex, ey, pivots, slope):
+    """How far the front bottom edge of i is from its place, along the ground [m]."""
+    sine, cosine = math.sin(a[i]), math.cos(a[i])
+    dx = x[i] + ex[i] * cosine + ey[i] * sine - pivots[i, 0]
+    dy = y[i] - ex[i] * sine + ey[i] * cosine - pivots[i, 1]
+    return dx * slope[i, 1] - dy * slope[i, 0]
 
 
 @_compiled
@@ -225,7 +251,7 @@ def _photograph(pose, late, x, y, a, v, ex, ey):
 @_compiled
 def _find_contacts(
     low, leader, hinged, friction, floor, now, mid, ex, ey, height, thickness, light, easy,
-    contact, who, impulse, gaps,
+    pivots, slope, contact, who, impulse, gaps,
 ):  # fmt: skip
     """Write down every contact that is closed half a step ahead; returns how many there are.
 
@@ -240,12 +266,14 @@ def _find_contacts(
             px = ex[i] - (thickness[i] if kind == REAR else 0.0)
             py = ey[i] + (height[i] if kind == LYING else 0.0)
             rx, ry = px * mid[i, 3] + py * mid[i, 2], -px * mid[i, 2] + py * mid[i, 3]
-            if mid[i, 1] + ry > TOUCHING * height[i]:
+            gap = (mid[i, 0] + rx - pivots[i, 0]) * slope[i, 0]
+            gap += (mid[i, 1] + ry - pivots[i, 1]) * slope[i, 1]
+            if gap > TOUCHING * height[i]:
                 impulse[i, kind] = 0.0
                 continue
-            _on_floor(contact, found, MOVES, rx, ry)
+            _on_floor(contact, found, MOVES, rx, ry, slope[i, 0], slope[i, 1])
             rx, ry = px * now[i, 3] + py * now[i, 2], -px * now[i, 2] + py * now[i, 3]
-            _on_floor(contact, found, ACTS, rx, ry)
+            _on_floor(contact, found, ACTS, rx, ry, slope[i, 0], slope[i, 1])
             who[found, 0], who[found, 1], who[found, 2] = i, -1, kind
             _couple(contact, found, light[i], 0.0, easy[i], 0.0)
             contact[found, FRICTION] = 0.0 if hinged else floor
@@ -270,11 +298,13 @@ def _find_contacts(
 
 
 @_compiled
-def _on_floor(contact, c, at, rx, ry):
-    """Directions of a contact with the floor: up, and along it."""
-    contact[c, at], contact[c, at + 1], contact[c, at + 2], contact[c, at + 3] = 0.0, 1.0, -rx, 0.0
+def _on_floor(contact, c, at, rx, ry, sine, cosine):
+    """Directions of a contact with the floor: out of it, and along it."""
+    contact[c, at], contact[c, at + 1] = sine, cosine
+    contact[c, at + 2], contact[c, at + 3] = ry * sine - rx * cosine, 0.0
     at += 4
-    contact[c, at], contact[c, at + 1], contact[c, at + 2], contact[c, at + 3] = 1.0, 0.0, ry, 0.0
+    contact[c, at], contact[c, at + 1] = cosine, -sine
+    contact[c, at + 2], contact[c, at + 3] = ry * cosine + rx * sine, 0.0
 
 
 @_compiled

@@ -137,7 +137,7 @@ def simulate_standing(
     Parameters
     ----------
     layout
-        What stands.
+        What stands, on flat ground or not; each domino's floor is the plane that it stands on.
     physics
         What makes it fall; its friction is that between dominoes.
     floor_friction
@@ -156,8 +156,7 @@ def simulate_standing(
     Raises
     ------
     ValueError
-        For a friction, tolerance or moment out of its range, a row of one domino, and ground that
-        is not flat.
+        For a friction, tolerance or moment out of its range.
     ArithmeticError
         Where a velocity is not a number, which no row is known to bring about.
 
@@ -167,7 +166,6 @@ def simulate_standing(
     (1999), The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177, 235-257.
     """
     begun = time.perf_counter()
-    layout.require_flat("simulate_standing")
     if floor_friction is not None and not 0.0 <= floor_friction < math.inf:
         raise ValueError(
             f"floor_friction = {floor_friction}: give 0 or more, or None for hinged dominoes"
@@ -253,7 +251,8 @@ def _run(
         layout.height,
         layout.thickness,
         layout.density * layout.height * layout.thickness,
-        layout.positions,
+        layout.pivots,
+        layout.tilt,
         physics.friction,
         -1.0 if floor is None else float(floor),
         physics.gravity,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import pickle
 import re
@@ -296,3 +297,8 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, mon
     assert path.read_text() == before
     assert json.loads(before)["spacing"] == [0.01]
     assert [p.name for p in tmp_path.iterdir()] == ["row.json"]
+
+
+def test_a_layout_with_other_gaps_is_made_by_replace() -> None:
+    layout = Layout.uniform(3, spacing=0.02)
+    assert dataclasses.replace(layout, spacing=[0.01, 0.03]).spacing.tolist() == [0.01, 0.03]

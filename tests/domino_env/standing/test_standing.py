@@ -29,6 +29,40 @@ def test_hinged_rows_meet_the_analytic_model() -> None:
     assert row.slid.max() == 0.0
 
 
+@pytest.mark.parametrize(("degrees", "thick"), [(-8.0, 0.0075), (8.0, 0.0075), (12.0, 0.012)])
+def test_hinged_rows_on_slopes_meet_the_analytic_model(degrees: float, thick: float) -> None:
+    slope = math.radians(degrees)
+    layout = de.Layout.uniform(12, spacing=0.015, thickness=thick, slope=slope)
+    wave = de.simulate(layout, PHYSICS)
+    row = de.simulate_standing(layout, PHYSICS, None)
+    assert np.allclose(row.arrival_times, wave.arrival_times, rtol=1e-3)
+    assert row.toppled == wave.toppled == 12
+
+
+def test_hinged_rows_over_hills_meet_the_analytic_model() -> None:
+    tilt = 0.08 * np.sin(np.linspace(0.0, 6.0, 14))
+    gaps = np.linspace(0.02, 0.01, 13)
+    rise = -(gaps + 0.0075) * np.sin(0.5 * (tilt[1:] + tilt[:-1]))
+    layout = de.Layout(gaps, 0.0075, rise=rise, tilt=tilt)
+    wave = de.simulate(layout, PHYSICS)
+    row = de.simulate_standing(layout, PHYSICS, None)
+    assert np.allclose(row.arrival_times, wave.arrival_times, rtol=1e-3)
+
+
+def test_a_row_on_a_slope_is_one_under_turned_gravity() -> None:
+    """Without friction below, the first domino's foot goes downhill with g sin of the slope."""
+    slope, times = 0.1, np.linspace(0.0, 0.02, 5)
+    layout = de.Layout.uniform(2, spacing=0.03, slope=slope)
+    row = de.simulate_standing(layout, PHYSICS, 0.0, times=times)
+    x, y, lean = np.moveaxis(row.poses[:, 0], -1, 0)
+    centre = x - 0.00375 * np.cos(lean) + 0.024 * np.sin(lean)
+    height = y + 0.00375 * np.sin(lean) + 0.024 * np.cos(lean)
+    along = centre * math.cos(slope) - height * math.sin(slope)
+    way = 8.0 * 0.024 * times + 0.5 * 9.81 * math.sin(slope) * times**2
+    assert row.arrival_times[1] > times[-1]
+    assert np.allclose(along - along[0], way, atol=2e-6)
+
+
 # last hits in Chipmunk 7.3, 1 500 sweeps, steps of 80 and 40 µs extrapolated; sure to 0.15 %
 @pytest.mark.parametrize(("floor", "last"), [(None, 1.2420804), (1.0, 1.2422501), (0.3, 1.2416406)])
 def test_a_standing_row_meets_another_engine(floor: float | None, last: float) -> None:
