@@ -103,14 +103,14 @@ def test_physics_by_differences() -> None:
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_against_differences_of_sixty_digits(friction: float) -> None:
     """The same equations, solved without quadrature tables, tails or tolerances."""
-    gaps, thick = np.array([0.006, 0.012, 0.03, 0.02]), np.array([7.5, 6.0, 9.0, 5.0, 7.5]) * 1e-3
+    gaps, thick = np.array([0.004, 0.03, 0.02]), np.array([7.5, 6.0, 9.0, 5.0]) * 1e-3
     physics = Physics(friction, 9.81, 14.0)
     wave = simulate(Layout(gaps, thick), physics, rtol=1e-13, gradient=True)
     assert wave.flushes > 0
     gradient = wave.gradient()
     for parts, exact, i in (
-        (gaps, gradient.spacing, 1),
-        (gaps, gradient.spacing, 3),
+        (gaps, gradient.spacing, 0),
+        (gaps, gradient.spacing, 2),
         (thick, gradient.thickness, 0),
         (thick, gradient.thickness, 2),
     ):
