@@ -57,11 +57,12 @@ def run(arguments: argparse.Namespace) -> int:
     from optimize import methods
     from optimize.records.shipped import update
     from optimize.searching.folder import FILES, require_place
-    from optimize.searching.runner import search
+    from optimize.searching.runner import require_limits, search
 
     methods.load(arguments.method)
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
+    require_limits(arguments.evaluations, arguments.seconds, arguments.seed)
     # before the best uniform row is searched, which may take long
     require_place(Path(folder), resume=arguments.resume)
     print(f"{scene.name}: {scene.title}")

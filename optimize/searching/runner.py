@@ -94,12 +94,7 @@ def search(
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
     run, method = methods.load(method), name_of(method)
-    if budget is not None and budget < 1:
-        raise ValueError(f"budget = {budget}: give at least one evaluation")
-    if seconds is not None and not seconds > 0.0:
-        raise ValueError(f"seconds = {seconds}: give a time of more than 0 s")
-    if seed < 0:
-        raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
+    require_limits(budget, seconds, seed)
     if resume and folder is None:
         raise ValueError("resume: name the folder of the search to go on with")
     problem = Problem(scene)
@@ -161,6 +156,27 @@ def search(
         if not interrupted:
             recorder.finish()
     return result
+
+
+def require_limits(budget: int | None, seconds: float | None, seed: int) -> None:
+    """Refuse limits that leave a search nothing, and seeds that are none, as `search` does.
+
+    Parameters
+    ----------
+    budget, seconds, seed
+        As of `search`.
+
+    Raises
+    ------
+    ValueError
+        With the number, and what to give.
+    """
+    if budget is not None and budget < 1:
+        raise ValueError(f"budget = {budget}: give at least one evaluation")
+    if seconds is not None and not seconds > 0.0:
+        raise ValueError(f"seconds = {seconds}: give a time of more than 0 s")
+    if seed < 0:
+        raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
 
 
 def _best(scene: Scene, meter: Budget) -> tuple[Layout, Wave, float]:
