@@ -98,7 +98,8 @@ def lean_behind(layout: Layout, leader: Ints, angle: Floats) -> Floats:
         sine = np.clip(gap - p * (1.0 - c), -1.0, 1.0)  # of the difference of the two leans
         cosine = np.sqrt(1.0 - sine * sine)
         tip = s * cosine + c * sine, c * cosine - s * sine
-        r = np.sqrt(gap * gap + 2.0 * p * d * (1.0 - c))
+        # rounding takes a cosine above 1 where nothing is flush
+        r = np.sqrt(gap * gap + np.maximum(2.0 * p * d * (1.0 - c), 0.0))
         corner = (gap + d * (1.0 - c)) / r, d * s / r
         flush = c < d / p
         s_i, c_i = np.where(flush, corner[0], tip[0]), np.where(flush, corner[1], tip[1])
