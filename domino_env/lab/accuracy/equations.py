@@ -16,20 +16,10 @@ Source: Chapman, "The physics of toppling dominoes", eqs. 1-9; van Leeuwen 2004.
 """
 
 import math
-from contextlib import suppress
-from typing import Any
 
-import numba
 import numpy as np
 
-
-def _compiled(function: Any) -> Any:
-    """Compile a function, and cache it where a folder can be written."""
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
-    with suppress(RuntimeError):
-        dispatcher.enable_caching()
-    return dispatcher
-
+from domino_env.support.compiled import compiled
 
 PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4  # as in `wave.Outcome`
 UNFINISHED = -1  # the evaluations allowed were used up
@@ -48,7 +38,7 @@ COLUMNS = 14
 NEVER = -2.0  # no cosine
 
 
-@_compiled
+@compiled
 def table(spacing, thickness, height, density, rise, tilt):
     """Return (N, COLUMNS) what the equations need of a row, per unit of width; all tips."""
     rows = np.zeros((len(thickness), COLUMNS))
@@ -74,7 +64,7 @@ def table(spacing, thickness, height, density, rise, tilt):
     return rows
 
 
-@_compiled
+@compiled
 def cosine_at(level, p, e, tilt):
     """Cosine of the lean from its rest at which p cos θ - e sin θ has fallen to a level."""
     if e == 0.0 and tilt == 0.0:
@@ -86,7 +76,7 @@ def cosine_at(level, p, e, tilt):
 
 
 # --- One link, the whole stack --------------------------------------------------------------------
-@_compiled
+@compiled
 def link(row, state, s, c, mu):
     """One link at sin θ, cos θ of the domino ahead: sin and cos of the one behind, Ω, Ψ, B/A."""
     length, d, p, e = row[HEIGHT], row[THICK_NEXT], row[PITCH], row[RISE]
@@ -111,13 +101,13 @@ def link(row, state, s, c, mu):
     return s_i, c_i, omega, psi, ratio
 
 
-@_compiled
+@compiled
 def upright(row, s, c):
     """Cosine of the lean of the domino ahead from its rest."""
     return c * row[COS_NEXT] + s * row[SIN_NEXT]
 
 
-@_compiled
+@compiled
 def stack(rows, n, back, angle, mu):
     """Sum over the stack that n leads.
 
@@ -143,7 +133,7 @@ def stack(rows, n, back, angle, mu):
     return sum_m, sum_g, sum_d, margin
 
 
-@_compiled
+@compiled
 def from_sums(sums, speed2, gravity):
     """α_n from the sums of a stack and the leader's ω²; nan where M is not positive."""
     if not sums[0] > 0.0:
@@ -151,14 +141,14 @@ def from_sums(sums, speed2, gravity):
     return (gravity * sums[1] - speed2 * sums[2]) / sums[0]
 
 
-@_compiled
+@compiled
 def acceleration(rows, n, back, angle, speed2, mu, gravity):
     """α_n at one angle and ω² of the leader."""
     return from_sums(stack(rows, n, back, angle, mu), speed2, gravity)
 
 
 # --- Hits and switches ----------------------------------------------------------------------------
-@_compiled
+@compiled
 def hit(rows, n, sum_m, mu):
     """ω⁺/ω⁻ where leader n, upon a stack of Σ w I J, strikes n+1, with friction.
 
@@ -173,7 +163,7 @@ def hit(rows, n, sum_m, mu):
     return m / (m * omega + rows[n + 1, INERTIA]) if m > 0.0 else 0.0
 
 
-@_compiled
+@compiled
 def switch(rows, n, back, angle, mu, slack):
     """Switch every link that is due at the leader's angle, those flush together in one impact.
 
@@ -216,7 +206,7 @@ def switch(rows, n, back, angle, mu, slack):
     return before / after, back
 
 
-@_compiled
+@compiled
 def lead_by(rows, n, i, angle):
     """Lean of leader n at which domino i leans by `angle`, from contact to contact, closed form."""
     for k in range(i, n):
@@ -231,7 +221,7 @@ def lead_by(rows, n, i, angle):
     return angle
 
 
-@_compiled
+@compiled
 def first_switch(rows, n, back, angle):
     """Find the least lean of the leader at which one of the links switches that have by `angle`."""
     s, c = math.sin(angle), math.cos(angle)
@@ -246,7 +236,7 @@ def first_switch(rows, n, back, angle):
 
 
 # --- Steps ----------------------------------------------------------------------------------------
-@_compiled
+@compiled
 def rk4_step(rows, n, back, angle, speed, a1, h, mu, gravity):
     """(angle, speed) after one classic Runge-Kutta step of h seconds; a1: α at its start."""
     v2 = speed + 0.5 * h * a1
@@ -261,7 +251,7 @@ def rk4_step(rows, n, back, angle, speed, a1, h, mu, gravity):
     )
 
 
-@_compiled
+@compiled
 def rk4_to_angle(rows, n, back, angle, speed, a1, end, sums, mu, gravity):
     """(time, speed) of one Runge-Kutta step in the angle that ends exactly at `end`.
 
@@ -287,7 +277,7 @@ def rk4_to_angle(rows, n, back, angle, speed, a1, end, sums, mu, gravity):
     return x / 6.0 * slow, math.sqrt(u)
 
 
-@_compiled
+@compiled
 def rk4_until(rows, n, back, angle, speed, a1, end, h, mu, gravity):
     """(time, speed) at which the step in time reaches `end`, by bisection.
 
@@ -308,7 +298,7 @@ def rk4_until(rows, n, back, angle, speed, a1, end, h, mu, gravity):
 
 
 # --- A row ----------------------------------------------------------------------------------------
-@_compiled
+@compiled
 def goal(rows, n):
     """Angle of leader n at which its fall ends (it hits, or it tips), and whether it hits."""
     row = rows[n]
@@ -318,7 +308,7 @@ def goal(rows, n):
     return math.atan(row[THICKNESS] / row[HEIGHT]), False
 
 
-@_compiled
+@compiled
 def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
     """Topple a row in fixed steps; what happens in a step takes place at its end.
 
@@ -368,7 +358,7 @@ def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
     return UNFINISHED, used
 
 
-@_compiled
+@compiled
 def located(rows, mu, gravity, push, h, most, arrival):
     """Topple a row in RK4 steps of h that end exactly at hits and switches: order four.
 
