@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numba
@@ -10,7 +10,8 @@ import numba
 
 def compiled(function: Any) -> Any:
     """Compile a function, and cache it where a folder can be written."""
-    dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
-    with suppress(RuntimeError):
-        dispatcher.enable_caching()
-    return dispatcher
+    compile_with = partial(numba.njit, nogil=True, error_model="numpy")
+    try:
+        return compile_with(cache=True)(function)
+    except RuntimeError:  # no folder for a cache
+        return compile_with()(function)
