@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from pathlib import Path
@@ -42,6 +44,7 @@ def search(
     watch: Watch | None = None,
     executor: Executor | None = None,
     resume: bool = False,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> SearchResult:
     """Search a layout of a scene that beats the best uniform pitch.
 
@@ -78,6 +81,9 @@ def search(
         Go on with the search in the folder, from where its journal ends (from the start where there
         is none), or further with a larger budget. The result is the same to the bit as that of a
         search that was never stopped; seconds that it took before are counted.
+    clock
+        Gives the seconds of a search without a folder, such as `time.process_time`: processor time,
+        from which what else the machine does falls out.
 
     Returns
     -------
@@ -104,7 +110,7 @@ def search(
         if folder is not None:
             files = RunFolder(Path(folder), scene, method, seed, resume=resume, evaluations=budget)
             journal = Journal(files.journal, scene, method, seed, versions(), resume=resume)
-        recorder = stack.enter_context(Recorder(problem, journal, executor))
+        recorder = stack.enter_context(Recorder(problem, journal, executor, clock))
         uniform = scene.uniform()
         compile_for(scene, gradients=True)
         show = stack.enter_context(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
@@ -92,6 +93,66 @@ class Task:
         told = [f"{key} = {value}" for key, value in self.labels]
         return ", ".join([*(told or [scene_of(self.scene).name]), self.method, f"seed {self.seed}"])
 
+    def run(
+        self, watch: Callable[[Budget], None] | None = None, *, progress: bool | None = False
+    ) -> TaskResult:
+        """Search, and keep what a study needs; the uniform baseline is found here too.
+
+        Parameters
+        ----------
+        watch, progress
+            As of `optimize.search`.
+
+        Raises
+        ------
+        ValueError
+            As of `optimize.search`.
+        KeyboardInterrupt
+            For a search that was ended by hand: half a search is no result of its task.
+        """
+        return self.searched(time.perf_counter, watch, progress)
+
+    def searched(
+        self,
+        clock: Callable[[], float],
+        watch: Callable[[Budget], None] | None = None,
+        progress: bool | None = False,
+    ) -> TaskResult:
+        """Search by a clock, as `run` does by that on the wall; see `optimize.search`."""
+        result = search(
+            scene_of(self.scene),
+            self.method,
+            self.evaluations,
+            self.seed,
+            seconds=self.seconds,
+            progress=progress,
+            watch=watch,
+            clock=clock,
+        )
+        if result.interrupted:
+            raise KeyboardInterrupt
+        return TaskResult(
+            key=self.key,
+            scene_name=result.scene.name,
+            method=self.method,
+            seed=self.seed,
+            score=float(result.score),
+            uniform_score=float(result.uniform.score),
+            gain=None if result.gain is None else float(result.gain),
+            outcome=result.wave.outcome.name,
+            mean_speed=float(result.wave.mean_speed),
+            spacing=result.layout.spacing,
+            thickness=result.layout.thickness,
+            height=result.layout.height,
+            evaluations=int(result.evaluations),
+            falls=int(result.falls),
+            seconds=float(result.seconds),
+            trace=[(int(n), int(f), float(t), float(s)) for n, f, t, s in result.trace],
+            labels=self.labels,
+            versions=versions(),
+            scene=self.scene,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class TaskResult:
@@ -150,54 +211,8 @@ class TaskResult:
 def run_task(
     task: Task, watch: Callable[[Budget], None] | None = None, *, progress: bool | None = False
 ) -> TaskResult:
-    """Search, and keep what a study needs; the uniform baseline is found here too.
-
-    Parameters
-    ----------
-    task
-        What to search.
-    watch, progress
-        As of `optimize.search`.
-
-    Raises
-    ------
-    ValueError
-        As of `optimize.search`.
-    KeyboardInterrupt
-        For a search that was ended by hand: half a search is no result of its task.
-    """
-    result = search(
-        scene_of(task.scene),
-        task.method,
-        task.evaluations,
-        task.seed,
-        seconds=task.seconds,
-        progress=progress,
-        watch=watch,
-    )
-    if result.interrupted:
-        raise KeyboardInterrupt
-    return TaskResult(
-        key=task.key,
-        scene_name=result.scene.name,
-        method=task.method,
-        seed=task.seed,
-        score=float(result.score),
-        uniform_score=float(result.uniform.score),
-        gain=None if result.gain is None else float(result.gain),
-        outcome=result.wave.outcome.name,
-        mean_speed=float(result.wave.mean_speed),
-        spacing=result.layout.spacing,
-        thickness=result.layout.thickness,
-        height=result.layout.height,
-        evaluations=int(result.evaluations),
-        falls=int(result.falls),
-        seconds=float(result.seconds),
-        trace=[(int(n), int(f), float(t), float(s)) for n, f, t, s in result.trace],
-        labels=task.labels,
-        versions=versions(),
-        scene=task.scene,
-    )
+    """Do what a task asks, by `Task.run`."""
+    return task.run(watch, progress=progress)
 
 
 def layout_of(scene: Scene, kept: TaskResult) -> Layout:

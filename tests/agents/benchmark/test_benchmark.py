@@ -1,0 +1,128 @@
+"""The benchmark: its statistics on known numbers, and its whole path with a tiny budget."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+import domino_env as de
+from agents.benchmark.page import FILES
+from agents.benchmark.results import SECONDS, STEPS, Benchmark
+from agents.benchmark.runner import FEW, SHORT, benchmark_tasks, run_benchmark
+from agents.benchmark.statistics import interquartile_mean, performance_profile
+from agents.benchmark.task import BenchmarkTask
+from domino_env.cli.main import main
+from optimize.studies import DEFAULT_STORE, open_store
+from optimize.studies.task import TaskResult
+
+SMALL = replace(de.load_scene("sprint"), name="small", count=7)
+
+
+def test_an_interquartile_mean_is_that_of_the_middle_half() -> None:
+    found = interquartile_mean([np.array([-90.0, 1.0, 2.0]), np.array([3.0, 4.0, 5.0, 6.0, 700.0])])
+    assert found.value == pytest.approx((2.0 + 3.0 + 4.0 + 5.0) / 4)
+
+
+def test_an_interval_is_that_of_all_draws_of_two_runs() -> None:
+    """Of 0 and 1 a quarter of the draws are (0, 0), a quarter (1, 1)."""
+    found = interquartile_mean([np.array([[0.0, 1.0], [5.0, 5.0]])])
+    assert np.array_equal(found.low, [0.0, 5.0])
+    assert np.array_equal(found.high, [1.0, 5.0])
+
+
+def test_runs_are_drawn_anew_within_their_scene() -> None:
+    """Scenes differ, their runs do not: so there is no doubt, as there would be among all runs."""
+    found = interquartile_mean([np.full(3, 0.2), np.full(3, 0.9)])
+    assert found.low == found.value == found.high == pytest.approx(0.55)
+    assert not found.is_known
+
+
+def test_a_profile_counts_the_runs_beyond_each_target() -> None:
+    targets = np.array([-1.0, 0.0, 0.5, 1.0])
+    found = performance_profile([np.array([0.1, 0.6]), np.array([-0.5, 0.9])], targets)
+    assert found.value.tolist() == [1.0, 0.75, 0.5, 0.0]
+    assert (found.low[1], found.high[1]) == (0.5, 1.0)
+
+
+def result_of(task: BenchmarkTask, seconds: float, score: float = 1.0) -> TaskResult:
+    half = (10, 10, 0.5 * seconds, 0.5 * score)
+    return TaskResult(
+        task.key, "small", task.method, task.seed, score, 0.5, None, "PROPAGATED", 1.0,
+        np.ones(6), np.ones(7), np.ones(7), 20, 20, seconds,
+        [half, (20, 20, seconds, score)], scene=task.scene,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class KnownTask(BenchmarkTask):
+    """One that takes as long as it is said to."""
+
+    def run(self, watch=None, *, progress=False) -> TaskResult:
+        return result_of(self, 2.0 * SHORT if self.method == "ppo" else 1.0)
+
+
+def test_what_takes_long_gets_fewer_seeds_and_curves_are_read_on_both_clocks() -> None:
+    tasks = benchmark_tasks([SMALL], ["ppo", "cma", "ramp"], seeds=FEW + 2)
+    known = [KnownTask(t.scene, t.method, t.seed, None, t.seconds) for t in tasks]
+    done = run_benchmark(known)
+    assert [len(done.of(name)) for name in ("ppo", "cma", "ramp")] == [FEW, FEW + 2, 1]
+    learned, searched = done.of("ppo")[0], done.of("cma")[0]
+    times = np.array([SHORT - 1e-6, SHORT, 2.0 * SHORT])
+    assert done.shares_at(learned, times, SECONDS).tolist() == [-np.inf, 0.0, 1.0]
+    assert done.steps(learned, STEPS)[0].tolist() == [10.0, 20.0]
+    assert done.steps(searched, STEPS)[0].tolist() == [60.0, 120.0]  # six dominoes a row
+    assert done.gain_after("cma", 0.7) == 0.0
+    assert done.seconds_past_uniform(learned) == 2.0 * SHORT
+
+
+def test_where_nothing_is_to_gain_nobody_gains_anything() -> None:
+    one = result_of(BenchmarkTask(SMALL.to_toml(), "cma", 0), 1.0, score=0.5)
+    assert Benchmark((one,), {"small": 0.5}).shares("cma", "small").tolist() == [0.0]
+
+
+def test_it_trains_once_goes_on_and_writes_the_same_page_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(SMALL.to_toml(), "utf-8")
+    asked = "benchmark small.toml --algorithms ppo,ramp,auto --seeds 1 --steps 3000 --seconds 0.2"
+    assert main(asked.split()) == 0
+    home = tmp_path / "runs" / "benchmark"
+    first = {name: (home / name).read_bytes() for name in FILES}
+    (trained,) = home.glob("small-ppo-0-*")
+    assert sum(line.startswith(b"small,") for line in first["benchmark.csv"].splitlines()) == 3
+
+    assert main([*asked.split(), "--page"]) == 0
+    assert {name: (home / name).read_bytes() for name in FILES} == first
+    with monkeypatch.context() as patch:
+        patch.setattr("optimize.studies.running.run_task", None)  # nothing is left to run
+        tasks = benchmark_tasks(["small.toml"], ["ppo", "ramp", "auto"], 1, 3000, 0.2)
+        run_benchmark(tasks, study=open_store(DEFAULT_STORE).study("benchmark"))
+
+    (trained / "summary.json").unlink()  # as if it had been killed before its end
+    again = tasks[0].run()
+    line = next(one for one in first["benchmark.csv"].decode().splitlines() if ",ppo," in one)
+    assert repr(again.score) == line.split(",")[4]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("--seeds 0", "seeds = 0: give more than 0"),
+        ("--algorithms ppo,ppo", "algorithms = ppo, ppo: give each once"),
+        ("--algorithms nobody", "nobody"),
+        ("--page", "has no"),
+    ],
+)
+def test_it_says_what_cannot_be(
+    given: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["benchmark", "sprint", *given.split()]) != 0
+    assert said in capsys.readouterr().err
