@@ -15,6 +15,7 @@ from domino_env.chain.motion import Motion
 from domino_env.chain.wave import Wave
 from domino_env.support.files import write_bytes
 from domino_env.view.drawing import Scale, palette, stacked, strip, title
+from domino_env.view.ground import relief
 
 MOST_DOMINOES = 5_000  # in a picture of a row: drawing takes time by its square
 MOST_IMAGES = 5_000  # more than three minutes at 25 a second; 1 GB
@@ -77,11 +78,11 @@ def frames(
         raise ValueError(f"width = {width} px: give an even number of at least 200")
     for one in runners:
         require_drawable(one.name, one.wave.layout.count)
-        one.wave.layout.require_flat("the animation")
     motions = [Motion(one.wave.layout, one.wave.physics) for one in runners]
     longest = max(float(one.wave.layout.length) for one in runners)
     tallest = max(float(one.wave.layout.height.max()) for one in runners)
-    scale = Scale.fitting(longest, tallest, width, 150)
+    hills = max(relief(one.wave.layout) for one in runners)
+    scale = Scale.fitting(longest, tallest, width, 150, hills)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
     if images > MOST_IMAGES:

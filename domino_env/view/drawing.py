@@ -13,6 +13,7 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.motion import outlines
 from domino_env.support import colours
 from domino_env.support.colours import rgb
+from domino_env.view.ground import ground_line
 
 Floats = NDArray[np.float64]
 
@@ -21,6 +22,7 @@ STANDS, FALLS, LEADS = (176, 186, 197), rgb(colours.BLUE), rgb(colours.RED)
 TITLE = 40  # height of the line above all rows [px]
 AHEAD = 0.72  # of the picture's width: where the front is kept once the row is longer than that
 FINER = 2  # drawn so much larger, then scaled down
+HIGHEST = 2.0  # strip heights that hills may add; higher ground is followed
 
 
 @dataclass(frozen=True)
@@ -36,21 +38,30 @@ class Scale:
     pixels
         Per metre.
     floor
-        Height of the floor line [px].
+        Height of the floor line, where the ground is lowest [px].
+    room
+        For hills above it [px].
     """
 
     width: int
     height: int
     pixels: float
     floor: int
+    room: int = 0
 
     @classmethod
-    def fitting(cls, length: float, tallest: float, width: int, height: int) -> Scale:
-        """Fit a length [m] into the width; the tallest takes a fifth of the height or more."""
+    def fitting(
+        cls, length: float, tallest: float, width: int, height: int, hills: float = 0.0
+    ) -> Scale:
+        """Fit a length [m] into the width; the tallest takes a fifth of the height or more.
+
+        Hills so high [m] make the strip higher.
+        """
         margin = 2.0 * tallest
         pixels = min((width - 40) / (length + margin), 0.62 * height / tallest)
         pixels = max(pixels, height / 5.0 / tallest)
-        return cls(width, height, pixels, int(0.80 * height))
+        room = 2 * round(0.5 * min(hills * pixels, HIGHEST * height))  # even, for films
+        return cls(width, height + room, pixels, int(0.80 * height) + room, room)
 
 
 def strip(
@@ -71,31 +82,39 @@ def strip(
     line
         What is said above it.
     ghost
-        Where another wave's front is [m], marked below the floor.
+        Where another wave's front is along the row [m], marked below the ground.
     """
     w, h, k = scale.width * FINER, scale.height * FINER, scale.pixels * FINER
     image = Image.new("RGB", (w, h), PAPER)
     draw = ImageDraw.Draw(image)
-    front = float(layout.positions[leader])
+    pivots = layout.pivots
+    front, high = map(float, pivots[leader])
     left = 20 * FINER + 1.2 * float(layout.thickness[0]) * k
     left -= max(0.0, left + front * k - AHEAD * w)
-    floor = scale.floor * FINER
-    draw.line([(0, floor), (w, floor)], fill=PALE, width=FINER)
+    # the lowest ground at the floor; where hills are too high, the front in the middle
+    lowest, highest = float(pivots[:, 1].min()), float(pivots[:, 1].max())
+    room = scale.room / scale.pixels
+    base = float(scale.floor * FINER)
+    base += min(max(high - 0.5 * room, lowest), max(highest - room, lowest)) * k
+    ground = ground_line(layout, max(left / k, 0.0), w / k)
+    points = [(left + x * k, base - z * k) for x, z in ground]
+    draw.line(points, fill=PALE, width=FINER, joint="curve")
     corners = outlines(layout, leans)
-    x, y = left + corners[..., 0] * k, floor - corners[..., 1] * k
+    x, y = left + corners[..., 0] * k, base - corners[..., 1] * k
     seen = np.flatnonzero((x.max(axis=1) > 0.0) & (x.min(axis=1) < w))
     for i in seen:
         colour = LEADS if i == leader else FALLS if i < leader else STANDS
         draw.polygon(list(zip(x[i], y[i], strict=True)), fill=colour, outline=PAPER)
-    _mark(draw, left + front * k, floor, LEADS)
+    _mark(draw, left + front * k, base - high * k, LEADS)
     if ghost is not None:
-        _mark(draw, left + ghost * k, floor, INK)
+        ahead, above = _place(layout, ghost)
+        _mark(draw, left + ahead * k, base - above * k, INK)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
     ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
     if ghost is not None:
-        at = min(max((left + ghost * k) / FINER, 30.0), scale.width - 60.0)
+        at = min(max((left + ahead * k) / FINER, 30.0), scale.width - 60.0)
         ImageDraw.Draw(image).text(
-            (at, scale.floor + 14), "uniform", fill=INK, font=font(12), anchor="mt"
+            (at, (base - above * k) / FINER + 14), "uniform", fill=INK, font=font(12), anchor="mt"
         )
     return image
 
@@ -138,6 +157,16 @@ def palette() -> Image.Image:
     image = Image.new("P", (1, 1))
     image.putpalette(shades + list(PAPER))
     return image
+
+
+def _place(layout: Layout, along: float) -> tuple[float, float]:
+    """Where on the ground a place along the row is [m], past its end too."""
+    if along >= layout.length:
+        x, z = layout.pivots[-1]
+        past, tilt = along - layout.length, layout.tilt[-1]
+        return float(x + past * np.cos(tilt)), float(z - past * np.sin(tilt))
+    x, z = (float(np.interp(along, layout.positions, axis)) for axis in layout.pivots.T)
+    return x, z
 
 
 def _mark(draw: ImageDraw.ImageDraw, x: float, floor: float, colour: tuple[int, int, int]) -> None:

@@ -8,6 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain import footing
+from domino_env.chain.layout import Layout
 from domino_env.chain.motion import Motion
 from domino_env.chain.wave import Wave
 from domino_env.support.brief import brief
@@ -78,7 +80,6 @@ def energies(motion: Motion, wave: Wave) -> Energy:
     friction on both sides is the flush's. Without friction all of it is.
     """
     layout = wave.layout
-    layout.require_flat("the account of energy")
     ends = wave.arrival_times[: wave.hit]
     if wave.hit < layout.count:
         ends = np.append(ends, motion.end)
@@ -117,6 +118,7 @@ def _at(motion: Motion, wave: Wave, times: Floats) -> tuple[Floats, Floats]:
     mass = layout.density * layout.height * layout.thickness * layout.width
     inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
     lever = 0.5 * wave.physics.gravity * mass
+    standing = _height_of_centres(layout, layout.tilt)
     released, kinetic = np.empty(len(times)), np.empty(len(times))
     piece = max(1, LARGEST_PIECE // layout.count)
     for first in range(0, len(times), piece):
@@ -124,11 +126,15 @@ def _at(motion: Motion, wave: Wave, times: Floats) -> tuple[Floats, Floats]:
         leans, later, sooner = (
             motion.angles(times[part] + shift) for shift in (0.0, INSTANT, -INSTANT)
         )
-        high = layout.height * np.cos(leans) + layout.thickness * np.sin(leans)
-        released[part] = ((layout.height - high) * lever).sum(axis=1)
+        released[part] = ((standing - _height_of_centres(layout, leans)) * lever).sum(axis=1)
         rates = (later - sooner) / (2.0 * INSTANT)
         kinetic[part] = 0.5 * (inertia * rates**2).sum(axis=1)
     return released, kinetic
+
+
+def _height_of_centres(layout: Layout, leans: Floats) -> Floats:
+    """Twice how far the centres lie above their pivots [m]."""
+    return np.asarray(layout.height * np.cos(leans) + layout.thickness * np.sin(leans))
 
 
 def _flush_instants(motion: Motion, wave: Wave) -> Floats:
@@ -136,11 +142,13 @@ def _flush_instants(motion: Motion, wave: Wave) -> Floats:
     layout = wave.layout
     height = layout.height[:-1]
     gap, d = layout.spacing / height, layout.thickness[1:] / height
-    p = gap + d
-    lowest = 1.0 - (1.0 - gap * gap) / (2.0 * p * d)  # where a link is lost instead
-    due = np.arccos(np.clip(d / p, -1.0, 1.0))
+    rises = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt) / height
+    # seen upright from the stand of the domino ahead
+    reach, slant = np.hypot(gap + d, rises), np.arctan2(rises, gap + d)
+    lowest = (reach * reach + d * d - 1.0) / (2.0 * reach * d)  # where a link is lost instead
+    due = np.arccos(np.clip(d / reach, -1.0, 1.0)) - slant + layout.tilt[1:]
     ends = motion.angles([motion.end])[0][1:]
-    links = np.flatnonzero((d / p > lowest) & (ends > due))
+    links = np.flatnonzero((d / reach > lowest) & (ends > due))
     low, high = np.zeros(len(links)), np.full(len(links), motion.end)
     which = np.arange(len(links))
     for _ in range(HALVINGS if len(links) else 0):

@@ -1,6 +1,6 @@
 """Rows along their length: drawn to scale, and below them spacing, thickness and wave speed.
 
-Inches on paper, millimetres along the row.
+Inches on paper, millimetres along the row; over hills, everything stands at its horizontal place.
 """
 
 from __future__ import annotations
@@ -13,16 +13,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from domino_env.chain.layout import Layout
+from domino_env.chain.motion import outlines
 from domino_env.chain.wave import Wave
 from domino_env.scenes.scene import Scene
 from domino_env.support.colours import FAINT, INK, OURS, SOFT
 from domino_env.support.plot_style import HEAD, headings, new_figure, plain_numbers, style
+from domino_env.view.ground import ground_line
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
 SPAN = WIDTH - LEFT - RIGHT
@@ -72,7 +75,7 @@ class _Window:
 
     def shift(self, layout: Layout) -> float:
         """What to add to a place along the row [mm]."""
-        return -1e3 * layout.length if self.from_end else 0.0
+        return -1e3 * float(layout.pivots[-1, 0]) if self.from_end else 0.0
 
 
 def rows_picture(
@@ -102,7 +105,7 @@ def rows_picture(
     """
     windows, scale, tall = _windows(rows, scene)
     panels = _panels(rows, scene)
-    row = tall * scale + LABEL
+    row = (tall + max(_relief(one.layout, w) for one in rows for w in windows)) * scale + LABEL
     height = HEAD + len(rows) * row + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if last else 0.0
     figure = new_figure(WIDTH, height, placed=True)
@@ -123,7 +126,8 @@ def rows_picture(
             axes.set_xlim(window.low, window.high)
             axes.tick_params(labelbottom=panel is panels[-1])
             if panel is panels[-1]:
-                axes.set_xlabel(f"position from the {_origin(window)} pivot [mm]")
+                where = "position" if all(one.layout.is_flat for one in rows) else "horizontally"
+                axes.set_xlabel(f"{where} from the {_origin(window)} pivot [mm]")
             if window is not windows[0]:
                 axes.set_ylabel("")
                 axes.tick_params(labelleft=False)
@@ -153,7 +157,8 @@ def _windows(rows: Sequence[Shown], scene: Scene | None) -> tuple[list[_Window],
     tall = 1e3 * max(layout.height.max() for layout in layouts)
     low = -1e3 * layouts[-1].thickness[0] - 0.8 * tall
     shortest = SHORTEST if scene is None or scene.growth is None else SHORTEST_GROWING
-    high = max(1e3 * max(layout.length for layout in layouts) + 0.25 * tall, low + shortest * tall)
+    longest = 1e3 * max(float(layout.pivots[-1, 0]) for layout in layouts)
+    high = max(longest + 0.25 * tall, low + shortest * tall)
     if high - low <= LONGEST * tall:
         return [_Window(LEFT, SPAN, low, high, False)], SPAN / (high - low), tall
     scale = SMALL / tall
@@ -201,24 +206,40 @@ def _row(axes: Axes, shown: Shown, window: _Window, room: float) -> None:
     axes.set_xticks([])
     axes.set_yticks([])
     axes.spines[["left", "bottom"]].set_visible(False)
-    axes.axhline(0.0, color=INK, linewidth=0.8)
-    front = 1e3 * layout.positions + window.shift(layout)
-    thick, tall = 1e3 * layout.thickness, 1e3 * layout.height
-    inside = np.flatnonzero((front > window.low) & (front - thick < window.high))
-    boxes = [Rectangle((front[i] - thick[i], 0.0), thick[i], tall[i]) for i in inside]
+    inside = _inside(layout, window)
+    stand = 1e3 * outlines(layout, layout.tilt)[inside]
+    lowest = float(stand[..., 1].min()) if len(inside) else 0.0
+    reach = 1e-3 * (window.high - window.low)
+    shift = np.array([window.shift(layout), -lowest])
+    axes.plot(*(1e3 * ground_line(layout, reach, reach) + shift).T, color=INK, linewidth=0.8)
+    boxes = [Polygon(corners) for corners in stand + shift]
     hit = layout.count if wave is None else wave.hit
     colours = [shown.colour if i < hit else FAINT for i in inside]
     axes.add_collection(PatchCollection(boxes, facecolor=colours, edgecolor="none"))
     if wave is not None and not window.from_end:
         push = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.0}
-        at = 0.88 * tall[0]
-        axes.annotate("", (-thick[0], at), (-thick[0] - 0.6 * tall[0], at), arrowprops=push)
+        # at the rear face of the first, 0.88 of its height up
+        rear, top = stand[0, 3] + shift, stand[0, 2] + shift
+        x, z = rear + 0.88 * (top - rear)
+        axes.annotate("", (x, z), (x - 600.0 * layout.height[0], z), arrowprops=push)
+
+
+def _inside(layout: Layout, window: _Window) -> Ints:
+    """Which dominoes a window shows, as they stand."""
+    front = 1e3 * layout.pivots[:, 0] + window.shift(layout)
+    return np.flatnonzero((front > window.low) & (front - 1e3 * layout.thickness < window.high))
+
+
+def _relief(layout: Layout, window: _Window) -> float:
+    """How much the ground rises and falls in a window [mm]."""
+    feet = 1e3 * outlines(layout, layout.tilt)[_inside(layout, window)][:, [0, 3], 1]
+    return float(np.ptp(feet)) if len(feet) else 0.0
 
 
 def _curves(axes: Axes, rows: Sequence[Shown], window: _Window, values: Sequence[Floats]) -> None:
     """What rows have at each gap, drawn halfway between its pivots."""
     for shown, one in zip(rows, values, strict=True):
-        places = shown.layout.positions
+        places = shown.layout.pivots[:, 0]
         middles = 500.0 * (places[:-1] + places[1:]) + window.shift(shown.layout)
         marked = shown is rows[-1] or len(one) == 1
         axes.plot(

@@ -21,6 +21,7 @@ from domino_env.chain.layout import Layout
 from domino_env.support.colours import INK, SOFT
 from domino_env.support.files import write_bytes
 from domino_env.support.plot_style import escaped
+from domino_env.view.ground import places_along
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # lying on the long side [m]
 MOST_SHEETS = 1_000  # of a row some hundred metres long
@@ -49,7 +50,7 @@ class Strip:
     middle
         Height of its middle on the sheet [m].
     begin
-        Where the stretch begins along the row [m], from the first pivot.
+        Where the stretch begins along the ground [m], from the first pivot.
     end
         Where it ends [m]; neighbours share an end, which is a joining line on both.
     dominoes
@@ -73,7 +74,6 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     ValueError
         For an unknown paper, too wide a domino, or more sheets than `MOST_SHEETS`.
     """
-    layout.require_flat("the paper template")
     if paper not in PAPERS:
         raise ValueError(f"paper '{paper}': known are {', '.join(PAPERS)}")
     wide, high = PAPERS[paper]
@@ -82,7 +82,8 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     if on_a_sheet < 1:
         raise ValueError(f"width = {layout.width} m: the dominoes are wider than {paper} paper")
     stretch = wide - 2.0 * MARGIN
-    rear, front = layout.positions - layout.thickness, layout.positions
+    front = places_along(layout)
+    rear = front - layout.thickness
     begin = float(rear[0]) - LEAD
     total = int(np.ceil((float(front[-1]) + LEAD - begin) / stretch - 1e-9))
     papers = -(-total // on_a_sheet)
@@ -136,8 +137,8 @@ def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "
     return total
 
 
-def advice(plan: Sequence[Strip]) -> list[str]:
-    """Say how the row is built with the strips, step by step."""
+def advice(plan: Sequence[Strip], flat: bool = True) -> list[str]:
+    """Say how the row is built with the strips, step by step, on flat ground or not."""
     steps = ["Print at 100 %, not fitted to the page, and check the scale bar with a ruler."]
     if len(plan) > 1:
         steps.append(
@@ -145,11 +146,20 @@ def advice(plan: Sequence[Strip]) -> list[str]:
             "line, and lay it on the dashed line at the right end of the strip before, so that "
             "the circles meet."
         )
+    tape = "Tape the paper down flat: where it bends, gaps are wrong, and it must not slip."
+    stand = "Stand a domino upright on every box, its faces along the lines."
+    if not flat:
+        tape = (
+            "Tape the paper along the ground so that it lies on it everywhere: the boxes are "
+            "apart as measured along the surface. Slopes are printed above the boxes where they "
+            "change, in degrees, positive downhill: check them, as gaps alone do not make the row."
+        )
+        stand = "Stand a domino on every box, flat on the ground, its faces along the lines."
     return [
         *steps,
-        "Tape the paper down flat: where it bends, gaps are wrong, and it must not slip.",
-        "Stand a domino upright on every box, its faces along the lines. Leave a few out along "
-        "the row, and fill these places last: what falls early then stops there.",
+        tape,
+        f"{stand} Leave a few out along the row, and fill these places last: what falls early "
+        "then stops there.",
         "Push domino 0 at its top; the wave runs along the arrows.",
     ]
 
@@ -187,7 +197,7 @@ def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
     left, top = MARGIN * MM, axes.get_ylim()[1] - 32.0
     axes.text(left, top, "How to build it", size=11, color=INK, weight="bold")
     y = top - 9.0
-    for number, step in enumerate(advice(plan), 1):
+    for number, step in enumerate(advice(plan, layout.is_flat), 1):
         lines = wrap(step, 68)
         axes.text(left, y, f"{number}", size=9.5, color=SOFT, va="top")
         axes.text(left + 6.0, y, "\n".join(lines), size=9.5, color=INK, va="top", linespacing=1.35)
@@ -195,28 +205,34 @@ def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
     if not 1 < layout.count <= MOST_GAPS + 1:
         return
     x = 0.52 * axes.get_xlim()[1]
-    axes.text(x, top, "Gap in front of each domino [mm]", size=11, color=INK, weight="bold")
+    heading, columns, wide = "Gap in front of each domino [mm]", 6, 23.0
     lines = [f"{i:3d} {1e3 * gap:6.2f}" for i, gap in enumerate(layout.spacing)]
-    down = max(40, -(-len(lines) // 6))
+    if not layout.is_flat:
+        heading, columns, wide = f"{heading}, slope under it [°]", 5, 29.0
+        gaps = [*(f"{1e3 * gap:6.2f}" for gap in layout.spacing), " " * 6]
+        both = enumerate(zip(gaps, _slopes(layout), strict=True))
+        lines = [f"{i:3d} {gap} {slope}" for i, (gap, slope) in both]
+    down = max(40, -(-len(lines) // columns))
+    axes.text(x, top, heading, size=11, color=INK, weight="bold")
     for k in range(0, len(lines), down):
         text = "\n".join(lines[k : k + down])
         axes.text(x, top - 9.0, text, size=8, color=INK, va="top", family="monospace")
-        x += 23.0
+        x += wide
 
 
 def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
     """A strip: its edges, its dominoes, and what joins it to its neighbours."""
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
-    left = MARGIN * MM
+    places, left = places_along(layout), MARGIN * MM
     right = left + (strip.end - strip.begin) * MM
-    edge = half + BESIDE * MM
+    edge, slopes = half + BESIDE * MM, _slopes(layout)
     axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, dashes=(8, 3, 1, 3))
     for y in (middle - edge, middle + edge):
         axes.plot([0.0, right + left], [y, y], color="0.7", lw=LINE)
     window = Rectangle((0.0, 0.0), right + left, axes.get_ylim()[1], transform=axes.transData)
     for i in strip.dominoes:
         thick = layout.thickness[i] * MM
-        x = left + (layout.positions[i] - strip.begin) * MM - thick
+        x = left + (places[i] - strip.begin) * MM - thick
         box = Rectangle((x, middle - half), thick, 2.0 * half, fill=False, lw=LINE, ec="black")
         axes.add_patch(box)
         box.set_clip_path(window)
@@ -224,6 +240,9 @@ def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
             # numbers stand in two heights, as tight rows leave no room side by side
             y = middle - half - (3.0 if i % 2 == 0 else 7.0)
             axes.text(x + thick / 2.0, y, str(i), ha="center", va="center", fontsize=6)
+            if not layout.is_flat and (i == strip.dominoes[0] or slopes[i] != slopes[i - 1]):
+                y = middle + half + (2.0 if i % 2 == 0 else 4.5)
+                axes.text(x + thick / 2.0, y, slopes[i], ha="center", va="center", fontsize=5)
     for x, there, word in (
         (left, strip.number > 1, f"joins strip {strip.number - 1}"),
         (right, strip.number < strip.total, f"joins strip {strip.number + 1}"),
@@ -238,6 +257,11 @@ def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
     at, y = 0.5 * (left + right), middle + edge - 4.0
     axes.text(at, y, f"strip {strip.number}", ha="right", va="center", fontsize=7)
     axes.annotate("", (at + 24.0, y), (at + 4.0, y), arrowprops={"arrowstyle": "->", "lw": 0.8})
+
+
+def _slopes(layout: Layout) -> list[str]:
+    """How far the ground slopes under each domino [°], positive downhill."""
+    return [f"{slope:+5.1f}" for slope in np.degrees(layout.tilt)]
 
 
 def _draw_bar(axes: Axes) -> None:

@@ -10,14 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.chain import footing
+from domino_env.chain.layout import Layout
 from domino_env.chain.motion import Motion
 from domino_env.chain.wave import Wave
 from domino_env.view.energy import Energy, energies
+from domino_env.view.ground import ground_line
 
 Floats = NDArray[np.float64]
 
 DRAW = 1e-6  # relative; who is ahead by less has not won
 LOOKS = 32  # at the leader in every fall; straight lines between them are within 1e-4 rad
+EDGE = 1e-5  # of a fall
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,6 @@ def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
     for one in racers:
         if one.wave.layout.count < 2:
             raise ValueError(f"{one.name}: one domino does not race; give at least two")
-        one.wave.layout.require_flat("the race page")
     merits = _merits(racers)
     first = max(range(len(racers)), key=lambda k: merits[k])
     return {
@@ -140,8 +143,9 @@ def _row(one: Racer) -> dict[str, Any]:
     ends = np.append(wave.arrival_times[: wave.hit], motion.end)
     falls = []
     for k in range(wave.hit):
-        inside = np.linspace(ends[k], max(ends[k + 1], ends[k]), LOOKS + 1)
-        leader, angle = motion.leader(np.clip(inside, ends[k] + 1e-12, ends[k + 1] - 1e-12))
+        # off the two hits, which the motion may have a little sooner or later
+        fall = np.clip(np.linspace(0.0, 1.0, LOOKS + 1), EDGE, 1.0 - EDGE)
+        leader, angle = motion.leader(ends[k] + fall * max(ends[k + 1] - ends[k], 0.0))
         falls.append(_short(np.where(leader == k, angle, angle.min())))
     energy = energies(motion, wave)
     return {
@@ -150,6 +154,7 @@ def _row(one: Racer) -> dict[str, Any]:
         "thickness": _short(layout.thickness),
         "height": _short(layout.height),
         "positions": _short(layout.positions),
+        "hills": None if layout.is_flat else _hills(layout),
         "arrivals": _short(wave.arrival_times),
         "speed": _short(wave.local_speed),
         "hit": wave.hit,
@@ -174,6 +179,18 @@ def _row(one: Racer) -> dict[str, Any]:
         "learning": one.learning,
         "verification": one.verification,
         "worth": one.worth,
+    }
+
+
+def _hills(layout: Layout) -> dict[str, list[Any]]:
+    """What the page draws a row over ground with that is not flat."""
+    steps = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt)
+    return {
+        "x": _short(layout.pivots[:, 0]),
+        "z": _short(layout.pivots[:, 1]),
+        "tilt": _short(layout.tilt),
+        "steps": _short(steps),
+        "ground": [_short(point) for point in ground_line(layout)],
     }
 
 

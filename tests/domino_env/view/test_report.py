@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hilly_rows import hilly_row
 
 import domino_env as de
 from domino_env.chain.motion import Motion
@@ -127,6 +128,13 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
         race_data([])
 
 
+def test_every_look_at_the_leader_is_one() -> None:
+    """Those at the hits as well: leans grow from one look to the next."""
+    for row in race_data(ROWS)["rows"]:
+        for fall in row["falls"]:
+            assert (np.diff(fall) > 0.0).all()
+
+
 def test_kinetic_energies_are_averaged_over_each_fall() -> None:
     rows = race_data(ROWS)["rows"]
     for row in rows:
@@ -204,6 +212,19 @@ def test_dominoes_lean_on_the_page_as_in_the_model(browser) -> None:
         for t in np.linspace(0.0, motion.end, 23):
             page = browser.execute_script(f"return race.leans(race.rows[{k}], {float(t)!r})")
             np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
+
+
+def test_dominoes_stand_and_lean_on_hills_as_in_the_model(browser, tmp_path: Path) -> None:
+    first = browser.current_url
+    row = hilly_row(3, 14)
+    wave, motion = de.simulate(row, de.Physics(push=14.0)), Motion(row, de.Physics(push=14.0))
+    write_report([Racer("hills", wave)], "test", tmp_path / "page.html")
+    browser.get((tmp_path / "page.html").as_uri())
+    for t in np.linspace(0.0, motion.end, 23):
+        page = browser.execute_script(f"return race.leans(race.rows[0], {float(t)!r})")
+        np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
+    assert browser.get_log("browser") == []
+    browser.get(first)
 
 
 def test_page_plays_scrubs_and_obeys_the_keyboard(browser) -> None:

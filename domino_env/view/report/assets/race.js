@@ -23,31 +23,36 @@
     return [n, looks[i] + (looks[i + 1] - looks[i]) * (x - i)];
   }
 
-  // every lean [rad]; contacts as in domino_env/motion.py: tip, then front face on rear edge, then lost
+  // where pivots stand and how the ground slopes: flat but over hills
+  for (const row of rows) {
+    const zeros = row.positions.map(() => 0), flat = { x: row.positions, z: zeros, tilt: zeros, steps: zeros };
+    row.hills ??= { ...flat, ground: [[-row.thickness[0], 0], [row.positions[row.positions.length - 1], 0]] };
+    row.lowest = Math.min(...row.hills.ground.map(([, z]) => z));
+    row.relief = Math.max(...row.hills.ground.map(([, z]) => z)) - row.lowest;
+  }
+
+  // every lean from the vertical [rad]; contacts as in domino_env/chain/motion.py, each seen upright
+  // from the stand of the domino ahead: tip, then front face on rear edge, then lost
   function leans(row, t) {
-    const all = new Array(row.thickness.length).fill(0);
+    const { tilt, steps } = row.hills, all = [...tilt];
     const [n, angle] = leader(row, t);
-    all[n] = angle;
-    let s = Math.sin(angle), c = Math.cos(angle);
+    let lean = all[n] = angle;
     for (let i = n - 1; i >= 0; i--) {
-      const gap = row.spacing[i] / row.height[i], d = row.thickness[i + 1] / row.height[i], p = gap + d;
-      const lowest = 1 - (1 - gap * gap) / (2 * p * d);
-      if (c < lowest) { c = lowest; s = Math.sqrt(Math.max(1 - c * c, 0)); }
-      if (c < d / p) {
-        const r = Math.sqrt(gap * gap + 2 * p * d * (1 - c));
-        [s, c] = [(gap + d * (1 - c)) / r, d * s / r];
-      } else {
-        const sine = Math.min(Math.max(gap - p * (1 - c), -1), 1), cosine = Math.sqrt(1 - sine * sine);
-        [s, c] = [s * cosine + c * sine, c * cosine - s * sine];
-      }
-      all[i] = Math.atan2(s, c);
+      const h = row.height[i], d = row.thickness[i + 1] / h, p = row.spacing[i] / h + d, e = steps[i] / h;
+      const reach = Math.hypot(p, e), slant = Math.atan2(e, p), stand = tilt[i + 1];
+      const lost = Math.acos(Math.min(Math.max((reach * reach + d * d - 1) / (2 * d * reach), -1), 1)) - slant;
+      const turn = Math.min(lean - stand, lost), gap = reach * Math.cos(turn + slant) - d;
+      if (gap < 0) lean = Math.atan2(p - d * Math.cos(turn), e + d * Math.sin(turn));
+      else lean = turn + Math.asin(Math.min(gap, 1));
+      all[i] = lean += stand;
     }
     return all;
   }
 
   const canvas = $("race"), pen = canvas.getContext("2d");
   let view = { k: 1, lane: 100, width: 100, left: 10 };
-  const longest = Math.max(...rows.map((r) => r.positions[r.positions.length - 1]));
+  const longest = Math.max(...rows.map((r) => r.hills.x[r.hills.x.length - 1]));
+  const hills = Math.max(...rows.map((r) => r.relief));
   const heights = rows.flatMap((r) => r.height).sort((a, b) => a - b);
   const tallest = heights[heights.length - 1], usual = heights[heights.length >> 1];
 
@@ -57,29 +62,45 @@
     const reach = longest + 1.15 * tallest + 0.01, fit = (width - 2 * left) / reach;
     const k = Math.max(fit, Math.min(28 / usual, 160 / tallest));
     const follows = k > 1.05 * fit, head = width < 560 ? 46 : 30;
-    const lane = head + Math.max(tallest * (follows ? k : fit), 14) + (follows ? 22 : 14);
-    view = { k: follows ? k : fit, fit, follows, lane, head, width, left, shift: 0 };
+    // hills too high are followed as well
+    const room = Math.min(hills * (follows ? k : fit), 260);
+    const lane = head + Math.max(tallest * (follows ? k : fit), 14) + room + (follows ? 22 : 14);
+    view = { k: follows ? k : fit, fit, follows, lane, head, width, left, room, shift: 0 };
     canvas.style.height = lane * rows.length + "px";
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(lane * rows.length * ratio);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
-  // where the front of the wave is [m], moving on evenly between two hits
-  function reached(row, t) {
+  // where the front of the wave is [m]: x or z, moving on evenly between two hits
+  function reached(row, t, along = row.hills.x) {
     const [n] = leader(row, t), next = row.arrivals[n + 1];
-    if (next == null) return row.positions[n];
+    if (next == null) return along[n];
     const share = Math.min(Math.max((t - row.arrivals[n]) / (next - row.arrivals[n]), 0), 1);
-    return row.positions[n] + share * (row.positions[n + 1] - row.positions[n]);
+    return along[n] + share * (along[n + 1] - along[n]);
   }
 
-  function floorOf(k) { return (k + 1) * view.lane - (view.follows ? 16 : 8); }
+  // where on the screen the height of the first pivot is
+  function floorOf(k) {
+    const row = rows[k], room = view.room / view.k, z = reached(row, now, row.hills.z);
+    const lowest = Math.max(row.lowest, Math.min(z - 0.5 * room, row.lowest + row.relief - room));
+    return (k + 1) * view.lane - (view.follows ? 16 : 8) + lowest * view.k;
+  }
 
   function corners(row, i, lean, floor) {
-    const { k, left, shift } = view, x = left - shift + (row.positions[i] + row.thickness[0]) * k;
+    const { k, left, shift } = view, x = left - shift + (row.hills.x[i] + row.thickness[0]) * k;
+    floor -= row.hills.z[i] * k;
     const ux = Math.sin(lean) * row.height[i] * k, uy = -Math.cos(lean) * row.height[i] * k;
     const bx = -Math.cos(lean) * row.thickness[i] * k, by = -Math.sin(lean) * row.thickness[i] * k;
     return [[x, floor], [x + ux, floor + uy], [x + ux + bx, floor + uy + by], [x + bx, floor + by]];
+  }
+
+  // the line under a row, straight on beyond its ends
+  function ground(row, floor) {
+    const { k, left, shift } = view, { ground: line, tilt } = row.hills, far = 2 * view.width;
+    const on = line.map(([x, z]) => [left - shift + (x + row.thickness[0]) * k, floor - z * k]);
+    const [[x, y], [u, v]] = [on[0], on[on.length - 1]];
+    return [[x - far, y - far * Math.tan(tilt[0])], ...on, [u + far, v + far * Math.tan(tilt[tilt.length - 1])]];
   }
 
   function draw() {
@@ -93,7 +114,7 @@
       const floor = floorOf(k), all = leans(row, now), [front] = leader(row, now);
       const done = row.mean_speed > 0 && now >= row.arrivals[row.arrivals.length - 1];
       pen.strokeStyle = css("--line"); pen.lineWidth = 1;
-      pen.beginPath(); pen.moveTo(0, floor); pen.lineTo(view.width, floor); pen.stroke();
+      pen.beginPath(); ground(row, floor).forEach(([x, y]) => pen.lineTo(x, y)); pen.stroke();
       all.forEach((lean, i) => {
         const c = corners(row, i, lean, floor);
         if (c.every(([x]) => x < 0) || c.every(([x]) => x > view.width)) return;
@@ -130,7 +151,7 @@
   function map(row, k) {
     const y = (k + 1) * view.lane - 8, scale = view.fit, from = view.left;
     pen.fillStyle = css("--line");
-    pen.fillRect(from, y, row.positions[row.positions.length - 1] * scale, 4);
+    pen.fillRect(from, y, row.hills.x[row.hills.x.length - 1] * scale, 4);
     pen.fillStyle = colour(k);
     pen.fillRect(from, y, reached(row, now) * scale, 4);
     pen.strokeStyle = css("--soft");

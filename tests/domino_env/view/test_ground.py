@@ -1,0 +1,124 @@
+"""Rows over ground that is not flat, in all that draws them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hilly_rows import hilly_row
+
+import domino_env as de
+from domino_env.chain.motion import Motion, lean_behind, outlines
+from domino_env.cli.main import main
+from domino_env.view.animation import Runner, frames
+from domino_env.view.drawing import PAPER, Scale, strip
+from domino_env.view.energy import energies
+from domino_env.view.ground import ground_line, places_along, relief
+
+PHYSICS = de.Physics(0.2, push=14.0)
+ROW = hilly_row(3, 12)
+FLAT = de.Layout(np.linspace(0.006, 0.03, 11), np.linspace(0.005, 0.011, 12))
+HARDLY = de.Layout(FLAT.spacing, FLAT.thickness, tilt=1e-13)  # takes the way over hills
+
+
+def wheel(radius: float = 0.35, step: float = 0.06, count: int = 5) -> de.Layout:
+    """A row on the top of a wheel."""
+    half = np.arcsin(0.5 * 0.0075 / radius)
+    tilt = step * (np.arange(count) - 0.5 * (count - 1))
+    front = radius * np.stack([np.sin(tilt + half), np.cos(tilt + half)], -1)
+    rear = radius * np.stack([np.sin(tilt - half), np.cos(tilt - half)], -1)
+    ahead = np.stack([np.cos(tilt), -np.sin(tilt)], -1)
+    gaps = ((rear[1:] - front[:-1]) * ahead[1:]).sum(-1)
+    return de.Layout(gaps, 0.0075, rise=np.diff(front[:, 1]), tilt=tilt)
+
+
+def test_the_line_goes_through_all_bases_and_has_no_kinks() -> None:
+    for row in (ROW, hilly_row(4, 30, unequal=True)):
+        line = ground_line(row, 0.02, 0.03)
+        feet = outlines(row, row.tilt)[:, [3, 0]].reshape(-1, 2)
+        apart = np.linalg.norm(line[:, None] - feet, axis=-1).min(axis=0)
+        np.testing.assert_allclose(apart, 0.0, atol=1e-15)
+        assert (np.diff(line[:, 0]) > 0.0).all()
+    way = np.arctan2(*np.diff(ground_line(wheel(), 0.02, 0.02), axis=0).T[::-1])
+    assert np.abs(np.diff(way)).max() < 0.015  # where the bases turn by 0.06
+
+
+def test_places_are_counted_along_the_ground() -> None:
+    row, radius, step = wheel(), 0.35, 0.06
+    half = np.arcsin(0.5 * 0.0075 / radius)
+    arcs = radius * (step - 2.0 * half) + 0.0075
+    np.testing.assert_allclose(np.diff(places_along(row)), arcs, rtol=1e-4)
+    slope = de.Layout.uniform(9, pitch=0.02, slope=0.1)
+    np.testing.assert_allclose(places_along(slope), 0.02 * np.arange(9), atol=1e-15)
+
+
+@pytest.mark.parametrize("row", [ROW, wheel()], ids=["hills", "wheel"])
+def test_every_picture_stands_on_its_ground(row: de.Layout) -> None:
+    """Nothing is drawn below the line, and the line is there."""
+    tall = float(row.height.max())
+    scale = Scale.fitting(row.length, tall, 600, 150, relief(row))
+    image = strip(row, lean_behind(row, np.array([row.count - 1]), row.tilt[-1:])[0], 0, scale, "")
+    seen = (np.asarray(image) != PAPER).any(axis=2)
+    lowest = seen.shape[0] - 1 - np.argmax(seen[::-1], axis=0)
+    line = ground_line(row)
+    x = 20.0 + (line[:, 0] + 1.2 * row.thickness[0]) * scale.pixels
+    first = 20.0 + 1.2 * row.thickness[0] * scale.pixels
+    inside = np.arange(int(first) + 8, int(x[-1]))  # beyond the mark under it
+    z = np.interp(inside, x, line[:, 1]) * scale.pixels
+    np.testing.assert_allclose(lowest[inside] + z, np.median(lowest[inside] + z), atol=2.5)
+
+
+def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
+    looks = []
+    for row in (FLAT, HARDLY):
+        wave = de.simulate(row, PHYSICS)
+        images = np.array([*frames([Runner("", wave)], 2.0, width=400)], dtype=float)
+        rects = re.findall(r'<rect x="[\d.]+" y="[\d.]+"', wave._repr_html_())
+        energy = energies(Motion(row, PHYSICS), wave)
+        places = places_along(row)[-1]
+        looks.append((rects, images, energy.flushes[-1], energy.friction[-1], places))
+    flat, hardly = looks
+    assert flat[0] == hardly[0]
+    assert np.abs(flat[1] - hardly[1]).mean() < 0.5  # of 255
+    assert flat[2:] == pytest.approx(hardly[2:], rel=1e-6)
+
+
+def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
+    html = ROW._repr_html_()
+    path = re.search(r'<path d="M([^"]+)"', html)
+    assert path is not None
+    line = np.array([point.split() for point in path[1].split("L")], dtype=float)
+    turned = re.findall(r'x="([\d.]+)" y="(-?[\d.]+)" width="([\d.]+)" height="([\d.]+)"[^/]*rotate\((\S+) (\S+) (\S+)\)', html)  # fmt: skip  # noqa: E501
+    assert len(turned) == ROW.count
+    for x, y, wide, high, angle, foot, below in np.array(turned, dtype=float):
+        assert (x + wide, y + high) == pytest.approx((foot, below), abs=2e-3)
+        turn = np.radians(angle)
+        rear = foot - wide * np.cos(turn), below - wide * np.sin(turn)
+        for at, down in ((foot, below), rear):
+            assert np.interp(at, *line.T) == pytest.approx(down + 0.5, abs=0.02)
+
+
+def test_energy_over_hills_is_kept_but_for_hits() -> None:
+    row = de.Layout.uniform(12, pitch=0.03, slope=0.08)
+    wave = de.simulate(row, de.Physics(0.0, push=8.0))
+    energy = energies(Motion(row, wave.physics), wave)
+    assert wave.flushes == 0
+    assert np.abs(energy.flushes).max() < 1e-4 * energy.released.max()
+    hilly = de.simulate(ROW, de.Physics(1e-3, push=14.0))
+    account = energies(Motion(ROW, hilly.physics), hilly)
+    smooth = de.simulate(ROW, de.Physics(0.0, push=14.0))
+    given = energies(Motion(ROW, smooth.physics), smooth)
+    # found in quite another way where there is friction: as what jumps beyond its rate
+    assert given.flushes[-1] > 1e-3 * given.released[-1]
+    assert account.flushes[-1] == pytest.approx(given.flushes[-1], rel=0.05)
+
+
+def test_every_command_that_shows_a_row_knows_hills(tmp_path: Path) -> None:
+    row, page = tmp_path / "hills.csv", tmp_path / "page.html"
+    ROW.to_csv(row)
+    gif, pdf, wav = (str(tmp_path / f"hills.{end}") for end in ("gif", "pdf", "wav"))
+    assert main(["render", str(row), "--gif", gif, "--rate", "2", "--width", "300"]) == 0
+    assert main(["report", str(row), "--html", str(page)]) == 0
+    assert main(["template", str(row), "--pdf", pdf]) == 0
+    assert main(["click", str(row), "--wav", wav]) == 0
+    assert '"tilt":' in page.read_text("utf-8")
