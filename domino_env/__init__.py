@@ -21,6 +21,7 @@ from domino_env.support.lazy import lazy_names
 if TYPE_CHECKING:
     from domino_env.chain.forces import Diagnosis, diagnose
     from domino_env.chain.gradient import Gradient
+    from domino_env.chain.ground import Ground
     from domino_env.chain.layout import Layout
     from domino_env.chain.motion import Motion
     from domino_env.chain.physics import Physics
@@ -57,6 +58,7 @@ __all__ = [
     "DominoLayoutVector",
     "Fit",
     "Gradient",
+    "Ground",
     "Heard",
     "Layout",
     "Limits",
@@ -96,6 +98,7 @@ __getattr__, __dir__ = lazy_names(
         "Diagnosis": "chain.forces",
         "diagnose": "chain.forces",
         "Gradient": "chain.gradient",
+        "Ground": "chain.ground",
         "Layout": "chain.layout",
         "Motion": "chain.motion",
         "Physics": "chain.physics",

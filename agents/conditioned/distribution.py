@@ -148,6 +148,8 @@ def require_kind(scene: Scene) -> None:
         other.append("it asks for a length")
     if scene.spacing_values is not None or scene.largest_change is not None:
         other.append("its gaps are listed or tied to each other")
+    if scene.ground is not None:
+        other.append("its ground is not flat")
     if scene.limits is not None:
         other.append("it limits the wave")
     if scene.count < 4:

@@ -5,6 +5,8 @@ Everything takes one row or, with one more axis in front, many.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,26 +57,23 @@ def trouble(
             "the ground flatter there, or the domino thicker"
         )
     tall, ahead = height[..., :-1], height[..., 1:]
-    near = spacing < tall
-    meeting = tall * np.sin(tilt[..., :-1] - tilt[..., 1:])
-    if (at := _first(near & (meeting >= spacing))) is not None:
+    links = _Links.of(spacing, thickness, height, rise, tilt)
+    meeting, up, strike = links.meeting, links.up, links.strike
+    if (at := _first(links.leaning)) is not None:
         i = at[-1]
         return at, (
             f"dominoes {i} and {i + 1} lean against each other before anything falls, as the "
             f"ground between them is hollow: make spacing[{i}] = {spacing[at]} m more than "
             f"{meeting[at]:.6g} m, or the difference of their tilts smaller"
         )
-    up = steps(spacing, thickness, rise, tilt)
-    strike = np.sqrt(np.maximum(tall**2 - spacing**2, 0.0))
-    if (at := _first(near & (up > np.minimum(spacing, 0.999 * strike)))) is not None:
+    if (at := _first(links.stair)) is not None:
         i, most = at[-1], min(spacing[at], 0.999 * strike[at])
         return at, (
             f"domino {i + 1} stands {up[at]:.6g} m above domino {i}, seen from its own ground: "
             f"that is a stair, which this model does not know; at most {most:.6g} m over this "
             f"spacing[{i}] = {spacing[at]} m"
         )
-    high = strike - up > np.minimum(ahead * (1.0 + 1e-12), 1.999 * strike)
-    if (at := _first(near & high)) is not None:
+    if (at := _first(links.high)) is not None:
         i = at[-1]
         return at, (
             f"domino {i} (height {tall[at]} m) would strike {strike[at] - up[at]:.6g} m up, above "
@@ -83,6 +82,43 @@ def trouble(
             f"m, or make domino {i + 1} taller or the ground less hollow"
         )
     return None
+
+
+def impassable(
+    spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
+) -> NDArray[np.bool_]:
+    """Tell the links (…, N-1) over which `trouble` says that nothing falls as the model has it."""
+    height = np.broadcast_to(height, thickness.shape)
+    links = _Links.of(spacing, thickness, height, rise, tilt)
+    return links.leaning | links.stair | links.high
+
+
+class _Links(NamedTuple):
+    """What may be wrong with links (…, N-1), and the lengths that say so [m]."""
+
+    leaning: NDArray[np.bool_]
+    stair: NDArray[np.bool_]
+    high: NDArray[np.bool_]
+    meeting: Floats
+    up: Floats
+    strike: Floats
+
+    @classmethod
+    def of(
+        cls, spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
+    ) -> _Links:
+        tall, ahead = height[..., :-1], height[..., 1:]
+        near = spacing < tall
+        meeting = tall * np.sin(tilt[..., :-1] - tilt[..., 1:])
+        up = steps(spacing, thickness, rise, tilt)
+        strike = np.sqrt(np.maximum(tall**2 - spacing**2, 0.0))
+        high = strike - up > np.minimum(ahead * (1.0 + 1e-12), 1.999 * strike)
+        return cls(
+            near & (meeting >= spacing),
+            near & (up > np.minimum(spacing, 0.999 * strike)),
+            near & high,
+            meeting, up, strike,
+        )  # fmt: skip
 
 
 def _first(wrong: NDArray[np.bool_]) -> tuple[int, ...] | None:

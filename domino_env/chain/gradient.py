@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -135,25 +135,46 @@ def pull(
     return gradient_of(slopes, float(whole.friction), float(whole.gravity), float(whole.push))
 
 
-def longer_over_hills(found: HillGradient, layout: Layout, weight: float) -> HillGradient:
+class Laid(Protocol):
+    """A row over hills, or B of them with one more axis in front: a `Layout` is one."""
+
+    @property
+    def spacing(self) -> Floats:
+        """(…, N-1) [m]."""
+
+    @property
+    def thickness(self) -> Floats:
+        """(…, N) [m]."""
+
+    @property
+    def rise(self) -> Floats:
+        """(…, N-1) [m]."""
+
+    @property
+    def tilt(self) -> Floats:
+        """(…, N) [rad]."""
+
+
+def longer_over_hills(found: HillGradient, row: Laid, weight: float | Floats) -> HillGradient:
     """Return a gradient and `weight` times that of the length, over hills.
 
     Parameters
     ----------
     found
-        The gradient, of a row over hills.
-    layout
-        The row.
+        The gradient, of a row over hills or of many.
+    row
+        The row, or these.
     weight
-        Of the length.
+        Of the length; of many rows (B, 1).
     """
-    ahead, pitch = layout.tilt[1:], layout.spacing + layout.thickness[1:]
-    step = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt)
-    share, up = weight * pitch / layout.pitch, weight * step / layout.pitch
+    told = row.spacing, row.thickness, row.rise, row.tilt
+    ahead, pitch = row.tilt[..., 1:], row.spacing + row.thickness[..., 1:]
+    step, whole = footing.steps(*told), footing.pitches(*told)
+    share, up = weight * pitch / whole, weight * step / whole
     tan, sec = np.tan(ahead), 1.0 / np.cos(ahead)
     thickness, tilt = found.thickness.copy(), found.tilt.copy()
-    thickness[1:] += share + up * tan
-    tilt[1:] += up * (pitch * sec + layout.rise * tan) * sec
+    thickness[..., 1:] += share + up * tan
+    tilt[..., 1:] += up * (pitch * sec + row.rise * tan) * sec
     return replace(
         found,
         spacing=found.spacing + share + up * tan,

@@ -73,6 +73,11 @@ def _require_choice(scene: Scene) -> None:
             f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
             "or thickness a min and a max"
         )
+    if scene.ground is not None:
+        raise ValueError(
+            f"scene '{scene.name}' has ground that is not flat, which the environments do not know "
+            "yet: search such rows with `optimize`"
+        )
     if scene.length is not None and not replace(scene, limits=None).plain:
         raise ValueError(
             f"scene '{scene.name}' asks for a length and for lists, a stock or a largest change "

@@ -49,7 +49,8 @@ def best_uniform_on(scene: Scene, mark: Layout, floor: float | None, judge: Judg
 
     def wider(by: float) -> Layout:
         moved = np.clip(gaps + by, *scene.spacing)
-        return Layout(moved, mark.thickness, mark.height, mark.width, mark.density)
+        row = moved, mark.thickness, mark.height, mark.width, mark.density
+        return Layout(*row) if scene.ground is None else scene.ground.layout(*row)
 
     def slowness(by: float) -> float:
         row = wider(by)

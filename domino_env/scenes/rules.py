@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain.ground import Ground
+from domino_env.chain.layout import Layout
+
 Floats = NDArray[np.float64]
 Bounds = tuple[float, float]
 
+ON_GROUND = 1e-9  # [m], [rad] how far from the ground still is on it
 ON_LIST = 1e-9  # [m] how far from a value of the list still is that value
 
 
@@ -39,6 +43,26 @@ def too_steep(spacing: Floats, largest_change: float) -> list[str]:
         f"spacing[{i + 1}] - spacing[{i}] = {change[i]:.9g} m{more}: the scene allows a change of "
         f"at most {largest_change} m"
     ]
+
+
+def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
+    """List where rise or tilt of a layout are not those of its gaps on a ground; None is flat."""
+    if ground is None:
+        flat = "its ground is not flat, as the scene's is: rise and tilt must be 0"
+        return [] if layout.is_flat else [flat]
+    for name, unit, wanted in zip(
+        ("rise", "tilt"), ("m", "rad"), ground.lay(layout.spacing, layout.thickness), strict=True
+    ):
+        values = getattr(layout, name)
+        bad = np.flatnonzero(~(np.abs(values - wanted) <= ON_GROUND))
+        if len(bad):
+            i = int(bad[0])
+            more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
+            return [
+                f"{name}[{i}] = {values[i]:.9g} {unit}{more}: on the scene's ground it is "
+                f"{wanted[i]:.9g} {unit}; `layout` of the scene lays rows on it"
+            ]
+    return []
 
 
 def nearest_of(values: Floats, allowed: Floats) -> Floats:

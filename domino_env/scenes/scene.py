@@ -78,12 +78,15 @@ class Scene(Specification):
         Coulomb coefficient of the floor on which the row stands free, 0 or more: what counts is
         then its speed by `domino_env.simulate_standing`, if all dominoes topple. None where every
         domino is held to the floor, as the analytic model has it.
+    ground
+        What the row stands on, a slope or a landscape; None for flat ground.
 
     Raises
     ------
     ValueError
-        For an objective that there is not, or that lacks its settings or has those of another, and
-        for a floor under an objective that is no speed, or beside limits.
+        For an objective that there is not, or that lacks its settings or has those of another, for
+        a floor under an objective that is no speed, or beside limits, and for ground on which not
+        every row within the bounds can stand.
     """
 
     @property

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.chain.ground import Ground
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
+from domino_env.scenes.grounds import clash_with_ground
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.robust import Placement
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.rules import off_list, outside, too_steep
+from domino_env.scenes.rules import off_list, on_other_ground, outside, too_steep
 from domino_env.scenes.standing_rows import StandingSpeed, checked_floor, refusal
 from domino_env.scenes.stock import Stock
 from domino_env.scenes.waves import LayoutBatch
@@ -51,6 +53,7 @@ class Specification:
     limits: Limits | None = None
     settings: Any = None
     floor_friction: float | None = None
+    ground: Ground | None = None
 
     def __post_init__(self) -> None:
         for name in ("spacing", "thickness", "spacing_values", "thickness_values", "growth"):
@@ -70,6 +73,8 @@ class Specification:
             )
         if self.floor_friction is not None:
             self._require_floor()
+        if self.ground is not None:
+            self._require_ground()
 
     def _require_floor(self) -> None:
         assert self.floor_friction is not None
@@ -82,12 +87,30 @@ class Specification:
         if refused is not None:
             raise ValueError(f"scene '{self.name}': {refused}")
 
+    def _require_ground(self) -> None:
+        assert self.ground is not None
+        heights = self.height if self.in_heights else 1.0
+        refused = clash_with_ground(
+            self.ground,
+            height=self.height,
+            thickness=(
+                min(self.first_thickness, heights * self.thickness[0]),
+                max(self.first_thickness, heights * self.thickness[1]),
+            ),
+            spacing=(heights * self.spacing[0], heights * self.spacing[1]),
+            length=self.length,
+            grows=self.growth is not None,
+        )
+        if refused is not None:
+            raise ValueError(f"scene '{self.name}': {refused}")
+
     @property
     def criterion(self) -> Objective:
         """What counts, as an object: how waves are scored."""
         if self.floor_friction is not None:
-            return StandingSpeed(self.settings, self.limits, self.floor_friction)
-        return OBJECTIVES[self.objective](self.settings, self.limits)
+            floor = self.floor_friction
+            return StandingSpeed(self.settings, self.limits, floor, ground=self.ground)
+        return OBJECTIVES[self.objective](self.settings, self.limits, ground=self.ground)
 
     @property
     def tempo(self) -> Tempo | None:
@@ -151,7 +174,8 @@ class Specification:
             thickness = self.thickness[0] * (tall[1:] if self.in_heights else 1.0)
         thick = np.broadcast_to(np.asarray(thickness, dtype=np.float64), pairs)
         full = np.concatenate(([self.first_thickness], thick))
-        return Layout(gaps, full, tall, self.width, self.density)
+        row = gaps, full, tall, self.width, self.density
+        return Layout(*row) if self.ground is None else self.ground.layout(*row)
 
     def batch(
         self,
@@ -175,7 +199,8 @@ class Specification:
         """
         tall = self._heights(len(spacing), height)
         thick = self._thicknesses(len(spacing), thickness, tall)
-        return LayoutBatch(spacing, thick, tall, self.width, self.density, self.physics, rtol)
+        row = spacing, thick, tall, self.width, self.density
+        return LayoutBatch(*row, self.physics, rtol, self.ground)
 
     def violations(self, layout: Layout) -> list[str]:
         """List what the layout breaks of the scene's rules, a sentence each; empty if nothing.
@@ -185,8 +210,7 @@ class Specification:
         if layout.count != self.count:
             return [f"{layout.count} dominoes stand where the scene asks for {self.count}"]
         found = []
-        if not layout.is_flat:
-            found.append("its ground is not flat, as the scene's is: rise and tilt must be 0")
+        found += on_other_ground(layout, self.ground)
         if not np.isclose(layout.thickness[0], self.first_thickness, rtol=1e-9, atol=0.0):
             found.append(
                 f"thickness[0] = {layout.thickness[0]} m: the first domino is the scene's, "

@@ -145,8 +145,9 @@ class UniformRows:
     @property
     def steady(self) -> bool:
         """Whether the rows are the same everywhere but at their first domino."""
+        ground = self.scene.ground
         uneven = self.spread is not None or self.scene.growth is not None or len(self.bodies) > 0
-        return not (uneven or self.drawn)
+        return not (uneven or self.drawn or (ground is not None and not ground.is_even))
 
     def scores(self, points: Floats) -> Floats:
         """(B,) scores of the rows at points (B, 2)."""

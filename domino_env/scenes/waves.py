@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain import footing
+from domino_env.chain.gradient import Gradient
+from domino_env.chain.ground import Ground
 from domino_env.chain.layout import Layout
 from domino_env.chain.physics import Physics
 from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate_batch
@@ -37,6 +41,8 @@ class LayoutBatch:
         What makes them fall.
     rtol
         Relative error allowed in the arrival times.
+    ground
+        What they stand on; None for flat ground.
     """
 
     spacing: Floats
@@ -46,16 +52,17 @@ class LayoutBatch:
     density: float | Floats
     physics: Physics
     rtol: float
+    ground: Ground | None = None
 
     __repr__ = brief
 
     @classmethod
-    def of_one(cls, wave: Wave) -> Self:
-        """Take the layout of a wave, to be toppled as it was."""
+    def of_one(cls, wave: Wave, ground: Ground | None) -> Self:
+        """Take the layout of a wave, to be toppled as it was, on the ground that it was laid on."""
         row = wave.layout
         return cls(
             row.spacing[None], row.thickness[None], row.height[None], row.width, row.density,
-            wave.physics, wave.rtol,
+            wave.physics, wave.rtol, ground,
         )  # fmt: skip
 
     def __len__(self) -> int:
@@ -76,14 +83,45 @@ class LayoutBatch:
     def layout(self, b: int) -> Layout:
         """Take layout b."""
         tall = self.height[b % len(self.height)]
-        return Layout(self.spacing[b], self.thickness[b], tall, self.width, self.density)
+        row = self.spacing[b], self.thickness[b], tall, self.width, self.density
+        return Layout(*row) if self.ground is None else Layout(*row, self.rise[b], self.tilt[b])
+
+    @property
+    def rise(self) -> Floats:
+        """(B, N-1) as of `Layout` [m]."""
+        return self._laid[0]
+
+    @property
+    def tilt(self) -> Floats:
+        """(B, N) as of `Layout` [rad]."""
+        return self._laid[1]
+
+    @cached_property
+    def _laid(self) -> tuple[Floats, Floats]:
+        if self.ground is None:
+            return np.zeros(self.spacing.shape), np.zeros(self.thickness.shape)
+        return self.ground.lay(self.spacing, self.thickness)
 
     def simulate(self, *, record: bool = False, gradient: bool = False) -> WaveBatch:
-        """Topple them all; the arguments are those of `domino_env.simulate_batch`."""
+        """Topple them all; the arguments are those of `domino_env.simulate_batch`.
+
+        On ground that is not even, a gap off by a placement's error may leave dominoes that lean
+        against each other: there the wave ends, as it does where a gap is out of reach.
+        """
+        gaps, ground = self.spacing, {}
+        if self.ground is not None:
+            ground = {"rise": self.rise, "tilt": self.tilt}
+            if not self.ground.is_even:
+                told = gaps, self.thickness, self.height, self.rise, self.tilt
+                gaps = np.where(footing.impassable(*told), 2.0 * self.height[:, :-1], gaps)
         return simulate_batch(
-            self.spacing, self.thickness, self.physics, height=self.height, density=self.density,
-            rtol=self.rtol, record=record, gradient=gradient,
+            gaps, self.thickness, self.physics, height=self.height, density=self.density,
+            rtol=self.rtol, record=record, gradient=gradient, **ground,
         )  # fmt: skip
+
+    def followed(self, found: Gradient) -> Gradient:
+        """Turn a gradient of all rows, the ground fixed, into one along the ground."""
+        return found if self.ground is None else self.ground.followed(found, self)
 
 
 @dataclass(frozen=True, eq=False)

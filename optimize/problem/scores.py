@@ -226,6 +226,8 @@ class Problem(Variables):
         if wave.outcome != Outcome.PROPAGATED:
             return found, np.empty(0), np.empty((0, self.dimension))
         pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
+        if self.scene.ground is not None:
+            pulled = [self.scene.ground.followed(one, wave.layout) for one in pulled]
         slopes = self.by_design(
             np.repeat(designs, pairs, axis=0),
             np.repeat(self.values(designs), pairs, axis=0),

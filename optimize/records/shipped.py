@@ -136,6 +136,7 @@ def _record(told: RecordTable) -> BestKnown:
 
 def _written(record: BestKnown) -> dict[str, Any]:
     layout = record.layout
+    ground = {} if layout.is_flat else {"rise": layout.rise, "tilt": layout.tilt}
     return {
         "score": record.score,
         "method": record.method,
@@ -147,7 +148,7 @@ def _written(record: BestKnown) -> dict[str, Any]:
         "height": _one_or_all(layout.height),
         "width": layout.width,
         "density": _one_or_all(layout.density),
-    }
+    } | {name: _one_or_all(values) for name, values in ground.items()}
 
 
 def _one_or_all(values: Any) -> float | list[float]:

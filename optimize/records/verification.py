@@ -97,7 +97,7 @@ def first_of(layout: Layout, count: int = FIRST) -> Layout:
         return layout
     return Layout(
         layout.spacing[: count - 1], layout.thickness[:count], layout.height[:count], layout.width,
-        layout.density[:count],
+        layout.density[:count], layout.rise[: count - 1], layout.tilt[:count],
     )  # fmt: skip
 
 

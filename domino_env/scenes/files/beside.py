@@ -9,7 +9,7 @@ from domino_env.chain.layout import Layout
 from domino_env.chain.standard import WIDTH
 from domino_env.scenes.files.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.support.reading import one_line
+from domino_env.support.reading import naming, one_line
 
 SCENE = "scene.toml"
 
@@ -56,5 +56,9 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
 
 
 def read_row(path: str | Path, scene: Scene | None) -> Layout:
-    """Read a layout whose width, where its file does not say it, is that of the scene."""
-    return Layout.read(path, WIDTH if scene is None else scene.width)
+    """Read a layout; what its file does not say of width and ground is as in the scene."""
+    row = Layout.read(path, WIDTH if scene is None else scene.width)
+    if scene is None or scene.ground is None or not row.is_flat:
+        return row
+    with naming(path):
+        return scene.ground.layout(row.spacing, row.thickness, row.height, row.width, row.density)

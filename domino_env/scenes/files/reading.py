@@ -115,4 +115,5 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
             limits=asked.limits_asked(),
             settings=asked.settings(asked.objective),
             floor_friction=asked.physics.floor_friction,
+            ground=asked.ground.ground() if asked.ground else None,
         )

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 from msgspec import Meta
 
+from domino_env.chain.ground import MOST_POINTS, STEEPEST, Ground
 from domino_env.chain.physics import Physics
 from domino_env.chain.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.limits import Limits
@@ -39,6 +40,7 @@ else:
 
 Part = Annotated[float, Meta(ge=0, le=LARGEST)]
 """0 or more, as small as it likes: nothing is divided by it."""
+Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 Number = Annotated[int, Meta(ge=0, le=MOST_DOMINOES)]
 _PHYSICS = Physics()
 
@@ -185,6 +187,35 @@ class PhysicsTable(Table):
     ] = None
 
 
+class GroundTable(Table):
+    """What the row stands on: an even slope, or a smooth curve; flat ground without it."""
+
+    slope: Annotated[
+        Annotated[float, Meta(ge=-STEEPEST, le=STEEPEST)] | None,
+        Meta(description="of an even slope, positive downhill [degrees]"),
+    ] = None
+    profile: Annotated[
+        Annotated[
+            list[Annotated[list[Coordinate], Meta(min_length=2, max_length=2)]],
+            Meta(min_length=2, max_length=MOST_POINTS),
+        ]
+        | None,
+        Meta(
+            description="points [x, y] of a smooth curve, x rising from point to point [m]; the "
+            "first domino's front stands at x = 0, and beyond its ends the ground goes on straight"
+        ),
+    ] = None
+
+    SCHEMA: ClassVar = {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]}
+
+    def __post_init__(self) -> None:
+        self.ground()
+
+    def ground(self) -> Ground:
+        """Give the ground."""
+        return Ground(self.slope, self.profile)
+
+
 class LimitsTable(Table):
     """What a design must not lean on."""
 
@@ -222,6 +253,7 @@ class SceneTables(Table, kw_only=True):
     thickness: ThicknessTable | None = None
     stock: Annotated[StockTable | None, Meta(description="instead of thickness")] = None
     growth: GrowthTable | None = None
+    ground: GroundTable | None = None
     physics: PhysicsTable
     limits: LimitsTable | None = None
 

@@ -33,7 +33,8 @@ def document_of(scene: Specification) -> dict[str, Any]:
         found["stock"] = {"thickness": scene.stock.thickness, "count": scene.stock.count}
     if scene.growth is not None:
         found["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
-    for name, held in (("physics", scene.physics), ("limits", scene.limits)):
+    parts = {"ground": scene.ground, "physics": scene.physics, "limits": scene.limits}
+    for name, held in parts.items():
         if held is not None:
             found[name] = asdict(held)
     found["physics"]["floor_friction"] = scene.floor_friction
@@ -45,9 +46,7 @@ def document_of(scene: Specification) -> dict[str, Any]:
         }
     for key, table in found.items():
         if isinstance(table, dict):
-            found[key] = {
-                k: list(v) if isinstance(v, tuple) else v for k, v in table.items() if v is not None
-            }
+            found[key] = {k: _as_lists(v) for k, v in table.items() if v is not None}
     return found
 
 
@@ -72,6 +71,10 @@ def _range(bounds: Bounds, values: Values | None) -> dict[str, Any]:
     if len(values) > 2 and steps(low, high, step) == values:
         return {"min": low, "max": high, "step": step}
     return {"values": values}
+
+
+def _as_lists(value: Any) -> Any:
+    return [_as_lists(one) for one in value] if isinstance(value, tuple) else value
 
 
 def _toml(value: Any) -> str:

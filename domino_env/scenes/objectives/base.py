@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from types import NoneType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain.gradient import Gradient
+from domino_env.chain.ground import Ground
 from domino_env.chain.wave import Wave
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
@@ -50,7 +52,7 @@ class Evaluation:
         return (self.score < 0.0) | (self.reach < 1.0)
 
 
-EVALUATED = tuple(field.name for field in fields(Evaluation))
+EVALUATED = tuple(part.name for part in fields(Evaluation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +77,11 @@ class Slopes:
     def zero(cls, rows: LayoutBatch) -> Slopes:
         """Make room for those of so many layouts."""
         return cls(*(np.zeros(rows.spacing.shape) for _ in range(3)))
+
+    @classmethod
+    def of(cls, found: Gradient) -> Slopes:
+        """Take those by which a design is made, of gradients of the scores."""
+        return cls(found.spacing, found.thickness[:, 1:], found.height[:, 1:])
 
     def where(self, chosen: NDArray[np.bool_]) -> Slopes:
         """Keep those of the chosen rows (B,); zero for the others."""
@@ -102,10 +109,13 @@ class Objective(ABC):
         What its own table says; None where it has none.
     limits
         What the wave must keep; None for none.
+    ground
+        What rows stand on; None for flat ground.
     """
 
     settings: Any
     limits: Limits | None
+    ground: Ground | None = field(default=None, kw_only=True)
 
     name: ClassVar[str]
     """How scene files call it."""

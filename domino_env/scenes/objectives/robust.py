@@ -129,7 +129,7 @@ class Robust(Objective):
 
     def evaluate_wave(self, wave: Wave) -> Evaluation:
         """Score a row whose own wave has been simulated, by its draws."""
-        return self._evaluate(LayoutBatch.of_one(wave), Waves.of_one(wave))[0]
+        return self._evaluate(LayoutBatch.of_one(wave, self.ground), Waves.of_one(wave))[0]
 
     def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
         """Simulate all draws, then once more, with its slopes, the one that decides each score."""
@@ -138,7 +138,8 @@ class Robust(Objective):
         gaps = placed[np.arange(len(rows)), decisive]
         errors = self.settings.errors(rows.count - 1)[decisive]
         moved = np.abs(gaps - rows.spacing - errors) < 1e-15  # those not at the least gap
-        slopes = speed_slopes(replace(rows, spacing=gaps).simulate(gradient=True))
+        chosen = replace(rows, spacing=gaps)
+        slopes = speed_slopes(chosen.simulate(gradient=True), chosen)
         return found, replace(slopes, spacing=moved * slopes.spacing)
 
     def _evaluate(self, rows: LayoutBatch, drawn: Waves | None = None) -> tuple[Evaluation, Ints]:

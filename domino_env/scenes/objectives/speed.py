@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
+from domino_env.chain.gradient import HillGradient, longer_over_hills
 from domino_env.chain.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.objectives.base import Evaluation, Objective, Slopes
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
@@ -29,7 +30,7 @@ class Speed(Objective):
     def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
         """Simulate layouts and score them, with the derivatives of the mean speeds."""
         batch = rows.simulate(gradient=True)
-        return self.judge(Waves.of_batch(batch, rows)), speed_slopes(batch)
+        return self.judge(Waves.of_batch(batch, rows)), speed_slopes(batch, rows)
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Say the speed of a success."""
@@ -57,17 +58,24 @@ class Time(Speed):
             yield "row.length is missing: objective = 'time' needs a course"
 
 
-def speed_slopes(batch: WaveBatch) -> Slopes:
+def speed_slopes(batch: WaveBatch, rows: LayoutBatch) -> Slopes:
     """Differentiate mean speeds: v = length / t, and the length grows with gaps and thicknesses.
 
     Parameters
     ----------
     batch
         Waves with the gradient of their time; those that died get numbers that mean nothing.
+    rows
+        What fell.
     """
     assert batch.gradient is not None
     time = np.where(batch.outcome == Outcome.PROPAGATED, batch.total_time, 1.0)[:, None]
     speed = batch.mean_speed[:, None]
+    if isinstance(batch.gradient, HillGradient):
+        names = "spacing", "thickness", "height", "rise", "tilt"
+        fallen = {name: -speed / time * getattr(batch.gradient, name) for name in names}
+        longer = longer_over_hills(replace(batch.gradient, **fallen), rows, 1.0 / time)
+        return Slopes.of(rows.followed(longer))
     return Slopes(
         (1.0 - speed * batch.gradient.spacing) / time,
         (1.0 - speed * batch.gradient.thickness[:, 1:]) / time,

@@ -154,6 +154,8 @@ class InTempo(Objective):
             score[b], reach[b], falls[b] = found.score[0], found.reach[0], found.falls[0]
             if wave.outcome == Outcome.PROPAGATED:
                 pulled = wave.pullback(self.settings.slope(wave.arrival_times[None])[0])
+                if self.ground is not None:
+                    pulled = self.ground.followed(pulled, wave.layout)
                 slopes.spacing[b] = pulled.spacing
                 slopes.thickness[b] = pulled.thickness[1:]
                 slopes.height[b] = pulled.height[1:]

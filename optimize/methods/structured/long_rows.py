@@ -13,6 +13,7 @@ time keeps to the best steady one, but for its ends.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
@@ -47,10 +48,11 @@ def is_long(scene: Scene) -> bool:
     """Say whether a shorter row of the scene shows how a long one looks.
 
     It does where speed counts, and the rules are the same for every domino, whatever their number:
-    no box of dominoes, no heights that grow, no length to be met with gaps from a list.
+    no box of dominoes, no heights that grow, no hills, no length to be met with gaps from a list.
     """
     listed = scene.spacing_values is not None or scene.thickness_values is not None
     other = scene.stock is not None or scene.growth is not None
+    other = other or (scene.ground is not None and not scene.ground.is_even)
     alike = not (other or (listed and scene.length is not None))
     return scene.count >= LONG and scene.criterion.rewards_speed and alike
 
@@ -120,6 +122,7 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
         return None
     scale = scene.height if scene.in_heights else 1.0
     low, high = np.array([scene.spacing, scene.thickness]).T * scale
+    slope = 0.0 if scene.ground is None else math.radians(scene.ground.slope or 0.0)
     best, place, room = 0.0, 0.5 * (low + high), 0.5 * (high - low)
     for looks in GRIDS:
         axes = [
@@ -128,7 +131,7 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
         ]
         for gap, thickness in product(*axes):
             told = gap + thickness, thickness, scene.height, scene.physics
-            speed = steady_wave(*told, density=scene.density, rtol=1e-8).speed
+            speed = steady_wave(*told, density=scene.density, slope=slope, rtol=1e-8).speed
             if speed > best:
                 best, place = speed, np.array([gap, thickness])
         room = 2.0 * room / looks

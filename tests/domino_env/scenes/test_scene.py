@@ -43,8 +43,8 @@ def rows(scene: de.Scene, count: int, seed: int) -> tuple[np.ndarray, np.ndarray
 
 def test_the_scenes_that_ship() -> None:
     assert NAMES == [
-        "course", "gentle", "ideal", "jitter", "magnify", "marathon", "sprint", "sprint-thickness",
-        "stock", "table", "tempo",
+        "course", "downhill", "gentle", "hills", "ideal", "jitter", "magnify", "marathon", "sprint",
+        "sprint-thickness", "stock", "table", "tempo", "uphill",
     ]  # fmt: skip
 
 
@@ -252,7 +252,7 @@ def test_a_file_beside_does_not_hide_a_scene_that_ships(tmp_path: Path, monkeypa
 
 @pytest.mark.parametrize(("name", "words"), [
     ("sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
-    ("zzz", "there is no scene 'zzz': scenes that ship: course, gentle"),
+    ("zzz", "there is no scene 'zzz': scenes that ship: course, downhill"),
     ("missing.toml", "missing.toml: there is no such scene file"),
 ])  # fmt: skip
 def test_a_scene_that_is_not_there(name: str, words: str) -> None:

@@ -1,0 +1,166 @@
+"""Dominoes placed one after another along a curved ground, and gradients that follow it back.
+
+A domino stands with both bottom edges on the curve y(x). From pivot P the gap s is laid along the
+direction (cos α, -sin α) in which the next one's base slopes; its back edge then lies q higher,
+perpendicular to it, and its own pivot, the front edge, d further. Both edges on the curve: two
+equations for α and q, solved by Newton's method. q is 0 on an even slope.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.support.compiled import compiled
+
+Floats = NDArray[np.float64]
+
+MOST_STEPS = 40  # of Newton's method; some four are used
+CLOSE = 1e-9  # [rad] a last step so small leaves its square
+
+
+class Curve(NamedTuple):
+    """A piecewise cubic that goes on straight beyond its ends: piece k ends at knot k.
+
+    Piece k is Σ_j c_kj (x - start_k)^(3-j).
+    """
+
+    knots: Floats  # (K,)
+    starts: Floats  # (K+1,)
+    pieces: Floats  # (K+1, 4)
+
+
+@compiled
+def piece_at(curve: Curve, x: float, k: int) -> int:
+    """The piece that x lies on, looked for from piece k."""
+    while k < len(curve.knots) and x > curve.knots[k]:
+        k += 1
+    while k > 0 and x <= curve.knots[k - 1]:
+        k -= 1
+    return k
+
+
+@compiled
+def at(curve: Curve, x: float, k: int) -> tuple[float, float]:
+    """Height and slope of piece k at x."""
+    t, c = x - curve.starts[k], curve.pieces[k]
+    return ((c[0] * t + c[1]) * t + c[2]) * t + c[3], (3.0 * c[0] * t + 2.0 * c[1]) * t + c[2]
+
+
+@compiled
+def first_tilt(curve: Curve, thickness: float) -> float:
+    """α of the domino whose pivot is at x = 0; nan where it finds no place."""
+    k = piece_at(curve, 0.0, 0)
+    height, slope = at(curve, 0.0, k)
+    tilt = -math.atan(slope)
+    for _ in range(MOST_STEPS):
+        x, y = -thickness * math.cos(tilt), height + thickness * math.sin(tilt)
+        k = piece_at(curve, x, k)
+        ground, slope = at(curve, x, k)
+        turned = thickness * (slope * math.sin(tilt) - math.cos(tilt))
+        change = (y - ground) / turned
+        tilt += change
+        if abs(change) <= CLOSE:
+            return float(tilt)
+    return math.nan
+
+
+@compiled
+def next_place(
+    curve: Curve, x: float, k: int, gap: float, thickness: float, tilt: float
+) -> tuple[float, float]:
+    """α and q of the next domino after the pivot at x on piece k; nan where it finds no place.
+
+    tilt: where to begin, that of the domino before.
+    """
+    height, _ = at(curve, x, k)
+    reach, up = gap + thickness, 0.0
+    for _ in range(MOST_STEPS):
+        s, c = math.sin(tilt), math.cos(tilt)
+        back, front = x + gap * c + up * s, x + reach * c + up * s
+        k = piece_at(curve, back, k)
+        ground_b, slope_b = at(curve, back, k)
+        k = piece_at(curve, front, k)
+        ground_f, slope_f = at(curve, front, k)
+        over_b = ground_b - (height - gap * s + up * c)
+        over_f = ground_f - (height - reach * s + up * c)
+        # how both change with α and with q
+        by_tilt_b = slope_b * (up * c - gap * s) + gap * c + up * s
+        by_tilt_f = slope_f * (up * c - reach * s) + reach * c + up * s
+        by_up_b, by_up_f = slope_b * s - c, slope_f * s - c
+        whole = by_tilt_b * by_up_f - by_tilt_f * by_up_b
+        turn = (by_up_b * over_f - by_up_f * over_b) / whole
+        lift = (by_tilt_f * over_b - by_tilt_b * over_f) / whole
+        tilt, up = tilt + turn, up + lift
+        if abs(turn) <= CLOSE and abs(lift) <= CLOSE * reach:
+            return tilt, up
+    return math.nan, math.nan
+
+
+@compiled
+def place_rows(
+    first: int, last: int, curve: Curve, spacing: Floats, thickness: Floats, rise: Floats,
+    tilt: Floats,
+) -> None:  # fmt: skip
+    """Write rise and tilt of rows first … last-1."""
+    for b in range(first, last):
+        x, k = 0.0, piece_at(curve, 0.0, 0)
+        tilt[b, 0] = first_tilt(curve, thickness[b, 0])
+        for i in range(spacing.shape[1]):
+            gap, d = spacing[b, i], thickness[b, i + 1]
+            turn, up = next_place(curve, x, k, gap, d, tilt[b, i])
+            s, c = math.sin(turn), math.cos(turn)
+            x += (gap + d) * c + up * s
+            k = piece_at(curve, x, k)
+            rise[b, i], tilt[b, i + 1] = up * c - (gap + d) * s, turn
+
+
+@compiled
+def follow_rows(
+    first: int, last: int, curve: Curve, spacing: Floats, thickness: Floats, rise: Floats,
+    tilt: Floats, by_rise: Floats, by_tilt: Floats, by_spacing: Floats, by_thickness: Floats,
+) -> None:  # fmt: skip
+    """Add to the slopes by gaps and thicknesses what they do through rise and tilt, backwards."""
+    pairs = spacing.shape[1]
+    places = np.empty(pairs + 1)
+    for b in range(first, last):
+        places[0] = 0.0
+        for i in range(pairs):
+            reach, turn = spacing[b, i] + thickness[b, i + 1], tilt[b, i + 1]
+            along = (reach + rise[b, i] * math.sin(turn)) / math.cos(turn)
+            places[i + 1] = places[i] + along
+        k = piece_at(curve, places[pairs], 0)
+        by_place = 0.0
+        for i in range(pairs - 1, -1, -1):
+            gap, reach = spacing[b, i], spacing[b, i] + thickness[b, i + 1]
+            s, c = math.sin(tilt[b, i + 1]), math.cos(tilt[b, i + 1])
+            front, along = places[i + 1], places[i + 1] - places[i]
+            k = piece_at(curve, front, k)
+            _, slope_f = at(curve, front, k)
+            back = front - thickness[b, i + 1] * c
+            k = piece_at(curve, back, k)
+            _, slope_b = at(curve, back, k)
+            k = piece_at(curve, places[i], k)
+            _, slope = at(curve, places[i], k)
+            up = along * s + rise[b, i] * c
+            by_tilt_b = slope_b * (up * c - gap * s) + gap * c + up * s
+            by_tilt_f = slope_f * (up * c - reach * s) + reach * c + up * s
+            by_up_b, by_up_f = slope_b * s - c, slope_f * s - c
+            whole = by_tilt_b * by_up_f - by_tilt_f * by_up_b
+            # by α, by q, and so by where the two edges are
+            turned = by_tilt[b, i + 1] - along * by_rise[b, i] + rise[b, i] * by_place
+            lifted = c * by_rise[b, i] + s * by_place
+            at_b = (by_up_f * turned - by_tilt_f * lifted) / whole
+            at_f = (by_tilt_b * lifted - by_up_b * turned) / whole
+            straight = c * by_place - s * by_rise[b, i]
+            over_b, over_f = slope_b * c + s, slope_f * c + s
+            by_spacing[b, i] += straight - at_b * over_b - at_f * over_f
+            by_thickness[b, i + 1] += straight - at_f * over_f
+            by_place -= at_b * (slope_b - slope) + at_f * (slope_f - slope)
+        s, c, d = math.sin(tilt[b, 0]), math.cos(tilt[b, 0]), thickness[b, 0]
+        k = piece_at(curve, -d * c, k)
+        _, slope = at(curve, -d * c, k)
+        by_thickness[b, 0] += by_tilt[b, 0] * (slope * c + s) / (d * (slope * s - c))

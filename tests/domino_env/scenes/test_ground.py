@@ -1,0 +1,180 @@
+"""Scenes on ground that is not flat: rows laid along it, their slopes, what is refused."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+
+import domino_env as de
+from domino_env.chain import footing
+from domino_env.scenes.files.beside import read_row
+from domino_env.scenes.files.reading import parse_scene
+
+POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
+HILLS = de.Ground(profile=POINTS)
+FREE = replace(
+    de.load_scene("sprint-thickness"), name="small", count=9, spacing=(0.008, 0.03),
+    thickness=(0.007, 0.012), first_thickness=0.008, physics=de.Physics(0.25, push=14.0),
+    ground=HILLS,
+)  # fmt: skip
+STEPS = np.array([-2.0, -1.0, 1.0, 2.0])
+WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
+
+
+def some_rows(rows: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    pairs = FREE.count - 1
+    return rng.uniform(*FREE.spacing, (rows, pairs)), rng.uniform(*FREE.thickness, (rows, pairs))
+
+
+def test_both_edges_of_every_base_lie_on_the_curve_and_gaps_along_it():
+    gaps, thick = some_rows(1)
+    row = FREE.layout(gaps[0], thick[0])
+    along = np.stack([np.cos(row.tilt), -np.sin(row.tilt)], axis=1)
+    fronts = row.pivots + np.array([0.0, HILLS.height(0.0)])
+    backs = fronts - row.thickness[:, None] * along
+    for edges in (fronts, backs):
+        np.testing.assert_allclose(HILLS.height(edges[:, 0]), edges[:, 1], atol=1e-15)
+    free = np.sum((backs[1:] - fronts[:-1]) * along[1:], axis=1)
+    np.testing.assert_allclose(free, gaps[0], rtol=1e-13)
+    for x in (
+        -0.1,
+        0.05,
+        0.36,
+    ):  # no jump in the slope, nor at the ends, beyond which it is straight
+        left, here, right = HILLS.height([x - 1e-5, x, x + 1e-5])
+        assert left + right - 2.0 * here == pytest.approx(0.0, abs=2e-9)
+    np.testing.assert_allclose(np.diff(HILLS.height([0.36, 0.46, 0.56]), n=2), 0.0, atol=1e-15)
+
+
+def test_a_straight_profile_is_a_slope_and_none_depends_on_its_height():
+    gaps, thick = some_rows(3)
+    down = -np.tan(np.radians(4.0))
+    line = de.Ground(profile=[[0.1, 0.7 + 0.1 * down], [0.2, 0.7 + 0.2 * down]])
+    ramp = replace(FREE, ground=de.Ground(slope=4.0))
+    one, other = (
+        s.score_batch_gradient(gaps, thick, 1e-12) for s in (ramp, replace(FREE, ground=line))
+    )
+    for found, same in zip(one, other, strict=True):
+        np.testing.assert_allclose(found, same, rtol=1e-9, atol=1e-11)
+    higher = de.Ground(profile=[[x, y + 0.3] for x, y in POINTS])
+    np.testing.assert_allclose(
+        FREE.score_batch(gaps, thick, 1e-12),
+        replace(FREE, ground=higher).score_batch(gaps, thick, 1e-12),
+        rtol=1e-12,
+    )
+    level = replace(FREE, ground=de.Ground(slope=0.0)).score_batch_gradient(gaps, thick)
+    for found, same in zip(
+        level, replace(FREE, ground=None).score_batch_gradient(gaps, thick), strict=True
+    ):
+        np.testing.assert_array_equal(found, same)
+
+
+def test_a_score_is_that_of_the_oracle():
+    gaps, thick = some_rows(1, seed=4)
+    row = FREE.layout(gaps[0], thick[0])
+    slow = oracle.topple(
+        row.spacing, row.thickness, push=14.0, friction=0.25, rise=row.rise, tilt=row.tilt
+    )
+    assert FREE.score(row) == pytest.approx(row.length / slow.arrival[-1], rel=1e-9)
+    assert row.length == pytest.approx(np.hypot(*np.diff(row.pivots, axis=0).T).sum(), rel=1e-14)
+
+
+SCORED = {
+    "mean_speed": FREE,
+    "slope": replace(FREE, ground=de.Ground(slope=-3.0)),
+    "tempo": replace(FREE, objective="tempo", settings=de.Tempo(30.0, 50.0, tolerance=0.1)),
+    "robust": replace(FREE, objective="robust", settings=de.Placement(0.0005, draws=8)),
+}
+
+
+@pytest.mark.parametrize("scene", SCORED.values(), ids=SCORED)
+def test_slopes_along_the_ground_against_differences(scene):
+    """All later dominoes move along the ground with a gap or a thickness."""
+    (gaps,), (thick,) = some_rows(1, seed=2)
+    score, *slopes = scene.score_batch_gradient(gaps[None], thick[None], 1e-13)
+    assert score[0] > 0.0
+    size, step = len(gaps), 1e-6
+    moved = (STEPS[:, None, None] * step * np.eye(size)).reshape(-1, size)
+    for exact, placed in zip(slopes, ((gaps + moved, thick), (gaps, thick + moved)), strict=False):
+        rows = [np.broadcast_to(array, moved.shape) for array in placed]
+        found = WEIGHTS @ scene.score_batch(*rows, 1e-13).reshape(4, size) / step
+        assert np.abs(exact[0] - found).max() < 1e-9 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_within_bounds_that_a_scene_accepts_no_row_is_in_trouble(seed):
+    """Ground as uneven as is not yet refused, and gaps at their bounds or anywhere."""
+    rng = np.random.default_rng(seed)
+    shape = np.stack([np.linspace(-0.1, 0.5, 9), rng.uniform(-1.0, 1.0, 9)], axis=1)
+    low, high = 0.0, 0.1
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        try:
+            ground = de.Ground(profile=shape * [1.0, middle])
+            scene = replace(FREE, ground=ground, spacing=(0.004, 0.044))
+            low = middle
+        except ValueError:
+            high = middle
+    gaps = rng.choice([0.004, 0.044, 0.02, 0.009], (2000, FREE.count - 1))
+    thick = rng.choice(scene.thickness, gaps.shape)
+    rows = scene.batch(gaps, thick, 1e-6)
+    told = rows.spacing, rows.thickness, rows.height, rows.rise, rows.tilt
+    assert footing.trouble(*told) is None
+    assert low > 1e-4
+
+
+def test_rows_that_errors_of_placement_leave_leaning_end_there():
+    wild = replace(FREE, objective="robust", settings=de.Placement(0.02, quantile=0.5, draws=64))
+    gaps, thick = some_rows(2)
+    placed = replace(
+        wild.batch(wild.settings.rows(gaps), np.repeat(thick, 64, axis=0), 1e-6), ground=HILLS
+    )
+    told = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
+    assert footing.impassable(*told).any()
+    assert np.isfinite(wild.score_batch(gaps, thick)).all()
+
+
+TEXT = FREE.to_toml()
+REFUSED = {
+    "slope = 50": "slope",
+    "profile = [[0, 0]]": "profile",
+    "profile = [[0, 0], [0, 1]]": "x rises from point to point",
+    "slope = 3\nprofile = [[0, 0], [1, 0]]": "give either slope",
+    "": "give either slope",
+    "slope = 8.5": "tips over by itself from 8.297° on",
+    "profile = [[0, 0], [0.02, 0.0015], [0.04, 0]]": "under a base 12 mm thick near x = 0.02 m",
+    "profile = [[0, 0.0014], [0.03, 0], [0.06, 0.0014]]": "too narrow for the hollow near x = 0.03",
+}
+
+
+@pytest.mark.parametrize("ground", REFUSED)
+def test_ground_that_is_refused(ground):
+    text = re.sub(r"\[ground\]\nprofile = .*\n", f"[ground]\n{ground}\n", TEXT)
+    if "too narrow" in REFUSED[ground]:
+        text = text.replace("min = 0.008", "min = 0.003")
+    with pytest.raises(ValueError, match=re.escape(REFUSED[ground])):
+        parse_scene(text, "small", "small.toml")
+
+
+def test_what_does_not_go_with_hills():
+    with pytest.raises(ValueError, match=r"row\.length stands beside ground\.profile"):
+        replace(FREE, length=0.2)
+    assert replace(FREE, length=0.2, ground=de.Ground(slope=2.0)).length == 0.2
+    with pytest.raises(ValueError, match="too wide for the hollow"):
+        replace(FREE, spacing=(0.008, 0.0479))
+
+
+def test_files_keep_the_ground_and_rows_are_laid_on_it(tmp_path):
+    assert parse_scene(TEXT, "small", "small.toml") == FREE
+    gaps, thick = some_rows(1)
+    row = FREE.layout(gaps[0], thick[0])
+    flat = de.Layout(row.spacing, row.thickness)
+    for kept, name in ((row, "hilly.csv"), (flat, "flat.csv")):
+        kept.to_csv(tmp_path / name)
+        assert read_row(tmp_path / name, FREE) == row
+    assert FREE.violations(row) == []
+    assert "on the scene's ground it is" in FREE.violations(flat)[0]
+    assert "must be 0" in replace(FREE, ground=None).violations(row)[0]
