@@ -180,20 +180,6 @@ class Layout:
         row = np.full(count - 1, gap), np.full(count, thickness), height, width, density
         return cls(*row, rise, slope)
 
-    def require_flat(self, what: str) -> None:
-        """Refuse ground that is not flat for `what` does not know it.
-
-        Raises
-        ------
-        ValueError
-            Names `what`.
-        """
-        if not self.is_flat:
-            raise ValueError(
-                f"{what} knows flat ground only so far, and this row's is not: rise or tilt is not "
-                "0 everywhere"
-            )
-
     @property
     def count(self) -> int:
         """Number of dominoes N."""

@@ -3,8 +3,9 @@
 Every domino is a box with its mass and moment of inertia; neighbours collide without restitution
 and rub with the row's friction.  *Hinged*: each turns about its front bottom edge, as the model
 has it, and a stop keeps it from leaning back.  *Standing*: on a floor with a friction of its own it
-may slide and lift.  Lengths are millimetres inside, as the engine's tolerances are made for numbers
-near one.
+may slide and lift; over hills each has a plank of its own along the chord under its base, so that
+there are no joints for boxes to catch on.  Lengths are millimetres inside, as the engine's
+tolerances are made for numbers near one.
 
 In every step the engine's contact solver makes a fixed number of sweeps over all contacts.  A flush
 sends its impulse through the whole stack, and too few sweeps let the stack bounce back from it: see
@@ -28,8 +29,9 @@ Floats = NDArray[np.float64]
 
 MM = 1000.0
 PATIENCE = 3.0  # [√(L/g)] without a hit before a wave counts as dead; a fall takes about one
-KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart
+KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart, half of them planks
 STIR = 1e-5  # [rad] a lean that grows by less has come to rest
+PLANK = 1.5  # heights that it reaches before and behind a pivot: where a domino may come to lie
 GRAIN = 1e-4  # [mm] overlap of faces that the engine leaves alone
 
 
@@ -84,7 +86,6 @@ def topple(
     ValueError
         For a step that is not between 0 and 1 ms, for no sweeps, or no window.
     """
-    layout.require_flat("the rigid-body engine")
     if not 0.0 < step <= 1e-3:
         raise ValueError(f"step = {step} s: give one above 0 and up to 0.001")
     if sweeps < 1:
@@ -139,25 +140,19 @@ class _Row:
         self.advance: Callable[[float], None] = space.step
         # the engine multiplies the two coefficients that meet; a smooth row still has a rough floor
         self._rub = math.sqrt(max(physics.friction, 1e-6))
-        if floor is not None:
+        self._floor = None if floor is None else floor / self._rub
+        if layout.is_flat:
             reach = 2.0 * float(layout.height.max())
-            ground = self._pymunk.Poly(
-                space.static_body,
-                [
-                    (-reach * MM, -10.0),
-                    ((layout.length + reach) * MM, -10.0),
-                    ((layout.length + reach) * MM, 0.0),
-                    (-reach * MM, 0.0),
-                ],
-            )
-            ground.friction = floor / self._rub
-            space.add(ground)
-        self._rows = layout.positions - layout.thickness  # rear faces
+            self._lay(-reach * MM, (layout.length + reach) * MM, (0.0, 0.0), 0.0, None)
+        self._pivots = layout.pivots
+        self._stand = np.stack([np.cos(layout.tilt), np.sin(layout.tilt)], axis=-1)
+        self._rears = self._pivots - layout.thickness[:, None] * self._stand * (1.0, -1.0)
         self._tipping = np.arctan2(layout.thickness, layout.height)
         self.place_up_to(min(1, layout.count - 1))
         first = self.bodies[0]
         first.angular_velocity = -physics.push
-        first.velocity = (
+        first.velocity = self._turned(
+            0,
             physics.push * float(layout.height[0]) * MM / 2.0,
             physics.push * float(layout.thickness[0]) * MM / 2.0,
         )
@@ -169,20 +164,49 @@ class _Row:
             high, thick = float(layout.height[i]) * MM, float(layout.thickness[i]) * MM
             mass = float(layout.density[i] * layout.height[i] * layout.thickness[i])
             body = pymunk.Body(mass, mass * (high * high + thick * thick) / 12.0)
-            edge = float(layout.positions[i]) * MM
-            body.position = (edge - thick / 2.0, high / 2.0)
+            edge, foot = (float(place) * MM for place in self._pivots[i])
+            ahead, up = self._turned(i, -thick / 2.0, high / 2.0)
+            body.position, body.angle = (edge + ahead, foot + up), -float(layout.tilt[i])
             shape = pymunk.Poly.create_box(body, (thick, high))
             shape.friction, shape.elasticity = self._rub, 0.0
-            kind = 1 << i % KINDS
-            near = 1 << (i - 1) % KINDS | 1 << (i + 1) % KINDS
+            kinds = KINDS if layout.is_flat else KINDS // 2
+            kind = 1 << i % kinds
+            near = 1 << (i - 1) % kinds | 1 << (i + 1) % kinds
+            if not layout.is_flat:
+                reach = PLANK * high
+                plank = pymunk.ShapeFilter(categories=kind << kinds, mask=kind)
+                near |= kind << kinds
+                self._lay(-reach, reach, (edge, foot), float(layout.tilt[i]), plank)
             shape.filter = pymunk.ShapeFilter(categories=kind, mask=near)
             self._space.add(body, shape)
             if self._hinged:
-                hinge = pymunk.PivotJoint(self._space.static_body, body, (edge, 0.0))
-                stop = pymunk.RotaryLimitJoint(self._space.static_body, body, -math.pi, 0.0)
+                static = self._space.static_body
+                hinge = pymunk.PivotJoint(static, body, (edge, foot))
+                stop = pymunk.RotaryLimitJoint(static, body, -math.pi, body.angle)
                 hinge.collide_bodies = stop.collide_bodies = False
                 self._space.add(hinge, stop)
             self.bodies.append(body)
+
+    def _turned(self, i: int, x: float, y: float) -> tuple[float, float]:
+        """What points so on flat ground, as domino i stands."""
+        cosine, sine = map(float, self._stand[i])
+        return x * cosine + y * sine, y * cosine - x * sine
+
+    def _lay(
+        self, begin: float, end: float, pivot: tuple[float, float], tilt: float, seen: Any
+    ) -> None:
+        """Lay a floor from begin to end of a place, along a slope [mm]."""
+        if self._floor is None:
+            return
+        turn = self._pymunk.Transform(
+            math.cos(tilt), -math.sin(tilt), math.sin(tilt), math.cos(tilt), *pivot
+        )
+        corners = [(begin, -10.0), (end, -10.0), (end, 0.0), (begin, 0.0)]
+        ground = self._pymunk.Poly(self._space.static_body, corners, turn)
+        ground.friction = self._floor
+        if seen is not None:
+            ground.filter = seen
+        self._space.add(ground)
 
     def take_away_up_to(self, last: int) -> None:
         """Remove the dominoes up to this one; held in place they would push those that move on."""
@@ -207,9 +231,11 @@ class _Row:
         """From the top front edge of i to the rear face of i+1, which stands [mm]."""
         body = self.bodies[i]
         half = float(self._layout.thickness[i]) * MM / 2.0, float(self._layout.height[i]) * MM / 2.0
-        angle = body.angle
-        tip: float = body.position.x + half[0] * math.cos(angle) - half[1] * math.sin(angle)
-        return float(self._rows[i + 1]) * MM - tip
+        sine, cosine = math.sin(body.angle), math.cos(body.angle)
+        tip = body.position.x + half[0] * cosine - half[1] * sine
+        top = body.position.y + half[0] * sine + half[1] * cosine
+        (rear, foot), (along, down) = self._rears[i + 1], self._stand[i + 1]
+        return float((rear * MM - tip) * along - (foot * MM - top) * down)
 
 
 def engine_version() -> str:

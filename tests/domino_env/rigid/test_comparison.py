@@ -88,8 +88,18 @@ def engine() -> Engine:
     return Engine(steps=QUICK, share=3e-3)
 
 
-def test_the_engine_agrees_with_both(engine: Engine) -> None:
-    ours, theirs = (verify(ROW, PHYSICS, floors=[0.5], judge=one) for one in (None, engine))
+HILL = de.Layout(
+    [0.016] * 13, 0.0075, rise=np.linspace(0.0018, -0.0018, 13), tilt=np.linspace(-0.08, 0.08, 14)
+)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [ROW, de.Layout.uniform(14, pitch=0.02, slope=-0.07), HILL],
+    ids=["flat", "uphill", "over a hill"],
+)
+def test_the_engine_agrees_with_both(engine: Engine, row: de.Layout) -> None:
+    ours, theirs = (verify(row, PHYSICS, floors=[0.5], judge=one) for one in (None, engine))
     assert theirs.hinged.converged
     assert abs(theirs.difference) < 1e-3
     for one, other in zip(ours.falls, theirs.falls, strict=True):
