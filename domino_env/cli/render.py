@@ -9,7 +9,7 @@ import argparse
 
 from domino_env.cli.physics_options import add_physics_options, asked_physics
 
-SUMMARY = "rows that topple, as an animated GIF or a film"
+SUMMARY = "rows that topple, as an animated GIF, a film or a picture"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_physics_options(parser, "its physics, and its best uniform row as a rival")
     parser.add_argument("--gif", metavar="FILE", help="write an animated picture")
     parser.add_argument("--mp4", metavar="FILE", help="write a film (needs the extra 'render')")
+    parser.add_argument("--png", metavar="FILE", help="write one picture of a few moments")
+    parser.add_argument("--moments", type=int, default=4, help="in that picture (4)")
     parser.add_argument("--slow", type=float, default=5.0, help="times slower than nature (5)")
     parser.add_argument("--rate", type=float, default=25.0, help="images a second (25)")
     parser.add_argument("--width", type=int, default=1000, help="[px] (1000)")
@@ -29,14 +31,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     from domino_env.chain.wave import simulate
     from domino_env.support.reading import one_line, row_name
-    from domino_env.view.animation import Runner, frames, write_gif, write_mp4
+    from domino_env.view.animation import Runner, frames, poses, write_gif, write_mp4, write_png
 
     wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]
     wanted = [one for one in wanted if one[0]]
-    if not wanted:
-        raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or both")
-    for name, ending, _ in wanted:
-        if Path(name).suffix.lower() != ending:
+    if not (wanted or arguments.png):
+        raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or --png FILE")
+    for name, ending in [(name, ending) for name, ending, _ in wanted] + [(arguments.png, ".png")]:
+        if name and Path(name).suffix.lower() != ending:
             raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
     asked = asked_physics(arguments, *arguments.layouts)
     rows = [(row_name(Path(name)), asked.read(name)) for name in arguments.layouts]
@@ -53,4 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         images = frames(runners, arguments.rate, arguments.slow, arguments.width, heading)
         number = write(images, Path(name), arguments.rate)
         print(f"{name}: {number} images, {number / arguments.rate:.1f} s")
+    if arguments.png:
+        picture = poses(runners, arguments.moments, arguments.width, heading)
+        write_png(picture, Path(arguments.png))
+        print(f"{arguments.png}: {picture.width} by {picture.height} px")
     return 0

@@ -14,11 +14,13 @@ from PIL import Image
 from domino_env.chain.motion import Motion
 from domino_env.chain.wave import Wave
 from domino_env.support.files import write_bytes
-from domino_env.view.drawing import Scale, palette, stacked, strip, title
+from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
 from domino_env.view.ground import relief
 
 MOST_DOMINOES = 5_000  # in a picture of a row: drawing takes time by its square
 MOST_IMAGES = 5_000  # more than three minutes at 25 a second; 1 GB
+STRIP, POSE = 150, 100  # [px] height of a row on flat ground, in an animation and in poses
+FURTHEST = 0.97  # of the width of a picture that stands still: where the front may come to
 REST = 0.08  # [s] of stillness before the push and after the end, in the time of the row
 
 
@@ -74,15 +76,7 @@ def frames(
     for name, value in (("rate", rate), ("slow", slow), ("width", width)):
         if not 0.0 < value < np.inf:
             raise ValueError(f"{name} = {value}: must be positive and finite")
-    if width % 2 or width < 200:
-        raise ValueError(f"width = {width} px: give an even number of at least 200")
-    for one in runners:
-        require_drawable(one.name, one.wave.layout.count)
-    motions = [Motion(one.wave.layout, one.wave.physics) for one in runners]
-    longest = max(float(one.wave.layout.length) for one in runners)
-    tallest = max(float(one.wave.layout.height.max()) for one in runners)
-    hills = max(relief(one.wave.layout) for one in runners)
-    scale = Scale.fitting(longest, tallest, width, 150, hills)
+    motions, scale = _stage(runners, width, STRIP)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
     if images > MOST_IMAGES:
@@ -103,6 +97,39 @@ def frames(
         )
 
 
+def poses(
+    runners: Sequence[Runner], moments: int = 4, width: int = 1000, heading: str = ""
+) -> Image.Image:
+    """Draw all rows at a few moments, below each other in one picture.
+
+    Parameters
+    ----------
+    runners
+        The rows.
+    moments
+        How many, equally far apart, while the waves run.
+    width
+        Of the picture [px], even.
+    heading
+        What is said above; nothing where it is empty.
+
+    Raises
+    ------
+    ValueError
+        For fewer than one moment, and as of `frames`.
+    """
+    if moments < 1:
+        raise ValueError(f"moments = {moments}: at least one is drawn")
+    motions, scale = _stage(runners, width, POSE)
+    end = max(float(one.wave.arrival_times[one.wave.hit - 1]) for one in runners)
+    strips = [title(heading, "", width)] if heading else []
+    for k in range(moments):
+        t = end * (k + 0.5) / moments
+        for one, motion in zip(runners, motions, strict=True):
+            strips.append(_strip(one, motion, t, scale, ahead=FURTHEST))
+    return stacked(strips)
+
+
 def require_drawable(name: str, count: int) -> None:
     """Refuse a row too long to be drawn domino by domino.
 
@@ -115,6 +142,12 @@ def require_drawable(name: str, count: int) -> None:
         raise ValueError(
             f"{name}: it has {count:,} dominoes, where rows of at most {MOST_DOMINOES:,} are drawn"
         )
+
+
+def write_png(image: Image.Image, path: Path) -> None:
+    """Write a picture whole, in few colours."""
+    few = image.quantize(palette=palette(), dither=Image.Dither.NONE)
+    write_bytes(path, lambda file: few.save(file, "PNG", optimize=True))
 
 
 def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
@@ -166,7 +199,22 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     return number
 
 
-def _strip(one: Runner, motion: Motion, t: float, scale: Scale) -> Image.Image:
+def _stage(runners: Sequence[Runner], width: int, height: int) -> tuple[list[Motion], Scale]:
+    """How the rows move, and how all of them fit the width."""
+    if width % 2 or width < 200:
+        raise ValueError(f"width = {width} px: give an even number of at least 200")
+    for one in runners:
+        require_drawable(one.name, one.wave.layout.count)
+    motions = [Motion(one.wave.layout, one.wave.physics) for one in runners]
+    longest = max(float(one.wave.layout.length) for one in runners)
+    tallest = max(float(one.wave.layout.height.max()) for one in runners)
+    hills = max(relief(one.wave.layout) for one in runners)
+    return motions, Scale.fitting(longest, tallest, width, height, hills)
+
+
+def _strip(
+    one: Runner, motion: Motion, t: float, scale: Scale, ahead: float = AHEAD
+) -> Image.Image:
     wave = one.wave
     leans: NDArray[np.float64] = motion.angles([t])[0]
     leader = int(motion.leader([t])[0][0])
@@ -176,4 +224,4 @@ def _strip(one: Runner, motion: Motion, t: float, scale: Scale) -> Image.Image:
     line = f"{one.name}   {speed}   {clock * 1e3:6.0f} ms   {hit} of {wave.layout.count}"
     if t >= clock > 0.0 and hit == wave.hit and not speed:
         line += f"   {wave.outcome.name.lower().replace('_', ' ')}"
-    return strip(wave.layout, leans, leader, scale, line)
+    return strip(wave.layout, leans, leader, scale, line, ahead=ahead)

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 PAPER, INK, PALE, SOFT = ((255, 255, 255), *map(rgb, (colours.INK, colours.PALE, colours.SOFT)))
 STANDS, FALLS, LEADS = (176, 186, 197), rgb(colours.BLUE), rgb(colours.RED)
 TITLE = 40  # height of the line above all rows [px]
-AHEAD = 0.72  # of the picture's width: where the front is kept once the row is longer than that
+AHEAD = 0.72  # of the width of a moving picture: where the front is kept once it is there
 FINER = 2  # drawn so much larger, then scaled down
 HIGHEST = 2.0  # strip heights that hills may add; higher ground is followed
 
@@ -65,7 +65,13 @@ class Scale:
 
 
 def strip(
-    layout: Layout, leans: Floats, leader: int, scale: Scale, line: str, ghost: float | None = None
+    layout: Layout,
+    leans: Floats,
+    leader: int,
+    scale: Scale,
+    line: str,
+    ghost: float | None = None,
+    ahead: float = AHEAD,
 ) -> Image.Image:
     """Draw one row as it is at one instant.
 
@@ -83,6 +89,8 @@ def strip(
         What is said above it.
     ghost
         Where another wave's front is along the row [m], marked below the ground.
+    ahead
+        Of the width: the picture moves on once the front is beyond.
     """
     w, h, k = scale.width * FINER, scale.height * FINER, scale.pixels * FINER
     image = Image.new("RGB", (w, h), PAPER)
@@ -90,7 +98,7 @@ def strip(
     pivots = layout.pivots
     front, high = map(float, pivots[leader])
     left = 20 * FINER + 1.2 * float(layout.thickness[0]) * k
-    left -= max(0.0, left + front * k - AHEAD * w)
+    left -= max(0.0, left + front * k - ahead * w)
     # the lowest ground at the floor; where hills are too high, the front in the middle
     lowest, highest = float(pivots[:, 1].min()), float(pivots[:, 1].max())
     room = scale.room / scale.pixels
@@ -98,7 +106,7 @@ def strip(
     base += min(max(high - 0.5 * room, lowest), max(highest - room, lowest)) * k
     ground = ground_line(layout, max(left / k, 0.0), w / k)
     points = [(left + x * k, base - z * k) for x, z in ground]
-    draw.line(points, fill=PALE, width=FINER, joint="curve")
+    draw.line(points, fill=PALE if layout.is_flat else SOFT, width=FINER, joint="curve")
     corners = outlines(layout, leans)
     x, y = left + corners[..., 0] * k, base - corners[..., 1] * k
     seen = np.flatnonzero((x.max(axis=1) > 0.0) & (x.min(axis=1) < w))
@@ -107,12 +115,12 @@ def strip(
         draw.polygon(list(zip(x[i], y[i], strict=True)), fill=colour, outline=PAPER)
     _mark(draw, left + front * k, base - high * k, LEADS)
     if ghost is not None:
-        ahead, above = _place(layout, ghost)
-        _mark(draw, left + ahead * k, base - above * k, INK)
+        there, above = _place(layout, ghost)
+        _mark(draw, left + there * k, base - above * k, INK)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
     ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
     if ghost is not None:
-        at = min(max((left + ahead * k) / FINER, 30.0), scale.width - 60.0)
+        at = min(max((left + there * k) / FINER, 30.0), scale.width - 60.0)
         ImageDraw.Draw(image).text(
             (at, (base - above * k) / FINER + 14), "uniform", fill=INK, font=font(12), anchor="mt"
         )

@@ -115,7 +115,9 @@ def test_the_command_writes_what_it_is_asked_for(tmp_path: Path, capsys) -> None
     assert "images" in capsys.readouterr().out
     assert (tmp_path / "out.gif").read_bytes()[:4] == b"GIF8"
     for wrong, message in (
-        ([], "give --gif FILE, --mp4 FILE or both"),
+        ([], "give --gif FILE, --mp4 FILE or --png FILE"),
+        (["--png", "out.gif"], "a file for --png ends in .png"),
+        (["--png", "out.png", "--moments", "0"], "moments = 0: at least one"),
         (["--gif", "out.png"], "a file for --gif ends in .gif"),
         (["--gif", "out.gif", "--slow", "0"], "slow = 0.0: must be positive"),
         (["--gif", "out.gif", "--width", "401"], "an even number of at least 200"),

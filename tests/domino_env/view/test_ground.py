@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hilly_rows import hilly_row
+from PIL import Image
 
 import domino_env as de
 from domino_env.chain.motion import Motion, lean_behind, outlines
@@ -116,8 +117,11 @@ def test_energy_over_hills_is_kept_but_for_hits() -> None:
 def test_every_command_that_shows_a_row_knows_hills(tmp_path: Path) -> None:
     row, page = tmp_path / "hills.csv", tmp_path / "page.html"
     ROW.to_csv(row)
-    gif, pdf, wav = (str(tmp_path / f"hills.{end}") for end in ("gif", "pdf", "wav"))
+    gif, png, pdf, wav = (str(tmp_path / f"hills.{end}") for end in ("gif", "png", "pdf", "wav"))
     assert main(["render", str(row), "--gif", gif, "--rate", "2", "--width", "300"]) == 0
+    assert main(["render", str(row), "--png", png, "--moments", "2", "--width", "300"]) == 0
+    with Image.open(png) as picture:
+        assert (picture.width, picture.height) >= (300, 2 * 100)
     assert main(["report", str(row), "--html", str(page)]) == 0
     assert main(["template", str(row), "--pdf", pdf]) == 0
     assert main(["click", str(row), "--wav", wav]) == 0
