@@ -133,7 +133,8 @@ def three_rows(scene: de.Scene, record: BestKnown | None) -> list[tuple[float, d
     """Score and layout: gaps as builders like them, the best equal ones, the best row known."""
     mark = scene.uniform()
     thickness = mark.layout.thickness if scene.stock else np.full(scene.count, USUAL)
-    usual = de.Layout(thickness[:-1], thickness, height=mark.layout.height)
+    row = thickness[:-1], thickness, mark.layout.height
+    usual = de.Layout(*row) if scene.ground is None else scene.ground.layout(*row)
     allowed = not scene.violations(usual) and not scene.free_height
     return [
         (scene.score(usual), usual) if allowed else None,

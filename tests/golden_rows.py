@@ -192,6 +192,7 @@ def scene_row(rng: np.random.Generator, scene: de.Scene) -> de.Layout:
     """A random row that keeps the rules of a scene that ships."""
     pairs = scene.count - 1
     low, high = (0.002, 0.025) if scene.name == "gentle" else (0.002, 0.040)
+    low, high = (low, high) if scene.ground is None else scene.spacing
     width = rng.choice([0.02, 0.2, 1.0])
     gaps = low + (high - low) * np.clip(rng.uniform(0, 1) + width * rng.uniform(-1, 1, pairs), 0, 1)
     thickness: Any = None
