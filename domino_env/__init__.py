@@ -39,10 +39,12 @@ if TYPE_CHECKING:
     from domino_env.lab.measured.fit import Fit, fit_friction
     from domino_env.rigid.comparison import Verification, verify
     from domino_env.scenes.baseline import UniformMark
-    from domino_env.scenes.files.reading import load_scene, scene_names
+    from domino_env.scenes.distribution import SceneDistribution, load_distribution
+    from domino_env.scenes.files.reading import distribution_names, load_scene, scene_names
     from domino_env.scenes.limits import Limits
     from domino_env.scenes.objectives.robust import Placement
     from domino_env.scenes.objectives.tempo import Tempo
+    from domino_env.scenes.pool import load_test_set
     from domino_env.scenes.scene import Scene
     from domino_env.scenes.stock import Stock
     from domino_env.standing.simulation import RigidWave, simulate_standing
@@ -68,6 +70,7 @@ __all__ = [
     "Placement",
     "RigidWave",
     "Scene",
+    "SceneDistribution",
     "Snapshot",
     "SteadyWave",
     "Stock",
@@ -78,10 +81,13 @@ __all__ = [
     "WaveBatch",
     "clicks",
     "diagnose",
+    "distribution_names",
     "existence_limit",
     "fit_friction",
     "listen",
+    "load_distribution",
     "load_scene",
+    "load_test_set",
     "scene_names",
     "simulate",
     "simulate_batch",
@@ -121,6 +127,10 @@ __getattr__, __dir__ = lazy_names(
         "fit_friction": "lab.measured.fit",
         "Verification": "rigid.comparison",
         "verify": "rigid.comparison",
+        "SceneDistribution": "scenes.distribution",
+        "load_distribution": "scenes.distribution",
+        "load_test_set": "scenes.pool",
+        "distribution_names": "scenes.files.reading",
         "load_scene": "scenes.files.reading",
         "scene_names": "scenes.files.reading",
         "Limits": "scenes.limits",

@@ -123,6 +123,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
             "best_known.json",
             "scene.schema.json",
             "uniform.json",
+            "distributions/*",
             "assets/*",
             "policies/*/*",
         )

@@ -73,7 +73,7 @@ def gain(score: float, other: float) -> float | None:
     return score / other - 1.0 if score > 0.0 and other > 0.0 else None
 
 
-def best_uniform(scene: Specification) -> Layout:
+def best_uniform(scene: Specification, known: tuple[float, float] | None = None) -> Layout:
     """Find the best layout of one pitch and one thickness within the scene's rules.
 
     The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
@@ -88,13 +88,15 @@ def best_uniform(scene: Specification) -> Layout:
     ----------
     scene
         Whose rules they are.
+    known
+        What `best_point` found before; None where it did not.
 
     Raises
     ------
     ValueError
         Where the rules leave no uniform row.
     """
-    point = shipped_point(scene)
+    point = shipped_point(scene) if known is None else np.array(known)
     return _uniform_rows(scene).layout(best_point(scene) if point is None else point)
 
 
@@ -165,7 +167,7 @@ def _search(rows: UniformRows, axes: list[Floats], *, by_heads: bool = False) ->
     ])  # fmt: skip
     keep = KEEP
     while cell.max() > (FINEST_DRAWN if rows.drawn else FINEST):
-        best = points[_apart(points, scores, 2.0 * cell, keep)]
+        best = points[apart(points, scores, 2.0 * cell, keep)]
         offsets = np.linspace(-1.0, 1.0, 9)
         steps = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
         if cell.min() == 0.0:
@@ -185,7 +187,7 @@ def _search(rows: UniformRows, axes: list[Floats], *, by_heads: bool = False) ->
     return np.asarray(points[int(np.argmax(scores))])
 
 
-def _apart(points: Floats, scores: Floats, distance: Floats, keep: int) -> list[int]:
+def apart(points: Floats, scores: Floats, distance: Floats, keep: int) -> list[int]:
     """Indices of the `keep` best points that are no neighbours of a better one."""
     chosen: list[int] = []
     for i in np.argsort(-scores, kind="stable"):

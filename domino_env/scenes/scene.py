@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +89,8 @@ class Scene(Specification):
         a floor under an objective that is no speed, or beside limits, and for ground on which not
         every row within the bounds can stand.
     """
+
+    known_point: ClassVar[tuple[float, float] | None] = None  # of the best uniform row, if told
 
     @property
     def unit(self) -> str:
@@ -245,7 +248,21 @@ class Scene(Specification):
 
     @cached_property
     def _uniform(self) -> UniformMark:
-        return _mark(self)  # kept here too, so that it goes along to other processes
+        return _mark(
+            self, self.known_point
+        )  # kept here too, so that it goes along to other processes
+
+    def knowing(self, point: Floats) -> Self:
+        """Give the same scene, whose best uniform row was searched before.
+
+        Parameters
+        ----------
+        point
+            (2,) what `best_point` found.
+        """
+        scene = replace(self)
+        object.__setattr__(scene, "known_point", tuple(map(float, point)))
+        return scene
 
     def to_toml(self) -> str:
         """Write the scene as the text of a file that `load_scene` reads."""
@@ -253,8 +270,8 @@ class Scene(Specification):
 
 
 @lru_cache(maxsize=32)
-def _mark(scene: Scene) -> UniformMark:
+def _mark(scene: Scene, known: tuple[float, float] | None) -> UniformMark:
     with underway(f"finding the best uniform row of '{one_line(scene.name, 40)}'"):
-        layout = best_uniform(scene)
+        layout = best_uniform(scene, known)
     wave = scene.simulate(layout)
     return UniformMark(layout, wave, scene.score_wave(wave))

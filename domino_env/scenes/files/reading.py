@@ -5,11 +5,13 @@ from __future__ import annotations
 import difflib
 import tomllib
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 from domino_env.chain.units import unit_slip
 from domino_env.scenes.files.clashes import first_clash
+from domino_env.scenes.files.ranges import has_ranges
 from domino_env.scenes.files.tables import SceneFile
 from domino_env.scenes.scene import Scene
 from domino_env.support.advice import advise
@@ -17,11 +19,25 @@ from domino_env.support.models import model_of
 from domino_env.support.reading import naming, one_line, read_bytes, refuse
 
 SHIPPED = resources.files("domino_env.scenes") / "shipped"
+DISTRIBUTIONS = resources.files("domino_env.scenes") / "distributions"
+IS_DISTRIBUTION = (
+    "it gives ranges where a scene has numbers: load it by load_distribution, and draw scenes by "
+    "its sample()"
+)
 
 
 def scene_names() -> list[str]:
     """List the names of the scenes that ship."""
-    files = SHIPPED.iterdir()
+    return _names_in(SHIPPED)
+
+
+def distribution_names() -> list[str]:
+    """List the names of the distributions of scenes that ship."""
+    return _names_in(DISTRIBUTIONS)
+
+
+def _names_in(folder: Traversable) -> list[str]:
+    files = folder.iterdir()
     return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
 
 
@@ -31,27 +47,52 @@ def load_scene(name: str | Path) -> Scene:
     Raises
     ------
     ValueError
-        With file, key, value and what is allowed.
+        With file, key, value and what is allowed; for a file that gives ranges, which
+        `load_distribution` reads.
     """
-    path = Path(name)
-    known = scene_names()
-    if str(name) not in known and (path.suffix == ".toml" or path.is_file()):
-        if not path.is_file():
-            refuse(path, "there is no such scene file")
-        try:
-            text = read_bytes(path).decode("utf-8-sig")
-        except UnicodeDecodeError:
-            refuse(path, "not UTF-8 text; save the file as UTF-8")
-        return parse_scene(text, path.stem, str(path))
-    if str(name) not in known:
+    if str(name) in distribution_names():
+        refuse(str(name), IS_DISTRIBUTION)
+    text, stem, file = read_named(name, "scene")
+    return parse_scene(text, stem, file)
+
+
+def read_named(name: str | Path, kind: str) -> tuple[str, str, str]:
+    """Read the text of a file, by the name of what ships or by its path.
+
+    Parameters
+    ----------
+    name
+        Of what ships, or a path.
+    kind
+        What it is: "scene" or "distribution".
+
+    Returns
+    -------
+    tuple
+        The text, what it is called unless it says so itself, and what errors call the file.
+
+    Raises
+    ------
+    ValueError
+        For a file that there is not, or that cannot be read.
+    """
+    folder = SHIPPED if kind == "scene" else DISTRIBUTIONS
+    path, known = Path(name), _names_in(folder)
+    if str(name) in known:
+        return (folder / f"{name}.toml").read_text("utf-8"), str(name), f"{name}.toml"
+    if not (path.suffix == ".toml" or path.is_file()):
         near = difflib.get_close_matches(str(name)[:300], known, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(
-            f"there is no scene '{one_line(str(name), 100)}': {hint}scenes that ship: "
+            f"there is no {kind} '{one_line(str(name), 100)}': {hint}{kind}s that ship: "
             f"{', '.join(known)}; or give the path of a .toml file"
         )
-    text = (SHIPPED / f"{name}.toml").read_text("utf-8")
-    return parse_scene(text, str(name), f"{name}.toml")
+    if not path.is_file():
+        refuse(path, f"there is no such {kind} file")
+    try:
+        return read_bytes(path).decode("utf-8-sig"), path.stem, str(path)
+    except UnicodeDecodeError:
+        refuse(path, "not UTF-8 text; save the file as UTF-8")
 
 
 def parse_scene(text: str, name: str, file: str) -> Scene:
@@ -71,19 +112,25 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
     ValueError
         With file, key, value and what is allowed.
     """
+    return scene_of_document(document_of_text(text, file), name, file)
+
+
+def document_of_text(text: str, file: str) -> dict[str, Any]:
+    """Read the text of a file as TOML; ValueError with the file's name for what is none."""
     with naming(file):
         try:
-            document = tomllib.loads(text)
+            return tomllib.loads(text)
         except RecursionError:
             raise ValueError("not TOML: nested too deep") from None
         except ValueError as error:
             raise ValueError(f"not TOML: {error}") from None
-    return scene_of_document(document, name, file)
 
 
 def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
     """Read a scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
     with naming(file):
+        if has_ranges(document):
+            raise ValueError(IS_DISTRIBUTION)
         asked = model_of(SceneFile, {"name": name} | document)
         clash = first_clash(asked)
         if clash is not None:

@@ -13,9 +13,15 @@ from typing import Any
 import msgspec
 
 from domino_env.scenes.files import tables
+from domino_env.scenes.files.ranges import UNFELT, schema_of_range
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.support.files import write_text
 
+DRAWN = {
+    "row": "RowTable", "spacing": "SpacingTable", "thickness": "ThicknessTable",
+    "physics": "PhysicsTable",
+}  # fmt: skip
+"""Tables in which a number may be a range."""
 PATH = Path(__file__).parents[1] / "shipped" / "scene.schema.json"
 
 
@@ -27,9 +33,21 @@ def scene_schema() -> dict[str, Any]:
         name: _without_null(told) | getattr(classes[name], "SCHEMA", {})
         for name, told in found["$defs"].items()
     }
+    for table, name in DRAWN.items():
+        for key, told in definitions[name]["properties"].items():
+            if told.get("type") in ("number", "integer") and (table, key) not in UNFELT:
+                definitions[name]["properties"][key] = _or_range(told)
+    definitions["Range"] = _without_null(schema_of_range())
     scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     return head | scene | {"$defs": definitions}
+
+
+def _or_range(told: dict[str, Any]) -> dict[str, Any]:
+    """A number, or the range that it is drawn from: the file of a distribution."""
+    said = {key: told[key] for key in ("description", "default") if key in told}
+    number = {key: value for key, value in told.items() if key not in said}
+    return {"anyOf": [number, {"$ref": "#/$defs/Range"}]} | said
 
 
 def _without_null(told: Any) -> Any:

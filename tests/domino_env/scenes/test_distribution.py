@@ -1,0 +1,111 @@
+"""Distributions of scenes: files with ranges, what is drawn from them, sets for tests."""
+
+import tomllib
+from dataclasses import replace
+
+import jsonschema
+import numpy as np
+import pytest
+from drawn_scenes import TEXT, small_scenes
+
+import domino_env as de
+from domino_env.scenes import distribution
+from domino_env.scenes.files.reading import DISTRIBUTIONS, parse_scene
+from domino_env.scenes.files.schema import scene_schema
+from domino_env.scenes.pool import ScenePool, quick_point
+from domino_env.scenes.uniform_rows import UniformRows
+
+NAMES = de.distribution_names()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_ships_keeps_the_schema_and_is_what_it_was_drawn_for(name):
+    text = (DISTRIBUTIONS / f"{name}.toml").read_text("utf-8")
+    assert text.startswith("#:schema ../shipped/scene.schema.json\n")
+    jsonschema.Draft202012Validator(scene_schema()).validate(tomllib.loads(text))
+    drawn_from = de.load_distribution(name)
+    scenes = de.load_test_set(name)
+    assert len(scenes) == len(set(scenes)) == 200
+    for scene in scenes:
+        assert drawn_from.outside(scene) == ()
+    assert scenes[0].uniform().score > 0.0
+    if name != "varied-beyond":
+        assert not np.isnan(ScenePool(drawn_from).marks).any()
+        i = 40  # the files hold what would be drawn now
+        anew = ScenePool(drawn_from)
+        anew.marks[i] = np.nan
+        assert anew.scene(i) == ScenePool(drawn_from).scene(i)
+        np.testing.assert_allclose(anew.marks[i], ScenePool(drawn_from).marks[i], rtol=1e-9)
+
+
+def test_the_set_beyond_is_beyond_in_every_number():
+    varied = de.load_distribution("varied")
+    for scene in de.load_test_set("varied-beyond"):
+        assert len(varied.outside(scene)) >= 5  # one may lie on the edge
+
+
+@pytest.mark.parametrize("name", ["varied", "varied-course"])
+def test_the_quick_mark_is_that_of_the_search(name):
+    for scene in de.load_test_set(name)[::40]:
+        quick = UniformRows(scene).layout(quick_point(scene))
+        assert scene.score(quick) == pytest.approx(scene.uniform().score, rel=1e-7)
+    searched = replace(scene, name="another").uniform()  # one of which no row is known
+    assert scene.uniform().score == pytest.approx(searched.score, rel=1e-9)
+
+
+def test_numbers_are_read_off_the_scenes_that_are_made_of_them():
+    small, rng = small_scenes(), np.random.default_rng(5)
+    low, high = np.array([(drawn.min, drawn.max) for drawn in small.ranges.values()]).T
+    for _ in range(30):
+        scene = small.sample(rng)
+        numbers = small.numbers(scene)
+        assert (numbers >= low * (1.0 - 1e-12)).all()
+        assert (numbers <= high * (1.0 + 1e-12)).all()
+        again = small.scene(numbers)
+        np.testing.assert_allclose(small.numbers(again), numbers, rtol=1e-12)
+        assert np.abs(small.scaled(numbers)).max() <= 1.0 + 1e-9
+    np.testing.assert_allclose(np.abs(small.scaled(np.array([low, high]))), 1.0)
+    assert small == small_scenes()
+    far = replace(scene, physics=replace(scene.physics, friction=0.7))
+    assert small.outside(far) == ("friction 0.7 is outside 0 to 0.4",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("min = 0.0, max = 0.4", "min = 0.5, max = 0.4", "physics.friction.min = 0.5 is more"),
+        ("min = 0.5,", "min = 0.0,", 'spread = "log" needs more than 0'),
+        ("apart = 2", "apart = 5", "5.0 times it is beyond spacing.max = 0.9"),
+        ("count = {min = 4,", "count = {min = 4.5,", "row.count = 4.5 to 9.0: give whole numbers"),
+        ("min = 1.6,", 'of = "height", min = 1.6,', "physics.gravity.of = 'height': only of"),
+        ("{min = 0.03,", "{least = 0.03,", "unknown key 'row.height.least'"),
+        ("first_thickness", "width = {min = 0.01, max = 0.02}\nfirst_thickness", "changes no time"),
+        ("max = 0.012}", "max = 0.012, apart = 1}", "min and max must be|apart"),
+    ],
+)
+def test_ranges_that_are_none_are_refused(old, new, words):
+    assert old in TEXT
+    if new.endswith("apart = 1}"):
+        new = 'max = 0.012, apart = 1, of = "height"}'
+    with pytest.raises(ValueError, match=words):
+        de.SceneDistribution(tomllib.loads(TEXT.replace(old, new)), "wrong")
+
+
+def test_scenes_and_distributions_are_told_apart(tmp_path, monkeypatch):
+    for load, name, words in (
+        (de.load_scene, "varied", "load it by load_distribution"),
+        (de.load_distribution, "sprint", "it is one scene.*load it by load_scene"),
+        (de.load_distribution, "varid", "did you mean 'varied'"),
+        (de.load_scene, "varid", "there is no scene 'varid'"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            load(name)
+    with pytest.raises(ValueError, match="load it by load_distribution"):
+        parse_scene(TEXT, "small", "small.toml")
+    file = tmp_path / "mine.toml"
+    file.write_text(TEXT)
+    assert de.DominoChain(file).distribution == de.load_distribution(file)
+    assert de.load_distribution(file).name == "mine"
+    monkeypatch.setattr(distribution, "MOST_DRAWN", 5)
+    with pytest.raises(ValueError, match="of 5 scenes drawn none can be used; of the last: "):
+        de.SceneDistribution(tomllib.loads(TEXT.replace("0.007", "1e-12")), "none")

@@ -1,0 +1,29 @@
+"""A distribution of scenes that are quickly searched, with as much varied as can be."""
+
+from __future__ import annotations
+
+import tomllib
+
+import domino_env as de
+
+TEXT = """
+[physics]
+friction = {min = 0.0, max = 0.4}
+push = {min = 0.5, max = 1.2, spread = "log", of = "height"}
+gravity = {min = 1.6, max = 9.81}
+[row]
+count = {min = 4, max = 9}
+height = {min = 0.03, max = 0.06}
+first_thickness = 0.007
+[spacing]
+min = {min = 0.05, max = 0.2, spread = "log", of = "height"}
+max = {min = 0.3, max = 0.9, of = "height", apart = 2}
+[thickness]
+min = 0.005
+max = {min = 0.006, max = 0.012}
+"""
+
+
+def small_scenes() -> de.SceneDistribution:
+    """Rows of 4 to 9 dominoes with free gaps and thicknesses, on the earth and on the moon."""
+    return de.SceneDistribution(tomllib.loads(TEXT), "small")
