@@ -70,7 +70,7 @@ def acting(
     ValueError
         For a plan that a row of the scene cannot have, and for a scene as `design` refuses.
     """
-    from domino_env.envs.observation import progress_features
+    from domino_env.envs.observation import progress_entries
 
     require_kind(scene)
     policy = designer or shipped_policy()
@@ -80,7 +80,7 @@ def acting(
     gaps = policy.gaps(scene, np.array([float(chosen)]))[0]
     low, high = scene.spacing
     actions = (2.0 * (gaps - low) / (high - low) - 1.0).astype(np.float32)[:, None]
-    part = progress_features(2).shape[1]  # the first of the last entries: the part of the row
+    part = progress_entries()  # the first of the last entries: the part of the row
 
     def act(observation: Observation) -> Single:
         return np.asarray(actions[round(float(observation[-part]) * (scene.count - 1))])

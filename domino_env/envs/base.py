@@ -15,8 +15,9 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env.chain.layout import Layout
+from domino_env.envs.problems import Generators, Problems
 from domino_env.envs.snapshot import Snapshot
-from domino_env.scenes.files.reading import load_scene
+from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -31,12 +32,12 @@ WINDOW = 8
 
 
 class Episodes(ABC):
-    """B episodes of one scene, side by side; those of a single environment are one.
+    """B episodes side by side; those of a single environment are one.
 
     Attributes
     ----------
-    scene
-        What is built.
+    problems
+        The scenes that they may be in.
     number
         B.
     actions
@@ -47,14 +48,25 @@ class Episodes(ABC):
         What a reset can be given, by name.
     """
 
-    scene: Scene
+    problems: Problems
     number: int
     actions: Box
     observations: Box
-    options: ClassVar[tuple[str, ...]] = ()
+    options: tuple[str, ...] = ()
 
     @abstractmethod
-    def reset(self, chosen: Bools, observations: Observations, layout: Start = None) -> None:
+    def scene(self, row: int) -> Scene:
+        """Return what is built in a row."""
+
+    @abstractmethod
+    def reset(
+        self,
+        chosen: Bools,
+        observations: Observations,
+        generators: Generators,
+        layout: Start = None,
+        scene: Sequence[Scene | None] | Scene | None = None,
+    ) -> dict[str, NDArray[Any]]:
         """Begin anew in the chosen rows.
 
         Parameters
@@ -63,15 +75,25 @@ class Episodes(ABC):
             (B,) which rows.
         observations
             (B, O), written for the chosen rows.
+        generators
+            Of each row, by its number: what scenes are drawn with.
         layout
             The first dominoes of each row, or of all, which stand already; None for the first
             alone. Only where it is among `options`.
+        scene
+            Of each row, or of all; None for one that is drawn. Only where it is among `options`.
+
+        Returns
+        -------
+        dict
+            What is known of the chosen rows, arrays in their order: "scene" where one is drawn at
+            every reset.
 
         Raises
         ------
         ValueError
-            Where `layout` breaks the scene's rules or its wave dies; every row is then left as it
-            was.
+            Where `layout` breaks the scene's rules or its wave dies, and for a `scene` of another
+            kind than those drawn; every row is then left as it was.
         """
 
     @abstractmethod
@@ -106,7 +128,7 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
     Parameters
     ----------
     scene
-        The design problem: a name, the path of a TOML file, or a `Scene`.
+        The design problem: a name, the path of a TOML file, a `Scene`, or a `SceneDistribution`.
     render_mode
         None, "rgb_array", "human" or "ansi".
     """
@@ -117,9 +139,8 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
     }
     _episodes: Episodes
 
-    def __init__(self, scene: str | Path | Scene, render_mode: str | None) -> None:
+    def __init__(self, render_mode: str | None) -> None:
         self.render_mode = checked_render_mode(render_mode)
-        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self._all = np.ones(1, np.bool_)
         self._begun = self._over = False
         self._painter: Any = None
@@ -130,6 +151,16 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
         self.action_space = episodes.actions  # type: ignore[assignment]
         self.observation_space = episodes.observations  # type: ignore[assignment]
 
+    @property
+    def scene(self) -> Scene:
+        """What is built; where a scene is drawn at every reset, the latest."""
+        return self._episodes.scene(0)
+
+    @property
+    def distribution(self) -> SceneDistribution | None:
+        """What scenes are drawn from; None where there is but one."""
+        return self._episodes.problems.distribution
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
@@ -138,28 +169,30 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
         Parameters
         ----------
         seed
-            Of `np_random`; nothing is random, so it changes nothing else.
+            Of `np_random`, which scenes are drawn with; where the scene is fixed, nothing is
+            random.
         options
             As of the class.
 
         Returns
         -------
         tuple
-            The observation and an empty info.
+            The observation and an info, which holds the "scene" if one was drawn.
 
         Raises
         ------
         ValueError
-            For other options, and for a layout that breaks the scene's rules or dies.
+            For other options, for a layout that breaks the scene's rules or dies, and for a scene
+            of another kind than those drawn.
         """
         super().reset(seed=seed)
         given = checked_options(options, self._episodes.options)
         observations = np.empty((1, *self._episodes.observations.shape), np.float32)
-        self._episodes.reset(self._all, observations, **given)
+        infos = self._episodes.reset(self._all, observations, lambda _: self.np_random, **given)
         self._begun, self._over = True, False
         if self.render_mode == "human":
             self.render()
-        return observations[0], {}
+        return observations[0], {key: values.item(0) for key, values in infos.items()}
 
     def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
         """Take a step.
@@ -210,8 +243,8 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
             )
             return None
         if self._painter is None:
-            self._painter = new_painter(self.scene, self.render_mode)
-        frame: NDArray[np.uint8] | str | None = self._painter.frame(self.snapshot())
+            self._painter = new_painter(self.render_mode)
+        frame: NDArray[np.uint8] | str | None = self._painter.frame(self.snapshot(), self.scene)
         return frame
 
     def close(self) -> None:
@@ -224,9 +257,14 @@ class RowEnv(gymnasium.Env[Observations, Observations]):
         return self.__dict__ | {"_painter": None}  # windows stay where they are
 
 
-def new_painter(scene: Scene, render_mode: str) -> Any:
+def loaded(scene: str | Path | Scene | SceneDistribution) -> Scene | SceneDistribution:
+    """Return a scene, or what scenes are drawn from, by its name or path where that is given."""
+    return scene if isinstance(scene, Scene | SceneDistribution) else load_any(scene)
+
+
+def new_painter(render_mode: str) -> Any:
     """Load what draws, now that somebody asks for it."""
-    return import_module("domino_env.envs.render").Painter(scene, render_mode)
+    return import_module("domino_env.envs.render").Painter(render_mode)
 
 
 def checked_render_mode(mode: str | None, allowed: tuple[str, ...] = RENDER_MODES) -> str | None:

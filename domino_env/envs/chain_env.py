@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 from gymnasium.vector import AutoresetMode
 
 from domino_env.chain.layout import Layout
-from domino_env.envs.base import RTOL, WINDOW, Floats, RowEnv
+from domino_env.envs.base import RTOL, WINDOW, Floats, RowEnv, loaded
 from domino_env.envs.episodes import ChainEpisodes
 from domino_env.envs.vector import RowVectorEnv
+from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
 
@@ -48,8 +51,9 @@ class DominoChain(RowEnv):
     ## Observation space
     `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, N the
     number of dominoes, k how many are placed after the first. Entries marked * are there only
-    where the scene asks for a length, + where rows grow, # where there is a stock; windows only of
-    what the scene leaves free.
+    where the scene asks for a length, + where rows grow, # where there is a stock, ^ where a scene
+    is drawn at every reset: in the order of `distribution.features`, beyond ±1 only for scenes that
+    are given from beyond the ranges. Windows only of what the scene leaves free.
 
     | entries | meaning                                                             | range     |
     |---------|---------------------------------------------------------------------|-----------|
@@ -66,6 +70,7 @@ class DominoChain(RowEnv):
     | 1       | k / (N - 1)                                                         | 0, 1      |
     | 4       | exp(-k / c) for c = 1, 2, 4, 8: closeness to the start              | 0, 1      |
     | 4       | exp(-(N - 1 - k) / c) for the same c: closeness to the end          | 0, 1      |
+    | F ^     | numbers of the scene that was drawn: -1 least, 1 largest            | -3, 3     |
 
     ## Rewards
     Each step but the last pays (pitch - reference speed × time of the fall) / h: the lead gained
@@ -88,7 +93,12 @@ class DominoChain(RowEnv):
     ## Starting state
     The first domino alone. `reset(options={"layout": layout})` starts from a layout of fewer
     dominoes, which stand and have fallen; what they have gained counts as paid, so that
-    the rewards to come are those of a whole episode. Nothing is random: the seed changes nothing.
+    the rewards to come are those of a whole episode.
+
+    A fixed scene is not random at all: the seed changes nothing. Where `scene` is a distribution of
+    scenes, such as "varied", every reset draws one by `np_random`, and
+    `reset(options={"scene": scene})` chooses one; then the row is `scene.count` dominoes long, and
+    whatever is said here of the scene is of the one that was drawn.
 
     ## Episode end
     Terminated when the last domino is placed, or when the wave dies. Never truncated.
@@ -97,7 +107,7 @@ class DominoChain(RowEnv):
     Empty but on the last step: `score` (that of `wave`), `gain` (over the best uniform row, 0.01 is
     one per cent), `outcome` (an `Outcome`), `layout` (what was placed) and `wave` (its wave at the
     environment's tolerance; its `reach` counts against all N dominoes). Layout and wave are worked
-    out when they are looked at.
+    out when they are looked at. Where a scene is drawn, `scene` is told then and after the reset.
 
     ## Version history
     - v0: first version.
@@ -105,7 +115,8 @@ class DominoChain(RowEnv):
     Parameters
     ----------
     scene
-        A name, the path of a TOML file, or a `Scene`.
+        A name, the path of a TOML file, a `Scene`, or a `SceneDistribution`, from which one is
+        drawn at every reset.
     render_mode
         None, "rgb_array", "human" or "ansi".
     rtol
@@ -122,19 +133,19 @@ class DominoChain(RowEnv):
 
     def __init__(
         self,
-        scene: str | Path | Scene = "sprint",
+        scene: str | Path | Scene | SceneDistribution = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
         reference_speed: float | None = None,
         window: int = WINDOW,
     ) -> None:
-        super().__init__(scene, render_mode)
-        self._use(ChainEpisodes(self.scene, 1, rtol, reference_speed, window))
+        super().__init__(render_mode)
+        self._use(ChainEpisodes(loaded(scene), 1, rtol, reference_speed, window))
 
     @property
     def reference_speed(self) -> float:
         """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
-        return self._episodes.reference_speed
+        return cast("float", self._episodes.reference_speed)
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
@@ -157,7 +168,8 @@ class DominoChainVector(RowVectorEnv):
     under "_key" which entries are set. The number of threads is Numba's (`numba.set_num_threads`).
 
     The options of a reset are "reset_mask", (B,) which rows begin anew, and "layout", the first
-    dominoes of the rows: a Layout that all of them start from, or one (or None) for each.
+    dominoes of the rows: a Layout that all of them start from, or one (or None) for each. Where
+    scenes are drawn, "scene" chooses: one for all rows, or one (or None) for each.
 
     Parameters
     ----------
@@ -187,19 +199,22 @@ class DominoChainVector(RowVectorEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        scene: str | Path | Scene = "sprint",
+        scene: str | Path | Scene | SceneDistribution = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
         reference_speed: float | None = None,
         window: int = WINDOW,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
-        super().__init__(num_envs, scene, render_mode, autoreset_mode)
-        self._use(ChainEpisodes(self.scene, self.num_envs, rtol, reference_speed, window))
+        super().__init__(num_envs, render_mode, autoreset_mode)
+        self._use(ChainEpisodes(loaded(scene), self.num_envs, rtol, reference_speed, window))
 
     @property
-    def reference_speed(self) -> float:
-        """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
+    def reference_speed(self) -> float | Floats:
+        """Speed that the rewards of single steps count against [m/s]; may be set at any time.
+
+        (B,) where each row has a scene of its own; what is set is that of all rows.
+        """
         return self._episodes.reference_speed
 
     @reference_speed.setter
@@ -210,8 +225,8 @@ class DominoChainVector(RowVectorEnv):
         """Return what the next action of a row ranges over; see `DominoChain.bounds_ahead`."""
         return self._episodes.bounds_ahead(row)
 
-    def actions_towards(self, layout: Layout) -> Floats:
-        """Return actions (B, A) that place the next domino of every row as in a layout.
+    def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
+        """Return actions (B, A) that place the next domino of every row as in its layout.
 
         Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
         """

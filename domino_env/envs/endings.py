@@ -28,10 +28,10 @@ class Endings:
 
     Parameters
     ----------
-    scene
-        What was built.
+    scenes
+        (E,) what was built.
     baseline
-        Score of the scene's best uniform row.
+        (E,) scores of their best uniform rows.
     rtol
         Relative error allowed in the arrival times.
     spacing
@@ -55,15 +55,15 @@ class Endings:
 
     def __init__(
         self,
-        scene: Scene,
-        baseline: float,
+        scenes: list[Scene],
+        baseline: Floats,
         rtol: float,
         spacing: Floats,
         thickness: Floats,
         height: Floats,
         placed: list[int],
     ) -> None:
-        self.scene, self.baseline, self.rtol = scene, baseline, rtol
+        self.scenes, self.baseline, self.rtol = scenes, baseline, rtol
         self.spacing, self.thickness, self.height, self.placed = spacing, thickness, height, placed
         self.outcome = np.zeros(len(placed), np.int64)
         self.reach, self.score = np.zeros(len(placed)), np.zeros(len(placed))
@@ -75,22 +75,25 @@ class Endings:
         The outcome and reach of a wave that died before all dominoes were placed stay as they are:
         its row goes on where nothing is placed yet.
         """
-        which = list(which)
-        layouts = [self.layout(i) for i in which]
-        waves = simulate_all(layouts, self.scene.physics, self.rtol)
-        for i, wave in zip(which, waves, strict=True):
-            if self.placed[i] == self.scene.count - 1:
-                self.outcome[i], self.reach[i] = wave.outcome, wave.reach
-                self._waves[i] = wave
-            else:
-                self._waves[i] = replace(wave, reach=float(self.reach[i]))
-        self.score[which] = self.scene.score_waves([self._waves[i] for i in which])
+        alike: dict[int, list[int]] = {}
+        for i in which:
+            alike.setdefault(id(self.scenes[i]), []).append(i)
+        for rows in alike.values():
+            scene = self.scenes[rows[0]]
+            waves = simulate_all([self.layout(i) for i in rows], scene.physics, self.rtol)
+            for i, wave in zip(rows, waves, strict=True):
+                if self.placed[i] == scene.count - 1:
+                    self.outcome[i], self.reach[i] = wave.outcome, wave.reach
+                    self._waves[i] = wave
+                else:
+                    self._waves[i] = replace(wave, reach=float(self.reach[i]))
+            self.score[rows] = scene.score_waves([self._waves[i] for i in rows])
 
     def returns(self) -> Floats:
         """Give the gains over the best uniform row (E,), in per cent."""
-        if self.baseline > 0.0:
-            return 100.0 * (self.score / self.baseline - 1.0)
-        return 100.0 * (self.score - self.baseline) / max(-self.baseline, 1e-9)
+        mark, runs = self.baseline, self.baseline > 0.0
+        over = 100.0 * (self.score / np.where(runs, mark, 1.0) - 1.0)
+        return np.where(runs, over, 100.0 * (self.score - mark) / np.maximum(-mark, 1e-9))
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Give what the last info of each episode holds, (E,) each."""
@@ -107,7 +110,7 @@ class Endings:
 
     def layout(self, i: int) -> Layout:
         """Return what was placed in episode i."""
-        scene, placed = self.scene, self.placed[i]
+        scene, placed = self.scenes[i], self.placed[i]
         return Layout(
             self.spacing[i, :placed],
             self.thickness[i, : placed + 1],
@@ -120,7 +123,7 @@ class Endings:
         """Return the wave of episode i; its reach counts against the scene's N dominoes."""
         if i in self._waves:
             return self._waves[i]
-        wave = simulate(self.layout(i), self.scene.physics, rtol=self.rtol)
+        wave = simulate(self.layout(i), self.scenes[i].physics, rtol=self.rtol)
         return replace(wave, reach=float(self.reach[i]))
 
 

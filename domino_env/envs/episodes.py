@@ -1,9 +1,10 @@
-"""Episodes of `DominoChain`: B rows of one scene, built and toppled domino by domino."""
+"""Episodes of `DominoChain`: B rows, built and toppled domino by domino."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, cast
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -12,14 +13,18 @@ from numpy.typing import NDArray
 from domino_env import kernels
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import simulate
-from domino_env.envs.arrays import choices, new_batch
+from domino_env.envs.arrays import new_batch
 from domino_env.envs.base import Bools, Episodes, Floats, Observations, Start
 from domino_env.envs.endings import Endings
 from domino_env.envs.observation import observation_space
+from domino_env.envs.problems import Generators, Problems, choices
 from domino_env.envs.snapshot import Snapshot
+from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import LENGTH_TOLERANCE
 from domino_env.support.threads import share_rows
+
+Rows = NDArray[np.intp]  # their numbers
 
 ALONE = 128  # rows from which on it pays to wake another thread
 
@@ -30,7 +35,7 @@ class ChainEpisodes(Episodes):
     Parameters
     ----------
     scene
-        What is built.
+        What is built, or what it is drawn from at every reset.
     number
         B.
     rtol
@@ -44,14 +49,12 @@ class ChainEpisodes(Episodes):
     Raises
     ------
     ValueError
-        For what `new_batch` refuses, and a window or speed out of range.
+        For what `Problems` refuses, and a window or speed out of range.
     """
-
-    options: ClassVar[tuple[str, ...]] = ("layout",)
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | SceneDistribution,
         number: int,
         rtol: float,
         reference_speed: float | None,
@@ -61,63 +64,124 @@ class ChainEpisodes(Episodes):
             raise ValueError(
                 f"window = {window!r}: give the number of dominoes to observe, 0 or more"
             )
-        self.scene, self.number, self.rtol = scene, number, float(rtol)
-        window = min(int(window), scene.count - 1)
-        self._batch = new_batch(scene, number, self.rtol, window, falls=True)
-        self._rules, self._states = self._batch.rules[0], self._batch.episodes
-        self.baseline = scene.uniform()
-        if reference_speed is None:
-            reference_speed = self._baseline_speed()
-        self.reference_speed = reference_speed
-        self.actions = Box(-1.0, 1.0, (choices(scene),), np.float32)
-        self.observations = observation_space(self._batch, scene, choices(scene))
+        self.number, self.rtol = number, float(rtol)
+        self._reference: float | None = None  # speed for all rows, where one is given
+        self.problems = Problems(scene, number, self.rtol, int(window))
+        self.options = ("layout",) if self.problems.distribution is None else ("layout", "scene")
+        self._batch = new_batch(self.problems, number, falls=True)
+        self._rules, self._states = self._batch.rules, self._batch.episodes
+        # there is a scene before any reset
+        self._which = np.full(number, self.problems.draw(np.random.default_rng(0)))
+        self._enter(np.arange(number))
+        if reference_speed is not None:
+            self.reference_speed = reference_speed
+        self.actions = Box(-1.0, 1.0, (choices(self.problems.like),), np.float32)
+        self.observations = observation_space(self._batch, self.problems)
         self._waves = np.full(number, None, object)  # of rows that are over
 
+    def scene(self, row: int) -> Scene:
+        """Return what is built in a row."""
+        return cast("Scene", self.problems.scenes[self._which[row]])
+
     @property
-    def reference_speed(self) -> float:
-        """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
-        return float(self._rules.reference_speed)
+    def reference_speed(self) -> float | Floats:
+        """Speed that the rewards of single steps count against [m/s], (B,) if rows have their own.
+
+        May be set at any time, for all rows and all episodes to come.
+        """
+        speeds: Floats = self._rules["reference_speed"]
+        return float(speeds[0]) if len(speeds) == 1 else speeds.copy()
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
         if not (np.ndim(speed) == 0 and 0.0 < speed < np.inf):
             raise ValueError(
                 f"reference_speed = {speed!r} m/s: give one finite number, more than 0; the best "
-                f"uniform row runs at {self._baseline_speed():.6g} m/s"
+                f"uniform row runs at {self.problems.speed[self._which[0]]:.6g} m/s"
             )
-        self._rules.reference_speed = speed
-
-    def _baseline_speed(self) -> float:
-        """Of the best uniform row, or where even that dies, of something that falls freely."""
-        scene, speed = self.scene, self.baseline.wave.mean_speed
-        return speed if speed > 0.0 else float(np.sqrt(scene.physics.gravity * scene.height))
+        self._reference = float(speed)
+        self._rules["reference_speed"] = speed
 
     # beginning ------------------------------------------------------------------------------------
 
-    def reset(self, chosen: Bools, observations: Observations, layout: Start = None) -> None:
+    def reset(
+        self,
+        chosen: Bools,
+        observations: Observations,
+        generators: Generators,
+        layout: Start = None,
+        scene: Sequence[Scene | None] | Scene | None = None,
+    ) -> dict[str, NDArray[Any]]:
         """Begin anew in the chosen rows; see `Episodes.reset`."""
-        given = np.zeros(self.number, np.int64)
-        if layout is not None:
-            layouts = [layout] * self.number if isinstance(layout, Layout) else list(layout)
-            if len(layouts) != self.number:
-                raise ValueError(
-                    f"{len(layouts)} layouts to start from: give one for all, or one for each of "
-                    f"the {self.number} rows"
-                )
-            starts = [(b, row) for b, row in enumerate(layouts) if chosen[b] and row is not None]
-            for _, row in starts:
-                self._require_start(row)
+        rows, before = np.flatnonzero(chosen), self._which.copy()
+        if self.problems.distribution is not None:
+            self._choose(rows, generators, self._one_each(scene, Scene, "scenes to build in"))
+        layouts = self._one_each(layout, Layout, "layouts to start from") or []
+        starts = [(b, row) for b, row in enumerate(layouts) if chosen[b] and row is not None]
+        try:
             for b, row in starts:
-                given[b] = row.count - 1
-                self._batch.spacing[b, : given[b]] = row.spacing
-                self._batch.thickness[b, : row.count] = row.thickness
-                if self.scene.growth is not None:
-                    self._batch.height[b, : row.count] = row.height
+                self._require_start(row, self.scene(b))
+        except ValueError:
+            self._which = before
+            raise
+        if self.problems.distribution is not None:
+            self._enter(rows)
+        given = np.zeros(self.number, np.int64)
+        for b, row in starts:
+            given[b] = row.count - 1
+            self._batch.spacing[b, : given[b]] = row.spacing
+            self._batch.thickness[b, : row.count] = row.thickness
+            if self.scene(b).growth is not None:
+                self._batch.height[b, : row.count] = row.height
         kernels.reset_rows(0, self.number, self._batch, chosen, given, observations)
         self._waves[chosen] = None
+        if self.problems.distribution is None:
+            return {}
+        return {"scene": objects(self._scenes(rows))}
 
-    def _require_start(self, layout: Layout) -> None:
-        scene = self.scene
+    def _choose(self, rows: Rows, generators: Generators, given: list[Scene | None] | None) -> None:
+        """Draw scenes for rows, or take those that are given."""
+        problems = self.problems
+        if given is None:
+            self._which[rows] = [problems.draw(generators(b)) for b in rows.tolist()]
+            return
+        fresh = []
+        for b in rows.tolist():
+            scene = given[b]
+            fresh.append(problems.draw(generators(b)) if scene is None else problems.give(b, scene))
+        self._which[rows] = fresh
+
+    def _one_each(self, given: Any, kind: type, what: str) -> list[Any] | None:
+        """One for each row, where one for all or one for each is given."""
+        if given is None:
+            return None
+        each = [given] * self.number if isinstance(given, kind | str) else list(given)
+        if len(each) != self.number:
+            raise ValueError(
+                f"{len(each)} {what}: give one for all, or one for each of the {self.number} rows"
+            )
+        return each
+
+    def _enter(self, rows: Rows) -> None:
+        """Let rows be built in their scenes from now on."""
+        batch, problems, which = self._batch, self.problems, self._which[rows]
+        if problems.distribution is None:
+            self._rules[0] = problems.rules[0]
+            return
+        self._rules[rows] = problems.rules[which]
+        if self._reference is not None:
+            self._rules["reference_speed"][rows] = self._reference
+        batch.features[rows] = problems.features[which]
+        batch.thickness[rows, 0] = problems.first_thickness[which]
+        if len(batch.height) == self.number:  # else all share one
+            batch.height[rows] = problems.height[which, None]
+
+    def _scenes(self, rows: Rows) -> list[Scene]:
+        """What is built in some rows."""
+        scenes = self.problems.scenes
+        return [cast("Scene", scenes[i]) for i in self._which[rows].tolist()]
+
+    def _require_start(self, layout: Layout, scene: Scene) -> None:
         broken = replace(scene, count=layout.count, length=None).violations(layout)
         if not broken and layout.count >= scene.count:
             broken = [
@@ -157,7 +221,7 @@ class ChainEpisodes(Episodes):
             rewards[rows], infos = self._end(rows)
         return observations, rewards, ended, infos
 
-    def _end(self, rows: NDArray[np.intp]) -> tuple[Floats, dict[str, NDArray[Any]]]:
+    def _end(self, rows: Rows) -> tuple[Floats, dict[str, NDArray[Any]]]:
         """The last rewards and the infos of the rows (E,) whose episodes have just ended.
 
         Where the score is more than a speed, or a wave's own estimate exceeds the tolerance, the
@@ -165,12 +229,12 @@ class ChainEpisodes(Episodes):
         """
         batch, states = self._batch, self._states[rows]
         endings = Endings(
-            scene=self.scene,
-            baseline=self.baseline.score,
+            scenes=self._scenes(rows),
+            baseline=self.problems.score[self._which[rows]],
             rtol=self.rtol,
             spacing=batch.spacing[rows],
             thickness=batch.thickness[rows],
-            height=batch.height[rows] if len(batch.height) > 1 else batch.height,
+            height=batch.height[rows] if len(batch.height) == self.number else batch.height,
             placed=states["placed"].tolist(),
         )
         endings.outcome, endings.reach = states["outcome"], states["reach"]
@@ -179,6 +243,8 @@ class ChainEpisodes(Episodes):
             endings.judge(np.flatnonzero(states["unsure"]).tolist())
             self._states["outcome"][rows] = endings.outcome
         infos = endings.infos()
+        if self.problems.distribution is not None:
+            infos["scene"] = objects(endings.scenes)
         self._waves[rows] = infos["wave"]
         return endings.returns() - states["paid"], infos
 
@@ -196,7 +262,7 @@ class ChainEpisodes(Episodes):
             hit=wave.hit if wave is not None else placed + 1,
             time=float(state.time),
             speed=0.0 if dead else float(np.sqrt(state.u)),
-            uniform_speed=self.baseline.wave.mean_speed,
+            uniform_speed=float(self.problems.speed[self._which[row]]),
             wave=wave,
         )
 
@@ -206,24 +272,25 @@ class ChainEpisodes(Episodes):
         Where a length is to be met, the gap's bounds depend on the thickness that the same action
         chooses: they are given for its middle.
         """
-        episode, rules = self._states[row], self._rules
-        pairs, way = self.scene.count - 1 - int(episode.placed), episode.way
+        episode, rules = self._states[row], self._rules[row % len(self._rules)]
+        pairs, way = int(rules.count) - 1 - int(episode.placed), episode.way
         low, high = kernels.thickness_range(rules, pairs, way)
         gaps = kernels.gap_range(rules, pairs, way, 0.5 * (low + high))
         return {"spacing": (float(gaps[0]), float(gaps[1])), "thickness": (float(low), float(high))}
 
-    def actions_towards(self, layout: Layout) -> Floats:
-        """Return actions (B, A) that place the next domino of every row as in a layout.
+    def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
+        """Return actions (B, A) that place the next domino of every row as in its layout.
 
         Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
         """
+        layouts = self._one_each(layout, Layout, "layouts to build") or []
         actions = np.zeros((self.number, *self.actions.shape))
         for b in np.flatnonzero(self._states["phase"] == kernels.RUNNING):
-            actions[b] = self._action_towards(int(b), layout)
+            actions[b] = self._action_towards(int(b), layouts[b])
         return actions
 
     def _action_towards(self, b: int, layout: Layout) -> list[float]:
-        scene, rules = self.scene, self._rules
+        scene, rules = self.scene(b), self._rules[b % len(self._rules)]
         n, way = int(self._states[b].placed), self._states[b].way
         left, tall = scene.count - 1 - n, layout.height
         gap, thick = layout.spacing[n], layout.thickness[n + 1]
@@ -243,6 +310,14 @@ class ChainEpisodes(Episodes):
         if scene.growth is not None and scene.free_height:
             action.append(_action_for(tall[n + 1] / tall[n], *scene.growth))
         return action
+
+
+def objects(values: Iterable[Any]) -> NDArray[Any]:
+    """Make an array of objects of whatever kind."""
+    listed = list(values)
+    found = np.empty(len(listed), object)
+    found[:] = listed
+    return found
 
 
 def _action_for(value: float, low: float, high: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from domino_env import kernels
-from domino_env.envs.arrays import choices, new_batch
-from domino_env.envs.base import RTOL, Bools, Episodes, Floats, Observations, RowEnv, Start
+from domino_env.envs.arrays import new_batch
+from domino_env.envs.base import RTOL, Bools, Episodes, Floats, Observations, RowEnv, Start, loaded
 from domino_env.envs.endings import Endings
+from domino_env.envs.problems import Generators, Problems, choices
 from domino_env.envs.snapshot import Snapshot
 from domino_env.envs.vector import RowVectorEnv
+from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 from domino_env.support.threads import share_rows
 
@@ -62,12 +65,12 @@ class DominoLayout(RowEnv):
 
     def __init__(
         self,
-        scene: str | Path | Scene = "sprint",
+        scene: str | Path | Scene | SceneDistribution = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
     ) -> None:
-        super().__init__(scene, render_mode)
-        self._use(LayoutEpisodes(self.scene, 1, rtol))
+        super().__init__(render_mode)
+        self._use(LayoutEpisodes(loaded(scene), 1, rtol))
 
 
 class DominoLayoutVector(RowVectorEnv):
@@ -92,13 +95,13 @@ class DominoLayoutVector(RowVectorEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        scene: str | Path | Scene = "sprint",
+        scene: str | Path | Scene | SceneDistribution = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
-        super().__init__(num_envs, scene, render_mode, autoreset_mode)
-        self._use(LayoutEpisodes(self.scene, self.num_envs, rtol))
+        super().__init__(num_envs, render_mode, autoreset_mode)
+        self._use(LayoutEpisodes(loaded(scene), self.num_envs, rtol))
 
 
 class LayoutEpisodes(Episodes):
@@ -116,13 +119,20 @@ class LayoutEpisodes(Episodes):
     Raises
     ------
     ValueError
-        For what `new_batch` refuses.
+        For what `Problems` refuses, and for scenes that are drawn.
     """
 
-    def __init__(self, scene: Scene, number: int, rtol: float) -> None:
-        self.scene, self.number, self.rtol = scene, number, float(rtol)
-        self._batch = new_batch(scene, number, self.rtol, 0, falls=False)
-        self.baseline = scene.uniform()
+    def __init__(self, scene: Scene | SceneDistribution, number: int, rtol: float) -> None:
+        if isinstance(scene, SceneDistribution):
+            raise ValueError(
+                f"'{scene.name}' draws a scene for every episode, and with the count of its "
+                "dominoes the length of an action would change: build it by DominoChain-v0"
+            )
+        self.number, self.rtol = number, float(rtol)
+        self.problems = Problems(scene, number, self.rtol, 0)
+        self._scene = scene
+        self._batch = new_batch(self.problems, number, falls=False)
+        self._batch.rules[0] = self.problems.rules[0]
         pairs = scene.count - 1
         bounds = [scene.spacing] * pairs * scene.free_spacing
         bounds += [scene.thickness] * pairs * scene.free_thickness
@@ -133,11 +143,23 @@ class LayoutEpisodes(Episodes):
         self._running = np.zeros(number, np.bool_)
         self._waves = np.full(number, None, object)  # of rows that are over
 
-    def reset(self, chosen: Bools, observations: Observations, layout: Start = None) -> None:
+    def scene(self, row: int) -> Scene:
+        """Return what is built."""
+        return self._scene
+
+    def reset(
+        self,
+        chosen: Bools,
+        observations: Observations,
+        generators: Generators,
+        layout: Start = None,
+        scene: Sequence[Scene | None] | Scene | None = None,
+    ) -> dict[str, NDArray[Any]]:
         """Begin anew in the chosen rows; see `Episodes.reset`."""
         self._running |= chosen
         self._waves[chosen] = None
         observations[chosen] = 0.0
+        return {}
 
     def step(self, actions: Floats) -> tuple[Observations, Floats, Bools, dict[str, NDArray[Any]]]:
         """Place and topple every row that has begun; see `Episodes.step`."""
@@ -150,13 +172,13 @@ class LayoutEpisodes(Episodes):
         self._place(actions)
         batch = self._batch
         endings = Endings(
-            scene=self.scene,
-            baseline=self.baseline.score,
+            scenes=[self._scene] * len(rows),
+            baseline=np.full(len(rows), self.problems.score[0]),
             rtol=self.rtol,
             spacing=batch.spacing[ended],
             thickness=batch.thickness[ended],
-            height=batch.height[ended] if len(batch.height) > 1 else batch.height,
-            placed=[self.scene.count - 1] * len(rows),
+            height=batch.height[ended] if len(batch.height) == self.number else batch.height,
+            placed=[self._scene.count - 1] * len(rows),
         )
         endings.judge(range(len(rows)))
         rewards[rows] = endings.returns()
@@ -166,7 +188,7 @@ class LayoutEpisodes(Episodes):
 
     def _place(self, actions: Floats) -> None:
         """Write the rows that the actions stand for."""
-        scene, batch, pairs = self.scene, self._batch, self.scene.count - 1
+        scene, batch, pairs = self._scene, self._batch, self._scene.count - 1
         if scene.length is None:
             each = actions.reshape(self.number, choices(scene), pairs).transpose(0, 2, 1)
             share_rows(kernels.place_rows, self.number, PIECE, batch, np.ascontiguousarray(each))
@@ -186,7 +208,7 @@ class LayoutEpisodes(Episodes):
 
     def snapshot(self, row: int) -> Snapshot:
         """Show the first domino alone, or the row at its last hit."""
-        scene, wave, uniform_speed = self.scene, self._waves[row], self.baseline.wave.mean_speed
+        scene, wave, uniform_speed = self._scene, self._waves[row], float(self.problems.speed[0])
         if wave is None:
             thick, height = np.array([scene.first_thickness]), np.array([scene.height])
             return Snapshot(np.empty(0), thick, height, 1, 0.0, scene.physics.push, uniform_speed)

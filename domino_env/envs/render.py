@@ -26,8 +26,6 @@ class Painter:
 
     Parameters
     ----------
-    scene
-        What is being built.
     mode
         "rgb_array", "human" or "ansi".
 
@@ -37,12 +35,13 @@ class Painter:
         Where a window is asked for and cannot be opened; says what to install.
     """
 
-    def __init__(self, scene: Scene, mode: str) -> None:
-        self.scene, self.mode = scene, mode
+    def __init__(self, mode: str) -> None:
+        self.mode = mode
         self._window = _Window() if mode == "human" else None
         self._scale: Any = None
+        self._scaled_to: Scene | None = None
 
-    def frame(self, snapshot: Snapshot) -> NDArray[np.uint8] | str | None:
+    def frame(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.uint8] | str | None:
         """Draw an image (H, W, 3), a text, or None for a window, which shows it."""
         layout = Layout(snapshot.spacing, snapshot.thickness, snapshot.height)
         leader = max(snapshot.hit - 1, 0)
@@ -51,10 +50,11 @@ class Painter:
             return self._text(snapshot, layout, leader, leans)
         from domino_env.view.drawing import Scale, strip
 
-        if self._scale is None:
-            length = self.scene.length or 1.1 * float(self.scene.uniform().layout.length)
-            tallest = float(self.scene.uniform().layout.height.max())
+        if self._scaled_to is not scene:
+            length = scene.length or 1.1 * float(scene.uniform().layout.length)
+            tallest = float(scene.uniform().layout.height.max())
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT)
+            self._scaled_to = scene
         ghost = snapshot.uniform_speed * snapshot.time if snapshot.uniform_speed > 0.0 else None
         image = np.asarray(
             strip(layout, leans, leader, self._scale, _line(snapshot, layout), ghost)

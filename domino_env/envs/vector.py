@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from domino_env.envs.base import (
     checked_render_mode,
     new_painter,
 )
-from domino_env.scenes.files.reading import load_scene
+from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
 RENDER_MODES = ("rgb_array", "ansi")
@@ -37,8 +36,6 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     ----------
     num_envs
         B, the number of rows.
-    scene
-        The design problem: a name, the path of a TOML file, or a `Scene`.
     render_mode
         None, "rgb_array" or "ansi".
     autoreset_mode
@@ -50,7 +47,6 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     def __init__(
         self,
         num_envs: int,
-        scene: str | Path | Scene,
         render_mode: str | None,
         autoreset_mode: str | AutoresetMode,
     ) -> None:
@@ -64,7 +60,6 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             "render_fps": RENDER_FPS,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
         self._over = np.zeros(self.num_envs, np.bool_)  # rows that the next step begins anew
         self._begun = np.zeros(self.num_envs, np.bool_)
         self._seeds: list[int | None] = [None] * self.num_envs
@@ -81,6 +76,31 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         shape = (self.num_envs, *episodes.observations.shape)
         self._observations: Observations = np.zeros(shape, np.float32)
 
+    @property
+    def scenes(self) -> tuple[Scene, ...]:
+        """What is built in each row."""
+        return tuple(self._episodes.scene(b) for b in range(self.num_envs))
+
+    @property
+    def scene(self) -> Scene:
+        """What is built in all rows.
+
+        Raises
+        ------
+        AttributeError
+            Where rows have scenes of their own, which are drawn at their resets.
+        """
+        if self.distribution is not None:
+            raise AttributeError(
+                f"a scene of '{self.distribution.name}' is drawn for each row: ask for `scenes`"
+            )
+        return self._episodes.scene(0)
+
+    @property
+    def distribution(self) -> SceneDistribution | None:
+        """What scenes are drawn from; None where there is but one."""
+        return self._episodes.problems.distribution
+
     # beginning ------------------------------------------------------------------------------------
 
     def reset(
@@ -94,8 +114,8 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         Parameters
         ----------
         seed
-            A number (row i gets seed + i) or one for each row; nothing is random, so it changes
-            nothing but `np_random`.
+            A number (row i gets seed + i) or one for each row, of the generators that scenes are
+            drawn with; where the scene is fixed, nothing is random.
         options
             What may be set:
 
@@ -105,25 +125,25 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         Returns
         -------
         tuple
-            Observations (B, O) and an empty info.
+            Observations (B, O) and infos, which hold the "scene" of each row if one was drawn.
 
         Raises
         ------
         ValueError
-            For other options or seeds, and for a layout that breaks the scene's rules or dies.
+            For other options or seeds, for a layout that breaks the scene's rules or dies, and for
+            a scene of another kind than those drawn.
         TypeError
             For a mask that is no array of booleans.
         """
         given = {**checked_options(options, (*self._episodes.options, "reset_mask"))}
         chosen = self._checked_mask(given.pop("reset_mask", None))
-        seeds = self._checked_seeds(seed)
-        self._episodes.reset(chosen, self._observations, **given)
-        for i, value in enumerate(seeds):
+        for i, value in enumerate(self._checked_seeds(seed)):
             if chosen[i] and value is not None:
                 self._seeds[i], self._generators[i] = value, None
+        begun = self._episodes.reset(chosen, self._observations, self._generator, **given)
         self._over &= ~chosen
         self._begun |= chosen
-        return self._observations.copy(), {}
+        return self._observations.copy(), self._spread({}, begun, chosen)
 
     def _checked_mask(self, mask: object) -> Bools:
         if mask is None:
@@ -160,11 +180,15 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generator of each row; the rows themselves draw nothing."""
-        for i, generator in enumerate(self._generators):
-            if generator is None:
-                self._generators[i], self._seeds[i] = seeding.np_random(self._seeds[i])
-        return tuple(self._generators)  # type: ignore[arg-type]
+        """The generator of each row: what its scenes are drawn with, if they are drawn."""
+        return tuple(self._generator(i) for i in range(self.num_envs))
+
+    def _generator(self, i: int) -> np.random.Generator:
+        generator = self._generators[i]
+        if generator is None:
+            generator, self._seeds[i] = seeding.np_random(self._seeds[i])
+            self._generators[i] = generator
+        return generator
 
     # stepping -------------------------------------------------------------------------------------
 
@@ -198,11 +222,12 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
                 'call reset(options={"reset_mask": …}) before the next step()'
             )
         observations, rewards, ended, last = self._episodes.step(values)
+        infos = self._spread({}, last, ended)
         if renewed.any():
-            self._episodes.reset(renewed, observations)
-        infos = self._spread(last, ended)
+            begun = self._episodes.reset(renewed, observations, self._generator)
+            infos = self._spread(infos, begun, renewed)
         self._over = ended
-        if infos and self.autoreset_mode == AutoresetMode.SAME_STEP:
+        if last and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(ended):
                 final[i] = observations[i].copy()
@@ -212,20 +237,23 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
                 "final_info": infos,
                 "_final_info": ended.copy(),
             }
-            self._episodes.reset(ended, observations)
+            begun = self._episodes.reset(ended, observations, self._generator)
+            infos = self._spread(infos, begun, ended)
             self._over = np.zeros(self.num_envs, np.bool_)
         self._observations[:] = observations
         return observations, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
 
-    def _spread(self, last: dict[str, NDArray[Any]], ended: Bools) -> dict[str, Any]:
-        """The infos of the episodes that ended, (E,) each, in arrays of all rows."""
-        infos: dict[str, Any] = {}
-        for key, values in last.items():
-            infos[key] = np.full(
-                self.num_envs, None if values.dtype == object else 0.0, values.dtype
-            )
-            infos[key][ended] = values
-            infos[f"_{key}"] = ended.copy()
+    def _spread(
+        self, infos: dict[str, Any], values: dict[str, NDArray[Any]], rows: Bools
+    ) -> dict[str, Any]:
+        """Add infos of some rows, arrays in their order, to those in arrays of all rows."""
+        for key, some in values.items():
+            if key not in infos:
+                blank = None if some.dtype == object else 0.0
+                infos[key] = np.full(self.num_envs, blank, some.dtype)
+                infos[f"_{key}"] = np.zeros(self.num_envs, np.bool_)
+            infos[key][rows] = some
+            infos[f"_{key}"] |= rows
         return infos
 
     # looking --------------------------------------------------------------------------------------
@@ -235,8 +263,11 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         if self.render_mode is None:
             return None
         if self._painter is None:
-            self._painter = new_painter(self.scene, self.render_mode)
-        return tuple(self._painter.frame(self._episodes.snapshot(b)) for b in range(self.num_envs))
+            self._painter = new_painter(self.render_mode)
+        rows = self._episodes
+        return tuple(
+            self._painter.frame(rows.snapshot(b), rows.scene(b)) for b in range(self.num_envs)
+        )
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let go of what draws."""

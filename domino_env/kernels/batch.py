@@ -1,15 +1,17 @@
-"""Rows of one scene that are built at once: their rules, their episodes, and their arrays."""
+"""Rows that are built at once: their rules, their episodes, and their arrays."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.kernels.slots import record_type
+from domino_env.kernels.jit import inlined
+from domino_env.kernels.slots import Row, record_type
 
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
 
-RULES = record_type(  # that all rows share
+RULES = record_type(  # of a scene: one that all rows share, or each row's own
+    count=int,  # of dominoes
     friction=float,
     gravity=float,
     push=float,
@@ -46,8 +48,9 @@ EPISODE = record_type(  # what a row remembers between two steps, besides its ri
 class Batch(NamedTuple):
     """B rows that are built at once: what they share, and the arrays that they live in."""
 
-    rules: NDArray[np.record]  # (1,) RULES
-    progress: NDArray[np.float32]  # (N, …) what is observed of k dominoes placed, whatever the row
+    rules: NDArray[np.record]  # (1,) RULES, or (B,) where each row has its own scene
+    features: NDArray[np.float32]  # (B, F) of the scene, to be observed; F = 0 where it is fixed
+    closeness: NDArray[np.float32]  # (N, S) exp(-k / c), k dominoes away from an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or none
     kinds: NDArray[np.float64]  # (K,) the only thicknesses allowed, or none
     stock: NDArray[np.float64]  # (K,) how many there are of each
@@ -57,5 +60,24 @@ class Batch(NamedTuple):
     episodes: NDArray[np.record]  # (B,) EPISODE
     spacing: NDArray[np.float64]  # (B, N-1) [m]
     thickness: NDArray[np.float64]  # (B, N) [m]
-    height: NDArray[np.float64]  # (1, N), or (B, N) where rows grow [m]
-    density: NDArray[np.float64]  # (1, N) [kg/m³]
+    height: NDArray[np.float64]  # (1, N), or (B, N) where rows differ [m]
+    density: NDArray[np.float64]  # (1, N) [kg/m³]; N is the count of the longest row
+
+
+@inlined
+def rules_of(batch, b):
+    """The rules of row b."""
+    return batch.rules[b if len(batch.rules) > 1 else 0]
+
+
+@inlined
+def row_built(batch, b):
+    """Row b, as long as its scene has it."""
+    count = rules_of(batch, b).count
+    height, density = b if len(batch.height) > 1 else 0, b if len(batch.density) > 1 else 0
+    return Row(
+        batch.spacing[b, : count - 1],
+        batch.thickness[b, :count],
+        batch.height[height, :count],
+        batch.density[density, :count],
+    )

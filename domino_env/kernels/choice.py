@@ -86,13 +86,13 @@ def nearest_within(values, low, high, gap):
 
 
 @inlined
-def choose(action, batch, left, n, way, row):
+def choose(action, rules, batch, left, n, way, row):
     """Write what an action stands for into a row: gap n, thickness (and height) of domino n+1.
 
-    batch: the rules, and the only gaps and thicknesses allowed, if any.
+    rules: of the row.  batch: with the only gaps and thicknesses allowed, if any.
     left: (K,) how many there still are of each kind of domino.
     """
-    rules, spacing, height = batch.rules[0], row.spacing, row.height
+    spacing, height = row.spacing, row.height
     pairs_left, column = len(spacing) - n, len(action) - 1
     behind = height[n]
     if rules.grows:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from domino_env.kernels.batch import OVER, RUNNING, Batch
-from domino_env.kernels.chain import prepare, row_of
+from domino_env.kernels.batch import OVER, RUNNING, Batch, row_built, rules_of
+from domino_env.kernels.chain import prepare
 from domino_env.kernels.choice import choose, nearest_left
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import open_chain
@@ -64,7 +64,8 @@ def lend(batch):
     """The same batch without reference counts."""
     return Batch(
         borrowed(batch.rules),
-        borrowed(batch.progress),
+        borrowed(batch.features),
+        borrowed(batch.closeness),
         borrowed(batch.gap_values),
         borrowed(batch.kinds),
         borrowed(batch.stock),
@@ -85,11 +86,12 @@ def reset_rows(first, last, batch, chosen, given, observations):
 
     A row whose wave does not get past what is given is OVER afterwards.
     """
-    lanes, untaped, rules = np.zeros(LANES), np.empty(0, EVENT), batch.rules[0]
+    lanes, untaped = np.zeros(LANES), np.empty(0, EVENT)
     for b in range(first, last):
         if not chosen[b]:
             continue
-        row, ring, left = row_of(batch, b), batch.rings[b], batch.left[b]
+        rules, row = rules_of(batch, b), row_built(batch, b)
+        ring, left = batch.rings[b], batch.left[b]
         state, episode = batch.states[b], batch.episodes[b]
         open_chain(row, rules.push, ring, state)
         episode.way = episode.paid = episode.reach = episode.score = 0.0
@@ -117,14 +119,14 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
     own_lanes, own_tape = np.zeros(LANES), np.empty(0, EVENT)
     lanes, untaped = borrowed(own_lanes), borrowed(own_tape)
     lent, actions, observations = lend(batch), borrowed(actions), borrowed(observations)
-    rules = lent.rules[0]
     for b in range(first, last):
+        rules = rules_of(lent, b)
         state, episode = lent.states[b], lent.episodes[b]
         rewards[b], ended[b] = 0.0, False
         if episode.phase != RUNNING:
             continue
-        row = row_of(lent, b)
-        choose(actions[b], lent, lent.left[b], episode.placed, episode.way, row)
+        row = row_built(lent, b)
+        choose(actions[b], rules, lent, lent.left[b], episode.placed, episode.way, row)
         lead = place_next(rules, lanes, lent.rings[b], state, episode, row, untaped)
         if episode.phase == OVER:
             ended[b] = True
@@ -141,9 +143,9 @@ def place_rows(first, last, batch, actions):
     """Write whole rows first … last - 1, domino by domino, as actions (B, N-1, A) choose them."""
     lent, actions = lend(batch), borrowed(actions)
     for b in range(first, last):
-        row, left, way = row_of(lent, b), lent.left[b], 0.0
+        rules, row, left, way = rules_of(lent, b), row_built(lent, b), lent.left[b], 0.0
         for k in range(len(left)):
             left[k] = lent.stock[k]
         for n in range(len(row.spacing)):
-            choose(actions[b, n], lent, left, n, way, row)
+            choose(actions[b, n], rules, lent, left, n, way, row)
             way += row.spacing[n] + row.thickness[n + 1]

@@ -2,7 +2,7 @@
 
 import math
 
-from domino_env.kernels.batch import OVER
+from domino_env.kernels.batch import OVER, rules_of
 from domino_env.kernels.jit import inlined
 from domino_env.kernels.slots import PROPAGATED
 
@@ -53,7 +53,7 @@ def observe_course(rules, way, pairs, observation, at):
 @inlined
 def observe(batch, b, row, observation):
     """Write what is observed of row b."""
-    rules, state, episode = batch.rules[0], batch.states[b], batch.episodes[b]
+    rules, state, episode = rules_of(batch, b), batch.states[b], batch.episodes[b]
     spacing, thickness, height, _ = row
     placed, window = episode.placed, rules.window
     there = min(window, placed)
@@ -86,5 +86,11 @@ def observe(batch, b, row, observation):
         for k in range(len(batch.kinds)):
             observation[at + k] = batch.left[b, k] / max(batch.stock[k], 1.0)
         at += len(batch.kinds)
-    for j in range(batch.progress.shape[1]):
-        observation[at + j] = batch.progress[placed, j]
+    observation[at] = placed / len(spacing)
+    at += 1
+    for away in (placed, len(spacing) - placed):
+        for j in range(batch.closeness.shape[1]):
+            observation[at + j] = batch.closeness[away, j]
+        at += batch.closeness.shape[1]
+    for j in range(batch.features.shape[1]):
+        observation[at + j] = batch.features[b, j]

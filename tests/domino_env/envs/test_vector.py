@@ -8,6 +8,7 @@ import gymnasium
 import numba
 import numpy as np
 import pytest
+from drawn_scenes import small_scenes
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
@@ -43,6 +44,7 @@ def scenes():
 
 
 SCENES = scenes()
+DRAWN = {"small": small_scenes(), "varied": de.load_distribution("varied")}
 
 
 def policies(rng, shape):
@@ -90,10 +92,10 @@ def pair(kind, scene, rows, mode, **arguments):
 
 
 @pytest.mark.parametrize("mode", [NEXT, SAME], ids=["next step", "same step"])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [*SCENES, *DRAWN])
 def test_together_and_alone_agree_across_the_ends_of_episodes(name, mode):
     rng = np.random.default_rng(len(name))
-    mine, theirs = pair("chain", SCENES[name], 7, mode, window=5, rtol=1e-5)
+    mine, theirs = pair("chain", (SCENES | DRAWN)[name], 7, mode, window=5, rtol=1e-5)
     assert mine.single_observation_space == theirs.single_observation_space
     assert mine.action_space == theirs.action_space
     assert mine.observation_space == theirs.observation_space
@@ -188,11 +190,12 @@ def test_no_row_is_simulated_twice(kind, number, monkeypatch):
     assert len(calls) == 1
 
 
+@pytest.mark.parametrize("name", ["gentle", "small"])
 @pytest.mark.parametrize("mode", [NEXT, SAME, OFF], ids=["next step", "same step", "disabled"])
-def test_some_rows_may_begin_anew_while_others_go_on(mode):
+def test_some_rows_may_begin_anew_while_others_go_on(mode, name):
     rng = np.random.default_rng(12)
-    mine, theirs = pair("chain", SCENES["gentle"], 6, mode)
-    assert_same(mine.reset(), theirs.reset())
+    mine, theirs = pair("chain", (SCENES | DRAWN)[name], 6, mode)
+    assert_same(mine.reset(seed=1), theirs.reset(seed=1))
     over, ends = np.zeros(6, np.bool_), 0
     for step, actions in enumerate(policies(rng, mine.action_space.shape)):
         mask = rng.random(6) < 0.1
@@ -328,10 +331,11 @@ def test_gymnasium_makes_it_and_wraps_it():
     assert whole.step(np.zeros((2, 39), np.float32))[2].all()
 
 
+@pytest.mark.parametrize("name", ["gentle", "small"])
 @pytest.mark.parametrize("way", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
-def test_a_copy_goes_its_own_way(way):
-    env = DominoChainVector(3, SCENES["gentle"])
-    env.reset()
+def test_a_copy_goes_its_own_way(way, name):
+    env = DominoChainVector(3, (SCENES | DRAWN)[name])
+    env.reset(seed=4)
     draw = policies(np.random.default_rng(2), env.action_space.shape)
     for _ in range(6):
         env.step(next(draw))

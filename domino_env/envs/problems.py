@@ -1,0 +1,230 @@
+"""The scenes that rows are built in: always the same one, or one drawn for every episode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env import kernels
+from domino_env.chain.wave import LOOSEST, TIGHTEST
+from domino_env.scenes.distribution import SceneDistribution
+from domino_env.scenes.files.ranges import COUNT
+from domino_env.scenes.pool import ScenePool
+from domino_env.scenes.scene import Scene
+
+Floats = NDArray[np.float64]
+Generators = Callable[[int], np.random.Generator]  # of the row with this number
+
+FEATURE_LIMIT = 3.0  # features of scenes beyond the ranges are cut off there
+ROOM = 2  # scenes that are given may have so many times the dominoes of the longest drawn
+
+
+class Problems:
+    """What rows may be built for: numbered scenes, as episodes in them need them.
+
+    Parameters
+    ----------
+    scene
+        The one scene, or what one is drawn from at every reset.
+    rows
+        B, how many rows there are.
+    rtol
+        Relative error allowed in the arrival times.
+    window
+        Gaps (and thicknesses) observed behind the front, at most.
+
+    Attributes
+    ----------
+    distribution
+        What is drawn from; None where the scene is fixed.
+    like
+        A scene of the kind.
+    longest
+        Dominoes that there must be room for.
+    window
+        Gaps (and thicknesses) observed behind the front.
+    scenes
+        Those of the pool, then a place for each row that is given a scene of its own.
+    rules
+        (S,) RULES of each.
+    features
+        (S, F) what is observed of each.
+    first_thickness, height
+        (S,) of the first domino of each [m].
+    score, speed
+        (S,) of the best uniform row of each; the speed in m/s.
+
+    Raises
+    ------
+    ValueError
+        Where the scene leaves nothing free or has rules that cannot be kept domino by domino, and
+        for a tolerance that the simulator does not take.
+    """
+
+    def __init__(
+        self, scene: Scene | SceneDistribution, rows: int, rtol: float, window: int
+    ) -> None:
+        if not TIGHTEST <= rtol <= LOOSEST:
+            raise ValueError(f"rtol = {rtol}: choose a tolerance between {TIGHTEST} and {LOOSEST}")
+        self.rtol = rtol
+        self.distribution = scene if isinstance(scene, SceneDistribution) else None
+        self.like = scene.first if isinstance(scene, SceneDistribution) else scene
+        _require_choice(self.like)
+        count, drawn, features = self.like.count, 1, 0
+        if isinstance(scene, SceneDistribution):
+            _require_same_lists(scene)
+            self._pool = pool_of(scene)
+            drawn, features = len(self._pool), len(scene.features)
+            count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
+        self.drawn, self.window = drawn, min(window, count - 1)
+        places = drawn + rows * (self.distribution is not None)
+        self.longest = count * (ROOM if self.distribution is not None else 1)
+        self.scenes: list[Scene | None] = [None] * places
+        self.rules = np.zeros(places, kernels.RULES)
+        self.features = np.zeros((places, features), np.float32)
+        self.first_thickness, self.height = np.zeros(places), np.zeros(places)
+        self.score, self.speed = np.zeros(places), np.zeros(places)
+        if isinstance(scene, Scene):
+            self._keep(0, scene, np.empty(0))
+
+    def draw(self, generator: np.random.Generator) -> int:
+        """Draw the number of a scene; where it is fixed, nothing is drawn."""
+        if self.distribution is None:
+            return 0
+        i = int(self.drawn * generator.random())
+        if self.scenes[i] is None:
+            scene = self._pool.scene(i)
+            self._keep(i, scene, self._pool.features[i], *self._pool.marks[i])
+        return i
+
+    def give(self, row: int, scene: Scene) -> int:
+        """Take a scene for a row, if it is one of the kind that is drawn; returns its number.
+
+        Raises
+        ------
+        ValueError
+            For a scene of another kind, or with too many dominoes.
+        """
+        assert self.distribution is not None
+        if not isinstance(scene, Scene):
+            raise ValueError(f"options['scene'] is {type(scene).__name__}: give a Scene")
+        numbers = self.distribution.numbers(scene)
+        if scene.count > self.longest:
+            raise ValueError(
+                f"scene '{scene.name}' has {scene.count} dominoes: at most {self.longest}, "
+                f"{ROOM} times as many as '{self.distribution.name}' draws"
+            )
+        self._keep(self.drawn + row, scene, self.distribution.scaled(numbers))
+        return self.drawn + row
+
+    def _keep(
+        self,
+        i: int,
+        scene: Scene,
+        features: Floats,
+        score: float | None = None,
+        speed: float | None = None,
+    ) -> None:
+        if score is None or speed is None:
+            mark = scene.uniform()
+            score, speed = mark.score, mark.wave.mean_speed
+        self.scenes[i] = scene
+        self.rules[i] = _rules_of(scene, self.rtol, self.window, speed)
+        self.features[i] = np.minimum(np.maximum(features, -FEATURE_LIMIT), FEATURE_LIMIT)
+        self.first_thickness[i], self.height[i] = scene.first_thickness, scene.height
+        self.score[i], self.speed[i] = score, speed
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in self.__dict__.items() if k != "_pool"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if self.distribution is not None:
+            self._pool = pool_of(self.distribution)
+
+
+@lru_cache(maxsize=8)
+def pool_of(distribution: SceneDistribution) -> ScenePool:
+    """Give the pool that all environments of this process draw from."""
+    return ScenePool(distribution)
+
+
+def choices(scene: Scene) -> int:
+    """Count the free numbers of each domino that is placed."""
+    return int(scene.free_spacing) + int(scene.free_thickness) + int(scene.free_height)
+
+
+def _rules_of(scene: Scene, rtol: float, window: int, speed: float) -> tuple[Any, ...]:
+    """The fields of RULES of a scene, whose best uniform row has that speed [m/s]."""
+    # where even that dies, against something that falls freely
+    free = float(np.sqrt(scene.physics.gravity * scene.height))
+    gap_low, gap_high = scene.spacing
+    thick_low, thick_high = scene.thickness
+    growth_low, growth_high = scene.growth or (1.0, 1.0)
+    values = {
+        "count": scene.count,
+        "friction": scene.physics.friction,
+        "gravity": scene.physics.gravity,
+        "push": scene.physics.push,
+        "rtol": rtol,
+        "reference_speed": speed if speed > 0.0 else free,
+        "length": scene.length or 0.0,
+        "gap_low": gap_low,
+        "gap_high": gap_high,
+        "thick_low": thick_low,
+        "thick_high": thick_high,
+        "largest_change": scene.largest_change or 0.0,
+        "growth_low": growth_low,
+        "growth_high": growth_high,
+        "unit": scene.height,
+        "window": window,
+        "grows": scene.growth is not None,
+        "in_heights": scene.in_heights,
+        "pays": float(scene.criterion.rewards_speed),
+        "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
+        "has_stock": scene.stock is not None,
+    }
+    return tuple(values[name] for name in kernels.RULES.names or ())
+
+
+def _require_choice(scene: Scene) -> None:
+    """Refuse a scene that leaves nothing free, or whose rules cannot be kept domino by domino."""
+    if not choices(scene):
+        raise ValueError(
+            f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
+            "or thickness a min and a max"
+        )
+    if scene.ground is not None:
+        raise ValueError(
+            f"scene '{scene.name}' has ground that is not flat, which the environments do not know "
+            "yet: search such rows with `optimize`"
+        )
+    if scene.length is not None and not replace(scene, limits=None).plain:
+        raise ValueError(
+            f"scene '{scene.name}' asks for a length and for lists, a stock or a largest change "
+            "too: what remains reachable of these is not known domino by domino; leave one out, or "
+            "search such rows with `optimize`"
+        )
+
+
+def _require_same_lists(distribution: SceneDistribution) -> None:
+    """Refuse lists and boxes that are not the same in all scenes: rows share them."""
+    like, drawn = distribution.first, distribution.ranges
+    for rule, name, places in (
+        (like.spacing_values, "a list or steps of gaps", [("spacing", "min"), ("spacing", "max")]),
+        (
+            like.thickness_values,
+            "a list, steps or a box of thicknesses",
+            [("thickness", "min"), ("thickness", "max"), ("row", "first_thickness")],
+        ),
+    ):
+        varied = [".".join(place) for place in places if place in drawn]
+        if rule is not None and varied:
+            raise ValueError(
+                f"'{distribution.name}' has {name} and draws {', '.join(varied)}: leave one out"
+            )

@@ -1,0 +1,151 @@
+"""Environments that draw a scene at every reset."""
+
+import warnings
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from drawn_scenes import small_scenes
+from gymnasium.utils.env_checker import check_env
+
+import domino_env as de
+from domino_env import DominoChain, DominoChainVector, DominoLayout
+
+SMALL = small_scenes()
+SHIPPED = ["varied", "varied-course", "varied-thickness"]
+
+
+def play(env, actions, **reset):
+    """Observations, rewards and infos of an episode."""
+    seen, info = env.reset(**reset)
+    observations, rewards, infos = [seen], [], [info]
+    over = False
+    for action in actions:
+        seen, reward, over, _, info = env.step(action)
+        observations.append(seen)
+        rewards.append(reward)
+        infos.append(info)
+        if over:
+            return np.array(observations), np.array(rewards), infos
+    raise AssertionError("the episode goes on")
+
+
+def actions_of(env, seed):
+    return np.random.default_rng(seed).uniform(-1.0, 1.0, (200, *env.action_space.shape))
+
+
+@pytest.mark.parametrize("name", [*SHIPPED, SMALL], ids=str)
+def test_a_drawn_scene_given_as_a_fixed_one_is_the_same_episode(name):
+    """But for the features, which a fixed scene need not show."""
+    env = DominoChain(name, window=3)
+    features = len(env.distribution.features)
+    for seed in range(3):
+        actions = actions_of(env, seed)
+        seen, rewards, infos = play(env, actions, seed=seed)
+        scene = infos[0]["scene"]
+        assert scene is env.scene is infos[-1]["scene"]
+        assert scene.uniform().score > 0.0
+        fixed = DominoChain(scene, window=3)
+        alone, same_rewards, told = play(fixed, actions)
+        np.testing.assert_array_equal(seen[:, :-features], alone)
+        np.testing.assert_allclose(rewards, same_rewards, rtol=0.0, atol=1e-9)
+        assert infos[-1]["wave"] == told[-1]["wave"]
+        assert rewards.sum() == pytest.approx(100.0 * infos[-1]["gain"], abs=1e-9)
+        # to the bit where it is given to the same environment, which then draws nothing
+        before = env.np_random.bit_generator.state
+        again, rewards_again, _ = play(env, actions, options={"scene": scene})
+        assert env.np_random.bit_generator.state == before
+        np.testing.assert_array_equal(again, seen)
+        np.testing.assert_allclose(rewards_again, same_rewards, rtol=0.0, atol=1e-12)
+
+
+def test_what_was_drawn_is_observed():
+    env = DominoChain(SMALL)
+    for seed in range(20):
+        seen, info = env.reset(seed=seed)
+        scene, told = info["scene"], dict(zip(SMALL.features, seen[-8:], strict=True))
+        assert np.abs(seen[-8:]).max() <= 1.0
+        assert scene.count == round(6.5 + 2.5 * told["count"])
+        assert scene.height == pytest.approx(0.045 + 0.015 * told["height"], rel=1e-5)
+        push = scene.physics.push * np.sqrt(scene.height / scene.physics.gravity)
+        assert push == pytest.approx(np.sqrt(0.5 * 1.2) * (1.2 / 0.5) ** (told["push"] / 2.0))
+        assert scene.spacing[1] >= 2.0 * scene.spacing[0]
+    assert "friction" in SMALL.features
+
+
+def test_seeds_tell_which_scenes_are_drawn():
+    env, rows = DominoChain(SMALL), DominoChainVector(4, SMALL)
+    first = [env.reset(seed=seed)[1]["scene"] for seed in range(4)]
+    assert len(set(first)) == 4
+    assert rows.reset(seed=0)[1]["scene"].tolist() == first
+    env.reset(seed=2)
+    later = [env.reset()[1]["scene"] for _ in range(4)]
+    env.reset(seed=2)
+    assert [env.reset()[1]["scene"] for _ in range(4)] == later
+    assert rows.scenes == tuple(first)
+    with pytest.raises(AttributeError, match="ask for `scenes`"):
+        _ = rows.scene
+
+
+def test_scenes_may_be_given_to_some_rows():
+    chosen = SMALL.sample(np.random.default_rng(8), "chosen")
+    rows = DominoChainVector(3, SMALL, autoreset_mode="SameStep")
+    seen, infos = rows.reset(seed=1, options={"scene": [None, chosen, None]})
+    assert infos["scene"][1] is chosen
+    alone, _ = DominoChain(SMALL).reset(options={"scene": chosen})
+    np.testing.assert_array_equal(seen[1], alone)
+    towards = rows.actions_towards([scene.uniform().layout for scene in rows.scenes])
+    assert towards.shape == (3, 2)
+    gains = {}
+    while len(gains) < 3:  # each row builds the best uniform row of its own scene
+        layouts = [scene.uniform().layout for scene in rows.scenes]
+        *_, ended, _, infos = rows.step(rows.actions_towards(layouts))
+        for b in np.flatnonzero(ended):
+            gains[b] = infos["final_info"]["gain"][b]
+    np.testing.assert_allclose(list(gains.values()), 0.0, atol=1e-6)
+
+
+def test_scenes_of_another_kind_are_refused():
+    env = DominoChain(SMALL)
+    env.reset(seed=0)
+    scene = env.scene
+    long = replace(scene, count=19)
+    for other, words in (
+        (de.load_scene("sprint"), "differs from those of 'small' in more than friction, push"),
+        (replace(scene, first_thickness=0.008), "differs from those of 'small'"),
+        (long, "has 19 dominoes: at most 18"),
+        ("sprint", "is str: give a Scene"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            env.reset(options={"scene": other})
+    assert env.reset(options={"scene": replace(scene, count=18)})[0] in env.observation_space
+    with pytest.raises(ValueError, match="unknown reset option 'scene': allowed: layout"):
+        DominoChain("sprint").reset(options={"scene": scene})
+    with pytest.raises(ValueError, match="2 scenes to build in: give one for all"):
+        DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
+    with pytest.raises(ValueError, match="build it by DominoChain-v0"):
+        DominoLayout(SMALL)
+
+
+def test_checkers_and_pictures_are_content():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        check_env(gymnasium.make("DominoChain-v0", scene=SMALL, render_mode="ansi").unwrapped)
+    rows = DominoChainVector(2, SMALL, render_mode="ansi")
+    rows.reset(seed=0)
+    rows.step(np.zeros((2, 2)))
+    assert all("2 of 2 struck" in frame for frame in rows.render())
+    assert gymnasium.spec("DominoChain-v0").reward_threshold == 0.0
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_no_scene_is_drawn_without_a_uniform_row_that_runs(name):
+    rows = DominoChainVector(300, name)
+    rows.reset(seed=11)
+    assert len({scene.name for scene in rows.scenes}) > 250
+    for scene in rows.scenes[:20]:
+        mark = scene.uniform()
+        assert mark.wave.outcome == de.Outcome.PROPAGATED
+        assert scene.violations(mark.layout) == []
+        assert not rows.distribution.outside(scene)
