@@ -20,6 +20,7 @@ from domino_env.chain.motion import Motion, outlines
 from domino_env.rigid.known import known_verification, read_verified
 from domino_env.scenes.files.schema import scene_schema
 from domino_env.support.tables import markdown_table
+from domino_env.view.ground import ground_line
 from optimize.methods import METHODS, PEERS
 from optimize.records.shipped import BestKnown, best_known
 
@@ -273,7 +274,7 @@ def methods_page() -> str:
 def drawing(layout: de.Layout, scene: Any) -> str:
     """A row as it topples, to scale: an SVG picture in a block of its own."""
     motion = Motion(layout, scene.physics)
-    cut = layout.count > 2.5 * ENDS
+    cut = layout.count > 2.5 * ENDS and layout.is_flat
     instant = FALLEN * motion.end
     if cut:  # the front is among those that are drawn
         instant = float(scene.simulate(layout).arrival_times[ENDS // 2])
@@ -287,11 +288,14 @@ def drawing(layout: de.Layout, scene: Any) -> str:
     tall = float(layout.height.max())
     left = float(corners[shown, :, 0].min())
     scale = (WIDE - 2.0 * ROOM) / (float(corners[shown, :, 0].max()) - left)
-    high = tall * scale + 2.0 * ROOM
+    ground = ground_line(layout, tall, tall)
+    lowest = float(ground[:, 1].min())
+    high = (tall + float(np.ptp(ground[:, 1]))) * scale + 2.0 * ROOM
+    base = high - ROOM + lowest * scale  # where the height of the first pivot is
     shapes = []
     for i in shown:
         points = " ".join(
-            f"{ROOM + (x - left) * scale:.1f},{high - ROOM - z * scale:.1f}" for x, z in corners[i]
+            f"{ROOM + (x - left) * scale:.1f},{base - z * scale:.1f}" for x, z in corners[i]
         )
         kind = "#d55e00" if i == leader else "#0b6e99" if i < leader else "#8d99a6"
         shapes.append(f'<polygon points="{points}" fill="{kind}"/>')
@@ -303,8 +307,12 @@ def drawing(layout: de.Layout, scene: Any) -> str:
             f'<text x="{x:.0f}" y="{high / 2:.0f}" text-anchor="middle" font-size="11" '
             f'fill="currentColor">{words}</text>'
         )
-    ground = high - ROOM
-    floor = f'<line x1="0" x2="{WIDE:.0f}" y1="{ground:.1f}" y2="{ground:.1f}" stroke="#8d99a6"/>'
+    floor = f'<line x1="0" x2="{WIDE:.0f}" y1="{base:.1f}" y2="{base:.1f}" stroke="#8d99a6"/>'
+    if not layout.is_flat:
+        line = " ".join(
+            f"{ROOM + (x - left) * scale:.1f},{base - z * scale:.1f}" for x, z in ground
+        )
+        floor = f'<polyline points="{line}" fill="none" stroke="#8d99a6"/>'
     words = f"{layout.count} dominoes to scale, {layout.length:.3f} m, {instant:.2f} s after a push"
     return _svg(high, floor + "".join(shapes), words)
 
