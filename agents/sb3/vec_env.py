@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from domino_env import DominoChainVector
-from domino_env.scenes.scene import Scene
+from domino_env import DominoChainVector, Scene, SceneDistribution
 
 NOTHING: dict[str, Any] = {}
 
@@ -21,12 +21,12 @@ class DominoVecEnv(VecEnv):
 
     An episode that ends begins anew in the same step; its info holds `terminal_observation`,
     `TimeLimit.truncated` (never), `episode` (return, length, seconds), and what the environment
-    reports at the end: score, gain, outcome, layout, wave.
+    reports at the end: score, gain, outcome, layout, wave, and the scene where one is drawn.
 
     Parameters
     ----------
     scene
-        What is built.
+        What is built: a scene, or what one is drawn from for every episode, such as "varied".
     number
         Of rows.
 
@@ -36,7 +36,7 @@ class DominoVecEnv(VecEnv):
         The native vector environment.
     """
 
-    def __init__(self, scene: str | Scene, number: int) -> None:
+    def __init__(self, scene: str | Path | Scene | SceneDistribution, number: int) -> None:
         self.rows = DominoChainVector(number, scene, autoreset_mode="SameStep")
         self.render_mode = None
         super().__init__(number, self.rows.single_observation_space, self.rows.single_action_space)
@@ -61,8 +61,11 @@ class DominoVecEnv(VecEnv):
         Parameters
         ----------
         score
-            Of that row; nothing changes where its wave died, or where the score is no speed.
+            Of that row; nothing changes where its wave died, where the score is no speed, or where
+            every episode has a scene of its own.
         """
+        if self.rows.distribution is not None:
+            return
         scene = self.rows.scene
         if scene.criterion.is_ratio and score > 0.0:
             self.rows.reference_speed = max(score, scene.uniform().wave.mean_speed)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_scenes import small_scenes
 
 pytest.importorskip("stable_baselines3")
 
@@ -40,14 +41,20 @@ def plan_for(algorithm: str):
     return replace(tiny, rows=4, steps=240, width=16, options=options)
 
 
-def test_it_is_the_single_environments_step_for_step(small) -> None:
-    ours = DominoVecEnv(small, 5)
-    theirs = DummyVecEnv([lambda: DominoChain(small)] * 5)
+@pytest.mark.parametrize("drawn", [False, True], ids=["one scene", "drawn scenes"])
+def test_it_is_the_single_environments_step_for_step(small, drawn: bool) -> None:
+    scene = small_scenes() if drawn else small
+    ours = DominoVecEnv(scene, 5)
+    theirs = DummyVecEnv([lambda: DominoChain(scene)] * 5)
+    if drawn:
+        ours.follow(9.0)  # the best row so far is of one scene, and no mark for others
+    ours.seed(2)
+    theirs.seed(2)
     assert np.array_equal(ours.reset(), theirs.reset())
     rng = np.random.default_rng(0)
     ended = 0
     for _ in range(40):
-        actions = rng.uniform(-1.2, 1.2, (5, 1)).astype(np.float32)
+        actions = rng.uniform(-1.2, 1.2, (5, 1 + drawn)).astype(np.float32)
         one, two = ours.step(actions), theirs.step(actions)
         assert np.array_equal(one[0], two[0])
         assert np.array_equal(one[1], two[1])
@@ -59,7 +66,8 @@ def test_it_is_the_single_environments_step_for_step(small) -> None:
                 assert np.array_equal(mine["terminal_observation"], yours["terminal_observation"])
                 assert mine["score"] == yours["score"]
                 assert mine["TimeLimit.truncated"] is False
-                assert mine["episode"]["l"] <= 6
+                assert mine["episode"]["l"] <= 8
+                assert mine.get("scene") == yours.get("scene")
     assert ended > 20
 
 
