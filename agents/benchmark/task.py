@@ -8,14 +8,14 @@ import json
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
 
 from agents.base.building import Built
 from agents.base.run_files import CONFIG, PROGRESS, SUMMARY, is_finished
 from agents.evaluation.one_scene import evaluate
-from agents.sb3.presets import ALGORITHMS, preset
+from agents.sb3.presets import ALGORITHMS, Preset, preset
 from agents.single.scripted import SCRIPTED
 from agents.single.training import train
 from domino_env.support.provenance import versions
@@ -50,18 +50,19 @@ class BenchmarkTask(Task):
         return self.method in ALGORITHMS
 
     @property
-    def total(self) -> int:
-        """Dominoes that a training places."""
-        planned = preset(self.method, scene_of(self.scene).count - 1).steps
-        return planned if self.steps is None else min(planned, self.steps)
+    def plan(self) -> Preset:
+        """Preset of a training, with its steps."""
+        plan = preset(self.method, scene_of(self.scene).count - 1)
+        return plan if self.steps is None else replace(plan, steps=min(plan.steps, self.steps))
 
     @property
     def key(self) -> str:
         """A digest of all that decides the result; of a training, the preset too."""
         decisive = [self.scene, self.method, self.seed]
         if self.trains:
-            plan = preset(self.method, scene_of(self.scene).count - 1)
-            decisive += [self.total, plan.to_dict()]
+            defaults = {field.name: field.default for field in fields(Preset)}
+            plan = self.plan.to_dict().items()
+            decisive += [sorted((k, v) for k, v in plan if v != defaults[k])]
         elif self.method not in SCRIPTED:
             decisive += [self.seconds]
         return hashlib.sha256(json.dumps(["benchmark", *decisive]).encode()).hexdigest()[:32]
@@ -104,7 +105,7 @@ class BenchmarkTask(Task):
                 shutil.rmtree(folder)
                 begun = False
             import_module("torch._dynamo")  # as the first optimiser would, on the clock
-            done = train(scene, self.method, self.total, self.seed, folder, resume=begun)
+            done = train(scene, self.method, None, self.seed, folder, resume=begun, plan=self.plan)
             if done.interrupted:
                 raise KeyboardInterrupt
         steps = int(read_json(folder / SUMMARY)["steps"])
