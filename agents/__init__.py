@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from agents.conditioned.designing import design
     from agents.conditioned.policy import Design
     from agents.evaluation.one_scene import evaluate
+    from agents.sb3.vec_env import DominoVecEnv
     from agents.single.result import Run
     from agents.single.training import train
 
-__all__ = ["Built", "Design", "Run", "design", "evaluate", "train"]
+__all__ = ["Built", "Design", "DominoVecEnv", "Run", "design", "evaluate", "train"]
 
 __getattr__, __dir__ = lazy_names(
     __name__,
@@ -31,6 +32,7 @@ __getattr__, __dir__ = lazy_names(
         "Design": "conditioned.policy",
         "design": "conditioned.designing",
         "Built": "base.building",
+        "DominoVecEnv": "sb3.vec_env",
         "evaluate": "evaluation.one_scene",
         "Run": "single.result",
         "train": "single.training",
