@@ -2,7 +2,8 @@
 
     python examples/ppo_of_stable_baselines3.py
 
-prints how the rows of the policy compare with the best uniform rows of 200 scenes it never saw.
+takes a minute of processor time and prints how the rows of the policy compare with the best uniform
+rows of 200 scenes that it never saw: median gain +1.29%, above the uniform row in 90%.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from agents import DominoVecEnv
 from domino_env import load_test_set
 
-SCENE, STEPS = "varied", 2_000_000
+SCENE, ROWS = "varied", 256
 
 
 class Quieter(BaseCallback):
@@ -24,17 +25,17 @@ class Quieter(BaseCallback):
 
     def _on_rollout_start(self):
         torch.set_num_threads(1)  # the environment's threads would only be in the way of these
-        done = self.num_timesteps / self.locals["total_timesteps"]
+        done = min(self.num_timesteps / self.locals["total_timesteps"], 1.0)
         self.model.policy.log_std.data.fill_(np.log(0.5 * 0.04**done))
 
     def _on_step(self):
         return True
 
 
-def train(steps=STEPS, seed=0):
+def train(steps=2_000_000, seed=0):
     model = PPO(
-        "MlpPolicy", DominoVecEnv(SCENE, 256), seed=seed, device="cpu", n_steps=64, n_epochs=4,
-        batch_size=2048, gamma=1.0, learning_rate=lambda left: 1e-3 * (0.05 + 0.95 * left),
+        "MlpPolicy", DominoVecEnv(SCENE, ROWS), seed=seed, device="cpu", n_steps=64, n_epochs=4,
+        batch_size=2048, gamma=1.0, learning_rate=lambda left: 1e-3 * max(left, 0.05),
     )  # fmt: skip
     return model.learn(steps, callback=Quieter())
 
