@@ -122,6 +122,8 @@ class Layout:
         if self.count > 1:
             number += f" over {self.length:.6g} m"
             sizes.insert(0, f"gaps {_span(self.spacing)} mm")
+        if not self.is_flat:
+            sizes.append(f"ground sloping {_span(np.degrees(self.tilt), 1.0)}°")
         return f"Layout({number}: {', '.join(sizes)})"
 
     def _repr_html_(self) -> str:
@@ -318,9 +320,9 @@ class Layout:
         return row
 
 
-def _span(values: Floats) -> str:
-    """What lengths are, or lie between [mm]."""
-    low, high = (f"{1e3 * value:.4g}" for value in (values.min(), values.max()))
+def _span(values: Floats, unit: float = 1e3) -> str:
+    """What values are, or lie between; lengths in millimetres."""
+    low, high = (f"{unit * value:.4g}" for value in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"
 
 

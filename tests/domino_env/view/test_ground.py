@@ -86,6 +86,11 @@ def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
     assert flat[2:] == pytest.approx(hardly[2:], rel=1e-6)
 
 
+def test_a_row_says_how_its_ground_slopes() -> None:
+    assert repr(de.Layout.uniform(5, pitch=0.02, slope=np.radians(-4.0))).endswith("sloping -4°)")
+    assert "48 mm high, ground sloping -6.875 to 6.875°)" in repr(wheel())
+
+
 def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
     html = ROW._repr_html_()
     path = re.search(r'<path d="M([^"]+)"', html)
