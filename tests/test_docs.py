@@ -17,6 +17,7 @@ from optimize.records.shipped import best_known
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
 OPTIMISERS = ROOT / "docs" / "your-own-optimiser.md"  # of packages that need not be there
+DATASET = ROOT / "docs" / "dataset.md"  # the same, and writes: tests/agents/dataset
 SECTIONS = [s for s in OPTIMISERS.read_text("utf-8").split("\n## ") if "```python" in s]
 
 
@@ -25,7 +26,9 @@ def run_examples(text: str, names: dict[str, object]) -> None:
         exec(compile(code, text.partition("\n")[0], "exec"), names)
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if p != OPTIMISERS], ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if p not in (OPTIMISERS, DATASET)], ids=lambda page: page.stem
+)
 def test_examples_run(page: Path) -> None:
     run_examples(page.read_text("utf-8"), {})
 

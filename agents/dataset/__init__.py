@@ -1,0 +1,1 @@
+"""Datasets: scenes with the rows that search found for them, and episodes that build rows."""
