@@ -28,7 +28,7 @@ def single_steps() -> list[str]:
     lines = [
         "one row, random actions              unwrapped [us]   as gymnasium.make gives it [us]"
     ]
-    for name, arguments in _ENVIRONMENTS.items():
+    for name, arguments in _ENVIRONMENTS:
         wrapped = gymnasium.make(name, **arguments)
         rng = np.random.default_rng(0)
         actions = [_drawn(wrapped.action_space, rng) for _ in range(1000)]
@@ -43,7 +43,7 @@ def vector_steps() -> list[str]:
         f"{ROWS} rows, random actions, {numba.get_num_threads()} threads      "
         "steps a second   processor time a step [us]"
     ]
-    for name, arguments in _ENVIRONMENTS.items():
+    for name, arguments in _ENVIRONMENTS:
         env = gymnasium.make_vec(
             name, num_envs=ROWS, vectorization_mode="vector_entry_point", **arguments
         )
@@ -59,10 +59,11 @@ def vector_steps() -> list[str]:
     return lines
 
 
-_ENVIRONMENTS: dict[str, dict[str, Any]] = {
-    "DominoChain-v0": {"scene": "sprint"},
-    "CartPole-v1": {},
-}
+_ENVIRONMENTS: list[tuple[str, dict[str, Any]]] = [
+    ("DominoChain-v0", {"scene": "sprint"}),
+    ("DominoChain-v0", {"scene": "varied"}),
+    ("CartPole-v1", {}),
+]
 
 
 def _words(name: str, arguments: dict[str, Any]) -> str:

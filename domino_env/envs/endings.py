@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -89,9 +90,12 @@ class Endings:
                     self._waves[i] = replace(wave, reach=float(self.reach[i]))
             self.score[rows] = scene.score_waves([self._waves[i] for i in rows])
 
+    @cached_property
     def returns(self) -> Floats:
-        """Give the gains over the best uniform row (E,), in per cent."""
+        """The gains over the best uniform row (E,), in per cent, once all are judged."""
         mark, runs = self.baseline, self.baseline > 0.0
+        if runs.all():
+            return 100.0 * (self.score / mark - 1.0)
         over = 100.0 * (self.score / np.where(runs, mark, 1.0) - 1.0)
         return np.where(runs, over, 100.0 * (self.score - mark) / np.maximum(-mark, 1e-9))
 
@@ -102,7 +106,7 @@ class Endings:
             layouts[i], waves[i] = LazyLayout.of(self, i), LazyWave.of(self, i)
         return {
             "score": self.score.copy(),
-            "gain": self.returns() / 100.0,
+            "gain": self.returns / 100.0,
             "outcome": _OUTCOMES[self.outcome],
             "layout": layouts,
             "wave": waves,

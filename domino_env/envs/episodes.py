@@ -168,7 +168,7 @@ class ChainEpisodes(Episodes):
         if problems.distribution is None:
             self._rules[0] = problems.rules[0]
             return
-        self._rules[rows] = problems.rules[which]
+        words(self._rules)[rows] = words(problems.rules)[which]
         if self._reference is not None:
             self._rules["reference_speed"][rows] = self._reference
         batch.features[rows] = problems.features[which]
@@ -246,7 +246,7 @@ class ChainEpisodes(Episodes):
         if self.problems.distribution is not None:
             infos["scene"] = objects(endings.scenes)
         self._waves[rows] = infos["wave"]
-        return endings.returns() - states["paid"], infos
+        return endings.returns - states["paid"], infos
 
     # looking --------------------------------------------------------------------------------------
 
@@ -310,6 +310,11 @@ class ChainEpisodes(Episodes):
         if scene.growth is not None and scene.free_height:
             action.append(_action_for(tall[n + 1] / tall[n], *scene.growth))
         return action
+
+
+def words(records: NDArray[np.record]) -> NDArray[np.uint64]:
+    """Show records (S,) as whole numbers (S, W), which are copied three times as fast."""
+    return records.view(np.uint64).reshape(len(records), -1)
 
 
 def objects(values: Iterable[Any]) -> NDArray[Any]:

@@ -181,7 +181,7 @@ class LayoutEpisodes(Episodes):
             placed=[self._scene.count - 1] * len(rows),
         )
         endings.judge(range(len(rows)))
-        rewards[rows] = endings.returns()
+        rewards[rows] = endings.returns
         infos = endings.infos()
         self._waves[rows] = infos["wave"]
         return observations, rewards, ended, infos

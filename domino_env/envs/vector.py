@@ -249,8 +249,9 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         """Add infos of some rows, arrays in their order, to those in arrays of all rows."""
         for key, some in values.items():
             if key not in infos:
-                blank = None if some.dtype == object else 0.0
-                infos[key] = np.full(self.num_envs, blank, some.dtype)
+                # of None, where they are objects
+                blank = np.empty if some.dtype == object else np.zeros
+                infos[key] = blank(self.num_envs, some.dtype)
                 infos[f"_{key}"] = np.zeros(self.num_envs, np.bool_)
             infos[key][rows] = some
             infos[f"_{key}"] |= rows
