@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from optimize.searching.compiling import compile_for
 
 Observation = NDArray[np.float32]
 Policy = Callable[[Observation], NDArray[Any]]
+
+HANDS = 64  # rows that an unsteady hand places, with the errors of seeds 0, 1, …
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +34,11 @@ class Built(MadeForScene):
     wave
         Its wave, simulated closely.
     score
-        What the scene gives for it.
+        What the scene gives for it; where the hand is unsteady, the mean over `HANDS` rows that the
+        policy built, of which this is the first.
     uniform
-        The best uniform row, the baseline.
+        The best uniform row, the baseline; where the hand is unsteady, with its mean score over
+        the same errors.
     seconds
         Time that building took, without the simulation of the baseline.
     """
@@ -74,14 +78,37 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
     compile_for(scene, episodes=True)
     env = DominoChain(scene, reference_speed=reference_speed)
     began = time.perf_counter()
-    observation, _ = env.reset()
+    layout = completed(_episode(env, policy, 0)["layout"], scene)
+    seconds = time.perf_counter() - began
+    wave = scene.simulate(layout)
+    score = scene.score_wave(wave)
+    if scene.placement_deviation:
+        others = [_episode(env, policy, seed)["score"] for seed in range(1, HANDS)]
+        score, uniform = float(np.mean([score, *others])), _uniform_as_placed(scene)
+    return Built(scene, layout, wave, score, uniform, seconds)
+
+
+def _episode(env: DominoChain, policy: Policy, seed: int) -> dict[str, Any]:
+    """The last info of an episode."""
+    observation, _ = env.reset(seed=seed)
     terminated, info = False, dict[str, Any]()
     while not terminated:
         observation, _, terminated, _, info = env.step(policy(observation))
-    layout = completed(info["layout"], scene)
-    seconds = time.perf_counter() - began
-    wave = scene.simulate(layout)
-    return Built(scene, layout, wave, scene.score_wave(wave), uniform, seconds)
+    return info
+
+
+def as_placed(built: Built) -> Built:
+    """Give a row that was planned beforehand its mean score as an unsteady hand places it."""
+    scene = built.scene
+    if not scene.placement_deviation:
+        return built
+    score = float(scene.score_placed(built.layout, range(HANDS)).mean())
+    return replace(built, score=score, uniform=_uniform_as_placed(scene))
+
+
+def _uniform_as_placed(scene: Scene) -> UniformMark:
+    mark = scene.uniform()
+    return replace(mark, score=float(scene.score_placed(mark.layout, range(HANDS)).mean()))
 
 
 def completed(layout: Layout, scene: Scene) -> Layout:

@@ -15,14 +15,14 @@ average over drawings would.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from domino_env import Scene, load_scene
-from domino_env.scenes.objectives.robust import LEAST_GAP
+from domino_env.scenes.unsteady import LEAST_GAP, errors, placed
 from domino_env.support.tables import markdown_table
 from optimize import best_known
 
@@ -44,31 +44,25 @@ class Ways:
     hindsight: Floats
 
 
-def stand(wanted: Floats, errors: Floats) -> Floats:
-    """Return the gaps as they come to stand [m]: off by the errors, but kept from touching."""
-    return np.maximum(wanted + errors, LEAST_GAP)
-
-
 class Builder:
     """Plans rows of a scene whose gaps come out wrong by a normal error.
 
     Parameters
     ----------
     scene
-        With free gaps and equal dominoes.
-    deviation
-        Standard deviation of each error [m].
+        With free gaps, equal dominoes and an unsteady hand.
     seed
         Of the errors that plans are made on.
     """
 
-    def __init__(self, scene: Scene, deviation: float, seed: int = 1) -> None:
-        self.scene, self.deviation, self.pairs = scene, deviation, scene.count - 1
+    def __init__(self, scene: Scene, seed: int = 1) -> None:
+        self.scene, self.pairs = scene, scene.count - 1
         self.rng = np.random.default_rng(seed)
 
     def errors(self, rows: int) -> Floats:
         """Draw errors (rows, N-1) [m]."""
-        return self.deviation * self.rng.standard_normal((rows, self.pairs))
+        drawn = errors(self.scene.placement_deviation, rows * self.pairs, self.rng)
+        return drawn.reshape(rows, self.pairs)
 
     def planned(self, start: Floats, errors: Floats, stands: Floats, steps: int) -> Floats:
         """Climb from a row to one whose mean score over errors is best; some gaps stand already."""
@@ -77,7 +71,7 @@ class Builder:
         def loss(ahead: Floats) -> tuple[float, Floats]:
             gaps = np.empty_like(errors)
             gaps[:, :done] = stands
-            gaps[:, done:] = stand(ahead, errors[:, done:])
+            gaps[:, done:] = placed(ahead, errors[:, done:])
             score, slope, *_ = self.scene.score_batch_gradient(gaps, None, rtol=1e-6)
             moves = gaps[:, done:] > LEAST_GAP
             return -float(score.mean()), -(slope[:, done:] * moves).mean(axis=0)
@@ -102,40 +96,37 @@ class Builder:
                 drawn = np.concatenate((half, -half))
                 better = self.planned(plan[i:], drawn, stands, STEPS)
                 plan[i:] += PART * (better - plan[i:])
-            stands = np.append(stands, stand(plan[i], errors[i]))
+            stands = np.append(stands, placed(plan[i], errors[i]))
         return stands
 
     def scores(self, row: Floats, errors: Floats) -> Floats:
         """Score a row as it comes to stand with each of the errors."""
-        return self.scene.score_batch(stand(row, errors), None)
+        return self.scene.score_batch(placed(row, errors), None)
 
 
-def ways(scene: Scene, best: Floats, deviation: float, rows: int = 32, seed: int = 2) -> Ways:
+def ways(scene: Scene, best: Floats, rows: int = 32) -> Ways:
     """Compare the ways to build over the same errors.
 
     Parameters
     ----------
     scene
-        With free gaps and equal dominoes.
+        With free gaps, equal dominoes and an unsteady hand.
     best
         (N-1,) gaps of its best row without errors [m].
-    deviation
-        Standard deviation of the errors [m].
     rows
-        How many rows each way builds.
-    seed
-        Of their errors.
+        How many rows each way builds, with the errors of seeds 0, 1, ….
     """
-    builder = Builder(scene, deviation)
-    errors = deviation * np.random.default_rng(seed).standard_normal((rows, builder.pairs))
+    builder = Builder(scene)
+    drawn = [scene.placement_errors(np.random.default_rng(seed)) for seed in range(rows)]
+    off = np.array(drawn)
     equal = scene.uniform().layout.spacing
     plan = builder.open_loop([best, equal])
-    looked = np.array([builder.closed_loop(plan, one) for one in errors])
-    known = stand(np.clip(best - errors, *scene.spacing), errors)
+    looked = np.array([builder.closed_loop(plan, one) for one in off])
+    known = placed(np.clip(best - off, *scene.spacing), off)
     return Ways(
-        uniform=builder.scores(equal, errors),
-        nominal=builder.scores(best, errors),
-        open_loop=builder.scores(plan, errors),
+        uniform=builder.scores(equal, off),
+        nominal=builder.scores(best, off),
+        open_loop=builder.scores(plan, off),
         closed_loop=scene.score_batch(looked, None),
         hindsight=scene.score_batch(known, None),
     )
@@ -146,7 +137,7 @@ def main() -> None:
     scene, best = load_scene("sprint"), best_known()["sprint"].layout.spacing
     lines = []
     for deviation in DEVIATIONS:
-        found = ways(scene, best, deviation)
+        found = ways(replace(scene, placement_deviation=deviation), best)
         more = found.closed_loop - found.open_loop
         lines.append(
             [f"{1e3 * deviation:g} mm"]

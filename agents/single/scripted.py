@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.base.building import Built, build
+from agents.base.building import Built, as_placed, build
 from domino_env import DominoChain
 from domino_env.scenes.scene import Scene
 
@@ -124,4 +124,9 @@ class ScriptedPolicy:
         """Build a row; ValueError where no scene is named."""
         if scene is None:
             raise ValueError(f"{self.name} was trained on no scene: name one to build for")
-        return SCRIPTED[self.name](scene)
+        if self.name == "greedy" and scene.placement_deviation:
+            raise ValueError(
+                f"scene '{scene.name}' has an unsteady hand: greedy tries each domino in a copy of "
+                "the row, which makes the same error, so that it would know what nobody can"
+            )
+        return as_placed(SCRIPTED[self.name](scene))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from domino_env import kernels
 from domino_env.envs.observation import closeness
-from domino_env.envs.problems import Problems
+from domino_env.envs.problems import Generators, Problems
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -39,6 +41,7 @@ def new_batch(problems: Problems, number: int, *, falls: bool) -> kernels.Batch:
         kinds=kinds,
         stock=stock,
         left=np.tile(stock, (number, 1)),
+        errors=np.zeros((number if scene.placement_deviation else 0, longest - 1)),
         rings=np.zeros((number, _ring_size(longest) if falls else 0), kernels.LINK),
         states=np.zeros(number if falls else 0, kernels.STATE),
         episodes=np.zeros(number if falls else 0, kernels.EPISODE),
@@ -48,6 +51,20 @@ def new_batch(problems: Problems, number: int, *, falls: bool) -> kernels.Batch:
         height=np.full((number if unlike else 1, longest), scene.height),
         density=np.full((1, longest), scene.density),
     )
+
+
+def draw_errors(
+    batch: kernels.Batch,
+    rows: NDArray[np.intp],
+    scene_of: Callable[[int], Scene],
+    generators: Generators,
+) -> None:
+    """Draw by how much the gaps of some rows will come out wrong, where the hand is unsteady."""
+    if not len(batch.errors):
+        return
+    for b in rows.tolist():
+        scene = scene_of(b)
+        batch.errors[b, : scene.count - 1] = scene.placement_errors(generators(b))
 
 
 def _kinds_to_choose(scene: Scene) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from domino_env import kernels
 from domino_env.chain.layout import Layout
 from domino_env.chain.wave import simulate
-from domino_env.envs.arrays import new_batch
+from domino_env.envs.arrays import draw_errors, new_batch
 from domino_env.envs.base import Bools, Episodes, Floats, Observations, Start
 from domino_env.envs.endings import Endings
 from domino_env.envs.observation import observation_space
@@ -126,6 +126,7 @@ class ChainEpisodes(Episodes):
             raise
         if self.problems.distribution is not None:
             self._enter(rows)
+        draw_errors(self._batch, rows, self.scene, generators)
         given = np.zeros(self.number, np.int64)
         for b, row in starts:
             given[b] = row.count - 1

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from domino_env import kernels
-from domino_env.envs.arrays import new_batch
+from domino_env.envs.arrays import draw_errors, new_batch
 from domino_env.envs.base import RTOL, Bools, Episodes, Floats, Observations, RowEnv, Start, loaded
 from domino_env.envs.endings import Endings
 from domino_env.envs.problems import Generators, Problems, choices
@@ -158,6 +158,7 @@ class LayoutEpisodes(Episodes):
         """Begin anew in the chosen rows; see `Episodes.reset`."""
         self._running |= chosen
         self._waves[chosen] = None
+        draw_errors(self._batch, np.flatnonzero(chosen), self.scene, generators)
         observations[chosen] = 0.0
         return {}
 

@@ -16,6 +16,7 @@ from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.files.ranges import COUNT
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.unsteady import LEAST_GAP
 
 Floats = NDArray[np.float64]
 Generators = Callable[[int], np.random.Generator]  # of the row with this number
@@ -179,6 +180,7 @@ def _rules_of(scene: Scene, rtol: float, window: int, speed: float) -> tuple[Any
         "thick_low": thick_low,
         "thick_high": thick_high,
         "largest_change": scene.largest_change or 0.0,
+        "least_placed": LEAST_GAP,
         "growth_low": growth_low,
         "growth_high": growth_high,
         "unit": scene.height,

@@ -23,6 +23,7 @@ RULES = record_type(  # of a scene: one that all rows share, or each row's own
     thick_low=float,
     thick_high=float,
     largest_change=float,  # of a gap from the one before, 0 where it is free
+    least_placed=float,  # gap that an unsteady hand leaves [m]
     growth_low=float,
     growth_high=float,
     unit=float,  # the height that rewards and observations are scaled by [m]
@@ -55,6 +56,7 @@ class Batch(NamedTuple):
     kinds: NDArray[np.float64]  # (K,) the only thicknesses allowed, or none
     stock: NDArray[np.float64]  # (K,) how many there are of each
     left: NDArray[np.float64]  # (B, K) how many of them each row has left
+    errors: NDArray[np.float64]  # (B, N-1) of an unsteady hand, added to the gaps [m]; or (0, N-1)
     rings: NDArray[np.record]  # (B, …) LINK
     states: NDArray[np.record]  # (B,) STATE
     episodes: NDArray[np.record]  # (B,) EPISODE

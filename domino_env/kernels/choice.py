@@ -123,3 +123,10 @@ def choose(action, rules, batch, left, n, way, row):
         thick *= ahead
         gap *= min(behind, ahead)
     spacing[n], row.thickness[n + 1] = gap, thick
+
+
+@inlined
+def put_down(rules, errors, b, n, spacing):
+    """Let gap n come out wrong where the hand is unsteady."""
+    if len(errors) > 0:
+        spacing[n] = max(spacing[n] + errors[b, n], rules.least_placed)

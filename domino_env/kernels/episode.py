@@ -4,7 +4,7 @@ import numpy as np
 
 from domino_env.kernels.batch import OVER, RUNNING, Batch, row_built, rules_of
 from domino_env.kernels.chain import prepare
-from domino_env.kernels.choice import choose, nearest_left
+from domino_env.kernels.choice import choose, nearest_left, put_down
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import open_chain
 from domino_env.kernels.jit import borrowed, door, inlined, keep, part
@@ -70,6 +70,7 @@ def lend(batch):
         borrowed(batch.kinds),
         borrowed(batch.stock),
         borrowed(batch.left),
+        borrowed(batch.errors),
         borrowed(batch.rings),
         borrowed(batch.states),
         borrowed(batch.episodes),
@@ -127,6 +128,7 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
             continue
         row = row_built(lent, b)
         choose(actions[b], rules, lent, lent.left[b], episode.placed, episode.way, row)
+        put_down(rules, lent.errors, b, episode.placed, row.spacing)
         lead = place_next(rules, lanes, lent.rings[b], state, episode, row, untaped)
         if episode.phase == OVER:
             ended[b] = True
@@ -148,4 +150,5 @@ def place_rows(first, last, batch, actions):
             left[k] = lent.stock[k]
         for n in range(len(row.spacing)):
             choose(actions[b, n], rules, lent, left, n, way, row)
+            put_down(rules, lent.errors, b, n, row.spacing)
             way += row.spacing[n] + row.thickness[n + 1]

@@ -20,6 +20,7 @@ from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import off_list, on_other_ground, outside, too_steep
 from domino_env.scenes.standing_rows import StandingSpeed, checked_floor, refusal
 from domino_env.scenes.stock import Stock
+from domino_env.scenes.unsteady import unsteady_refusal
 from domino_env.scenes.waves import LayoutBatch
 
 Floats = NDArray[np.float64]
@@ -54,6 +55,7 @@ class Specification:
     settings: Any = None
     floor_friction: float | None = None
     ground: Ground | None = None
+    placement_deviation: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("spacing", "thickness", "spacing_values", "thickness_values", "growth"):
@@ -73,6 +75,8 @@ class Specification:
             )
         if self.floor_friction is not None:
             self._require_floor()
+        if self.placement_deviation != 0.0:
+            self._require_unsteady()
         if self.ground is not None:
             self._require_ground()
 
@@ -83,6 +87,13 @@ class Specification:
             self.objective,
             is_speed=OBJECTIVES[self.objective].is_mean_speed,
             limited=self.limits is not None,
+        )
+        if refused is not None:
+            raise ValueError(f"scene '{self.name}': {refused}")
+
+    def _require_unsteady(self) -> None:
+        refused = unsteady_refusal(
+            self.placement_deviation, robust=self.placement is not None, length=self.length
         )
         if refused is not None:
             raise ValueError(f"scene '{self.name}': {refused}")

@@ -9,6 +9,7 @@ from domino_env.chain.units import ADVICE, MOST
 from domino_env.scenes.files.tables import MOST_PAIRS, SceneFile, ThicknessTable
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.standing_rows import refusal
+from domino_env.scenes.unsteady import unsteady_refusal
 
 TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
 
@@ -90,6 +91,11 @@ def _clashes_of_objective(asked: SceneFile) -> Iterator[str]:
             is_speed=OBJECTIVES[asked.objective].is_mean_speed,
             limited=asked.limits is not None,
         )
+        if refused is not None:
+            yield refused
+    if asked.placement is not None:
+        robust, length = asked.settings("robust") is not None, asked.row.length
+        refused = unsteady_refusal(asked.placement.deviation, robust=robust, length=length)
         if refused is not None:
             yield refused
     yield from OBJECTIVES[asked.objective].clashes(

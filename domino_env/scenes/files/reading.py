@@ -162,5 +162,6 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
             limits=asked.limits_asked(),
             settings=asked.settings(asked.objective),
             floor_friction=asked.physics.floor_friction,
+            placement_deviation=asked.placement.deviation if asked.placement else 0.0,
             ground=asked.ground.ground() if asked.ground else None,
         )

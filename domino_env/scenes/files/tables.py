@@ -216,6 +216,14 @@ class GroundTable(Table):
         return Ground(self.slope, self.profile)
 
 
+class PlacementTable(Table):
+    """The hand that builds row after row in the environments, which is unsteady."""
+
+    deviation: Annotated[
+        float, Meta(ge=0, le=LARGEST, description="standard deviation of each gap's error [m]")
+    ]
+
+
 class LimitsTable(Table):
     """What a design must not lean on."""
 
@@ -256,6 +264,7 @@ class SceneTables(Table, kw_only=True):
     ground: GroundTable | None = None
     physics: PhysicsTable
     limits: LimitsTable | None = None
+    placement: PlacementTable | None = None
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
 

@@ -38,6 +38,8 @@ def document_of(scene: Specification) -> dict[str, Any]:
         if held is not None:
             found[name] = asdict(held)
     found["physics"]["floor_friction"] = scene.floor_friction
+    if scene.placement_deviation:
+        found["placement"] = {"deviation": scene.placement_deviation}
     table = scene.criterion.table
     if table is not None:
         found[scene.objective] = {

@@ -14,10 +14,10 @@ from msgspec import Meta
 from domino_env.chain.wave import Wave
 from domino_env.scenes.objectives.base import Evaluation, Objective, Settings, Slopes
 from domino_env.scenes.objectives.speed import speed_slopes
+from domino_env.scenes.unsteady import placed
 from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
 from domino_env.support.models import LARGEST
 
-LEAST_GAP = 0.0002  # [m] no gap is ever placed tighter
 LARGEST_DRAWS = 100_000
 MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
 
@@ -71,8 +71,8 @@ class Placement:
 
     def rows(self, spacing: Floats) -> Floats:
         """Return (B · draws, N-1) the gaps as they are placed, all draws of a row together [m]."""
-        placed = np.maximum(spacing[:, None, :] + self.errors(spacing.shape[1]), LEAST_GAP)
-        return placed.reshape(-1, spacing.shape[1])
+        rows = placed(spacing[:, None, :], self.errors(spacing.shape[1]))
+        return rows.reshape(-1, spacing.shape[1])
 
     @property
     def rank(self) -> int:

@@ -1,0 +1,79 @@
+"""An unsteady hand: gaps come out wrong while a row is built."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.base.building import HANDS, as_placed, build
+from agents.single.scripted import ScriptedPolicy, uniform
+from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, load_scene
+from domino_env.envs.base import RTOL
+from domino_env.scenes.files.reading import parse_scene
+from domino_env.scenes.unsteady import LEAST_GAP
+
+SCENE = replace(load_scene("sprint"), count=12, placement_deviation=0.002)
+ACTION = -0.2
+
+
+def meant(scene):
+    low, high = scene.spacing
+    return scene.layout(low + 0.5 * (ACTION + 1.0) * (high - low))
+
+
+def test_alone_together_whole_and_as_a_batch_rows_come_to_stand_alike():
+    seeds, pairs = [5, 6, 7], SCENE.count - 1
+    batch = SCENE.score_placed(meant(SCENE), seeds, rtol=RTOL)
+    env, alone = DominoChain(SCENE), []
+    for seed in seeds:
+        env.reset(seed=seed)
+        steps = [env.step(np.array([ACTION])) for _ in range(pairs)]
+        alone.append(steps[-1][4])
+    rows = DominoChainVector(3, SCENE)
+    rows.reset(seed=5)
+    together = [rows.step(np.full((3, 1), ACTION)) for _ in range(pairs)][-1][4]
+    whole = DominoLayoutVector(3, SCENE)
+    whole.reset(seed=5)
+    at_once = whole.step(np.full((3, pairs), ACTION))[4]
+    assert [info["score"] for info in alone] == batch.tolist()
+    assert together["score"].tolist() == at_once["score"].tolist() == batch.tolist()
+    assert together["layout"][2] == alone[2]["layout"] != alone[1]["layout"]
+
+
+def test_the_errors_are_those_that_the_scene_draws_and_are_observed():
+    env = DominoChain(SCENE, window=1)
+    env.reset(seed=3)
+    observed = [env.step(np.array([ACTION]))[0][3] for _ in range(SCENE.count - 1)]
+    gaps = env.snapshot().wave.layout.spacing
+    off = SCENE.placement_errors(np.random.default_rng(3))
+    assert gaps == pytest.approx(np.maximum(meant(SCENE).spacing + off, LEAST_GAP), rel=1e-12)
+    low, high = SCENE.spacing
+    assert observed == pytest.approx(2.0 * (gaps - low) / (high - low) - 1.0, abs=1e-6)
+
+
+def test_rows_are_compared_by_their_means_over_the_same_errors():
+    steady = replace(SCENE, placement_deviation=0.0)
+    gap = SCENE.uniform().layout.spacing[0]
+    assert SCENE.uniform().score == steady.uniform().score
+    low, high = SCENE.spacing
+    action = np.array([2.0 * (gap - low) / (high - low) - 1.0])
+    looked, planned = build(lambda _: action, SCENE), as_placed(uniform(SCENE))
+    assert looked.score == pytest.approx(planned.score, rel=1e-6)
+    assert planned.gain == pytest.approx(0.0, abs=1e-12)
+    assert (
+        planned.score
+        == SCENE.score_placed(planned.layout, range(HANDS)).mean()
+        < steady.score(planned.layout)
+    )
+    with pytest.raises(ValueError, match="greedy tries each domino in a copy"):
+        ScriptedPolicy("greedy").build(SCENE)
+
+
+def test_what_does_not_go_with_an_unsteady_hand_is_refused():
+    with pytest.raises(ValueError, match=r"stands beside \[robust\]"):
+        replace(load_scene("jitter"), placement_deviation=0.001)
+    with pytest.raises(ValueError, match=r"stands beside row\.length"):
+        replace(load_scene("course"), placement_deviation=0.001)
+    with pytest.raises(ValueError, match=r"placement\.deviation = -1"):
+        replace(SCENE, placement_deviation=-1.0)
+    assert parse_scene(SCENE.to_toml(), "x", "x") == SCENE
