@@ -37,6 +37,17 @@ EVALUATIONS = 50  # rows built without noise in a whole search
 GENERATIONS = 8  # generations of rows that a budget of evaluations is to last for
 
 
+def apg(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with analytic policy gradients.
+
+    References
+    ----------
+    Freeman, C. D., et al. (2021). Brax: a differentiable physics engine for large scale rigid body
+    simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281.
+    """
+    learn("apg", budget, rng)
+
+
 def ppo(budget: Budget, rng: np.random.Generator) -> None:
     """Search with proximal policy optimisation.
 
@@ -206,15 +217,18 @@ class _Learning:
         ended = [info for info in infos if "score" in info]
         if ended:
             scores = np.array([info["score"] for info in ended])
-            through = [info["outcome"] == Outcome.PROPAGATED for info in ended]
-            reach = np.array([
-                1.0 if ran else info["wave"].reach
-                for ran, info in zip(through, ended, strict=True)
-            ])  # fmt: skip
+            reach = np.array([_reach(info) for info in ended])
             self._note([info["layout"] for info in ended], scores, reach)
             if self.budget.left < self.plan.rows:
                 raise BudgetSpent
         self._check_the_clock()
+
+
+def _reach(info: dict[str, Any]) -> float:
+    """How far the wave of a row came: told, or looked up where it died."""
+    if "reach" in info:
+        return float(info["reach"])
+    return 1.0 if info["outcome"] == Outcome.PROPAGATED else float(info["wave"].reach)
 
 
 def _optimizers(model: Any) -> list[Any]:

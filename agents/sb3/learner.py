@@ -13,6 +13,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.apg.algorithm import APG
 from agents.base.arrays import read_weights
 from agents.base.building import Policy
 from agents.sb3.actor import acting, actor_of
@@ -22,6 +23,7 @@ from agents.sb3.side_by_side_ars import SideBySideARS
 from domino_env.support.files import write_bytes
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
+    "apg": APG,
     "ppo": PPO,
     "sac": SAC,
     "td3": TD3,
@@ -30,7 +32,8 @@ CLASSES: dict[str, type[BaseAlgorithm]] = {
 }
 
 
-NOISY = ("ppo", "td3")  # whose actions get the deviation that a preset says
+OF_ROWS = ("apg", "ppo")  # with a `RowPolicy`
+NOISY = ("apg", "ppo", "td3")  # whose actions get the deviation that a preset says
 
 
 def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorithm:
@@ -56,8 +59,10 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
 
     net = [plan.width] * plan.depth
     policy_options: dict[str, Any] = {"net_arch": net}
-    if algorithm == "ppo":
+    if algorithm in OF_ROWS:
         policy_options["activation_fn"] = torch.nn.Tanh
+    if algorithm == "apg":
+        policy_options["optimizer_kwargs"] = {"eps": 1e-8}  # slopes become small in the end
     assert env.action_space.shape is not None
     size = env.action_space.shape[0]
     if "target_entropy" in options:
@@ -69,12 +74,12 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
         policy_options = {}
         spread = options.get("delta_std", 0.05)
         options["delta_std"] = lambda left: spread * rate(left) / plan.rate
-    kind: Any = {"ppo": RowPolicy, "ars": "LinearPolicy"}.get(algorithm, "MlpPolicy")
+    kind: Any = {"apg": RowPolicy, "ppo": RowPolicy, "ars": "LinearPolicy"}.get(algorithm, "MlpPolicy")
     model = CLASSES[algorithm](
         kind, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed, device="cpu",
         verbose=0, **options,
     )  # fmt: skip
-    if algorithm == "ppo":
+    if algorithm in OF_ROWS:
         policy: Any = model.policy
         policy.end, policy.pull = plan.end, plan.pull
     return model

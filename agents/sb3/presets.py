@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-ALGORITHMS = ("ppo", "sac", "td3", "tqc", "ars")
+ALGORITHMS = ("apg", "ppo", "sac", "td3", "tqc", "ars")
 WIDEST, DEEPEST = 4096, 16  # of a network
 
 
@@ -204,6 +204,18 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
                 "vf_coef": 0.5,
                 "max_grad_norm": 0.5,
             },
+        )
+    if algorithm == "apg":
+        return Preset(
+            rows=16,
+            steps=400 * 16 * episode,
+            rate=2e-2,
+            last_rate=0.02,
+            first_deviation=0.5,
+            middle_deviation=0.04,
+            last_deviation=0.003,
+            middle=0.5,
+            pull=0.1,
         )
     if algorithm in OFF_POLICY:
         return OFF_POLICY[algorithm]

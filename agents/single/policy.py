@@ -64,7 +64,7 @@ class ScenePolicy:
         assert env.observation_space.shape is not None
         assert env.action_space.shape is not None
         (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape
-        if begun.algorithm == "ppo":
+        if begun.algorithm in ("apg", "ppo"):
             policy = acting(read_actor(folder / POLICY, inputs, outputs))
         else:
             policy = _learner_policy(folder, scene, begun)
