@@ -315,7 +315,7 @@ def designs(found: Digests) -> None:
                 found.add(name, parts(row.layout, LAYOUT), row.score, parts(row.wave, WAVE))
 
 
-TRAINED = {"ppo": 7_000, "sac": 1_300, "td3": 1_840, "tqc": 900, "ars": 4_000}  # steps
+TRAINED = {"apg": 3_000, "ppo": 7_000, "ars": 4_000}  # steps
 
 
 def tensors(state: Any) -> Iterator[Any]:

@@ -17,19 +17,18 @@ simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from agents.apg.rows import lay, require_smooth
+from agents.apg.rows import Rows, lay, require_smooth
 from domino_env import Scene
-from domino_env.envs.observation import SCALES
+from domino_env.envs.observation import closeness, progress_entries
 
 RTOL = 1e-5  # of rows that are built while learning
-PROGRESS = 1 + 2 * len(SCALES)  # entries of an observation that tell how far the row has come
 
 
 class APG(OnPolicyAlgorithm):
@@ -67,12 +66,16 @@ class APG(OnPolicyAlgorithm):
         super()._setup_model()
         if self.env is None:
             return
-        rows: Any = self.env
-        scene, policy = rows.rows.scene, self._actor
-        require_smooth(scene)
+        env: Any = self.env
+        env.reset()  # which draws scenes, if they are drawn
+        scenes = set(env.rows.scenes)
+        for scene in scenes:
+            require_smooth(scene)
+        known = progress_entries() + features_of(env)
+        start = np.mean([uniform_action(scene) for scene in scenes], axis=0)
         with torch.no_grad():
-            policy.mlp_extractor.policy_net[0].weight[:, :-PROGRESS] = 0.0
-            policy.action_net.bias.copy_(torch.tensor(uniform_action(scene)))
+            self._actor.mlp_extractor.policy_net[0].weight[:, :-known] = 0.0
+            self._actor.action_net.bias.copy_(torch.from_numpy(start))
 
     @property
     def _actor(self) -> Any:
@@ -83,32 +86,20 @@ class APG(OnPolicyAlgorithm):
     ) -> bool:
         """Build rows with noise, one in each place of the environment, and find their slopes."""
         callback.on_rollout_start()
-        scene, size = env.rows.scene, int(np.prod(self.observation_space.shape or ()))
-        pairs = scene.count - 1
-        normal = self._actor.get_distribution(progress_of_row(scene.count, size)).distribution
-        half = torch.randn((env.num_envs + 1) // 2, *normal.mean.shape)
-        noise = torch.cat([half, -half])[: env.num_envs]  # antithetic
-        actions = (normal.mean + normal.stddev * noise).double()
-        rows = lay([scene] * env.num_envs, actions)
-        spacing, thickness, height = (part.detach().numpy() for part in rows)
-        tall = None if scene.growth is None else height
-        found, slopes = scene.evaluate_batch_gradient(spacing, thickness, RTOL, tall)
-        rise = (
-            rows.spacing * torch.from_numpy(slopes.spacing)
-            + rows.thickness * torch.from_numpy(slopes.thickness)
-            + rows.height * torch.from_numpy(slopes.height)
-        ).sum() / env.num_envs
-        # in per cent of the uniform row's score, as returns are
-        self._loss = -100.0 / (abs(scene.uniform().score) or 1.0) * rise
-        self.num_timesteps += env.num_envs * pairs
-        layouts = (
-            scene.layout(spacing[b], thickness[b], None if tall is None else tall[b])
-            for b in range(env.num_envs)
+        number = env.num_envs
+        scenes, seen = _begin(env)
+        normal = self._actor.get_distribution(seen.flatten(0, 1)).distribution
+        mean, deviation = (
+            part.reshape(*seen.shape[:2], -1) for part in (normal.mean, normal.stddev)
         )
-        infos = [
-            {"score": float(score), "reach": float(reach), "layout": layout}
-            for score, reach, layout in zip(found.score, found.reach, layouts, strict=True)
-        ]
+        half = torch.randn((number + 1) // 2, *mean.shape[1:])
+        noise = torch.cat([half, -half])[:number]  # antithetic
+        rows = lay(scenes, (mean + deviation * noise).double())
+        infos, slopes = _scored(scenes, rows)
+        # in per cent of the uniform row's score, as returns are
+        gained = [(part * slope).sum() for part, slope in zip(rows, slopes, strict=True)]
+        self._loss = -torch.stack(gained).sum()
+        self.num_timesteps += sum(scene.count - 1 for scene in scenes)
         callback.update_locals({"infos": infos})
         going_on = callback.on_step()
         callback.on_rollout_end()
@@ -144,20 +135,51 @@ def uniform_action(scene: Scene) -> list[float]:
     return actions
 
 
-@lru_cache(maxsize=64)
-def progress_of_row(count: int, size: int) -> torch.Tensor:
-    """Return what is observed (N-1, O) while a row is built, where it tells how far that has come.
+def features_of(env: Any) -> int:
+    """Count the entries, the last of an observation, that tell which scene was drawn."""
+    drawn = env.rows.distribution
+    return 0 if drawn is None else len(drawn.features)
 
-    All other entries are 0.
+
+def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
+    """Scenes of R rows, and what the policy goes by while they are built.
+
+    That is (R, P, O) for P pairs of the longest row, or (1, P, O) where all rows have one scene.
     """
-    placed, scales = np.arange(count - 1)[:, None], np.array(SCALES)
-    seen = np.zeros((count - 1, size), dtype=np.float32)
-    seen[:, -PROGRESS:] = np.concatenate(
-        [
-            placed / (count - 1),
-            np.exp(-placed / scales),
-            np.exp((placed - count + 1) / scales),
-        ],
-        axis=1,
-    )
-    return torch.from_numpy(seen)
+    size, features = env.observation_space.shape[0], features_of(env)
+    drawn = env.reset() if features else np.zeros((1, size), np.float32)
+    scenes = list(env.rows.scenes)
+    seen = np.zeros((len(drawn), max(scene.count for scene in scenes) - 1, size), np.float32)
+    for row, scene, observed in zip(seen, scenes, drawn, strict=False):
+        progress = progress_of_row(scene.count)
+        row[: len(progress), size - features - progress.shape[1] : size - features] = progress
+        row[:, size - features :] = observed[size - features :]
+    return scenes, torch.from_numpy(seen)
+
+
+def progress_of_row(count: int) -> NDArray[np.float32]:
+    """Return what is observed of how far a row has come while it is built, (N-1, 1 + 2 S)."""
+    placed, near = np.arange(count - 1)[:, None] / (count - 1), closeness(count)
+    return np.concatenate([placed.astype(np.float32), near[:-1], near[:0:-1]], axis=1)
+
+
+def _scored(scenes: list[Scene], rows: Rows) -> tuple[list[dict[str, Any]], list[torch.Tensor]]:
+    """What is told of each row, and the slopes of the mean return by all that is in `rows`."""
+    laid = [part.detach().numpy() for part in rows]
+    slopes = [np.zeros_like(part) for part in laid]
+    infos = list[dict[str, Any]]()
+    alike = len(set(scenes)) == 1
+    step = len(scenes) if alike else 1
+    for chosen in (slice(b, b + step) for b in range(0, len(scenes), step)):
+        scene = scenes[chosen][0]
+        pairs = slice(0, scene.count - 1)
+        gaps, thick, tall = (np.ascontiguousarray(part[chosen, pairs]) for part in laid)
+        height = None if scene.growth is None else tall
+        found, by = scene.evaluate_batch_gradient(gaps, thick, RTOL, height)
+        unit = 100.0 / (abs(scene.uniform().score) or 1.0) / len(scenes)
+        for slope, exact in zip(slopes, (by.spacing, by.thickness, by.height), strict=True):
+            slope[chosen, pairs] = unit * exact
+        for b, score in enumerate(found.score):
+            layout = scene.layout(gaps[b], thick[b], None if height is None else height[b])
+            infos.append({"score": float(score), "reach": float(found.reach[b]), "layout": layout})
+    return infos, [torch.from_numpy(slope) for slope in slopes]

@@ -58,7 +58,7 @@ def lay(scenes: Sequence[Scene], actions: torch.Tensor) -> Rows:
         if like.growth is not None:
             growth = same + like.growth[0]
             if like.free_height:
-                growth = _between(action[..., -1], *map(torch.tensor, like.growth))
+                growth = _between(action[..., -1], *_bounds([like.growth]))
         ahead = behind * growth
         # where a length is asked for, the rest must stay within reach of the pairs to come
         after = torch.clamp(ends - n, min=0.0)

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from agents.base.training import TrainingRun
 
-SUMMARY = "train an agent that builds rows (PPO, SAC, TD3, TQC, ARS)"
+SUMMARY = "train an agent that builds rows (APG, PPO, ARS)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino train`."""
     parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file; family")
-    parser.add_argument("--algorithm", default="ppo", help="ppo (default), sac, td3, tqc, ars")
+    parser.add_argument("--algorithm", default="ppo", help="ppo (default), apg, ars")
     parser.add_argument("--steps", type=int, help="dominoes to place in all")
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
     parser.add_argument("--out", metavar="FOLDER", help="the run's folder (runs/SCENE-ALGORITHM)")

@@ -1,6 +1,6 @@
 """Presets found, not guessed: a search over the hyperparameters of an algorithm, with Optuna.
 
-    python -m agents.lab.tuning sprint --algorithm sac --trials 50 --seconds 30
+    python -m agents.lab.tuning sprint --algorithm ars --trials 50 --seconds 30
 
 trains for some seconds with each choice (processor time, so that what else the machine does falls
 out), gives up early on what lags behind the median, and prints the best as a `Preset`.  All trials
@@ -56,39 +56,21 @@ def choose(trial: Any, algorithm: str, episode: int) -> Preset:
             last_rate=trial.suggest_float("last_rate", 0.01, 1.0, log=True),
             options=options,
         )
-    rate = trial.suggest_float("rate", 2e-4, 1e-2, log=True)
+    rate = trial.suggest_float("rate", 2e-4, 5e-2, log=True)
     width = trial.suggest_categorical("width", [32, 64, 128])
-    if algorithm == "ppo":
-        options = plan.options | {
-            "n_epochs": trial.suggest_int("n_epochs", 3, 12),
-            "gae_lambda": trial.suggest_float("gae_lambda", 0.9, 1.0),
-            "clip_range": trial.suggest_float("clip_range", 0.1, 0.3),
-        }
-        last = trial.suggest_float("last_deviation", 0.005, 0.05, log=True)
-        return replace(plan, rate=rate, width=width, last_deviation=last, options=options)
+    last = trial.suggest_float("last_deviation", 0.001, 0.05, log=True)
+    plan = replace(plan, rate=rate, width=width, last_deviation=last)
+    if algorithm == "apg":
+        first = trial.suggest_float("first_deviation", 0.05, 1.0, log=True)
+        middle = trial.suggest_float("middle_deviation", 0.01, 0.2, log=True)
+        rows = trial.suggest_categorical("rows", [8, 16, 32])
+        return replace(plan, rows=rows, first_deviation=first, middle_deviation=middle)
     options = plan.options | {
-        "batch_size": trial.suggest_categorical("batch_size", [128, 256, 512]),
-        "gradient_steps": trial.suggest_int("gradient_steps", 1, 32, log=True),
-        "learning_starts": trial.suggest_int("learning_starts", 200, 2000, log=True),
-        "gamma": trial.suggest_categorical("gamma", [0.97, 0.99, 1.0]),
-        "tau": trial.suggest_float("tau", 0.003, 0.1, log=True),
+        "n_epochs": trial.suggest_int("n_epochs", 3, 12),
+        "gae_lambda": trial.suggest_float("gae_lambda", 0.9, 1.0),
+        "clip_range": trial.suggest_float("clip_range", 0.1, 0.3),
     }
-    plan = replace(
-        plan,
-        rows=trial.suggest_categorical("rows", [4, 8, 16, 32]),
-        rate=rate,
-        width=width,
-        options=options,
-    )
-    if algorithm == "td3":
-        first = trial.suggest_float("first_deviation", 0.05, 0.6, log=True)
-        last = trial.suggest_float("last_deviation", 0.005, 0.1, log=True)
-        middle = float(np.sqrt(first * last))
-        return replace(
-            plan, first_deviation=first, middle_deviation=middle, last_deviation=last, middle=0.5
-        )
-    entropy = trial.suggest_float("target_entropy", -6.0, -0.5)
-    return replace(plan, options=plan.options | {"target_entropy": entropy})
+    return replace(plan, options=options)
 
 
 def train_for(

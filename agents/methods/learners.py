@@ -20,13 +20,12 @@ from agents.base.requirements import require_learning
 
 require_learning()
 
-import torch  # noqa: E402
 from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
 
 from agents.base.building import build, completed  # noqa: E402
 from agents.base.random_state import random_state_restored  # noqa: E402
-from agents.sb3.learner import NOISY, learner, policy_of, set_deviation  # noqa: E402
+from agents.sb3.learner import learner, policy_of, set_deviation  # noqa: E402
 from agents.sb3.presets import Preset, preset  # noqa: E402
 from agents.sb3.vec_env import DominoVecEnv  # noqa: E402
 from domino_env.chain.wave import Outcome  # noqa: E402
@@ -56,39 +55,6 @@ def ppo(budget: Budget, rng: np.random.Generator) -> None:
     Schulman, J., et al. (2017). Proximal policy optimization algorithms. arXiv:1707.06347.
     """
     learn("ppo", budget, rng)
-
-
-def sac(budget: Budget, rng: np.random.Generator) -> None:
-    """Search with soft actor-critic.
-
-    References
-    ----------
-    Haarnoja, T., et al. (2018). Soft actor-critic: off-policy maximum entropy deep reinforcement
-    learning with a stochastic actor. arXiv:1801.01290.
-    """
-    learn("sac", budget, rng)
-
-
-def td3(budget: Budget, rng: np.random.Generator) -> None:
-    """Search with twin delayed deterministic policy gradients.
-
-    References
-    ----------
-    Fujimoto, S., van Hoof, H., Meger, D. (2018). Addressing function approximation error in
-    actor-critic methods. arXiv:1802.09477.
-    """
-    learn("td3", budget, rng)
-
-
-def tqc(budget: Budget, rng: np.random.Generator) -> None:
-    """Search with truncated quantile critics.
-
-    References
-    ----------
-    Kuznetsov, A., et al. (2020). Controlling overestimation bias with truncated mixture of
-    continuous distributional quantile critics. arXiv:2005.04269.
-    """
-    learn("tqc", budget, rng)
 
 
 def ars(budget: Budget, rng: np.random.Generator) -> None:
@@ -158,7 +124,8 @@ class _Learning:
         model = self.model
         # all schedules follow what is spent of the budget, not the steps taken
         model._update_current_progress_remaining = self._progress
-        for optimizer in _optimizers(model):
+        optimizer = getattr(model.policy, "optimizer", None)  # ARS has none
+        if optimizer is not None:
             optimizer.register_step_pre_hook(lambda *_: self._check_the_clock())
         with suppress(BudgetSpent):
             model.learn(10**12, callback=self._callback(), reset_num_timesteps=False)
@@ -171,8 +138,7 @@ class _Learning:
         self.budget.require_more()
 
     def _adapt(self) -> None:
-        if self.algorithm in NOISY:
-            set_deviation(self.model, self.plan.deviation(self.budget.part))
+        set_deviation(self.model, self.plan.deviation(self.budget.part))
         if self.plan.follow:
             self.env.follow(self.budget.best_score)
 
@@ -229,10 +195,3 @@ def _reach(info: dict[str, Any]) -> float:
     if "reach" in info:
         return float(info["reach"])
     return 1.0 if info["outcome"] == Outcome.PROPAGATED else float(info["wave"].reach)
-
-
-def _optimizers(model: Any) -> list[Any]:
-    parts = [getattr(model, name, None) for name in ("policy", "actor", "critic")]
-    found = [getattr(part, "optimizer", None) for part in parts]
-    found.append(getattr(model, "ent_coef_optimizer", None))
-    return [one for one in found if isinstance(one, torch.optim.Optimizer)]

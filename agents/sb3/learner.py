@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 import torch
-from sb3_contrib import TQC
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.apg.algorithm import APG
+from agents.apg.algorithm import APG, features_of
 from agents.base.arrays import read_weights
 from agents.base.building import Policy
 from agents.sb3.actor import acting, actor_of
@@ -25,15 +23,11 @@ from domino_env.support.files import write_bytes
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "apg": APG,
     "ppo": PPO,
-    "sac": SAC,
-    "td3": TD3,
-    "tqc": TQC,
     "ars": SideBySideARS,
 }
 
 
-OF_ROWS = ("apg", "ppo")  # with a `RowPolicy`
-NOISY = ("apg", "ppo", "td3")  # whose actions get the deviation that a preset says
+OF_ROWS = ("apg", "ppo")  # with a `RowPolicy`, whose deviation a preset says
 
 
 def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorithm:
@@ -63,35 +57,25 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
         policy_options["activation_fn"] = torch.nn.Tanh
     if algorithm == "apg":
         policy_options["optimizer_kwargs"] = {"eps": 1e-8}  # slopes become small in the end
-    assert env.action_space.shape is not None
-    size = env.action_space.shape[0]
-    if "target_entropy" in options:
-        options["target_entropy"] *= size
-    if algorithm == "td3":
-        first = plan.first_deviation
-        options["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, first))
     if algorithm == "ars":
         policy_options = {}
         spread = options.get("delta_std", 0.05)
         options["delta_std"] = lambda left: spread * rate(left) / plan.rate
-    kind: Any = {"apg": RowPolicy, "ppo": RowPolicy, "ars": "LinearPolicy"}.get(algorithm, "MlpPolicy")
+    kind: Any = "LinearPolicy" if algorithm == "ars" else RowPolicy
     model = CLASSES[algorithm](
         kind, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed, device="cpu",
         verbose=0, **options,
     )  # fmt: skip
     if algorithm in OF_ROWS:
         policy: Any = model.policy
-        policy.end, policy.pull = plan.end, plan.pull
+        policy.end, policy.pull, policy.features = plan.end, plan.pull, features_of(env)
     return model
 
 
 def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
-    """Set the standard deviation of the actions of PPO and TD3, which do not learn it."""
+    """Set the standard deviation of the actions of APG and PPO, which do not learn it."""
     if isinstance(model.policy, RowPolicy):
         model.policy.deviation = deviation
-    noise: Any = getattr(model, "action_noise", None)
-    for one in getattr(noise, "noises", ()):
-        one._sigma = np.full_like(one._sigma, deviation)
 
 
 def policy_of(model: BaseAlgorithm) -> Policy:

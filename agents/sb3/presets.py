@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-ALGORITHMS = ("apg", "ppo", "sac", "td3", "tqc", "ars")
+ALGORITHMS = ("apg", "ppo", "ars")
 WIDEST, DEEPEST = 4096, 16  # of a network
 
 
@@ -39,15 +39,15 @@ class Preset:
         Last learning rate, as a part of the first.
     first_deviation, middle_deviation, last_deviation
         Standard deviation of the actions at the start, after `middle` of the steps, and at the end;
-        geometric between (PPO).
+        geometric between (APG, PPO).
     middle
         Part of the steps, between 0 and 1.
     end, pull
-        See `agents.sb3.row_policy.RowPolicy` (PPO).
+        See `agents.sb3.row_policy.RowPolicy` (APG, PPO).
     follow
         Whether the reference speed follows the best row found.
     options
-        Arguments of the algorithm itself; `target_entropy` for one entry of the actions.
+        Arguments of the algorithm itself.
 
     Raises
     ------
@@ -90,7 +90,7 @@ class Preset:
             raise ValueError(f"middle = {self.middle}: give a part of the steps, between 0 and 1")
 
     def deviation(self, done: float) -> float:
-        """Give that of PPO's actions when `done` of the steps, 0 to 1, have been taken."""
+        """Give that of the actions when `done` of the steps, 0 to 1, have been taken."""
         if done < self.middle:
             begin, end, part = self.first_deviation, self.middle_deviation, done / self.middle
         else:
@@ -101,54 +101,6 @@ class Preset:
     def to_dict(self) -> dict[str, Any]:
         """Give the fields for a file."""
         return asdict(self)
-
-
-def _off_policy(
-    batch: int, gamma: float, starts: int, gradient_steps: int, tau: float, **more: float
-) -> dict[str, Any]:
-    """Options of the algorithms that learn from a buffer."""
-    return {
-        "batch_size": batch,
-        "buffer_size": 200_000,
-        "gamma": gamma,
-        "learning_starts": starts,
-        "train_freq": 1,
-        "gradient_steps": gradient_steps,
-        "tau": tau,
-        **more,
-    }
-
-
-# Each the best of 36 trials of agents.lab.tuning on `sprint`, 30 s of processor time and one seed
-# each, rounded.  Best row built in that time (uniform 0.8030): the trial's own, then seeds 0, 1, 2.
-#   SAC 0.8095: 0.8018, 0.8011, 0.8033    TQC 0.8088: 0.8016, 0.8125, 0.8023
-#   TD3 0.8158: 0.8025, 0.8021, 0.8191
-# So there is more luck of the seed in a trial than there is between good presets.
-OFF_POLICY = {
-    "sac": Preset(
-        rows=32,
-        steps=60_000,
-        rate=2.2e-3,
-        options=_off_policy(512, 0.97, 900, 1, 0.009, target_entropy=-5.4),
-    ),
-    "tqc": Preset(
-        rows=16,
-        steps=60_000,
-        rate=9e-3,
-        options=_off_policy(512, 0.97, 700, 2, 0.1, target_entropy=-4.8),
-    ),
-    "td3": Preset(
-        rows=4,
-        steps=60_000,
-        width=32,
-        rate=1.7e-3,
-        first_deviation=0.4,
-        middle_deviation=0.14,
-        last_deviation=0.05,
-        middle=0.5,
-        options=_off_policy(256, 0.99, 1_800, 21, 0.022),
-    ),
-}
 
 
 def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
@@ -212,13 +164,11 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
             rate=2e-2,
             last_rate=0.02,
             first_deviation=0.5,
-            middle_deviation=0.04,
+            middle_deviation=0.08,
             last_deviation=0.003,
             middle=0.5,
             pull=0.1,
         )
-    if algorithm in OFF_POLICY:
-        return OFF_POLICY[algorithm]
     if algorithm == "ars":
         # the best of three trials of agents.lab.tuning on `sprint`, rounded; the other two came
         # within 0.00004.  Best row built in 8 s of processor time: 0.8204, 0.8204, 0.8201

@@ -32,18 +32,24 @@ class RowPolicy(ActorCriticPolicy):
         So many times larger it is at the end, where it stays below 1.
     pull
         This times half the mean squared excess of the means over [-1, 1] is added to the loss.
+    features
+        Entries at the end of an observation that tell which scene was drawn.
     """
 
-    deviation, end, pull = 1.0, 1.0, 0.0
+    deviation, end, pull, features = 1.0, 1.0, 0.0, 0
+
+    @property
+    def _entry(self) -> list[int]:
+        return [NEAR_END - self.features]
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
         """Note how near the end each row is; see `ActorCriticPolicy`."""
-        self._near = obs[:, NEAR_END : NEAR_END + 1]
+        self._near = obs[:, self._entry]
         return super().extract_features(obs, features_extractor)
 
     def get_distribution(self, obs: Any) -> Distribution:
         """Note how near the end each row is; `extract_features` is not asked here."""
-        self._near = obs[:, NEAR_END : NEAR_END + 1]
+        self._near = obs[:, self._entry]
         return super().get_distribution(obs)
 
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:

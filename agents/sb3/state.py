@@ -10,13 +10,11 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from agents.base.checkpoint import require_finite
 
-BUFFERED = ("observations", "next_observations", "actions", "rewards", "dones")
-
 
 def state_of(model: BaseAlgorithm) -> dict[str, Any]:
-    """Give weights, optimisers, counters, random numbers and buffer."""
+    """Give weights, optimisers, counters and random numbers."""
     _, keys, place, _, _ = np.random.get_state(legacy=True)  # noqa: NPY002 - the learner draws from it
-    state: dict[str, Any] = {
+    return {
         "parameters": model.get_parameters(),
         "steps": model.num_timesteps,
         "updates": getattr(model, "_n_updates", 0),
@@ -25,14 +23,6 @@ def state_of(model: BaseAlgorithm) -> dict[str, Any]:
         "numpy": torch.from_numpy(np.asarray(keys).astype(np.int64)),
         "place": int(place),
     }
-    entropy = getattr(model, "log_ent_coef", None)
-    if entropy is not None:
-        state["entropy"] = entropy.detach()
-    buffer = getattr(model, "replay_buffer", None)
-    if buffer is not None:
-        state["buffer"] = {name: torch.from_numpy(getattr(buffer, name)) for name in BUFFERED}
-        state["buffer_place"] = [int(buffer.pos), bool(buffer.full)]
-    return state
 
 
 def restore(model: Any, state: dict[str, Any]) -> None:
@@ -52,10 +42,3 @@ def restore(model: Any, state: dict[str, Any]) -> None:
     model._episode_num = int(state["episodes"])
     keys = state["numpy"].numpy().astype(np.uint32)
     np.random.set_state(("MT19937", keys, state["place"], 0, 0.0))  # noqa: NPY002
-    if "entropy" in state:
-        model.log_ent_coef.data.copy_(state["entropy"])
-    if "buffer" in state:
-        buffer = model.replay_buffer
-        for name, values in state["buffer"].items():
-            getattr(buffer, name)[:] = values.numpy()
-        buffer.pos, buffer.full = state["buffer_place"]

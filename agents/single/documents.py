@@ -21,11 +21,10 @@ from domino_env.support.reading import naming, read_json
 SCENE, BUILT = "scene.toml", "policy.json"
 FILES = (*run_files.FILES, SCENE, BUILT, "layout.csv", "layout.json", "result.png")
 OPTIONS = (
-    "alive_bonus_offset", "batch_size", "buffer_size", "clip_range", "clip_range_vf", "delta_std",
-    "ent_coef", "gae_lambda", "gamma", "gradient_steps", "learning_starts", "max_grad_norm",
+    "alive_bonus_offset", "batch_size", "clip_range", "clip_range_vf", "delta_std",
+    "ent_coef", "gae_lambda", "gamma", "max_grad_norm",
     "n_delta", "n_epochs", "n_eval_episodes", "n_steps", "n_top", "normalize_advantage",
-    "policy_delay", "target_entropy", "target_kl", "target_noise_clip", "target_policy_noise",
-    "target_update_interval", "tau", "top_quantiles_to_drop_per_net", "train_freq", "vf_coef",
+    "target_kl",     "vf_coef",
     "zero_policy",
 )  # fmt: skip
 """What a file may ask of an algorithm: numbers.  Not where it writes, nor what code it runs."""

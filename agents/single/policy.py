@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ class ScenePolicy:
 
     @classmethod
     def load(cls, folder: Path) -> ScenePolicy:
-        """Load the best policy of a run; PPO's needs NumPy alone, the others the extra "rl".
+        """Load the best policy of a run; that of ARS needs the extra "rl", the others NumPy alone.
 
         Raises
         ------
@@ -147,8 +147,6 @@ def _learner_policy(folder: Path, scene: Scene, begun: ConfigDocument) -> Policy
     from agents.sb3.vec_env import DominoVecEnv
 
     plan = begun.preset
-    small = {"buffer_size": 10} if "buffer_size" in plan.options else {}
-    plan = replace(plan, options=plan.options | small)
     with naming(folder / CONFIG):
         try:
             model = learner(begun.algorithm, plan, DominoVecEnv(scene, plan.rows), 0)

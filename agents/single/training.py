@@ -58,7 +58,7 @@ def train(
     scene
         A scene, its name, or the path of its file.
     algorithm
-        "ppo", "sac", "td3", "tqc" or "ars".
+        "apg", "ppo" or "ars".
     steps
         Dominoes to place in all; None for the preset's.
     seed
@@ -210,11 +210,10 @@ class SceneTraining(Training[SceneProgressDocument]):
 
     def between_updates(self) -> None:
         """Evaluate, write a checkpoint, and set what changes along the way."""
-        from agents.sb3.learner import NOISY, set_deviation
+        from agents.sb3.learner import set_deviation
 
         super().between_updates()
-        if self.algorithm in NOISY:
-            set_deviation(self.model, self.deviation())
+        set_deviation(self.model, self.deviation())
         if self.plan.follow:
             self.env.follow(float(max(self.best, self.sampled)))
 
@@ -225,7 +224,7 @@ class SceneTraining(Training[SceneProgressDocument]):
         model._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
 
     def deviation(self) -> float:
-        """Give the standard deviation of PPO's actions as of now."""
+        """Give the standard deviation of the actions as of now."""
         return self.plan.deviation(min(self.steps / self.total, 1.0))
 
     # evaluating -----------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ stopped.  Runs are independent: --workers or --dask spread them.  With --evaluat
 can be repeated to the bit; equal --seconds are equal chances only where there are no more workers
 than cores and nothing else to do.
 
-Learners (ppo, sac, td3, tqc, ars), trained agents (agent:RUN, whose clock began with its training)
+Learners (apg, ppo, ars), trained agents (agent:RUN, whose clock began with its training)
 and methods of your own (package.module:function, in this folder or installed) run where they are
 named in --methods.  `domino studies export` writes what was found for other programs, IOHanalyzer
 among them.

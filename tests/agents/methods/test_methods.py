@@ -28,7 +28,7 @@ from optimize.methods import load, of_others
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
-LEARNED = ("ppo", "sac", "td3", "tqc", "ars")
+LEARNED = ("apg", "ppo", "ars")
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def small():
 
 @pytest.mark.parametrize("method", LEARNED)
 def test_a_learner_keeps_a_budget_and_repeats_to_the_bit(small, method: str) -> None:
-    budget = 400 if method in ("ppo", "ars") else 50
+    budget = 400
     random.seed(1)
     np.random.seed(2)  # noqa: NPY002
     torch.manual_seed(3)
@@ -67,7 +67,7 @@ def test_even_one_row_is_a_budget_and_no_time_is_a_clock(small) -> None:
 
 
 def test_a_clock_ends_a_training(small) -> None:
-    assert search(small, "sac", seconds=1.0).seconds < 30.0  # its preset would take minutes
+    assert search(small, "ppo", seconds=1.0).seconds < 30.0  # its preset would take minutes
 
 
 def test_a_trained_agent_builds_at_once_and_its_training_counts(tmp_path: Path) -> None:

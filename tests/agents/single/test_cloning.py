@@ -127,8 +127,8 @@ def test_training_from_a_clone_keeps_it_and_goes_on(small, row, tmp_path: Path, 
 
 
 def test_what_cannot_be_imitated_is_told(small, row, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="PPO's, not sac's"):
-        train(small, "sac", folder=tmp_path / "run", warm_start=row)
+    with pytest.raises(ValueError, match="PPO's, not ars's"):
+        train(small, "ars", folder=tmp_path / "run", warm_start=row)
     with pytest.raises(ValueError, match="is no row"):
         row_to_clone(small, tmp_path / "nothing")
     with pytest.raises(ValueError, match="on record"):
