@@ -230,8 +230,9 @@ def single_episodes(found: Digests, scene: str) -> None:
         row = info["layout"]
         if row.count > 6:
             begin = de.Layout(
-                row.spacing[:3], row.thickness[:4], row.height[:4], row.width, row.density[:4]
-            )
+                row.spacing[:3], row.thickness[:4], row.height[:4], row.width, row.density[:4],
+                row.rise[:3], row.tilt[:4],
+            )  # fmt: skip
 
 
 def vector_episodes(found: Digests, scene: str, mode: str) -> None:
@@ -254,8 +255,6 @@ def vector_episodes(found: Digests, scene: str, mode: str) -> None:
 def episodes(found: Digests) -> None:
     """Ten random episodes of every scene, alone and side by side, however they begin anew."""
     for scene in de.scene_names():
-        if de.load_scene(scene).ground is not None:
-            continue
         single_episodes(found, scene)
         for mode in ("NextStep", "SameStep", "Disabled"):
             vector_episodes(found, scene, mode)

@@ -11,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env import kernels
 from domino_env.chain.gradient import Gradient, HillGradient, Laid
 from domino_env.chain.layout import Layout
-from domino_env.chain.placing import Curve, follow_rows, place_rows
 from domino_env.chain.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.support.threads import share_pieces
 
@@ -82,7 +82,7 @@ class Ground:
         x = np.asarray(x, dtype=np.float64)
         if self.slope is not None:
             return np.asarray(-x * math.tan(math.radians(self.slope)))
-        curve = self._curve
+        curve = self.curve
         k = np.searchsorted(curve.knots, x)
         t, c = x - curve.starts[k], curve.pieces[k]
         return np.asarray(
@@ -94,7 +94,7 @@ class Ground:
         """Where the ground is steepest [m], and by how much: |dy/dx|."""
         if self.slope is not None:
             return 0.0, abs(math.tan(math.radians(self.slope)))
-        curve = self._curve
+        curve = self.curve
         knots, inner = curve.knots, curve.pieces[1:-1]
         # the slope is largest at a knot or where a piece has no curvature
         with np.errstate(all="ignore"):
@@ -115,7 +115,7 @@ class Ground:
         """
         if self.slope is not None:
             return 0.0, 0.0
-        knots = self._curve.knots  # it is straight between them
+        knots = self.curve.knots  # it is straight between them
         bends = way * self._derivative(knots, 2)
         worst = int(np.argmax(bends))
         return float(knots[worst]), max(float(bends[worst]), 0.0)
@@ -149,7 +149,7 @@ class Ground:
             raise ValueError(refused)
         rows, deep = _rows(gaps), _rows(thick)
         rise, tilt = np.empty(rows.shape), np.empty(deep.shape)
-        share_pieces(place_rows, len(deep), deep.shape[1], self._curve, rows, deep, rise, tilt)
+        share_pieces(kernels.lay_rows, len(deep), deep.shape[1], self.curve, rows, deep, rise, tilt)
         return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
 
     def layout(
@@ -208,27 +208,30 @@ class Ground:
         else:
             told = row.spacing, row.thickness, row.rise, row.tilt, found.rise, found.tilt
             arrays = [_rows(array) for array in told]
-            written = [array.reshape(-1, array.shape[-1]) for array in (spacing, thickness)]
+            written = [np.atleast_2d(array) for array in (spacing, thickness)]
             count = arrays[1].shape[1]
-            share_pieces(follow_rows, len(arrays[1]), count, self._curve, *arrays, *written)
+            share_pieces(kernels.follow_rows, len(arrays[1]), count, self.curve, *arrays, *written)
         same = found.height, found.density, found.friction, found.gravity, found.push
         return Gradient(spacing, thickness, *same)
 
     @cached_property
-    def _curve(self) -> Curve:
-        from scipy.interpolate import CubicSpline
+    def curve(self) -> kernels.Curve:
+        """The ground as the kernels take it."""
+        if self.profile is None:
+            down = -math.tan(math.radians(self.slope or 0.0))
+            x, pieces = np.zeros(1), np.full((2, 4), [0.0, 0.0, down, 0.0])
+        else:
+            from scipy.interpolate import CubicSpline
 
-        assert self.profile is not None
-        x, y = np.array(self.profile).T
-        spline = CubicSpline(x, y, bc_type="natural")
-        slopes = spline(x[[0, -1]], 1)
-        ends = [[0.0, 0.0, slope, height] for slope, height in zip(slopes, y[[0, -1]], strict=True)]
-        pieces = np.concatenate([ends[:1], spline.c.T, ends[1:]])
+            x, y = np.array(self.profile).T
+            spline = CubicSpline(x, y, bc_type="natural")
+            ends = [[0.0, 0.0, float(spline(x[k], 1)), y[k]] for k in (0, -1)]
+            pieces = np.concatenate([ends[:1], spline.c.T, ends[1:]])
         starts = np.concatenate([x[:1], x])
-        return Curve(*(_rows(array, 0) for array in (x, starts, pieces)))
+        return kernels.Curve(*(_rows(array, 0) for array in (x, starts, pieces)))
 
     def _derivative(self, x: Floats, order: int) -> Floats:
-        curve = self._curve
+        curve = self.curve
         k = np.searchsorted(curve.knots, x)
         t, c = x - curve.starts[k], curve.pieces[k].T
         if order == 1:
@@ -242,7 +245,7 @@ class Ground:
 def _rows(array: ArrayLike, axes: int = 1) -> Floats:
     """A read-only view with an axis of rows, as the compiled functions take it."""
     array = np.ascontiguousarray(array, dtype=np.float64)
-    view = array.reshape(-1, array.shape[-1]) if axes else array.view()
+    view = np.atleast_2d(array).view() if axes else array.view()
     view.flags.writeable = False
     return view
 

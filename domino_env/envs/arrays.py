@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 LARGEST_RING = 1024  # dominoes remembered behind a front; the wave feels some thirty
 
 
-def new_batch(problems: Problems, number: int, *, falls: bool) -> kernels.Batch:
+def new_batch(problems: Problems, number: int, *, falls: bool) -> kernels.Batch | kernels.HillBatch:
     """Allocate the arrays of B rows.
 
     Parameters
@@ -33,7 +33,8 @@ def new_batch(problems: Problems, number: int, *, falls: bool) -> kernels.Batch:
     kinds, stock = _kinds_to_choose(scene)
     drawn = problems.distribution
     unlike = scene.growth is not None or (drawn is not None and "height" in drawn.features)
-    return kernels.Batch(
+    hills = falls and scene.ground is not None
+    batch = kernels.Batch(
         rules=np.zeros(1 if drawn is None else number, kernels.RULES),
         features=np.zeros((number, problems.features.shape[1]), np.float32),
         closeness=closeness(longest),
@@ -42,7 +43,10 @@ def new_batch(problems: Problems, number: int, *, falls: bool) -> kernels.Batch:
         stock=stock,
         left=np.tile(stock, (number, 1)),
         errors=np.zeros((number if scene.placement_deviation else 0, longest - 1)),
-        rings=np.zeros((number, _ring_size(longest) if falls else 0), kernels.LINK),
+        rings=np.zeros(
+            (number, _ring_size(longest) if falls else 0),
+            kernels.HILL_LINK if hills else kernels.LINK,
+        ),
         states=np.zeros(number if falls else 0, kernels.STATE),
         episodes=np.zeros(number if falls else 0, kernels.EPISODE),
         spacing=np.full((number, longest - 1), scene.spacing[0]),
@@ -51,10 +55,21 @@ def new_batch(problems: Problems, number: int, *, falls: bool) -> kernels.Batch:
         height=np.full((number if unlike else 1, longest), scene.height),
         density=np.full((1, longest), scene.density),
     )
+    if not hills:
+        return batch
+    assert scene.ground is not None
+    _, tilt = scene.ground.lay(np.empty(0), batch.thickness[0, :1])
+    return kernels.HillBatch(
+        *batch,
+        rise=np.zeros((number, longest - 1)),
+        tilt=np.full((number, longest), tilt[0]),
+        places=np.zeros((number, longest)),
+        curve=scene.ground.curve,
+    )
 
 
 def draw_errors(
-    batch: kernels.Batch,
+    batch: kernels.Batch | kernels.HillBatch,
     rows: NDArray[np.intp],
     scene_of: Callable[[int], Scene],
     generators: Generators,

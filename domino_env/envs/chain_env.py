@@ -71,6 +71,12 @@ class DominoChain(RowEnv):
     | 4       | exp(-k / c) for c = 1, 2, 4, 8: closeness to the start              | 0, 1      |
     | 4       | exp(-(N - 1 - k) / c) for the same c: closeness to the end          | 0, 1      |
     | F ^     | numbers of the scene that was drawn: -1 least, 1 largest            | -3, 3     |
+    | W ~     | slopes of the ground at the next W places, downhill, over the least | -1, 1     |
+    |         | that tips the thinnest domino                                       |           |
+    | W ~     | its rise there over the last pivot, in heights h                    | -50, 50   |
+
+    Entries marked ~ are there only where the ground is not flat. The next places lie ahead of the
+    last pivot, one mean pitch apart along x: the middles of the bounds of gap and thickness.
 
     ## Rewards
     Each step but the last pays (pitch - reference speed × time of the fall) / h: the lead gained

@@ -115,13 +115,14 @@ class Endings:
     def layout(self, i: int) -> Layout:
         """Return what was placed in episode i."""
         scene, placed = self.scenes[i], self.placed[i]
-        return Layout(
+        row = (
             self.spacing[i, :placed],
             self.thickness[i, : placed + 1],
             self.height[i % len(self.height), : placed + 1],
             scene.width,
             scene.density,
         )
+        return Layout(*row) if scene.ground is None else scene.ground.layout(*row)
 
     def wave(self, i: int) -> Wave:
         """Return the wave of episode i; its reach counts against the scene's N dominoes."""
@@ -199,6 +200,8 @@ def simulate_all(layouts: list[Layout], physics: Physics, rtol: float) -> list[W
             physics,
             height=np.stack([row.height for row in rows]),
             density=np.stack([row.density for row in rows]),
+            rise=np.stack([row.rise for row in rows]),
+            tilt=np.stack([row.tilt for row in rows]),
             rtol=rtol,
         )
         for b, i in enumerate(alike):

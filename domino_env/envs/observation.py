@@ -12,7 +12,7 @@ from domino_env.envs.problems import FEATURE_LIMIT, Problems, choices
 SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] over which the ends of the row make themselves felt
 
 
-def observation_space(batch: kernels.Batch, problems: Problems) -> Box:
+def observation_space(batch: kernels.Batch | kernels.HillBatch, problems: Problems) -> Box:
     """Bound each entry of an observation; the order is that of `kernels.observation`."""
     scene = problems.like
     low = [0.0, -kernels.LEAD_LIMIT, -1.0]
@@ -25,6 +25,9 @@ def observation_space(batch: kernels.Batch, problems: Problems) -> Box:
     features = problems.features.shape[1]
     low += [-1.0] * behind + [0.0] * ends + [-FEATURE_LIMIT] * features
     high += [1.0] * (behind + ends) + [FEATURE_LIMIT] * features
+    if scene.ground is not None:
+        ahead = np.repeat([1.0, kernels.RISE_LIMIT], problems.window)
+        low, high = [*low, *-ahead], [*high, *ahead]
     return Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
 

@@ -79,6 +79,7 @@ class Problems:
         count, drawn, features = self.like.count, 1, 0
         if isinstance(scene, SceneDistribution):
             _require_same_lists(scene)
+            _require_flat(scene)
             self._pool = pool_of(scene)
             drawn, features = len(self._pool), len(scene.features)
             count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
@@ -201,16 +202,20 @@ def _require_choice(scene: Scene) -> None:
             f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
             "or thickness a min and a max"
         )
-    if scene.ground is not None:
-        raise ValueError(
-            f"scene '{scene.name}' has ground that is not flat, which the environments do not know "
-            "yet: search such rows with `optimize`"
-        )
     if scene.length is not None and not replace(scene, limits=None).plain:
         raise ValueError(
             f"scene '{scene.name}' asks for a length and for lists, a stock or a largest change "
             "too: what remains reachable of these is not known domino by domino; leave one out, or "
             "search such rows with `optimize`"
+        )
+
+
+def _require_flat(distribution: SceneDistribution) -> None:
+    """Refuse ground: what is observed of it is of one scene."""
+    if distribution.first.ground is not None:
+        raise ValueError(
+            f"'{distribution.name}' has ground that is not flat: environments know ground of one "
+            "scene only, so leave [ground] out, or the ranges"
         )
 
 

@@ -43,17 +43,20 @@ class Painter:
 
     def frame(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.uint8] | str | None:
         """Draw an image (H, W, 3), a text, or None for a window, which shows it."""
-        layout = Layout(snapshot.spacing, snapshot.thickness, snapshot.height)
+        row = snapshot.spacing, snapshot.thickness, snapshot.height
+        layout = Layout(*row) if scene.ground is None else scene.ground.layout(*row)
         leader = max(snapshot.hit - 1, 0)
         leans = lean_behind(layout, np.array([leader]), np.zeros(1))[0]
         if self.mode == "ansi":
             return self._text(snapshot, layout, leader, leans)
         from domino_env.view.drawing import Scale, strip
+        from domino_env.view.ground import relief
 
         if self._scaled_to is not scene:
             length = scene.length or 1.1 * float(scene.uniform().layout.length)
-            tallest = float(scene.uniform().layout.height.max())
-            self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT)
+            uniform = scene.uniform().layout
+            tallest, hills = float(uniform.height.max()), relief(uniform)
+            self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, hills)
             self._scaled_to = scene
         ghost = snapshot.uniform_speed * snapshot.time if snapshot.uniform_speed > 0.0 else None
         image = np.asarray(

@@ -34,14 +34,15 @@ eqs. 1-3, 7-9, restated for unequal dominoes.
 from domino_env.kernels import hills
 from domino_env.kernels.adjoint.chain import pull, pull_rows
 from domino_env.kernels.adjoint.slots import WHOLE
-from domino_env.kernels.batch import EPISODE, RULES, RUNNING, Batch
+from domino_env.kernels.batch import EPISODE, RULES, RUNNING, Batch, HillBatch
 from domino_env.kernels.chain import compose_row, solve_rows
 from domino_env.kernels.choice import gap_range, thickness_range
 from domino_env.kernels.endless import period_falls
 from domino_env.kernels.episode import place_rows, reset_rows, step_rows
 from domino_env.kernels.forces import LOADS, diagnose_chain
+from domino_env.kernels.hills.placing import follow_rows, lay_rows
 from domino_env.kernels.motion import watch_chain
-from domino_env.kernels.observation import FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT
+from domino_env.kernels.observation import FRONT_LIMIT, LEAD_LIMIT, RISE_LIMIT, SPEED_LIMIT
 from domino_env.kernels.slots import (
     ARRIVAL,
     EVENT,
@@ -57,6 +58,7 @@ from domino_env.kernels.slots import (
     STALLED,
     STATE,
     SUMMARY,
+    Curve,
     HillRow,
     Row,
     Summary,
@@ -77,6 +79,7 @@ __all__ = [
     "OUT_OF_REACH",
     "PROPAGATED",
     "RING_ROWS",
+    "RISE_LIMIT",
     "RULES",
     "RUNNING",
     "SNAPSHOT",
@@ -86,13 +89,17 @@ __all__ = [
     "SUMMARY",
     "WHOLE",
     "Batch",
+    "Curve",
+    "HillBatch",
     "HillRow",
     "Row",
     "Summary",
     "compose_row",
     "diagnose_chain",
+    "follow_rows",
     "gap_range",
     "hills",
+    "lay_rows",
     "period_falls",
     "place_rows",
     "pull",

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.kernels.jit import inlined
-from domino_env.kernels.slots import Row, record_type
+from domino_env.kernels.jit import inlined, varies
+from domino_env.kernels.slots import Curve, Row, record_type
 
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
 
@@ -66,12 +66,37 @@ class Batch(NamedTuple):
     density: NDArray[np.float64]  # (1, N) [kg/m³]; N is the count of the longest row
 
 
+class HillBatch(NamedTuple):
+    """The same over hills: what the rows stand on, and where."""
+
+    rules: NDArray[np.record]
+    features: NDArray[np.float32]
+    closeness: NDArray[np.float32]
+    gap_values: NDArray[np.float64]
+    kinds: NDArray[np.float64]
+    stock: NDArray[np.float64]
+    left: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    rings: NDArray[np.record]  # (B, …) HILL_LINK
+    states: NDArray[np.record]
+    episodes: NDArray[np.record]
+    spacing: NDArray[np.float64]
+    thickness: NDArray[np.float64]
+    height: NDArray[np.float64]
+    density: NDArray[np.float64]
+    rise: NDArray[np.float64]  # (B, N-1) [m]
+    tilt: NDArray[np.float64]  # (B, N) [rad]
+    places: NDArray[np.float64]  # (B, N) x of the pivots [m]
+    curve: Curve
+
+
 @inlined
 def rules_of(batch, b):
     """The rules of row b."""
     return batch.rules[b if len(batch.rules) > 1 else 0]
 
 
+@varies
 @inlined
 def row_built(batch, b):
     """Row b, as long as its scene has it."""

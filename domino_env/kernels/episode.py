@@ -7,7 +7,7 @@ from domino_env.kernels.chain import prepare
 from domino_env.kernels.choice import choose, nearest_left, put_down
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import open_chain
-from domino_env.kernels.jit import borrowed, door, inlined, keep, part
+from domino_env.kernels.jit import borrowed, door, inlined, keep, part, varies
 from domino_env.kernels.observation import observe
 from domino_env.kernels.slots import EVENT, LANES, OUT_OF_REACH, PROPAGATED
 from domino_env.kernels.uniform import is_uniform
@@ -31,13 +31,26 @@ def close_episode(rules, state, episode, n, outcome, row):
             episode.unsure = True
 
 
+@varies
+@inlined
+def pitch_of(row, n):
+    """From pivot n to the next [m]."""
+    return row.spacing[n] + row.thickness[n + 1]
+
+
+@varies
+@inlined
+def stand_next(batch, b, row, n):
+    """Stand domino n+1 behind gap n; on flat ground nothing else is to be said of it."""
+
+
 @inlined
 def place_next(rules, lanes, ring, state, episode, row, untaped):
     """Let the leader fall on the domino just written in the row; returns the lead gained over a
     wave at the reference speed, in heights."""
     mask, count = len(ring) - 1, len(row.thickness)
     first = episode.placed
-    pitch = row.spacing[first] + row.thickness[first + 1]
+    pitch = pitch_of(row, first)
     episode.placed = first + 1
     episode.way += pitch
     lead = 0.0
@@ -59,6 +72,7 @@ def place_next(rules, lanes, ring, state, episode, row, untaped):
     return lead
 
 
+@varies
 @inlined
 def lend(batch):
     """The same batch without reference counts."""
@@ -102,6 +116,7 @@ def reset_rows(first, last, batch, chosen, given, observations):
         for i in range(given[b]):
             if len(batch.kinds) > 0:
                 left[nearest_left(batch.kinds, left, row.thickness[i + 1])] -= 1.0
+            stand_next(batch, b, row, i)
             lead = place_next(rules, lanes, ring, state, episode, row, untaped)
             episode.paid += lead * rules.pays
             if episode.phase == OVER:
@@ -129,6 +144,7 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
         row = row_built(lent, b)
         choose(actions[b], rules, lent, lent.left[b], episode.placed, episode.way, row)
         put_down(rules, lent.errors, b, episode.placed, row.spacing)
+        stand_next(lent, b, row, episode.placed)
         lead = place_next(rules, lanes, lent.rings[b], state, episode, row, untaped)
         if episode.phase == OVER:
             ended[b] = True

@@ -3,10 +3,11 @@
 import math
 
 from domino_env.kernels.batch import OVER, rules_of
-from domino_env.kernels.jit import inlined
+from domino_env.kernels.jit import inlined, varies
 from domino_env.kernels.slots import PROPAGATED
 
 FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut off there
+RISE_LIMIT = 50.0
 LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
 
 
@@ -50,11 +51,17 @@ def observe_course(rules, way, pairs, observation, at):
     return at + 2
 
 
+@varies
+@inlined
+def observe_ground(batch, b, observation, at):
+    """What lies ahead; on flat ground nothing."""
+
+
 @inlined
 def observe(batch, b, row, observation):
     """Write what is observed of row b."""
     rules, state, episode = rules_of(batch, b), batch.states[b], batch.episodes[b]
-    spacing, thickness, height, _ = row
+    spacing, thickness, height = row.spacing, row.thickness, row.height
     placed, window = episode.placed, rules.window
     there = min(window, placed)
     at = observe_front(rules, state, episode, observation)
@@ -94,3 +101,4 @@ def observe(batch, b, row, observation):
         at += batch.closeness.shape[1]
     for j in range(batch.features.shape[1]):
         observation[at + j] = batch.features[b, j]
+    observe_ground(batch, b, observation, at + batch.features.shape[1])

@@ -204,6 +204,17 @@ class Row(NamedTuple):
     density: NDArray[np.float64]
 
 
+class Curve(NamedTuple):
+    """A piecewise cubic that goes on straight beyond its ends: piece k ends at knot k.
+
+    Piece k is Σ_j c_kj (x - start_k)^(3-j).
+    """
+
+    knots: NDArray[np.float64]  # (K,)
+    starts: NDArray[np.float64]  # (K+1,)
+    pieces: NDArray[np.float64]  # (K+1, 4)
+
+
 class HillRow(NamedTuple):
     """The same over hills [rad]: next pivot over this one, and the slope under each domino."""
 

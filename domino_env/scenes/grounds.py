@@ -17,6 +17,7 @@ def clash_with_ground(
     spacing: Bounds,
     length: float | None,
     grows: bool,
+    unsteady: bool,
 ) -> str | None:
     """Say why rows of a scene cannot stand on a ground, in a sentence; None where all can.
 
@@ -37,6 +38,8 @@ def clash_with_ground(
         From the first pivot to the last [m]; None where it is free.
     grows
         Whether heights are free.
+    unsteady
+        Whether gaps come out wrong while environments build.
     """
     thin, thick = thickness
     place, steepest = ground.steepest
@@ -50,14 +53,16 @@ def clash_with_ground(
         )
     if ground.is_even:
         return None
-    if length is not None or grows:
-        what = "row.length" if length is not None else "[growth]"
-        why = (
-            "the length of a row depends on where its gaps lie"
-            if length is not None
-            else "taller dominoes do not fit its bends"
-        )
-        return f"{what} stands beside ground.profile: on uneven ground {why}; leave one of them out"
+    for there, what, why in (
+        (length is not None, "row.length", "the length of a row depends on where its gaps lie"),
+        (grows, "[growth]", "taller dominoes do not fit its bends"),
+        (unsteady, "[placement]", "gaps may come out so narrow that dominoes lean on each other"),
+    ):
+        if there:
+            return (
+                f"{what} stands beside ground.profile: on uneven ground {why}; leave one of them "
+                "out"
+            )
     if refused := ground.bulge(thick):
         return refused
     return _bends_too_much(ground, height, thick, spacing)

@@ -111,6 +111,7 @@ class Specification:
             spacing=(heights * self.spacing[0], heights * self.spacing[1]),
             length=self.length,
             grows=self.growth is not None,
+            unsteady=self.placement_deviation > 0.0,
         )
         if refused is not None:
             raise ValueError(f"scene '{self.name}': {refused}")

@@ -9,9 +9,11 @@ constants, a rise e and a turn β (see `slots`).
     fall     the angle of a hit, and what it does
     rows     rows of a batch, and those that are uniform
     forces   forces and what the ground bears
+    placing  dominoes placed along a curved ground
+    episode  the environments' step
     back     all of it backwards
 """
 
-from domino_env.kernels.hills import back, contact, fall, forces, links, rows
+from domino_env.kernels.hills import back, contact, episode, fall, forces, links, placing, rows
 
-__all__ = ["back", "contact", "fall", "forces", "links", "rows"]
+__all__ = ["back", "contact", "episode", "fall", "forces", "links", "placing", "rows"]

@@ -6,35 +6,18 @@ perpendicular to it, and its own pivot, the front edge, d further. Both edges on
 equations for α and q, solved by Newton's method. q is 0 on an even slope.
 """
 
-from __future__ import annotations
-
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from domino_env.support.compiled import compiled
-
-Floats = NDArray[np.float64]
+from domino_env.kernels.jit import door, inlined, part
 
 MOST_STEPS = 40  # of Newton's method; some four are used
 CLOSE = 1e-9  # [rad] a last step so small leaves its square
 
 
-class Curve(NamedTuple):
-    """A piecewise cubic that goes on straight beyond its ends: piece k ends at knot k.
-
-    Piece k is Σ_j c_kj (x - start_k)^(3-j).
-    """
-
-    knots: Floats  # (K,)
-    starts: Floats  # (K+1,)
-    pieces: Floats  # (K+1, 4)
-
-
-@compiled
-def piece_at(curve: Curve, x: float, k: int) -> int:
+@part
+def piece_at(curve, x, k):
     """The piece that x lies on, looked for from piece k."""
     while k < len(curve.knots) and x > curve.knots[k]:
         k += 1
@@ -43,15 +26,15 @@ def piece_at(curve: Curve, x: float, k: int) -> int:
     return k
 
 
-@compiled
-def at(curve: Curve, x: float, k: int) -> tuple[float, float]:
+@inlined
+def at(curve, x, k):
     """Height and slope of piece k at x."""
     t, c = x - curve.starts[k], curve.pieces[k]
     return ((c[0] * t + c[1]) * t + c[2]) * t + c[3], (3.0 * c[0] * t + 2.0 * c[1]) * t + c[2]
 
 
-@compiled
-def first_tilt(curve: Curve, thickness: float) -> float:
+@part
+def first_tilt(curve, thickness):
     """α of the domino whose pivot is at x = 0; nan where it finds no place."""
     k = piece_at(curve, 0.0, 0)
     height, slope = at(curve, 0.0, k)
@@ -64,14 +47,12 @@ def first_tilt(curve: Curve, thickness: float) -> float:
         change = (y - ground) / turned
         tilt += change
         if abs(change) <= CLOSE:
-            return float(tilt)
+            return tilt
     return math.nan
 
 
-@compiled
-def next_place(
-    curve: Curve, x: float, k: int, gap: float, thickness: float, tilt: float
-) -> tuple[float, float]:
+@part
+def next_place(curve, x, k, gap, thickness, tilt):
     """α and q of the next domino after the pivot at x on piece k; nan where it finds no place.
 
     tilt: where to begin, that of the domino before.
@@ -100,11 +81,8 @@ def next_place(
     return math.nan, math.nan
 
 
-@compiled
-def place_rows(
-    first: int, last: int, curve: Curve, spacing: Floats, thickness: Floats, rise: Floats,
-    tilt: Floats,
-) -> None:  # fmt: skip
+@door
+def lay_rows(first, last, curve, spacing, thickness, rise, tilt):
     """Write rise and tilt of rows first … last-1."""
     for b in range(first, last):
         x, k = 0.0, piece_at(curve, 0.0, 0)
@@ -118,11 +96,10 @@ def place_rows(
             rise[b, i], tilt[b, i + 1] = up * c - (gap + d) * s, turn
 
 
-@compiled
+@door
 def follow_rows(
-    first: int, last: int, curve: Curve, spacing: Floats, thickness: Floats, rise: Floats,
-    tilt: Floats, by_rise: Floats, by_tilt: Floats, by_spacing: Floats, by_thickness: Floats,
-) -> None:  # fmt: skip
+    first, last, curve, spacing, thickness, rise, tilt, by_rise, by_tilt, by_spacing, by_thickness
+):
     """Add to the slopes by gaps and thicknesses what they do through rise and tilt, backwards."""
     pairs = spacing.shape[1]
     places = np.empty(pairs + 1)

@@ -18,7 +18,7 @@ from domino_env import DominoChain, DominoLayout
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.stock import Stock
 
-SCENES = [name for name in de.scene_names() if de.load_scene(name).ground is None]
+SCENES = de.scene_names()
 BOTH = ("DominoChain-v0", "DominoLayout-v0")
 
 
@@ -190,7 +190,7 @@ def test_the_reference_speed_moves_rewards_and_not_their_sum():
 # what is seen ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["sprint", "sprint-thickness", "course", "gentle"])
+@pytest.mark.parametrize("name", ["sprint", "sprint-thickness", "course", "gentle", "hills"])
 def test_observations_are_what_the_page_says(name):
     window, scene = 3, short(name, 9)
     env = DominoChain(scene, window=window)
@@ -227,6 +227,11 @@ def test_observations_are_what_the_page_says(name):
             expected += [k / (count - 1)]
             expected += [np.exp(-k / c) for c in (1, 2, 4, 8)]
             expected += [np.exp(-(count - 1 - k) / c) for c in (1, 2, 4, 8)]
+            if scene.ground is not None:
+                here = layout.pivots[k, 0]
+                ahead = here + np.arange(1, 1 + window) * (0.025 + 0.0075)
+                up = scene.ground.height([ahead - 1e-5, ahead + 1e-5, ahead, 0.0 * ahead + here])
+                expected += [*((up[0] - up[1]) / 2e-5 * h / 0.0075), *((up[2] - up[3]) / h)]
             np.testing.assert_allclose(seen, expected, rtol=2e-6, atol=3e-6)
 
 
@@ -310,13 +315,16 @@ def test_actions_stand_for_what_the_page_says():
 # beginning ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["sprint-thickness", "course"])
+@pytest.mark.parametrize("name", ["sprint-thickness", "course", "hills"])
 def test_an_episode_goes_on_from_a_row_that_stands(name):
     env = DominoChain(name)
     actions, observations, rewards, info = play(env, at_random(env, np.random.default_rng(8)))
     whole = info["layout"]
     for given in (1, 2, 17, len(actions) - 1):
-        start = de.Layout(whole.spacing[:given], whole.thickness[: given + 1])
+        start = de.Layout(
+            whole.spacing[:given], whole.thickness[: given + 1],
+            rise=whole.rise[:given], tilt=whole.tilt[: given + 1],
+        )  # fmt: skip
         rest = iter(actions[given:])
         _, seen, paid, told = play(env, lambda k, rest=rest: next(rest), options={"layout": start})
         np.testing.assert_array_equal(seen, observations[given:])

@@ -16,6 +16,7 @@ from domino_env.chain.motion import Motion
 from domino_env.scenes.stock import Stock
 
 H = 0.048
+HILLS = de.Ground(profile=[[-0.05, 0.0], [0.03, 0.001], [0.11, 0.0], [0.2, 0.0015]])
 
 
 def over_hills(gaps, thickness):
@@ -126,6 +127,9 @@ def results():
         np.stack([random, 0.0 * random + 0.003]), 0.0075, de.Physics(), gradient=True
     )
     found["batch: gradient"] = [float(x) for x in batch.gradient.spacing.ravel()]
+    gaps = np.stack([0.01 + 0.5 * random[:5], 0.02 - 0.3 * random[:5]])
+    slopes = scenes()["hills"].score_batch_gradient(gaps, 0.0 * gaps + 0.0075)
+    found["hills: gradient"] = np.concatenate(slopes[1:3]).ravel().tolist()
     found |= {f"environment: {name}": episodes(scene) for name, scene in scenes().items()}
     return found
 
@@ -140,6 +144,7 @@ def scenes():
         "course": replace(gentle, length=0.1, spacing=(0.008, 0.02)),
         "box": replace(gentle, stock=box, thickness=(0.005, 0.01), largest_change=0.004,
                        spacing_values=(0.002, 0.008, 0.011, 0.0135, 0.0175)),
+        "hills": replace(gentle, ground=HILLS),
         "growing": replace(de.load_scene("magnify"), count=6, in_heights=True),
     }  # fmt: skip
 
@@ -159,7 +164,8 @@ def episodes(scene):
     found = [whole.step(rng.uniform(-1.0, 1.0, whole.action_space.shape))[1]]
     start = None
     if not scene.in_heights:
-        start = de.Layout([0.0175 if scene.spacing_values else scene.spacing[1] * 0.8], 0.0075)
+        row = [0.0175 if scene.spacing_values else scene.spacing[1] * 0.8], 0.0075
+        start = de.Layout(*row) if scene.ground is None else scene.ground.layout(*row)
     env.reset(options={"layout": [start, None]})
     for _ in range(14):
         seen, rewards, ended, *_ = env.step(rng.uniform(-1.5, 1.5, env.action_space.shape))

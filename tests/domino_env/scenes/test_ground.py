@@ -162,6 +162,8 @@ def test_ground_that_is_refused(ground):
 def test_what_does_not_go_with_hills():
     with pytest.raises(ValueError, match=r"row\.length stands beside ground\.profile"):
         replace(FREE, length=0.2)
+    with pytest.raises(ValueError, match="gaps may come out so narrow"):
+        replace(FREE, placement_deviation=0.001)
     assert replace(FREE, length=0.2, ground=de.Ground(slope=2.0)).length == 0.2
     with pytest.raises(ValueError, match="too wide for the hollow"):
         replace(FREE, spacing=(0.008, 0.0479))
