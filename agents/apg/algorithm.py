@@ -71,10 +71,13 @@ class APG(OnPolicyAlgorithm):
         scenes = set(env.rows.scenes)
         for scene in scenes:
             require_smooth(scene)
-        known = progress_entries() + features_of(env)
+        last = self.observation_space.shape[0] - ground_of(env)  # type: ignore[index]
+        first = last - progress_entries() - features_of(env)
         start = np.mean([uniform_action(scene) for scene in scenes], axis=0)
         with torch.no_grad():
-            self._actor.mlp_extractor.policy_net[0].weight[:, :-known] = 0.0
+            weight = self._actor.mlp_extractor.policy_net[0].weight
+            weight[:, :first] = 0.0
+            weight[:, last:] = 0.0
             self._actor.action_net.bias.copy_(torch.from_numpy(start))
 
     @property
@@ -136,9 +139,15 @@ def uniform_action(scene: Scene) -> list[float]:
 
 
 def features_of(env: Any) -> int:
-    """Count the entries, the last of an observation, that tell which scene was drawn."""
+    """Count the entries, behind those of progress, that tell which scene was drawn."""
     drawn = env.rows.distribution
     return 0 if drawn is None else len(drawn.features)
+
+
+def ground_of(env: Any) -> int:
+    """Count the entries, the last of an observation, that tell of the ground ahead."""
+    problems = env.rows._episodes.problems
+    return 0 if problems.like.ground is None else 2 * int(problems.window)
 
 
 def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
@@ -147,13 +156,14 @@ def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
     That is (R, P, O) for P pairs of the longest row, or (1, P, O) where all rows have one scene.
     """
     size, features = env.observation_space.shape[0], features_of(env)
+    last = size - ground_of(env)
     drawn = env.reset() if features else np.zeros((1, size), np.float32)
     scenes = list(env.rows.scenes)
     seen = np.zeros((len(drawn), max(scene.count for scene in scenes) - 1, size), np.float32)
     for row, scene, observed in zip(seen, scenes, drawn, strict=False):
         progress = progress_of_row(scene.count)
-        row[: len(progress), size - features - progress.shape[1] : size - features] = progress
-        row[:, size - features :] = observed[size - features :]
+        row[: len(progress), last - features - progress.shape[1] : last - features] = progress
+        row[:, last - features : last] = observed[last - features : last]
     return scenes, torch.from_numpy(seen)
 
 

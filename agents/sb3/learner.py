@@ -11,7 +11,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.apg.algorithm import APG, features_of
+from agents.apg.algorithm import APG, features_of, ground_of
 from agents.base.arrays import read_weights
 from agents.base.building import Policy
 from agents.sb3.actor import acting, actor_of
@@ -68,7 +68,11 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     )  # fmt: skip
     if algorithm in OF_ROWS:
         policy: Any = model.policy
-        policy.end, policy.pull, policy.features = plan.end, plan.pull, features_of(env)
+        policy.end, policy.pull, policy.features = (
+            plan.end,
+            plan.pull,
+            features_of(env) + ground_of(env),
+        )
     return model
 
 

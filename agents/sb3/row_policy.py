@@ -33,7 +33,7 @@ class RowPolicy(ActorCriticPolicy):
     pull
         This times half the mean squared excess of the means over [-1, 1] is added to the loss.
     features
-        Entries at the end of an observation that tell which scene was drawn.
+        Entries at the end of an observation that tell of the scene: drawn, or the ground ahead.
     """
 
     deviation, end, pull, features = 1.0, 1.0, 0.0, 0
