@@ -5,7 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 POLICIES = Path(__file__).parents[1] / "policies"
-FAMILY = "family"  # the scene-conditioned one
+DESIGNER = "designer"  # the scene-conditioned one
+
+
+OLD_NAMES = {"family": DESIGNER}
 
 
 def shipped() -> list[str]:

@@ -1,8 +1,8 @@
 """What an agent builds, beside the best uniform row and the best row known.
 
-RUN is the folder of a training, the name of a policy that ships (sprint, family), or a scripted
+RUN is the folder of a training, the name of a policy that ships (sprint, designer), or a scripted
 policy: uniform, greedy, ramp.  A .zip archive of stable-baselines3 runs code when it is loaded and
-asks for --trust.  `family` designs a row for a new --scene in milliseconds; with --scenes it is
+asks for --trust.  `designer` designs a row for a new --scene in milliseconds; with --scenes it is
 evaluated on many that it has never seen.
 """
 
@@ -24,21 +24,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "agent",
         metavar="RUN",
-        help="a training's folder; sprint or family, which ship; uniform, greedy or ramp",
+        help="a training's folder; sprint or designer, which ship; uniform, greedy or ramp",
     )
     parser.add_argument("--scene", help="another scene than it was trained on")
     parser.add_argument("--trust", action="store_true", help="load an archive that may run code")
     parser.add_argument("--layout", metavar="FILE", help="write the row, .csv or .json")
     many = parser.add_argument_group("a scene-conditioned policy, in many scenes")
-    many.add_argument("--scenes", type=int, metavar="N", help="evaluate it on N random scenes")
-    many.add_argument("--seed", type=int, default=1, help="that these are drawn with (1)")
-    many.add_argument("--search", type=int, metavar="E", help="search each too, E evaluations")
+    many.add_argument("--scenes", type=int, metavar="N", help="evaluate it on N scenes")
+    many.add_argument(
+        "--of",
+        metavar="NAME",
+        default="varied",
+        help="what they are drawn from: varied (default), varied-thickness, varied-course, a file",
+    )
+    many.add_argument("--seed", type=int, help="draws them; else the first N of the test set")
+    many.add_argument(
+        "--search",
+        type=int,
+        metavar="E",
+        help="search each too, E evaluations (of the test set: known for 2500)",
+    )
     many.add_argument("--csv", metavar="FILE", help="write a line for each scene")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Build, and say what came of it."""
-    from agents.conditioned.observations import TRAINED_ON
+    from agents.conditioned.features import outside
     from agents.conditioned.policy import ConditionedPolicy
     from agents.evaluation.one_scene import load_policy
     from agents.single.scripted import ScriptedPolicy
@@ -58,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = None if name is None else load_scene(name)
     built = policy.build(scene)
     if conditioned:
-        for difference in TRAINED_ON.outside(built.scene):
+        for difference in outside(built.scene):
             print(f"beyond what it was trained on: {difference}")
     print(sentence(built))
     if arguments.layout:
@@ -72,13 +83,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _evaluate_scenes(policy: ConditionedPolicy, arguments: argparse.Namespace) -> int:
     """Its rows in many random scenes, as a table."""
-    from agents.evaluation.many_scenes import evaluate_scenes
+    from agents.evaluation.many_scenes import evaluate_scenes, scenes_of
+    from agents.evaluation.searched import searched_scores
 
+    name, number, seed = arguments.of, arguments.scenes, arguments.seed
     found = evaluate_scenes(
-        arguments.scenes,
-        arguments.seed,
+        scenes_of(name, number, seed),
         policy,
         evaluations=arguments.search,
+        searched=searched_scores(name, number) if seed is None else None,
         progress=None,
     )
     print(found.table())

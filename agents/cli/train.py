@@ -1,7 +1,7 @@
 """Train an agent that builds rows for a scene, and write down what it learned.
 
-SCENE `family` trains one policy over random scenes, in a way of its own, whose batches are its
-steps.
+SCENE `designer` trains the policy of `agents.design` over random scenes, in a way of its own, whose
+batches are its steps.
 
 Needs the extra "rl". Ctrl-C ends the training with the best policy so far; --resume goes on.
 """
@@ -12,6 +12,8 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from agents.base.shipped import DESIGNER, OLD_NAMES
+
 if TYPE_CHECKING:
     from agents.base.training import TrainingRun
 
@@ -20,7 +22,7 @@ SUMMARY = "train an agent that builds rows (APG, PPO, ARS)"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino train`."""
-    parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file; family")
+    parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file; designer")
     parser.add_argument("--algorithm", default="ppo", help="ppo (default), apg, ars")
     parser.add_argument("--steps", type=int, help="dominoes to place in all")
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
@@ -28,17 +30,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--warm-start",
         metavar="ROW",
-        help="begin as a clone of a row: a layout's file, a run's folder, auto, best-known (PPO)",
+        help="begin as a clone of a row: a layout's file, a run's folder, auto, best-known (PPO); "
+        "designer: with the weights of another, a run's folder or designer, which ships",
     )
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint there")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Train, and say what came of it."""
-    done = _conditioned(arguments) if arguments.scene == "family" else _single(arguments)
+    conditioned = arguments.scene == DESIGNER or arguments.scene in OLD_NAMES
+    done = _conditioned(arguments) if conditioned else _single(arguments)
     print(
         f"{'interrupted after ' if done.interrupted else ''}{done.steps:,} "
-        f"{'steps' if arguments.scene == 'family' else 'dominoes placed'} in {done.seconds:.0f} s, "
+        f"{'steps' if conditioned else 'dominoes placed'} in {done.seconds:.0f} s, "
         f"written to {done.folder}"
     )
     return 0
@@ -67,20 +71,22 @@ def _single(arguments: argparse.Namespace) -> TrainingRun:
 
 def _conditioned(arguments: argparse.Namespace) -> TrainingRun:
     """One policy for many scenes."""
-    from agents.conditioned.preset import ConditionedPreset
+    from agents.conditioned.preset import FURTHER, ConditionedPreset
     from agents.conditioned.training import train_conditioned
+    from agents.evaluation.one_scene import folder_of
 
-    if arguments.algorithm != "ppo" or arguments.warm_start is not None:
-        raise ValueError("family is trained in its own way: leave out --algorithm and --warm-start")
-    preset = ConditionedPreset()
+    if arguments.algorithm != "ppo":
+        raise ValueError("designer is trained in its own way: leave out --algorithm")
+    preset = ConditionedPreset() if arguments.warm_start is None else FURTHER
     if arguments.steps is not None:
         if arguments.steps < 0:
             raise ValueError(f"steps = {arguments.steps}: give 0 or more batches")
         preset = replace(preset, batches=arguments.steps)
     done = train_conditioned(
-        arguments.out or "runs/family",
+        arguments.out or "runs/designer",
         arguments.seed,
         preset,
+        start=None if arguments.warm_start is None else folder_of(arguments.warm_start),
         resume=arguments.resume,
         progress=None,
     )

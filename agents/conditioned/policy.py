@@ -21,16 +21,18 @@ from agents.base.arrays import read_arrays
 from agents.base.building import Built
 from agents.base.network import Network, Single, network_of, require_network, unfit
 from agents.base.run_files import POLICY
-from agents.base.shipped import FAMILY, POLICIES
-from agents.conditioned.distribution import FEATURES, features_of, require_kind
+from agents.base.shipped import DESIGNER, POLICIES
+from agents.conditioned.features import features_of, outside, require_kind
+from agents.conditioned.laying import laid
 from agents.conditioned.observations import (
     PLANS,
+    SCENE,
     SIZE,
-    TRAINED_ON,
     observations,
     plans_of,
     scaled,
 )
+from agents.conditioned.polishing import polished, steps_of
 from domino_env import Layout, Scene, Wave
 from domino_env.support.brief import brief
 from domino_env.view.shown import MadeForScene
@@ -38,7 +40,9 @@ from optimize.searching.compiling import compile_for
 
 Floats = NDArray[np.float64]
 
-ALGORITHM = "family"  # what config.json of its training says
+TRIES = PLANS  # that are simulated
+AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of a row's shape where more than gaps is asked for
+ALGORITHM = "designer"  # what config.json of its training says
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,22 +96,22 @@ class ConditionedPolicy:
 
     __repr__ = brief
 
-    def gaps(self, scene: Scene, plans: Floats) -> Floats:
-        """Give the gaps (K, N-1) [m] that K plans lead to."""
-        pairs = scene.count - 1
-        observed = observations(features_of(scene), plans)
-        wanted = _outputs(self.row, observed).reshape(len(plans), pairs)
-        tight = np.arange(pairs) >= pairs - plans[:, None]
-        gaps = np.where(tight, scene.spacing[0], scene.height * np.exp(np.minimum(wanted, 1.0)))
-        return np.clip(gaps, *scene.spacing)
+    def rows(self, scene: Scene, plans: Floats) -> tuple[Floats, Floats]:
+        """Give the gaps and thicknesses (K, N-1) [m] that K plans lead to."""
+        return laid(scene, self._said(scene, plans), plans)
+
+    def _said(self, scene: Scene, plans: Floats) -> Floats:
+        """What the network says of each domino under each plan, (K, N-1, 2)."""
+        said = _outputs(self.row, observations(features_of(scene), plans))
+        return said.reshape(len(plans), scene.count - 1, 2)
 
     def ranked(self, scene: Scene) -> NDArray[np.intp]:
         """Rank the plans for a scene, the preferred one first."""
         values = _outputs(self.plan, scaled(features_of(scene))[None])[0]
         return np.argsort(-values[: plans_of(scene.count)], kind="stable")
 
-    def design(self, scene: Scene, tries: int = PLANS) -> Design:
-        """Design a row: one for each of the plans it prefers, simulated together; the best is kept.
+    def propose(self, scene: Scene, tries: int = TRIES) -> tuple[Layout, int]:
+        """Give the best row of the plans that it prefers, simulated together, and its plan.
 
         Parameters
         ----------
@@ -115,26 +119,52 @@ class ConditionedPolicy:
             What it is designed for.
         tries
             Plans; 1 for the preferred one, untried.
+        """
+        plans = self.ranked(scene)[:tries].astype(np.float64)
+        said = self._said(scene, plans)
+        gaps, thickness = laid(scene, said, plans)
+        best = 0
+        if len(plans) > 1:
+            best = int(np.argmax(scene.score_batch(gaps, thickness)))
+        plan = plans[best]
+        if len(plans) > 1 and (scene.free_thickness or scene.length is not None):
+            rows = np.repeat(said[best : best + 1], len(AMPLITUDES), axis=0)
+            mean = rows[..., 0].mean(axis=1, keepdims=True)
+            rows[..., 0] = mean + np.array(AMPLITUDES)[:, None] * (rows[..., 0] - mean)
+            gaps, thickness = laid(scene, rows, np.full(len(rows), plan))
+            best = int(np.argmax(scene.score_batch(gaps, thickness)))
+        free = thickness[best] if scene.free_thickness else None
+        return scene.layout(gaps[best], free), int(plan)
+
+    def design(self, scene: Scene, tries: int = TRIES, steps: int | None = None) -> Design:
+        """Design a row: the best of the plans it prefers, polished by exact-gradient steps.
+
+        Parameters
+        ----------
+        scene
+            What it is designed for.
+        tries
+            Plans; 1 for the preferred one, untried.
+        steps
+            Evaluations with gradient; 0 for the networks' own row, None for as many as take some
+            milliseconds, see `steps_of`.
 
         Raises
         ------
         ValueError
-            For a scene that asks for something else than fast rows of equal dominoes.
+            For a scene that asks for something else than fast rows.
         """
-        if tries < 1:
-            raise ValueError(f"tries = {tries}: give 1 or more")
+        if tries < 1 or (steps is not None and steps < 0):
+            raise ValueError(f"tries = {tries}, steps = {steps}: give 1 or more, and 0 or more")
         require_kind(scene)
         _threads()  # what it looks up once is no part of a design's time
         began = time.perf_counter()
-        plans = self.ranked(scene)[:tries].astype(np.float64)
-        gaps = self.gaps(scene, plans)
-        best = 0 if len(plans) == 1 else int(np.argmax(scene.score_batch(gaps, None)))
-        layout = scene.layout(gaps[best])
+        layout, plan = self.propose(scene, tries)
+        layout = polished(scene, layout, steps_of(scene.count) if steps is None else steps)
         wave = scene.simulate(layout)
         score = scene.score_wave(wave)
         seconds = time.perf_counter() - began
-        outside = TRAINED_ON.outside(scene)
-        return Design(scene, layout, wave, score, int(plans[best]), seconds, outside)
+        return Design(scene, layout, wave, score, plan, seconds, outside(scene))
 
     def build(self, scene: Scene | None) -> Built:
         """Design a row, beside the best uniform one.
@@ -167,7 +197,7 @@ class ConditionedPolicy:
             row, plan = (network_of(arrays, _layers(arrays, name)) for name in ("row", "plan"))
             if 2 * (len(row.layers) + len(plan.layers)) != len(arrays):
                 raise ValueError("arrays of other names")
-            return cls(require_network(row, SIZE, 1), require_network(plan, len(FEATURES), PLANS))
+            return cls(require_network(row, SIZE, 2), require_network(plan, SCENE, PLANS))
         except (ValueError, KeyError) as error:
             raise unfit(path, error) from None
 
@@ -200,4 +230,4 @@ def _threads() -> ThreadpoolController:
 @lru_cache(maxsize=1)
 def shipped_policy() -> ConditionedPolicy:
     """Load the policy that comes with the package."""
-    return ConditionedPolicy.load(POLICIES / FAMILY)
+    return ConditionedPolicy.load(POLICIES / DESIGNER)

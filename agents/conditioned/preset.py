@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-EXAMPLES_SEED = 100  # that the scenes of the examples are drawn with, whatever the policy's seed
 LIMITS = (
     ("width", 1, 1024), ("depth", 0, 8), ("examples", 0, 10**6), ("evaluations", 1, 10**9),
     ("passes", 0, 10**6), ("together", 1, 10**4), ("batches", 0, 10**8), ("scenes", 1, 10**4),
@@ -62,3 +61,7 @@ class ConditionedPreset:
             value = getattr(self, name)
             if not (isinstance(value, int | float) and 0.0 < value <= 1.0):
                 raise ValueError(f"{name} = {value!r}: give a number above 0, at most 1")
+
+
+FURTHER = ConditionedPreset(examples=0, batches=300, rate=2e-4, last_rate=1e-5)
+"""Of a training that begins with weights that are good already."""

@@ -1,10 +1,11 @@
 """Training of a scene-conditioned policy: imitation of searched rows, then exact gradients.
 
-What the folder holds: `agents.base.run_files`, and examples.npz, the rows that search found.
+What the folder holds: `agents.base.run_files`, and examples.sqlite, the rows that search found.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,11 +26,12 @@ from agents.base.run_files import (
     sole_writer,
 )
 from agents.base.training import Training, TrainingRun
-from agents.conditioned.distribution import SceneDistribution
-from agents.conditioned.examples import Examples, make_examples
+from agents.conditioned.features import features_of
 from agents.conditioned.observations import plans_of
 from agents.conditioned.policy import ALGORITHM, ConditionedPolicy
-from agents.conditioned.preset import EXAMPLES_SEED, ConditionedPreset
+from agents.conditioned.preset import ConditionedPreset
+from agents.conditioned.scenes import DISTRIBUTIONS, Pools
+from agents.dataset.rows import search_rows
 from domino_env import Scene
 from domino_env.support.brief import brief
 from domino_env.support.files import require_none, write_bytes
@@ -40,17 +42,18 @@ if TYPE_CHECKING:
     from agents.conditioned.learner import Learner
 
 Floats = NDArray[np.float64]
+Example = tuple[Floats, Floats, Floats]
 
 SCENES = 64  # that the learning curve is taken on
-ORDER, BATCH, EVALUATION = 1, 2, 3  # what random numbers are for, beside the seed
+ORDER, BATCH = 1, 2  # what random numbers are for, beside the seed
 
 
 class ConditionedConfigDocument(Document):
     """What a training was begun with: config.json."""
 
     seed: Seed
-    preset: ConditionedPreset = field(name="teaching")
-    distribution: SceneDistribution = field(name="family")
+    preset: ConditionedPreset
+    distributions: tuple[str, ...] = field(name="scenes")
 
 
 class ConditionedProgressDocument(ProgressDocument, kw_only=True):
@@ -85,12 +88,13 @@ class ConditionedRun(TrainingRun):
 
 
 def train_conditioned(
-    folder: str | Path = "runs/family",
+    folder: str | Path = "runs/designer",
     seed: int = 0,
     preset: ConditionedPreset | None = None,
-    distribution: SceneDistribution | None = None,
+    distributions: Sequence[str] = DISTRIBUTIONS,
     *,
     examples: str | Path | None = None,
+    start: str | Path | None = None,
     resume: bool = False,
     progress: bool | None = False,
 ) -> ConditionedRun:
@@ -107,13 +111,15 @@ def train_conditioned(
         The same seed on the same machine gives the same weights.
     preset
         Hyperparameters; None for those of the policy that ships.
-    distribution
-        What scenes are drawn from; None for that of the policy that ships.
+    distributions
+        Names or files of what scenes are drawn from; the default is that of the policy that ships.
     examples
-        A file of examples, which do not depend on the seed: made before for the same distribution
+        A store of examples, which do not depend on the seed: made before for the same distributions
         and number, or to be made; None for one in the folder.
+    start
+        Folder of a policy to begin with; None for fresh networks.
     resume
-        Go on from the checkpoint in the folder, with its seed, preset and distribution.
+        Go on from the checkpoint in the folder, with its seed, preset and distributions.
     progress
         Whether to show progress bars; None: on a terminal, elsewhere a line now and then.
 
@@ -134,14 +140,14 @@ def train_conditioned(
     require_learning()
     home = Path(folder)
     if resume:
-        seed, preset, distribution = _as_begun(home)
+        seed, preset, distributions = _as_begun(home)
     else:
         require_none(home, FILES)
-    kept = Path(examples) if examples is not None else home / "examples.npz"
+    kept = Path(examples) if examples is not None else home / "examples.sqlite"
+    policy = None if start is None else ConditionedPolicy.load(Path(start))
     training = ConditionedTraining(
-        preset or ConditionedPreset(), distribution or SceneDistribution(), seed, home, kept,
-        progress,
-    )  # fmt: skip
+        preset or ConditionedPreset(), tuple(distributions), seed, home, kept, policy, progress
+    )
     with sole_writer(home):
         return training.result(training.run(resume))
 
@@ -151,7 +157,7 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
 
     Parameters
     ----------
-    preset, distribution, seed, folder, examples, progress
+    preset, distributions, seed, folder, examples, start, progress
         As of `train_conditioned`.
     """
 
@@ -161,21 +167,22 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
     def __init__(
         self,
         preset: ConditionedPreset,
-        distribution: SceneDistribution,
+        distributions: tuple[str, ...],
         seed: int,
         folder: Path,
         examples: Path,
+        start: ConditionedPolicy | None = None,
         progress: bool | None = False,
     ) -> None:
         from agents.conditioned.learner import Learner
 
-        self.preset, self.distribution, self.examples = preset, distribution, examples
+        self.preset, self.distributions, self.examples = preset, distributions, examples
         self.passes = preset.passes if preset.examples else 0
         super().__init__(folder, seed, self.passes + preset.batches, " steps", progress)
-        self.learner: Learner = Learner(preset, seed)
+        self.learner: Learner = Learner(preset, seed, start)
         self.done = 0
-        rng = np.random.default_rng([seed, EVALUATION])
-        self.scenes = [distribution.sample(rng) for _ in range(SCENES)]
+        self.pools = Pools(distributions)
+        self.scenes = [self.pools[len(self.pools) - 1 - i] for i in range(SCENES)]
 
     @property
     def steps(self) -> int:
@@ -186,15 +193,7 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
 
     def learn(self) -> None:
         """Imitate the examples, then climb on fresh scenes."""
-        pairs: list[tuple[Floats, Floats]] = []
-        if self.done < self.passes:
-            preset = self.preset
-            pairs = _pairs(
-                make_examples(
-                    self.distribution, preset.examples, EXAMPLES_SEED, preset.evaluations,
-                    self.examples, not self.bar.disable,
-                )
-            )  # fmt: skip
+        pairs = self._examples() if self.done < self.passes else []
         while self.done < self.total:
             self.between_updates()
             if self.done < self.passes:
@@ -203,7 +202,21 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
                 self._climb(self.done - self.passes)
             self.done += 1
 
-    def _imitate(self, pairs: list[tuple[Floats, Floats]]) -> None:
+    def _examples(self) -> list[Example]:
+        """Features, gaps and thicknesses over h, of rows that search found and that run."""
+        preset = self.preset
+        scenes = [self.pools[i] for i in range(preset.examples)]
+        found = search_rows(
+            scenes, preset.evaluations, 0, self.examples,
+            {"distributions": list(self.distributions)}, progress=not self.bar.disable,
+        )  # fmt: skip
+        return [
+            (features_of(scene), row.spacing / scene.height, row.thickness[1:] / scene.height)
+            for scene, row in zip(scenes, found, strict=True)
+            if row.score > 0.0
+        ]
+
+    def _imitate(self, pairs: list[Example]) -> None:
         """One pass over the examples."""
         size = self.preset.together
         order = np.random.default_rng([self.seed, ORDER, self.done]).permutation(len(pairs))
@@ -212,9 +225,10 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
             self.learner.imitate([pairs[j] for j in order[i : i + size]], part)
 
     def _climb(self, batch: int) -> None:
-        """One batch of fresh scenes."""
+        """One batch of scenes, any of the pools but those of the learning curve."""
         rng = np.random.default_rng([self.seed, BATCH, batch])
-        scenes = [self.distribution.sample(rng) for _ in range(self.preset.scenes)]
+        chosen = rng.integers(len(self.pools) - SCENES, size=self.preset.scenes)
+        scenes = [self.pools[int(i)] for i in chosen]
         self.learner.climb(scenes, rng, batch / self.preset.batches)
 
     # evaluating -----------------------------------------------------------------------------------
@@ -244,8 +258,8 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
         return {
             "algorithm": ALGORITHM,
             "seed": self.seed,
-            "teaching": asdict(self.preset),
-            "family": asdict(self.distribution),
+            "preset": asdict(self.preset),
+            "scenes": list(self.distributions),
         }
 
     def state(self, progress: dict[str, Any]) -> dict[str, Any]:
@@ -277,22 +291,16 @@ class ConditionedTraining(Training[ConditionedProgressDocument]):
 def _gains(policy: ConditionedPolicy, scene: Scene) -> tuple[float, float]:
     """Over the best uniform row: of the best plan, and of the one that is preferred."""
     plans = np.arange(plans_of(scene.count), dtype=np.float64)
-    scores = scene.score_batch(policy.gaps(scene, plans), None)
+    scores = scene.score_batch(*policy.rows(scene, plans))
     baseline = scene.uniform().score
     preferred = scores[policy.ranked(scene)[0]]
     return float(scores.max() / baseline - 1.0), float(preferred / baseline - 1.0)
 
 
-def _pairs(examples: Examples) -> list[tuple[Floats, Floats]]:
-    """Features and gaps over h, of the rows that beat the uniform one or equal it."""
-    good = np.flatnonzero(examples.score > 0.0)
-    return [(examples.scenes[i], examples.gaps[i, : int(examples.scenes[i, 2]) - 1]) for i in good]
-
-
-def _as_begun(folder: Path) -> tuple[int, ConditionedPreset, SceneDistribution]:
+def _as_begun(folder: Path) -> tuple[int, ConditionedPreset, tuple[str, ...]]:
     """What a training in this folder was begun with."""
     require_begun(folder)
     path = folder / CONFIG
     with naming(path):
         begun = model_of(ConditionedConfigDocument, read_json(path))
-    return begun.seed, begun.preset, begun.distribution
+    return begun.seed, begun.preset, begun.distributions

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.conditioned.distribution import FEATURES, SceneDistribution, features_of
-from agents.conditioned.examples import Examples
-from agents.conditioned.observations import PLANS
+from agents.conditioned.features import FEATURES, features_of
 from agents.conditioned.policy import ConditionedPolicy, shipped_policy
-from agents.conditioned.preset import EXAMPLES_SEED
+from domino_env import Scene
+from domino_env.scenes.distribution import load_distribution
+from domino_env.scenes.pool import load_test_set
 from domino_env.support.progress import progress_bar
 from domino_env.support.tables import markdown_table, write_csv
 from optimize.searching.compiling import compile_for
@@ -30,34 +32,34 @@ class ScenesEvaluation:
     Attributes
     ----------
     scenes
-        (S, 6) features.
+        The scenes.
     uniform
         (S,) score of the best uniform row.
-    tried, untried
-        (S,) score of the design, with its plans simulated and without.
-    seconds, seconds_untried
-        (S,) time that each design took.
+    designed, proposed
+        (S,) score of the design, and of what the networks proposed for it.
+    seconds, seconds_proposed
+        (S,) processor time that each took.
     searched
-        (S,) score of what search found; None where it was not asked.
+        (S,) score of what search found, nan where none was done; None where none was at all.
     """
 
-    scenes: Floats
+    scenes: Sequence[Scene]
     uniform: Floats
-    tried: Floats
-    untried: Floats
+    designed: Floats
+    proposed: Floats
     seconds: Floats
-    seconds_untried: Floats
+    seconds_proposed: Floats
     searched: Floats | None = None
 
     def table(self) -> str:
         """Make a table in Markdown, a line for each way to design."""
         names = (
             "row", "beats the best uniform one", "gain: median", "tenth percentile", "worst",
-            "part of the search's gain: median", "time: median", "longest",
+            "part of the search's gain: median", "tenth percentile", "time: median", "longest",
         )  # fmt: skip
         rows = [
-            self._row("best of the plans", self.tried, self.seconds),
-            self._row("plan untried", self.untried, self.seconds_untried),
+            self._row("design", self.designed, self.seconds),
+            self._row("its proposal", self.proposed, self.seconds_proposed),
         ]
         if self.searched is not None:
             rows.append(self._row("search", self.searched, None))
@@ -65,106 +67,127 @@ class ScenesEvaluation:
 
     def _row(self, name: str, scores: Floats, seconds: Floats | None) -> tuple[str, ...]:
         gain = self.gains(scores)
+        gain = gain[np.isfinite(gain)]
         died = int(np.sum(scores <= 0.0))
         worst = f"{died} died" if died else f"{gain.min():+.2%}"
         times = ("", "") if seconds is None else (
             f"{1e3 * np.median(seconds):.1f} ms", f"{1e3 * seconds.max():.1f} ms"
         )  # fmt: skip
-        share = "" if self.searched is None else f"{self.share(scores):.1%}"
+        shares = ("", "") if self.searched is None else (
+            f"{self.share(scores):.1%}", f"{self.share(scores, 0.1):.1%}"
+        )  # fmt: skip
         return (
-            name, f"{self.beaten(scores):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
-            f"{np.quantile(gain, 0.1):+.2%}", worst, share, *times,
+            name, f"{np.mean(gain > ROUNDING):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
+            f"{np.quantile(gain, 0.1):+.2%}", worst, *shares, *times,
         )  # fmt: skip
 
     def gains(self, scores: Floats) -> Floats:
         """Compute gains over the best uniform rows; below -1 where a wave died."""
         return scores / self.uniform - 1.0
 
-    def beaten(self, scores: Floats) -> float:
-        """Compute the part of the scenes in which the best uniform row is beaten."""
-        return float(np.mean(scores > self.uniform * (1.0 + ROUNDING)))
-
-    def share(self, scores: Floats) -> float:
-        """Compute the median part of what search gains over uniform, where it gains anything."""
+    def share(self, scores: Floats, quantile: float = 0.5) -> float:
+        """Compute a quantile of the part of search's gain, where search gains anything."""
         assert self.searched is not None
         found = self.gains(self.searched)
-        some = found > NOTHING
-        return float(np.median(self.gains(scores)[some] / found[some]))
+        some = found > NOTHING  # and so no nan
+        return float(np.quantile(self.gains(scores)[some] / found[some], quantile))
+
+    def missed(self, scores: Floats) -> int:
+        """Count the scenes in which search beats the best uniform row and these rows do not."""
+        assert self.searched is not None
+        bar = self.uniform * (1.0 + ROUNDING)
+        return int(np.sum((self.searched > bar) & ~(scores > bar)))
 
     def save(self, path: Path) -> None:
         """Write a line for each scene, CSV."""
         columns = [
-            *self.scenes.T, self.uniform, self.tried, self.untried, self.seconds,
-            self.seconds_untried,
+            *np.array([features_of(scene) for scene in self.scenes]).T, self.uniform,
+            self.designed, self.proposed, self.seconds, self.seconds_proposed,
         ]  # fmt: skip
         names = [name.replace(" ", "_") for name in FEATURES]
-        names += ["uniform", "tried", "untried", "seconds", "seconds_untried"]
+        names += ["uniform", "designed", "proposed", "seconds", "seconds_proposed"]
         if self.searched is not None:
             columns, names = [*columns, self.searched], [*names, "searched"]
         write_csv(path, names, ([f"{x:.10g}" for x in row] for row in np.array(columns).T))
 
 
-def evaluate_scenes(
-    number: int = 200,
-    seed: int = 1,
-    policy: ConditionedPolicy | None = None,
-    *,
-    distribution: SceneDistribution | None = None,
-    evaluations: int | None = None,
-    examples: Examples | None = None,
-    progress: bool | None = False,
-) -> ScenesEvaluation:
-    """Design rows for scenes that are drawn with a seed, and compare.
+def scenes_of(name: str | Path, number: int, seed: int | None = None) -> list[Scene]:
+    """Give scenes to evaluate in: of a test set that ships, or drawn with a seed.
 
     Parameters
     ----------
+    name
+        Of a distribution that ships, or the path of one's file.
     number
-        Of scenes.
+        How many; of a test set at most 200, its first.
     seed
-        That draws them.
+        That draws them; None for the test set.
+
+    Raises
+    ------
+    ValueError
+        For numbers that make no sense, and as of `load_distribution` and `load_test_set`.
+    """
+    if number < 1 or (seed is not None and seed < 0):
+        raise ValueError(f"{number} scenes, seed {seed}: give 1 or more, and 0 or more")
+    if seed is not None:
+        rng, distribution = np.random.default_rng(seed), load_distribution(name)
+        return [distribution.sample(rng) for _ in range(number)]
+    known = load_test_set(str(name))
+    if number > len(known):
+        raise ValueError(f"the test set of {name} has {len(known)} scenes: give a seed for more")
+    return known[:number]
+
+
+def evaluate_scenes(
+    scenes: Sequence[Scene],
+    policy: ConditionedPolicy | None = None,
+    *,
+    evaluations: int | None = None,
+    seed: int = 0,
+    searched: Floats | None = None,
+    progress: bool | None = False,
+) -> ScenesEvaluation:
+    """Design rows for scenes, and compare.
+
+    Parameters
+    ----------
+    scenes
+        One or more.
     policy
         What designs; None for the one that ships.
-    distribution
-        What they are drawn from; None for that of the one that ships.
     evaluations
         Budget of a search in each scene, to compare with; None for no search.
-    examples
-        Of these very scenes, instead of searching.
+    seed
+        Of the searches.
+    searched
+        (S,) scores of searches that were done before.
     progress
         Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
 
     Raises
     ------
     ValueError
-        For no scenes, the seed of the examples, and examples of other scenes.
+        For no scenes.
     """
     from optimize import search
 
-    if number < 1 or seed < 0:
-        raise ValueError(f"{number} scenes, seed {seed}: give 1 or more, and 0 or more")
-    if seed == EXAMPLES_SEED:
-        raise ValueError(f"seed {seed} drew the examples of the training: choose another")
-    rng = np.random.default_rng(seed)
-    chosen = distribution or SceneDistribution()
-    scenes = [chosen.sample(rng) for _ in range(number)]
-    features = np.array([features_of(scene) for scene in scenes])
-    if examples is not None and not np.array_equal(examples.scenes, features):
-        raise ValueError("the examples are of other scenes")
+    if not scenes:
+        raise ValueError("no scenes to evaluate in: give 1 or more")
     designing = policy or shipped_policy()
     compile_for(scenes[0])
-    found = np.full((6, number), np.nan)  # in the order of `ScenesEvaluation`, search last
+    designing.design(scenes[0])  # what is loaded once is no part of a design's time
+    found = np.full((6, len(scenes)), np.nan)  # in the order of `ScenesEvaluation`, search last
     for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):
-        best, plain = (designing.design(scene, n) for n in (PLANS, 1))
-        found[1:5, i] = best.score, plain.score, best.seconds, plain.seconds
-        if examples is not None:
-            found[[0, 5], i] = examples.uniform[i], examples.score[i]
-        elif evaluations is not None:
-            result = search(scene, budget=evaluations, seed=seed, progress=False)
-            found[[0, 5], i] = result.uniform.score, result.score
-        else:
-            found[0, i] = scene.uniform().score
-    compared = evaluations is not None or examples is not None
-    uniform, tried, untried, seconds, seconds_untried, searched = found
+        for at, steps in ((1, None), (2, 0)):
+            began = time.process_time()
+            found[at, i] = designing.design(scene, steps=steps).score
+            found[at + 2, i] = time.process_time() - began
+        if evaluations is not None:
+            found[5, i] = search(scene, budget=evaluations, seed=seed, progress=False).score
+        found[0, i] = scene.uniform().score
+    uniform, designed, proposed, seconds, seconds_proposed, fresh = found
     return ScenesEvaluation(
-        features, uniform, tried, untried, seconds, seconds_untried, searched if compared else None
-    )
+        scenes, uniform, designed, proposed, seconds, seconds_proposed,
+        searched if evaluations is None else fresh,
+    )  # fmt: skip

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from agents.base.building import Built
 from agents.base.run_files import algorithm_of
-from agents.base.shipped import FAMILY, POLICIES, shipped
+from agents.base.shipped import DESIGNER, OLD_NAMES, POLICIES, shipped
 from agents.conditioned.policy import ALGORITHM, ConditionedPolicy
 from agents.single.policy import ScenePolicy
 from agents.single.scripted import SCRIPTED, ScriptedPolicy
@@ -21,7 +21,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     Parameters
     ----------
     run
-        The folder that a training wrote; the name of a policy that ships: "family", which was
+        The folder that a training wrote; the name of a policy that ships: "designer", which was
         trained on many scenes, or one of `agents.base.shipped.shipped`; "uniform", "greedy" or
         "ramp", which are scripted; or, with `trust`, an archive of stable-baselines3 (.zip).
     scene
@@ -77,4 +77,7 @@ def load_policy(
 def folder_of(run: str | Path) -> Path:
     """Find the folder of a run, or of a policy that ships where there is no such folder."""
     path = Path(run)
-    return POLICIES / path if not path.exists() and str(run) in (*shipped(), FAMILY) else path
+    if path.exists():
+        return path
+    name = OLD_NAMES.get(str(run), str(run))
+    return POLICIES / name if name in (*shipped(), DESIGNER) else path

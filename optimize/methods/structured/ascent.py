@@ -46,6 +46,9 @@ class Ascent:
         (n,) design to begin at; what lies outside the box is clipped.
     project
         Maps designs (B, n) to the nearest that keep the rules; None where the box is the only rule.
+    curvature
+        (n,) positive guess of the inverse curvature of the score by each variable, which the first
+        step goes by; None for a short step up the slope.
 
     Attributes
     ----------
@@ -63,6 +66,7 @@ class Ascent:
         self,
         start: Floats,
         project: Callable[[Floats], Floats] | None = None,
+        curvature: Floats | None = None,
     ) -> None:
         self._project = project
         self.wanted = self._feasible(start)
@@ -71,7 +75,8 @@ class Ascent:
         self.told = 0
         self.done = False
         self._history: deque[float] = deque(maxlen=LOOK + 1)
-        self._curvature = _Dense(len(start)) if len(start) <= DENSE else _Limited()
+        self._guess = curvature
+        self._curvature = _Dense(len(start), curvature) if len(start) <= DENSE else _Limited()
         self._answers = self._climb()
         next(self._answers)
 
@@ -123,6 +128,8 @@ class Ascent:
             if way @ slope > 1e-10 * np.linalg.norm(way) * np.linalg.norm(slope):
                 return way
             self._curvature.forget()
+        if self._guess is not None:
+            return slope * self._guess
         return slope * (LARGEST / 3.0 / float(np.abs(slope).max()))
 
     def _search(
@@ -241,12 +248,13 @@ def climb(budget: Budget, arms: Sequence[Ascent | Refined], gradients: int) -> N
 class _Dense:
     """Inverse curvature as a matrix (BFGS)."""
 
-    def __init__(self, n: int) -> None:
-        self._inverse = np.eye(n)
+    def __init__(self, n: int, guess: Floats | None) -> None:
+        self._first = np.eye(n) if guess is None else np.diag(guess)
+        self._inverse, self._guessed = self._first, guess is not None
         self.fresh = True
 
     def forget(self) -> None:
-        self._inverse = np.eye(len(self._inverse))
+        self._inverse = self._first
         self.fresh = True
 
     def times(self, slope: Floats, free: NDArray[np.bool_]) -> Floats | None:
@@ -261,7 +269,7 @@ class _Dense:
         if product <= 1e-12 * np.linalg.norm(s) * np.linalg.norm(y):
             return
         if self.fresh:
-            self._inverse *= product / float(y @ y)
+            self._inverse = self._inverse * (1.0 if self._guessed else product / float(y @ y))
             self.fresh = False
         hy = self._inverse @ y
         self._inverse += (1.0 + y @ hy / product) / product * np.outer(s, s)
