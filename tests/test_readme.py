@@ -59,7 +59,7 @@ CHEAPER = {
         "--seeds 1 --seconds 0.05",
     "domino sweep sprint --set physics.friction=0:0.5:11 --workers 4":
         "--workers 1 --evaluations 1",
-    "domino train sprint --algorithm ppo": "--out runs/anew",
+    "domino train sprint --algorithm apg": "--out runs/anew",
     "domino render runs/sprint/layout.csv --scene sprint --slow 4 --gif runs/race.gif": "--rate 2",
     "domino verify runs/sprint/layout.csv": "--no-engine --floor 0.5",
     "domino accuracy": "--quick --budget 0.01 --scene sprint",
@@ -70,9 +70,7 @@ TOO_LONG = {"domino accuracy --stability", "domino accuracy --savings"}  # minut
 
 def small_preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
     """One that learns for a second."""
-    plan = preset(algorithm, episode, warm=warm)
-    options = {**plan.options, "n_steps": episode, "batch_size": 2 * episode, "n_epochs": 1}
-    return replace(plan, rows=2, steps=4 * episode, options=options)
+    return replace(preset(algorithm, episode, warm=warm), rows=2, steps=4 * episode)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +81,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.chdir(folder)
         patch.setattr("agents.single.training.preset", small_preset)
         assert run("domino optimize sprint --evaluations 50") == 0
-        assert run("domino train sprint --algorithm ppo") == 0
+        assert run("domino train sprint --algorithm apg") == 0
     shutil.copy(ROOT / "domino_env" / "scenes" / "shipped" / "gentle.toml", folder / "my-row.toml")
     shutil.copy(folder / "runs" / "sprint" / "layout.csv", folder / "LAYOUT.csv")
     row = de.simulate(de.Layout.uniform(60, pitch=0.024), de.Physics(push=8.0))
