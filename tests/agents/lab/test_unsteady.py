@@ -14,7 +14,7 @@ BEST = SCENE.uniform().layout.spacing
 
 
 def test_a_steady_hand_builds_what_was_planned():
-    found = ways(replace(SCENE, placement_deviation=1e-12), BEST, rows=2)
+    found = ways(replace(SCENE, placement_deviation=1e-12), BEST, rows=2, hands=2)
     assert found.nominal == pytest.approx(SCENE.score(SCENE.layout(BEST)), rel=1e-6)
     assert found.closed_loop == pytest.approx(found.open_loop, rel=2e-3)  # it climbs a little on
 
@@ -29,6 +29,6 @@ def test_gaps_are_placed_by_hand_one_after_the_other_and_kept_from_touching():
 
 def test_looking_is_worth_something_but_less_than_knowing_all():
     best = Builder(SCENE).planned(BEST, np.zeros((1, 7)), np.empty(0), 100)
-    found = ways(SCENE, best, rows=6)
+    found = ways(SCENE, best, rows=6, hands=6)
     assert found.nominal.mean() < found.open_loop.mean() < found.hindsight.mean()
     assert found.closed_loop.mean() < found.hindsight.mean()
