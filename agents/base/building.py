@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env import DominoChain, Layout, Scene, UniformMark, Wave
+from domino_env import DominoChain, Layout, Scene, SceneDistribution, UniformMark, Wave
 from domino_env.scenes.baseline import gain
 from domino_env.view.shown import MadeForScene
 from optimize.searching.compiling import compile_for
@@ -59,7 +59,13 @@ class Built(MadeForScene):
         return f"Built({self.scene.name}: {self.scene.against_uniform(self.score, self.wave)})"
 
 
-def build(policy: Policy, scene: Scene, reference_speed: float | None = None) -> Built:
+def build(
+    policy: Policy,
+    scene: Scene,
+    reference_speed: float | None = None,
+    *,
+    drawn_from: SceneDistribution | None = None,
+) -> Built:
     """Let a policy build one row, domino by domino.
 
     A row that dies on the way is completed with what the policy would have placed last, so that it
@@ -73,24 +79,30 @@ def build(policy: Policy, scene: Scene, reference_speed: float | None = None) ->
         What is built.
     reference_speed
         Speed that single steps are rewarded against [m/s]; None for that of the best uniform row.
+    drawn_from
+        What the policy was trained on, where that was no single scene: then it observes which this
+        is.
     """
     uniform = scene.uniform()
     compile_for(scene, episodes=True)
-    env = DominoChain(scene, reference_speed=reference_speed)
+    env = DominoChain(drawn_from or scene, reference_speed=reference_speed)
     began = time.perf_counter()
-    layout = completed(_episode(env, policy, 0)["layout"], scene)
+    options = None if drawn_from is None else {"scene": scene}
+    layout = completed(_episode(env, policy, 0, options)["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     score = scene.score_wave(wave)
     if scene.placement_deviation:
-        others = [_episode(env, policy, seed)["score"] for seed in range(1, HANDS)]
+        others = [_episode(env, policy, seed, options)["score"] for seed in range(1, HANDS)]
         score, uniform = float(np.mean([score, *others])), _uniform_as_placed(scene)
     return Built(scene, layout, wave, score, uniform, seconds)
 
 
-def _episode(env: DominoChain, policy: Policy, seed: int) -> dict[str, Any]:
+def _episode(
+    env: DominoChain, policy: Policy, seed: int, options: dict[str, Any] | None
+) -> dict[str, Any]:
     """The last info of an episode."""
-    observation, _ = env.reset(seed=seed)
+    observation, _ = env.reset(seed=seed, options=options)
     terminated, info = False, dict[str, Any]()
     while not terminated:
         observation, _, terminated, _, info = env.step(policy(observation))

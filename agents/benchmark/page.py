@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from agents.benchmark.many import problem_of
 from agents.benchmark.picture import draw_curves, draw_reached
 from agents.benchmark.results import SECONDS, STEPS, Benchmark
 from agents.benchmark.statistics import Estimate
 from agents.sb3.presets import ALGORITHMS
+from domino_env import SceneDistribution
 from domino_env.support.files import write_text
 from domino_env.support.tables import markdown_table, write_csv
 from optimize.studies.task import TaskResult
@@ -103,8 +105,7 @@ def page(benchmark: Benchmark, command: str) -> str:
         result = next(r for r in benchmark.results if r.scene_name == scene)
         lines += [
             "", f"## {scene}", "",
-            f"Best uniform row {result.uniform_score:.5f}, best known "
-            f"{benchmark.best[scene]:.5f}.", "", *table(benchmark, scene),
+            _about(benchmark, result), "", *table(benchmark, scene),
         ]  # fmt: skip
     if benchmark.failures:
         lines += ["", "## Runs without a result", ""]
@@ -134,14 +135,34 @@ def table(benchmark: Benchmark, scene: str) -> list[str]:
     for name in _ordered(benchmark, scene):
         runs = benchmark.of(name, scene)
         scores = [r.score for r in runs]
-        found = benchmark.gain(name, scene)
+        found, ends = benchmark.gain(name, scene), (min(scores), max(scores))
         past = max(benchmark.seconds_past_uniform(r) for r in runs)
         rows.append((
-            f"`{name}`", len(runs), f"{min(scores):.5f}, {max(scores):.5f}",
+            f"`{name}`", len(runs), ", ".join(_score(runs[0], x) for x in ends),
             f"{float(found.value):.1%}", _interval(found),
             _seconds(past) if np.isfinite(past) else "not all", _time(runs),
         ))  # fmt: skip
     return list(markdown_table(names, rows))
+
+
+def _about(benchmark: Benchmark, result: TaskResult) -> str:
+    best = _score(result, benchmark.best[result.scene_name])
+    if not _many(result):
+        return f"Best uniform row {_score(result, result.uniform_score)}, best known {best}."
+    return (
+        "Every episode of a training is a new scene. A score is the median gain over the best "
+        f"uniform rows of the 200 scenes of the test set; the best of these results, {best}, "
+        "counts as best known. A search has each of these scenes to search, and its time is that "
+        "of all searches; the curve of a training is of other scenes than the test set's."
+    )
+
+
+def _many(result: TaskResult) -> bool:
+    return isinstance(problem_of(result.scene), SceneDistribution)
+
+
+def _score(result: TaskResult, score: float) -> str:
+    return f"{score:+.2%}" if _many(result) else f"{score:.5f}"
 
 
 def _cells(benchmark: Benchmark, name: str) -> tuple[object, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.benchmark.many import problem_of
 from agents.benchmark.statistics import (
     Estimate,
     interquartile_mean,
@@ -15,6 +16,7 @@ from agents.benchmark.statistics import (
     performance_profile,
 )
 from agents.sb3.presets import ALGORITHMS
+from domino_env import Scene, SceneDistribution
 from optimize.records.shipped import best_known
 from optimize.studies.running import Failure
 from optimize.studies.task import TaskResult, scene_of
@@ -93,7 +95,9 @@ class Benchmark:
         trace = np.array(result.trace, dtype=np.float64)
         times = trace[:, 2]
         if clock == STEPS:
-            placed = 1 if result.method in ALGORITHMS else scene_of(result.scene).count - 1
+            problem = problem_of(result.scene)
+            counted = result.method in ALGORITHMS or isinstance(problem, SceneDistribution)
+            placed = 1 if counted else scene_of(result.scene).count - 1
             times = trace[:, 0] * placed
         return times, self.share(result, trace[:, 3])
 
@@ -152,9 +156,10 @@ def best_scores(results: Sequence[TaskResult]) -> dict[str, float]:
     for result in results:
         name = result.scene_name
         if name not in best:
-            scene, known = scene_of(result.scene), records.get(name)
+            problem, known = problem_of(result.scene), records.get(name)
             # a scene of the same name may be another one: the record must be within its rules
-            fits = known is not None and not scene.violations(known.layout)
-            best[name] = scene.score(known.layout) if fits and known else -np.inf
+            best[name] = -np.inf
+            if isinstance(problem, Scene) and known and not problem.violations(known.layout):
+                best[name] = problem.score(known.layout)
         best[name] = max(best[name], result.score)
     return best

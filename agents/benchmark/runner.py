@@ -12,14 +12,15 @@ from agents.benchmark.results import Benchmark, best_scores
 from agents.benchmark.task import BenchmarkTask
 from agents.sb3.presets import ALGORITHMS
 from agents.single.scripted import SCRIPTED
-from domino_env.scenes.files.reading import load_scene
-from domino_env.scenes.scene import Scene
+from domino_env import Scene, SceneDistribution
+from domino_env.scenes.distribution import load_any
 from optimize import methods
 from optimize.studies.progress import TaskLines
 from optimize.studies.running import Failure, Keeper, run_tasks
 from optimize.studies.task import Task, TaskResult
 
-SCENES = ("sprint", "course", "sprint-thickness", "ideal")
+SCENES = ("sprint", "course", "sprint-thickness", "ideal", "varied")
+PROBLEMS = Scene | SceneDistribution
 RIVALS = ("ramp", "cma", "auto")  # what a learner has to be held against
 SEEDS = 10
 FEW = 5  # seeds of what takes longer than
@@ -27,7 +28,7 @@ SHORT = 120.0  # [s] of processor time a run, in the median
 
 
 def benchmark_tasks(
-    scenes: Sequence[Scene | str] = SCENES,
+    scenes: Sequence[Scene | SceneDistribution | str] = SCENES,
     algorithms: Sequence[str] = (*ALGORITHMS, *RIVALS),
     seeds: int = SEEDS,
     steps: int | None = None,
@@ -39,11 +40,11 @@ def benchmark_tasks(
     Parameters
     ----------
     scenes
-        Scenes, or their names.
+        Scenes, distributions of scenes that a test set ships with, or their names.
     algorithms
         Those that learn, scripted policies, and methods of a search.
     seeds
-        How many, from 0; a scripted policy has none and runs once.
+        How many, from 0; a scripted policy, and a search of drawn scenes, runs once.
     steps
         Dominoes that a training may place at most; None: its preset's.
     seconds
@@ -67,14 +68,22 @@ def benchmark_tasks(
     for name in algorithms:
         if name not in (*ALGORITHMS, *SCRIPTED):
             methods.load(name)
-    loaded = [scene if isinstance(scene, Scene) else load_scene(scene) for scene in scenes]
-    plain = [Task.of(scene, name, 0) for scene in loaded for name in algorithms]
+    loaded = [scene if isinstance(scene, PROBLEMS) else load_any(scene) for scene in scenes]
     return [
-        BenchmarkTask(one.scene, one.method, seed, None, seconds, (), steps, str(home))
+        BenchmarkTask(text, name, seed, None, seconds, labels, steps, str(home))
         for seed in range(seeds)
-        for one in plain
-        if seed == 0 or one.method not in SCRIPTED
+        for text, labels, many in map(_told, loaded)
+        for name in algorithms
+        # many scenes are many searches already
+        if seed == 0 or name in ALGORITHMS or not (many or name in SCRIPTED)
     ]
+
+
+def _told(problem: Scene | SceneDistribution) -> tuple[str, tuple[tuple[str, str], ...], bool]:
+    """Its text, what its tasks are called, and whether scenes are drawn."""
+    if isinstance(problem, Scene):
+        return Task.of(problem, "auto", 0).scene, (), False
+    return problem.to_toml(), (("scenes", problem.name),), True
 
 
 def run_benchmark(

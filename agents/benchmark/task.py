@@ -12,17 +12,26 @@ from dataclasses import dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
+
 from agents.base.building import Built
 from agents.base.run_files import CONFIG, PROGRESS, SUMMARY, is_finished
+from agents.base.training import TrainingRun
+from agents.benchmark.many import problem_of, scripted_in, searched_in
 from agents.evaluation.one_scene import evaluate
 from agents.sb3.presets import ALGORITHMS, Preset, preset
+from agents.single.drawn import episode_of, gains_of_run, train_drawn
 from agents.single.scripted import SCRIPTED
 from agents.single.training import train
+from domino_env import Scene, SceneDistribution
+from domino_env.scenes.pool import load_test_set
 from domino_env.support.provenance import versions
 from domino_env.support.reading import read_json
 from optimize.evaluation.budget import Budget, Step
 from optimize.searching.compiling import compile_for
-from optimize.studies.task import Task, TaskResult, scene_of
+from optimize.studies.task import Task, TaskResult
+
+EACH = 0.04  # of the time of a search: so much it has for each scene of a test set
 
 
 @dataclass(frozen=True)
@@ -31,7 +40,9 @@ class BenchmarkTask(Task):
 
     `method` is an algorithm of `domino train`, a scripted policy, or a method of a search;
     `seconds` limit a search alone.  All times of its result are processor time [s].  Where it
-    trains, `evaluations` of its result are dominoes placed, not rows.
+    trains, and where scenes are drawn, `evaluations` of its result are dominoes placed, not rows.
+    Where scenes are drawn its score is the median gain in the test set, the row is empty, and the
+    trace of a training is of scenes that are not in that set.
 
     Attributes
     ----------
@@ -52,7 +63,9 @@ class BenchmarkTask(Task):
     @property
     def plan(self) -> Preset:
         """Preset of a training, with its steps."""
-        plan = preset(self.method, scene_of(self.scene).count - 1)
+        problem = problem_of(self.scene)
+        steps = problem.count - 1 if isinstance(problem, Scene) else episode_of(problem)
+        plan = preset(self.method, steps)
         return plan if self.steps is None else replace(plan, steps=min(plan.steps, self.steps))
 
     @property
@@ -70,7 +83,7 @@ class BenchmarkTask(Task):
     @property
     def folder(self) -> Path:
         """Where a training is kept: another preset, another folder."""
-        name = scene_of(self.scene).name
+        name = problem_of(self.scene).name
         return Path(self.home) / f"{name}-{self.method}-{self.seed}-{self.key[:6]}"
 
     def run(
@@ -88,28 +101,71 @@ class BenchmarkTask(Task):
         KeyboardInterrupt
             Where it is ended by hand.
         """
-        compile_for(scene_of(self.scene), gradients=True, episodes=True)  # before any clock
+        problem = problem_of(self.scene)
+        if isinstance(problem, SceneDistribution):
+            return self._in_many(problem)
+        compile_for(problem, gradients=True, episodes=True)  # before any clock
         if self.trains:
-            return self._trained()
+            steps = self._train(train)
+            return self._result(evaluate(self.folder, problem), steps, curve(self.folder))
         if self.method in SCRIPTED:
             began = time.process_time()
-            built = evaluate(self.method, scene_of(self.scene))
+            built = evaluate(self.method, problem)
             return self._result(built, 1, [(1, 1, time.process_time() - began, built.score)])
         return self.searched(time.process_time, watch, progress)
 
-    def _trained(self) -> TaskResult:
-        scene, folder = scene_of(self.scene), self.folder
+    def _train(self, train: Callable[..., TrainingRun]) -> int:
+        """Train what is not trained yet, and give the dominoes that were placed."""
+        folder = self.folder
         if not is_finished(folder):
             begun = (folder / CONFIG).exists()
             if begun and self.method == "ars":  # keeps nothing to go on from, and takes seconds
                 shutil.rmtree(folder)
                 begun = False
             import_module("torch._dynamo")  # as the first optimiser would, on the clock
-            done = train(scene, self.method, None, self.seed, folder, resume=begun, plan=self.plan)
+            done = train(
+                problem_of(self.scene), self.method, None, self.seed, folder,
+                resume=begun, plan=self.plan,
+            )  # fmt: skip
             if done.interrupted:
                 raise KeyboardInterrupt
-        steps = int(read_json(folder / SUMMARY)["steps"])
-        return self._result(evaluate(folder, scene), steps, curve(folder))
+        return int(read_json(folder / SUMMARY)["steps"])
+
+    def _in_many(self, distribution: SceneDistribution) -> TaskResult:
+        """The same in scenes that are drawn, judged in the test set."""
+        tests = load_test_set(distribution.name)
+        compile_for(tests[0], gradients=True, episodes=True)
+        if self.trains:
+            self._train(train_drawn)
+            trace = curve(self.folder)
+            score = float(np.median(gains_of_run(self.folder, tests)))
+        elif self.method in SCRIPTED:
+            trace, score = scripted_in(self.method, tests)
+        else:
+            each = None if self.seconds is None else EACH * self.seconds
+            trace, score = searched_in(self.method, self.seed, each, tests)
+        none = np.empty(0)
+        return TaskResult(
+            key=self.key,
+            scene_name=distribution.name,
+            method=self.method,
+            seed=self.seed,
+            score=score,
+            uniform_score=0.0,
+            gain=score,
+            outcome="PROPAGATED",
+            mean_speed=0.0,
+            spacing=none,
+            thickness=none,
+            height=none,
+            evaluations=trace[-1][0],
+            falls=trace[-1][1],
+            seconds=trace[-1][2],
+            trace=trace,
+            labels=self.labels,
+            versions=versions(),
+            scene=self.scene,
+        )
 
     def _result(self, built: Built, evaluations: int, trace: list[Step]) -> TaskResult:
         return TaskResult(

@@ -5,7 +5,8 @@ Every run goes into the study store as it comes and a training keeps a folder of
 command runs what is missing, goes on with trainings that were stopped, and writes the page anew.
 Ctrl-C ends it with the page of what is complete.  Times are processor time.
 
-Scenes: sprint, course, sprint-thickness and ideal where none is named.
+Scenes: sprint, course, sprint-thickness, ideal and varied where none is named; in varied every
+episode is a new scene, and scores are of the scenes of its test set.
 """
 
 from __future__ import annotations

@@ -38,8 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Train, and say what came of it."""
+    from domino_env import SceneDistribution
+    from domino_env.scenes.distribution import load_any
+
     conditioned = arguments.scene == DESIGNER or arguments.scene in OLD_NAMES
-    done = _conditioned(arguments) if conditioned else _single(arguments)
+    if conditioned:
+        done = _conditioned(arguments)
+    elif isinstance(load_any(arguments.scene), SceneDistribution):
+        done = _drawn(arguments)
+    else:
+        done = _single(arguments)
     print(
         f"{'interrupted after ' if done.interrupted else ''}{done.steps:,} "
         f"{'steps' if conditioned else 'dominoes placed'} in {done.seconds:.0f} s, "
@@ -66,6 +74,25 @@ def _single(arguments: argparse.Namespace) -> TrainingRun:
     if done.clone_score is not None:
         print(f"the clone it began with: score {done.clone_score:.6f}")
     print(sentence(done.built))
+    return done
+
+
+def _drawn(arguments: argparse.Namespace) -> TrainingRun:
+    """A policy for scenes that are drawn."""
+    from agents.single.drawn import train_drawn
+
+    if arguments.warm_start is not None:
+        raise ValueError("a warm start is a row of one scene: leave it out where scenes are drawn")
+    done = train_drawn(
+        arguments.scene,
+        arguments.algorithm,
+        arguments.steps,
+        arguments.seed,
+        arguments.out,
+        resume=arguments.resume,
+        progress=None,
+    )
+    print(f"median gain over the best uniform rows of some scenes: {done.curve[-1][3]:+.2%}")
     return done
 
 

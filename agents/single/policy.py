@@ -15,13 +15,14 @@ from agents.base.run_files import CONFIG, POLICY
 from agents.base.shipped import shipped
 from agents.sb3.actor import acting, read_actor
 from agents.single.documents import SCENE, ConfigDocument, read_config, read_reference
-from domino_env import DominoChain, Scene, load_scene
+from domino_env import DominoChain, Scene, SceneDistribution
+from domino_env.scenes.distribution import load_any
 from domino_env.support.reading import naming
 
 
 @dataclass(frozen=True, eq=False)
 class ScenePolicy:
-    """A policy that builds in the environment, domino by domino, trained on one scene.
+    """A policy that builds in the environment, domino by domino, trained on one scene or many.
 
     Attributes
     ----------
@@ -32,7 +33,7 @@ class ScenePolicy:
     size
         Entries of an observation.
     scene
-        What it was trained on; None where nothing says so.
+        What it was trained on, or what that was drawn from; None where nothing says so.
     reference
         Speed that it is used to, over the best uniform row's.
     """
@@ -40,7 +41,7 @@ class ScenePolicy:
     source: Path
     policy: Policy
     size: int
-    scene: Scene | None
+    scene: Scene | SceneDistribution | None
     reference: float | None
 
     @classmethod
@@ -59,7 +60,7 @@ class ScenePolicy:
                 f"{folder} holds no policy: name the folder of a finished training, or one that "
                 f"ships: {', '.join(shipped())}"
             )
-        scene, begun = load_scene(folder / SCENE), read_config(folder)
+        scene, begun = load_any(folder / SCENE), read_config(folder)
         env = DominoChain(scene)
         assert env.observation_space.shape is not None
         assert env.action_space.shape is not None
@@ -68,7 +69,8 @@ class ScenePolicy:
             policy = acting(read_actor(folder / POLICY, inputs, outputs))
         else:
             policy = _learner_policy(folder, scene, begun)
-        return cls(folder, policy, inputs, scene, read_reference(folder))
+        speed = read_reference(folder) if isinstance(scene, Scene) else None
+        return cls(folder, policy, inputs, scene, speed)
 
     @classmethod
     def from_archive(cls, path: Path, trust: bool) -> ScenePolicy:
@@ -117,6 +119,11 @@ class ScenePolicy:
         target = scene or self.scene
         if target is None:
             raise ValueError(f"{self.source} does not say which scene it builds: name one")
+        if isinstance(self.scene, SceneDistribution):
+            if not isinstance(target, Scene):
+                raise ValueError(f"{self.source} was trained on many scenes: name one to build for")
+            return build(self._act, target, drawn_from=self.scene)
+        assert isinstance(target, Scene)
         shape = DominoChain(target).observation_space.shape
         if shape != (self.size,):
             raise ValueError(
@@ -140,7 +147,9 @@ class ScenePolicy:
             return action
 
 
-def _learner_policy(folder: Path, scene: Scene, begun: ConfigDocument) -> Policy:
+def _learner_policy(
+    folder: Path, scene: Scene | SceneDistribution, begun: ConfigDocument
+) -> Policy:
     """The policy of an algorithm whose networks are stable-baselines3's own."""
     require_learning()
     from agents.sb3.learner import learner, load_weights, policy_of

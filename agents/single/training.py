@@ -148,7 +148,6 @@ class SceneTraining(Training[SceneProgressDocument]):
         super().__init__(folder, seed, total, " dominoes", progress)
         self.scene, self.algorithm, self.plan = scene, algorithm, plan
         self.warm_start = warm_start
-        self.uniform_speed = scene.uniform().wave.mean_speed
         self.env = DominoVecEnv(scene, plan.rows)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
@@ -237,6 +236,7 @@ class SceneTraining(Training[SceneProgressDocument]):
         from agents.sb3.learner import load_weights, policy_of, save_weights
 
         speed = float(self.env.rows.reference_speed)
+        uniform_speed = self.scene.uniform().wave.mean_speed
         built = build(policy_of(self.model), self.scene, speed)
         if built.score > self.best:
             self.best = built.score
@@ -246,9 +246,7 @@ class SceneTraining(Training[SceneProgressDocument]):
                 "gain": built.gain,
                 "steps": self.steps,
                 "seconds": self.clock.seconds,
-                "reference_over_uniform": speed / self.uniform_speed
-                if self.uniform_speed > 0.0
-                else 1.0,
+                "reference_over_uniform": speed / uniform_speed if uniform_speed > 0.0 else 1.0,
             }
             write_text(self.folder / BUILT, json.dumps(document, indent=1) + "\n")
             built.layout.to_csv(self.folder / "layout.csv")

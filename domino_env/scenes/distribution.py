@@ -25,7 +25,7 @@ from domino_env.scenes.files.reading import (
     scene_of_document,
 )
 from domino_env.scenes.files.tables import PhysicsTable, RowTable
-from domino_env.scenes.files.writing import document_of
+from domino_env.scenes.files.writing import document_of, text_of
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.uniform_rows import UniformRows
@@ -107,6 +107,10 @@ class SceneDistribution:
 
     def __repr__(self) -> str:
         return f"SceneDistribution('{self.name}': {', '.join(self.features)})"
+
+    def to_toml(self) -> str:
+        """Write the text of a file that reads back as the same distribution."""
+        return text_of(self.document | {"name": self.name})
 
     # drawing --------------------------------------------------------------------------------------
 

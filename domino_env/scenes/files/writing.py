@@ -54,8 +54,13 @@ def document_of(scene: Specification) -> dict[str, Any]:
 
 def to_toml(scene: Specification) -> str:
     """Write the text of a file that reads back as the same scene."""
+    return text_of(document_of(scene))
+
+
+def text_of(document: dict[str, Any]) -> str:
+    """Write the text of a document: values before tables, and tables of tables in a line."""
     lines = []
-    for key, value in document_of(scene).items():
+    for key, value in sorted(document.items(), key=lambda item: isinstance(item[1], dict)):
         if isinstance(value, dict):
             lines += ["", f"[{key}]", *(f"{k} = {_toml(v)}" for k, v in value.items())]
         else:
@@ -84,4 +89,6 @@ def _toml(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list):
         return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{k} = {_toml(v)}' for k, v in value.items())}}}"
     return repr(float(value) if isinstance(value, float) else int(value))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,14 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import domino_env as de
+from agents import evaluate
 from agents.benchmark.page import FILES
+from agents.benchmark.page import page as benchmark_page
 from agents.benchmark.results import SECONDS, STEPS, Benchmark
 from agents.benchmark.runner import FEW, SHORT, benchmark_tasks, run_benchmark
 from agents.benchmark.statistics import interquartile_mean, performance_profile
 from agents.benchmark.task import BenchmarkTask
+from agents.single.drawn import DIED, gains_of_run
 from domino_env.cli.main import main
 from optimize.studies import DEFAULT_STORE, open_store
 from optimize.studies.task import TaskResult
@@ -108,6 +111,25 @@ def test_it_trains_once_goes_on_and_writes_the_same_page_again(
     again = tasks[0].run()
     line = next(one for one in first["benchmark.csv"].decode().splitlines() if ",ppo," in one)
     assert repr(again.score) == line.split(",")[4]
+
+
+def test_where_scenes_are_drawn_the_median_gain_in_the_test_set_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    three = de.load_test_set("varied")[:3]
+    monkeypatch.setattr("agents.benchmark.task.load_test_set", lambda name: three)
+    tasks = benchmark_tasks(["varied"], ["ars", "cma", "uniform"], 2, 4000, 0.5)
+    assert [t.name for t in tasks][-1] == "scenes = varied, ars, seed 1"  # searches run once
+    learned, searched, plain = (task.run() for task in tasks[:3])
+    assert (plain.score, plain.uniform_score) == (0.0, 0.0)
+    gains = gains_of_run(tasks[0].folder, three)
+    assert learned.score == np.median(gains)
+    again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one
+    assert gains.tolist() == pytest.approx([DIED if gain is None else gain for gain in again])
+    assert searched.trace[-1][3] == pytest.approx(searched.score, abs=1e-6)
+    page = benchmark_page(run_benchmark([KnownTask(*astuple(tasks[0]))]), "")
+    assert "scenes of the test set" in page
 
 
 @pytest.mark.parametrize(
