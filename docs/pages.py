@@ -1,6 +1,6 @@
 """Pages that are made when the site is built: scenes and methods, from the data and docstrings.
 
-Run as a program it writes the table of README.md anew.
+Run as a program it writes the tables of README.md anew.
 
 MkDocs calls `on_config` and `on_files` (mkdocs.yml, hooks).
 """
@@ -37,7 +37,8 @@ WHAT_FLOORS_LEAVE = (
     "The last column is what is left of *over equal* when rows stand free on floors of such",
     "friction, by `domino best-known --verify`; dominoes that stay up are counted.",
 )
-MADE = re.compile(r"(<!-- made by .*? -->\n).*?(<!-- end -->)", re.DOTALL)
+MADE = r"(<!-- {} -->\n).*?(<!-- end -->)"  # the text between two comments
+SCENES_HERE, BENCHMARK_HERE = "made by python docs/pages.py", "summary of docs/benchmark.md"
 METHOD_OPTIONS = (  # of mkdocstrings: the module's docstring alone, under a heading of ours
     "    options:",
     "      members: false",
@@ -345,9 +346,18 @@ def _svg(high: float, inside: str, words: str) -> str:
 
 
 def readme_with_table(text: str) -> str:
-    """README with the table of scenes as the records are now."""
-    table = "\n".join(scenes_table(best_known(), "domino_env/scenes/shipped/{}.toml"))
-    return MADE.sub(lambda found: f"{found[1]}\n{table}\n\n{found[2]}", text)
+    """README with the table of scenes as the records are now, and that of the benchmark's page."""
+    benchmark = (Path(__file__).parent / "benchmark.md").read_text("utf-8")
+    table = re.search(r"<!-- summary -->\n\n(.*?)\n\n<!-- end -->", benchmark, re.DOTALL)
+    assert table is not None
+    scenes = "\n".join(scenes_table(best_known(), "domino_env/scenes/shipped/{}.toml"))
+    return _between(BENCHMARK_HERE, _between(SCENES_HERE, text, scenes), table[1])
+
+
+def _between(comment: str, text: str, table: str) -> str:
+    """A text with another table after a comment."""
+    place = re.compile(MADE.format(re.escape(comment)), re.DOTALL)
+    return place.sub(lambda found: f"{found[1]}\n{table}\n\n{found[2]}", text)
 
 
 if __name__ == "__main__":
