@@ -121,6 +121,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
             "*.toml",
             "py.typed",
             "best_known.json",
+            "searched.csv",
             "scene.schema.json",
             "uniform.json",
             "distributions/*",

@@ -151,7 +151,7 @@ def _about(benchmark: Benchmark, result: TaskResult) -> str:
         return f"Best uniform row {_score(result, result.uniform_score)}, best known {best}."
     return (
         "Every episode of a training is a new scene. A score is the median gain over the best "
-        f"uniform rows of the 200 scenes of the test set; the best of these results, {best}, "
+        f"uniform rows of the scenes of the test set; that of searches of 2,500 rows each, {best}, "
         "counts as best known. A search has each of these scenes to search, and its time is that "
         "of all searches; the curve of a training is of other scenes than the test set's."
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.benchmark.many import problem_of
+from agents.benchmark.many import known_gain, problem_of
 from agents.benchmark.statistics import (
     Estimate,
     interquartile_mean,
@@ -16,7 +16,7 @@ from agents.benchmark.statistics import (
     performance_profile,
 )
 from agents.sb3.presets import ALGORITHMS
-from domino_env import Scene, SceneDistribution
+from domino_env import SceneDistribution
 from optimize.records.shipped import best_known
 from optimize.studies.running import Failure
 from optimize.studies.task import TaskResult, scene_of
@@ -159,7 +159,9 @@ def best_scores(results: Sequence[TaskResult]) -> dict[str, float]:
             problem, known = problem_of(result.scene), records.get(name)
             # a scene of the same name may be another one: the record must be within its rules
             best[name] = -np.inf
-            if isinstance(problem, Scene) and known and not problem.violations(known.layout):
+            if isinstance(problem, SceneDistribution):
+                best[name] = known_gain(problem)
+            elif known and not problem.violations(known.layout):
                 best[name] = problem.score(known.layout)
         best[name] = max(best[name], result.score)
     return best
