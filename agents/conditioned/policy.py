@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from agents.base.arrays import read_arrays
-from agents.base.building import Built
+from agents.base.building import Built, as_placed
 from agents.base.network import Network, Single, network_of, require_network, unfit
 from agents.base.run_files import POLICY
 from agents.base.shipped import DESIGNER, POLICIES
@@ -179,7 +179,8 @@ class ConditionedPolicy:
         require_kind(scene)
         compile_for(scene)
         made = self.design(scene)
-        return Built(scene, made.layout, made.wave, made.score, scene.uniform(), made.seconds)
+        row = Built(scene, made.layout, made.wave, made.score, scene.uniform(), made.seconds)
+        return as_placed(row)
 
     @classmethod
     def load(cls, folder: Path) -> ConditionedPolicy:
