@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from domino_env.standing.simulation import RigidWave, simulate_standing
     from domino_env.view.sound import Heard, clicks, listen
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 __all__ = [
     "Diagnosis",

@@ -124,6 +124,7 @@ def test_the_wheel_holds_the_three_packages_and_the_scenes(wheel: Path) -> None:
             "searched.csv",
             "scene.schema.json",
             "uniform.json",
+            "searched.csv",
             "distributions/*",
             "assets/*",
             "policies/*/*",
