@@ -32,8 +32,8 @@ class Estimate:
     value
         What the runs say.
     low, high
-        Ends of the 95 % interval; as `value` where a scene has one run only, which says nothing of
-        how runs differ.
+        Ends of the 95 % interval; as `value` where no scene has more than one run. A single run of
+        a scene says nothing of how runs differ there, and stays as it is.
     """
 
     value: Floats
@@ -93,15 +93,21 @@ def _estimate(scenes: Sequence[Floats], statistic: Callable[..., Floats]) -> Est
     from scipy.stats import bootstrap
 
     runs = [np.asarray(one, dtype=np.float64) for one in scenes]
+    single = [one for one in runs if one.shape[-1] < 2]  # nothing can be drawn anew there
+    several = [one for one in runs if one.shape[-1] >= 2]
 
     def of_all(*drawn: Floats, axis: int = -1) -> Floats:
-        return statistic(np.concatenate(drawn, axis=axis), axis=axis)
+        shape = drawn[0].shape[:-1]  # with the resamples last, where there are any
+        fixed = [one[..., None, :] if len(shape) >= one.ndim else one for one in single]
+        fixed = [np.broadcast_to(one, (*shape, 1)) for one in fixed]
+        return statistic(np.concatenate([*drawn, *fixed], axis=axis), axis=axis)
 
-    value = np.asarray(of_all(*runs))
-    if min(one.shape[-1] for one in runs) < 2:
+    if not several:
+        value = np.asarray(statistic(np.concatenate(runs, axis=-1), axis=-1))
         return Estimate(value, value, value)
+    value = np.asarray(of_all(*several))
     found = bootstrap(
-        runs, of_all, axis=-1, vectorized=True, n_resamples=RESAMPLES, batch=TOGETHER,
+        several, of_all, axis=-1, vectorized=True, n_resamples=RESAMPLES, batch=TOGETHER,
         confidence_level=CONFIDENCE, method="percentile", rng=np.random.default_rng(0),
     ).confidence_interval  # fmt: skip
     return Estimate(value, np.asarray(found.low), np.asarray(found.high))

@@ -36,6 +36,9 @@ def test_an_interval_is_that_of_all_draws_of_two_runs() -> None:
     found = interquartile_mean([np.array([[0.0, 1.0], [5.0, 5.0]])])
     assert np.array_equal(found.low, [0.0, 5.0])
     assert np.array_equal(found.high, [1.0, 5.0])
+    beside = interquartile_mean([np.array([[0.0, 1.0], [5.0, 5.0]]), np.array([[0.2], [5.0]])])
+    assert np.allclose(beside.low, [0.2 / 3, 5.0])  # a single run stays as it is
+    assert np.allclose(beside.high, [2.2 / 3, 5.0])
 
 
 def test_runs_are_drawn_anew_within_their_scene() -> None:
