@@ -3,7 +3,7 @@
 RUN is the folder of a training, the name of a policy that ships (sprint, designer), or a scripted
 policy: uniform, greedy, ramp.  A .zip archive of stable-baselines3 runs code when it is loaded and
 asks for --trust.  `designer` designs a row for a new --scene in milliseconds; with --scenes it is
-evaluated on many that it has never seen.
+evaluated on many that it has never seen, as is what was trained on scenes drawn from `varied`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from agents.base.building import Built
     from agents.conditioned.policy import ConditionedPolicy
+    from agents.single.policy import ScenePolicy
 
 SUMMARY = "what a trained agent, or a scripted policy, builds"
 
@@ -29,13 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", help="another scene than it was trained on")
     parser.add_argument("--trust", action="store_true", help="load an archive that may run code")
     parser.add_argument("--layout", metavar="FILE", help="write the row, .csv or .json")
-    many = parser.add_argument_group("a scene-conditioned policy, in many scenes")
+    many = parser.add_argument_group("a policy that was trained on many scenes, in many")
     many.add_argument("--scenes", type=int, metavar="N", help="evaluate it on N scenes")
     many.add_argument(
         "--of",
         metavar="NAME",
-        default="varied",
-        help="what they are drawn from: varied (default), varied-thickness, varied-course, a file",
+        help="what they are drawn from: varied, varied-thickness, varied-course, a file (what it "
+        "was trained on, or varied)",
     )
     many.add_argument("--seed", type=int, help="draws them; else the first N of the test set")
     many.add_argument(
@@ -52,15 +53,18 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.conditioned.features import outside
     from agents.conditioned.policy import ConditionedPolicy
     from agents.evaluation.one_scene import load_policy
+    from agents.single.policy import ScenePolicy
     from agents.single.scripted import ScriptedPolicy
-    from domino_env import load_scene
+    from domino_env import SceneDistribution, load_scene
 
     policy = load_policy(arguments.agent, trust=arguments.trust)
     conditioned = isinstance(policy, ConditionedPolicy)
     if arguments.scenes is not None:
-        if not isinstance(policy, ConditionedPolicy):
+        drawn = isinstance(policy, ScenePolicy) and isinstance(policy.scene, SceneDistribution)
+        if isinstance(policy, ScriptedPolicy) or not (conditioned or drawn):
             raise ValueError(
-                f"--scenes evaluates a scene-conditioned policy: {arguments.agent} is none"
+                "--scenes evaluates a policy that was trained on many scenes: "
+                f"{arguments.agent} is none"
             )
         return _evaluate_scenes(policy, arguments)
     name = arguments.scene
@@ -81,14 +85,16 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _evaluate_scenes(policy: ConditionedPolicy, arguments: argparse.Namespace) -> int:
+def _evaluate_scenes(policy: ConditionedPolicy | ScenePolicy, arguments: argparse.Namespace) -> int:
     """Its rows in many random scenes, as a table."""
     from agents.evaluation.many_scenes import evaluate_scenes, scenes_of
     from agents.evaluation.searched import searched_scores
 
-    name, number, seed = arguments.of, arguments.scenes, arguments.seed
+    number, seed = arguments.scenes, arguments.seed
+    given = arguments.of or getattr(policy, "scene", None) or "varied"
+    name = str(getattr(given, "name", given))
     found = evaluate_scenes(
-        scenes_of(name, number, seed),
+        scenes_of(given, number, seed),
         policy,
         evaluations=arguments.search,
         searched=searched_scores(name, number) if seed is None else None,

@@ -1,4 +1,4 @@
-"""Evaluation in many scenes: a scene-conditioned policy in scenes of no training."""
+"""Evaluation in many scenes: a policy that was trained on many, in scenes of no training."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from agents.conditioned.features import FEATURES, features_of
 from agents.conditioned.policy import ConditionedPolicy, shipped_policy
-from domino_env import Scene
+from agents.single.policy import ScenePolicy
+from domino_env import Scene, SceneDistribution
 from domino_env.scenes.distribution import load_distribution
+from domino_env.scenes.files.reading import distribution_names
 from domino_env.scenes.pool import load_test_set
 from domino_env.support.progress import progress_bar
 from domino_env.support.tables import markdown_table, write_csv
@@ -36,7 +38,8 @@ class ScenesEvaluation:
     uniform
         (S,) score of the best uniform row.
     designed, proposed
-        (S,) score of the design, and of what the networks proposed for it.
+        (S,) score of the design, and of what the networks proposed for it; nan where they propose
+        nothing, for the policy builds in the environment.
     seconds, seconds_proposed
         (S,) processor time that each took.
     searched
@@ -57,10 +60,9 @@ class ScenesEvaluation:
             "row", "beats the best uniform one", "gain: median", "tenth percentile", "worst",
             "part of the search's gain: median", "tenth percentile", "time: median", "longest",
         )  # fmt: skip
-        rows = [
-            self._row("design", self.designed, self.seconds),
-            self._row("its proposal", self.proposed, self.seconds_proposed),
-        ]
+        rows = [self._row("design", self.designed, self.seconds)]
+        if np.isfinite(self.proposed).any():
+            rows.append(self._row("its proposal", self.proposed, self.seconds_proposed))
         if self.searched is not None:
             rows.append(self._row("search", self.searched, None))
         return "\n".join(markdown_table(names, rows))
@@ -111,13 +113,15 @@ class ScenesEvaluation:
         write_csv(path, names, ([f"{x:.10g}" for x in row] for row in np.array(columns).T))
 
 
-def scenes_of(name: str | Path, number: int, seed: int | None = None) -> list[Scene]:
+def scenes_of(
+    name: str | Path | SceneDistribution, number: int, seed: int | None = None
+) -> list[Scene]:
     """Give scenes to evaluate in: of a test set that ships, or drawn with a seed.
 
     Parameters
     ----------
     name
-        Of a distribution that ships, or the path of one's file.
+        Of a distribution that ships, or the path of one's file, or a distribution itself.
     number
         How many; of a test set at most 200, its first.
     seed
@@ -131,8 +135,13 @@ def scenes_of(name: str | Path, number: int, seed: int | None = None) -> list[Sc
     if number < 1 or (seed is not None and seed < 0):
         raise ValueError(f"{number} scenes, seed {seed}: give 1 or more, and 0 or more")
     if seed is not None:
-        rng, distribution = np.random.default_rng(seed), load_distribution(name)
+        distribution = name if isinstance(name, SceneDistribution) else load_distribution(name)
+        rng = np.random.default_rng(seed)
         return [distribution.sample(rng) for _ in range(number)]
+    if isinstance(name, SceneDistribution):
+        if name.name not in distribution_names() or load_distribution(name.name) != name:
+            raise ValueError(f"no test scenes ship for '{name.name}': give a seed (--seed)")
+        name = name.name
     known = load_test_set(str(name))
     if number > len(known):
         raise ValueError(f"the test set of {name} has {len(known)} scenes: give a seed for more")
@@ -141,7 +150,7 @@ def scenes_of(name: str | Path, number: int, seed: int | None = None) -> list[Sc
 
 def evaluate_scenes(
     scenes: Sequence[Scene],
-    policy: ConditionedPolicy | None = None,
+    policy: ConditionedPolicy | ScenePolicy | None = None,
     *,
     evaluations: int | None = None,
     seed: int = 0,
@@ -155,7 +164,8 @@ def evaluate_scenes(
     scenes
         One or more.
     policy
-        What designs; None for the one that ships.
+        What designs: a designer, or what was trained on drawn scenes; None for the designer that
+        ships.
     evaluations
         Budget of a search in each scene, to compare with; None for no search.
     seed
@@ -176,12 +186,14 @@ def evaluate_scenes(
         raise ValueError("no scenes to evaluate in: give 1 or more")
     designing = policy or shipped_policy()
     compile_for(scenes[0])
-    designing.design(scenes[0])  # what is loaded once is no part of a design's time
+    _designed(designing, scenes[0])  # what is loaded once is no part of a design's time
+    proposes = isinstance(designing, ConditionedPolicy)
+    ways = ((1, None), (2, 0)) if proposes else ((1, None),)
     found = np.full((6, len(scenes)), np.nan)  # in the order of `ScenesEvaluation`, search last
     for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):
-        for at, steps in ((1, None), (2, 0)):
+        for at, steps in ways:
             began = time.process_time()
-            found[at, i] = designing.design(scene, steps=steps).score
+            found[at, i] = _designed(designing, scene, steps)
             found[at + 2, i] = time.process_time() - began
         if evaluations is not None:
             found[5, i] = search(scene, budget=evaluations, seed=seed, progress=False).score
@@ -191,3 +203,12 @@ def evaluate_scenes(
         scenes, uniform, designed, proposed, seconds, seconds_proposed,
         searched if evaluations is None else fresh,
     )  # fmt: skip
+
+
+def _designed(
+    policy: ConditionedPolicy | ScenePolicy, scene: Scene, steps: int | None = None
+) -> float:
+    """Score of what a policy makes of a scene."""
+    if isinstance(policy, ConditionedPolicy):
+        return float(policy.design(scene, steps=steps).score)
+    return policy.build(scene).score

@@ -91,9 +91,9 @@ class SceneDistribution:
             self.ranges = ranges_of(document)
             if not self.ranges:
                 raise ValueError(IS_SCENE)
-        self.document = document
         self.name = str(document.get("name", name))
         self.title = str(document.get("title", self.name))
+        self.document = {key: value for key, value in document.items() if key != "name"}
         self.features = tuple(NAMES.get(place, ".".join(place)) for place in self.ranges)
         self.first = self.sample(np.random.default_rng(0))
 

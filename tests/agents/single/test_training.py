@@ -17,8 +17,11 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import domino_env as de
 from agents import evaluate
+from agents.evaluation.many_scenes import evaluate_scenes, scenes_of
+from agents.evaluation.one_scene import load_policy
 from agents.sb3.presets import ALGORITHMS, preset
 from agents.sb3.vec_env import DominoVecEnv
+from agents.single.drawn import train_drawn
 from agents.single.training import train
 from domino_env import DominoChain
 
@@ -188,6 +191,23 @@ def test_going_on_reaches_what_an_undisturbed_run_does(
     with (tmp_path / "cut" / "progress.csv").open(newline="") as file:
         steps = [float(row["steps"]) for row in csv.DictReader(file)]
     assert steps == sorted(steps)
+
+
+@pytest.mark.parametrize("algorithm", ["apg", "ppo"])
+def test_what_learned_from_drawn_scenes_is_evaluated_in_many(
+    tmp_path: Path, algorithm: str
+) -> None:
+    plan = replace(plan_for(algorithm), steps=400)
+    run = train_drawn(small_scenes(), algorithm, folder=tmp_path / "run", plan=plan)
+    policy, scenes = load_policy(run.folder), scenes_of(small_scenes(), 3, seed=1)
+    found = evaluate_scenes(scenes, policy)
+    assert "its proposal" not in found.table()
+    for score, scene in zip(found.designed, scenes, strict=True):
+        built = evaluate(run.folder, scene)
+        assert built.score == score
+        assert scene.violations(built.layout) == []
+    with pytest.raises(ValueError, match="no test scenes ship for 'small': give a seed"):
+        scenes_of(policy.scene, 3)
 
 
 def test_what_cannot_be_done_is_told(small, tmp_path: Path) -> None:

@@ -24,6 +24,8 @@ def test_what_ships_keeps_the_schema_and_is_what_it_was_drawn_for(name):
     assert text.startswith("#:schema ../shipped/scene.schema.json\n")
     jsonschema.Draft202012Validator(scene_schema()).validate(tomllib.loads(text))
     drawn_from = de.load_distribution(name)
+    written = de.SceneDistribution(tomllib.loads(drawn_from.to_toml()), "another")
+    assert written == drawn_from
     scenes = de.load_test_set(name)
     assert len(scenes) == len(set(scenes)) == 200
     for scene in scenes:
