@@ -96,6 +96,9 @@ def episode_of(distribution: SceneDistribution) -> int:
 class DrawnTraining(SceneTraining):
     """A training in drawn scenes while it runs.
 
+    At every checkpoint the generators of scenes begin anew, with a seed made of the run's and of
+    the steps taken, so that a run that goes on from there draws the same ones.
+
     Parameters
     ----------
     distribution, algorithm, plan, total, seed, folder, progress
@@ -115,8 +118,19 @@ class DrawnTraining(SceneTraining):
         # the environment and the learner take either
         super().__init__(cast(Scene, distribution), algorithm, plan, total, seed, folder, progress)
         self.distribution = distribution
+        self._seed_scenes()
         pool = ScenePool(distribution)
         self.looked = [pool.scene(len(pool) - 1 - i) for i in range(LOOKED)]
+
+    def after_checkpoint(self) -> None:
+        """Begin with new rows, whose scenes follow from the seed and the steps taken."""
+        self._seed_scenes()
+        super().after_checkpoint()
+
+    def _seed_scenes(self) -> None:
+        """Seed what draws scenes, with the next reset."""
+        sequence = np.random.SeedSequence((self.seed, self.steps))
+        self.env.seed(int(sequence.generate_state(1)[0]))
 
     def evaluate(self) -> None:
         """Let the policy build in some scenes without noise; keep it if it is the best so far."""
@@ -150,6 +164,7 @@ class DrawnTraining(SceneTraining):
         restore(self.model, state)
         found = model_of(SceneProgressDocument, state["more"])
         self.best, self.sampled = found.best, found.sampled
+        self._seed_scenes()
         return found
 
     def finished(self, interrupted: bool) -> TrainingRun:

@@ -21,7 +21,7 @@ from agents.evaluation.many_scenes import evaluate_scenes, scenes_of
 from agents.evaluation.one_scene import load_policy
 from agents.sb3.presets import ALGORITHMS, preset
 from agents.sb3.vec_env import DominoVecEnv
-from agents.single.drawn import train_drawn
+from agents.single.drawn import DrawnTraining, train_drawn
 from agents.single.training import train
 from domino_env import DominoChain
 
@@ -195,9 +195,10 @@ def test_going_on_reaches_what_an_undisturbed_run_does(
 
 @pytest.mark.parametrize("algorithm", ["apg", "ppo"])
 def test_what_learned_from_drawn_scenes_is_evaluated_in_many(
-    tmp_path: Path, algorithm: str
+    tmp_path: Path, monkeypatch, algorithm: str
 ) -> None:
-    plan = replace(plan_for(algorithm), steps=400)
+    monkeypatch.setattr("agents.single.drawn.LOOKED", 4)
+    plan = replace(plan_for(algorithm), steps=200)
     run = train_drawn(small_scenes(), algorithm, folder=tmp_path / "run", plan=plan)
     policy, scenes = load_policy(run.folder), scenes_of(small_scenes(), 3, seed=1)
     found = evaluate_scenes(scenes, policy)
@@ -208,6 +209,31 @@ def test_what_learned_from_drawn_scenes_is_evaluated_in_many(
         assert scene.violations(built.layout) == []
     with pytest.raises(ValueError, match="no test scenes ship for 'small': give a seed"):
         scenes_of(policy.scene, 3)
+
+
+@pytest.mark.parametrize("algorithm", ["apg", "ppo"])
+def test_going_on_draws_the_scenes_of_an_undisturbed_run(
+    tmp_path: Path, monkeypatch, algorithm: str
+) -> None:
+    monkeypatch.setattr("agents.single.drawn.LOOKED", 4)
+    plan = replace(plan_for(algorithm), steps=600)
+    whole = train_drawn(small_scenes(), algorithm, seed=5, folder=tmp_path / "whole", plan=plan)
+    kept, count = DrawnTraining.checkpoint, [0]
+
+    def cut(self) -> None:
+        kept(self)
+        count[0] += 1
+        if count[0] == 4:
+            raise RuntimeError("the power fails")
+
+    monkeypatch.setattr(DrawnTraining, "checkpoint", cut)
+    with pytest.raises(RuntimeError, match="the power fails"):
+        train_drawn(small_scenes(), algorithm, seed=5, folder=tmp_path / "cut", plan=plan)
+    monkeypatch.setattr(DrawnTraining, "checkpoint", kept)
+    resumed = train_drawn(small_scenes(), folder=tmp_path / "cut", resume=True)
+    one, two = ([(row[0], *row[2:4]) for row in run.curve] for run in (whole, resumed))
+    assert one == two
+    assert len({gain for _, gain, _ in one}) > 2  # it learns something
 
 
 def test_what_cannot_be_done_is_told(small, tmp_path: Path) -> None:
