@@ -60,7 +60,15 @@ class Painter:
             self._scaled_to = scene
         ghost = snapshot.uniform_speed * snapshot.time if snapshot.uniform_speed > 0.0 else None
         image = np.asarray(
-            strip(layout, leans, leader, self._scale, _line(snapshot, layout), ghost)
+            strip(
+                layout,
+                leans,
+                leader,
+                self._scale,
+                _line(snapshot, layout),
+                ghost,
+                ground=scene.ground,
+            )
         )
         if self._window is None:
             return image.copy()

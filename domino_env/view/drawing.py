@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from domino_env.chain.ground import Ground
 from domino_env.chain.layout import Layout
 from domino_env.chain.motion import outlines
 from domino_env.support import colours
@@ -72,6 +73,7 @@ def strip(
     line: str,
     ghost: float | None = None,
     ahead: float = AHEAD,
+    ground: Ground | None = None,
 ) -> Image.Image:
     """Draw one row as it is at one instant.
 
@@ -91,6 +93,8 @@ def strip(
         Where another wave's front is along the row [m], marked below the ground.
     ahead
         Of the width: the picture moves on once the front is beyond.
+    ground
+        What lies ahead of the row too, if that is known.
     """
     w, h, k = scale.width * FINER, scale.height * FINER, scale.pixels * FINER
     image = Image.new("RGB", (w, h), PAPER)
@@ -100,12 +104,13 @@ def strip(
     left = 20 * FINER + 1.2 * float(layout.thickness[0]) * k
     left -= max(0.0, left + front * k - ahead * w)
     # the lowest ground at the floor; where hills are too high, the front in the middle
-    lowest, highest = float(pivots[:, 1].min()), float(pivots[:, 1].max())
+    under = ground_line(layout, max(left / k, 0.0), w / k, ground)
+    shown = pivots if ground is None else under[under[:, 0] < (w - left) / k]
+    lowest, highest = float(shown[:, 1].min()), float(shown[:, 1].max())
     room = scale.room / scale.pixels
     base = float(scale.floor * FINER)
     base += min(max(high - 0.5 * room, lowest), max(highest - room, lowest)) * k
-    ground = ground_line(layout, max(left / k, 0.0), w / k)
-    points = [(left + x * k, base - z * k) for x, z in ground]
+    points = [(left + x * k, base - z * k) for x, z in under]
     draw.line(points, fill=PALE if layout.is_flat else SOFT, width=FINER, joint="curve")
     corners = outlines(layout, leans)
     x, y = left + corners[..., 0] * k, base - corners[..., 1] * k
@@ -115,7 +120,7 @@ def strip(
         draw.polygon(list(zip(x[i], y[i], strict=True)), fill=colour, outline=PAPER)
     _mark(draw, left + front * k, base - high * k, LEADS)
     if ghost is not None:
-        there, above = _place(layout, ghost)
+        there, above = _place(layout, ghost, under)
         _mark(draw, left + there * k, base - above * k, INK)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
     ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
@@ -167,12 +172,11 @@ def palette() -> Image.Image:
     return image
 
 
-def _place(layout: Layout, along: float) -> tuple[float, float]:
-    """Where on the ground a place along the row is [m], past its end too."""
+def _place(layout: Layout, along: float, under: NDArray[np.float64]) -> tuple[float, float]:
+    """Where on the ground a place along the row is [m], past its end too on the line under it."""
     if along >= layout.length:
-        x, z = layout.pivots[-1]
-        past, tilt = along - layout.length, layout.tilt[-1]
-        return float(x + past * np.cos(tilt)), float(z - past * np.sin(tilt))
+        x = float(layout.pivots[-1, 0] + (along - layout.length) * np.cos(layout.tilt[-1]))
+        return x, float(np.interp(x, *under.T))
     x, z = (float(np.interp(along, layout.positions, axis)) for axis in layout.pivots.T)
     return x, z
 

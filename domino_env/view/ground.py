@@ -5,19 +5,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.chain.ground import Ground
 from domino_env.chain.layout import Layout
 from domino_env.chain.motion import outlines
 
 Floats = NDArray[np.float64]
 
 PIECES = 12  # straight ones of the curve between two dominoes
+AHEAD = 200  # and of what lies ahead of a row
 
 
-def ground_line(layout: Layout, before: float = 0.0, after: float = 0.0) -> Floats:
+def ground_line(
+    layout: Layout, before: float = 0.0, after: float = 0.0, ground: Ground | None = None
+) -> Floats:
     """Return the line of the ground as points (M, 2) [m], x forward and z up, pivot 0 at (0, 0).
 
     A row knows its ground by the bases alone: straight under each domino, a cubic that goes on
-    smoothly from one base to the next, straight on before the first and behind the last.
+    smoothly from one base to the next, straight on before the first and behind the last unless the
+    ground is told.
 
     Parameters
     ----------
@@ -27,16 +32,21 @@ def ground_line(layout: Layout, before: float = 0.0, after: float = 0.0) -> Floa
         How far the line reaches behind the first domino, horizontally [m].
     after
         How far it reaches ahead of the last pivot, horizontally [m].
+    ground
+        What the row stands on, if that is known: the line ahead of the row follows it.
     """
-    if layout.is_flat:
+    if layout.is_flat and ground is None:
         return np.array([[-layout.thickness[0] - before, 0.0], [layout.length + after, 0.0]])
     rear, front = _bases(layout)
     down = np.tan(layout.tilt[[0, -1]])
     first = rear[0] - before * np.array([1.0, -down[0]])
-    last = front[-1] + after * np.array([1.0, -down[1]])
+    last = (front[-1] + after * np.array([1.0, -down[1]]))[None]
+    if ground is not None:
+        x = front[-1, 0] + after * np.linspace(0.0, 1.0, AHEAD + 1)[1:]
+        last = np.stack([x, ground.height(x) - ground.height(0.0)], axis=-1)
     between = _between(layout)
     inner = np.concatenate([rear[:-1, None], between[:, :-1]], axis=1).reshape(-1, 2)
-    return np.concatenate([first[None], inner, rear[-1:], front[-1:], last[None]])
+    return np.concatenate([first[None], inner, rear[-1:], front[-1:], last])
 
 
 def places_along(layout: Layout) -> Floats:

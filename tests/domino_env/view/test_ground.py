@@ -133,3 +133,13 @@ def test_every_command_that_shows_a_row_knows_hills(tmp_path: Path) -> None:
     assert main(["template", str(row), "--pdf", pdf]) == 0
     assert main(["click", str(row), "--wav", wav]) == 0
     assert '"tilt":' in page.read_text("utf-8")
+
+
+def test_ahead_of_a_row_that_is_being_built_the_ground_goes_on() -> None:
+    ground = de.load_scene("hills").ground
+    row = ground.layout([0.012] * 9, [0.0075] * 10)
+    x, z = ground_line(row, after=0.5, ground=ground).T
+    ahead = x > row.pivots[-1, 0]
+    assert ahead.sum() > 100
+    assert np.ptp(z[ahead]) > 0.01
+    assert z[ahead] == pytest.approx(ground.height(x[ahead]) - ground.height(0.0), abs=1e-12)

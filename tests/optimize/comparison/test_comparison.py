@@ -254,6 +254,8 @@ def test_a_record_is_what_it_says(name: str) -> None:
 def test_only_what_is_better_becomes_a_record(scenes, tmp_path: Path) -> None:
     path = tmp_path / "best.json"
     assert shipped.best_known(path) == {}
+    with pytest.raises(ValueError, match=r"say best_known\(\)\['sprint'\]"):
+        shipped.best_known("sprint")
     mark = search(scenes["both"], "uniform", budget=1)
     found = search(scenes["both"], "auto", budget=300)
     assert shipped.update([mark], path) == ["both"]
