@@ -21,10 +21,11 @@ if TYPE_CHECKING:
     from agents.conditioned.policy import Design
     from agents.evaluation.one_scene import evaluate
     from agents.sb3.vec_env import DominoVecEnv
+    from agents.single.drawn import train_drawn
     from agents.single.result import Run
     from agents.single.training import train
 
-__all__ = ["Built", "Design", "DominoVecEnv", "Run", "design", "evaluate", "train"]
+__all__ = ["Built", "Design", "DominoVecEnv", "Run", "design", "evaluate", "train", "train_drawn"]
 
 __getattr__, __dir__ = lazy_names(
     __name__,
@@ -36,5 +37,6 @@ __getattr__, __dir__ = lazy_names(
         "evaluate": "evaluation.one_scene",
         "Run": "single.result",
         "train": "single.training",
+        "train_drawn": "single.drawn",
     },
 )

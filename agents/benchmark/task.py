@@ -64,8 +64,10 @@ class BenchmarkTask(Task):
     def plan(self) -> Preset:
         """Preset of a training, with its steps."""
         problem = problem_of(self.scene)
-        steps = problem.count - 1 if isinstance(problem, Scene) else episode_of(problem)
-        plan = preset(self.method, steps)
+        if isinstance(problem, Scene):
+            plan = preset(self.method, problem.count - 1)
+        else:
+            plan = preset(self.method, episode_of(problem), drawn=True)
         return plan if self.steps is None else replace(plan, steps=min(plan.steps, self.steps))
 
     @property

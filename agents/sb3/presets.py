@@ -103,7 +103,7 @@ class Preset:
         return asdict(self)
 
 
-def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
+def preset(algorithm: str, episode: int, *, warm: bool = False, drawn: bool = False) -> Preset:
     """Choose the preset of an algorithm.
 
     Parameters
@@ -116,12 +116,24 @@ def preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
         PPO's for going on from a clone: small deviations and steps, and whole returns. With an
         advantage that is estimated over a few steps (λ = 0.95) what the critic does not know yet
         outweighs the little there is to gain.
+    drawn
+        APG's for scenes that are drawn for every row: more rows an update, and more updates.
 
     Raises
     ------
     ValueError
         For an unknown algorithm.
     """
+    if algorithm == "apg" and drawn:
+        return replace(
+            preset(algorithm, episode),
+            rows=32,
+            steps=1500 * 32 * episode,
+            width=128,
+            first_deviation=0.2,
+            middle_deviation=0.05,
+            last_deviation=0.01,
+        )
     if algorithm == "ppo" and warm:
         plan = preset(algorithm, episode)
         return replace(

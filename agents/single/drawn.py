@@ -69,7 +69,7 @@ def train_drawn(
     if not isinstance(drawn, SceneDistribution):
         drawn = load_distribution(drawn)
     home = Path(folder or f"runs/{drawn.name}-{algorithm}")
-    plan = plan or preset(algorithm, episode_of(drawn))
+    plan = plan or preset(algorithm, episode_of(drawn), drawn=True)
     if resume:
         require_begun(home)
         begun = read_config(home)
