@@ -27,7 +27,7 @@ test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 bench: $(VENV)/.core
-	$(BIN)/python -m domino_env.lab.bench
+	$(BIN)/python -m domino_env.validation.bench
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

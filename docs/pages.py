@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import domino_env as de
-from domino_env.chain.motion import Motion, outlines
+from domino_env.core.tables import markdown_table
+from domino_env.physics.motion import Motion, outlines
 from domino_env.rigid.known import known_verification, read_verified
-from domino_env.scenes.files.schema import scene_schema
-from domino_env.support.tables import markdown_table
+from domino_env.scenes.io.schema import scene_schema
 from domino_env.view.ground import ground_line
 from optimize.methods import METHODS, PEERS
 from optimize.records.shipped import BestKnown, best_known

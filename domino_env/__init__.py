@@ -16,31 +16,30 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from domino_env.support.lazy import lazy_names
+from domino_env.core.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from domino_env.chain.forces import Diagnosis, diagnose
-    from domino_env.chain.gradient import Gradient
-    from domino_env.chain.ground import Ground
-    from domino_env.chain.layout import Layout
-    from domino_env.chain.motion import Motion
-    from domino_env.chain.physics import Physics
-    from domino_env.chain.steady import (
+    from domino_env.envs.chain_env import DominoChain, DominoChainVector
+    from domino_env.envs.layout_env import DominoLayout, DominoLayoutVector
+    from domino_env.envs.snapshot import Snapshot
+    from domino_env.physics.forces import Diagnosis, diagnose
+    from domino_env.physics.gradient import Gradient
+    from domino_env.physics.ground import Ground
+    from domino_env.physics.layout import Layout
+    from domino_env.physics.motion import Motion
+    from domino_env.physics.physics import Physics
+    from domino_env.physics.steady import (
         SteadyWave,
         existence_limit,
         smallest_push,
         steady_wave,
         terminal_speed_estimate,
     )
-    from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
-    from domino_env.envs.chain_env import DominoChain, DominoChainVector
-    from domino_env.envs.layout_env import DominoLayout, DominoLayoutVector
-    from domino_env.envs.snapshot import Snapshot
-    from domino_env.lab.measured.fit import Fit, fit_friction
+    from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
     from domino_env.rigid.comparison import Verification, verify
     from domino_env.scenes.baseline import UniformMark
     from domino_env.scenes.distribution import SceneDistribution, load_distribution
-    from domino_env.scenes.files.reading import distribution_names, load_scene, scene_names
+    from domino_env.scenes.io.reading import distribution_names, load_scene, scene_names
     from domino_env.scenes.limits import Limits
     from domino_env.scenes.objectives.robust import Placement
     from domino_env.scenes.objectives.tempo import Tempo
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
     from domino_env.scenes.stock import Stock
     from domino_env.standing.simulation import RigidWave, simulate_standing
+    from domino_env.validation.measured.fit import Fit, fit_friction
     from domino_env.view.sound import Heard, clicks, listen
 
 __version__ = "0.3.0"
@@ -101,38 +101,38 @@ __all__ = [
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
-        "Diagnosis": "chain.forces",
-        "diagnose": "chain.forces",
-        "Gradient": "chain.gradient",
-        "Ground": "chain.ground",
-        "Layout": "chain.layout",
-        "Motion": "chain.motion",
-        "Physics": "chain.physics",
-        "SteadyWave": "chain.steady",
-        "existence_limit": "chain.steady",
-        "smallest_push": "chain.steady",
-        "steady_wave": "chain.steady",
-        "terminal_speed_estimate": "chain.steady",
-        "Outcome": "chain.wave",
-        "Wave": "chain.wave",
-        "WaveBatch": "chain.wave",
-        "simulate": "chain.wave",
-        "simulate_batch": "chain.wave",
+        "Diagnosis": "physics.forces",
+        "diagnose": "physics.forces",
+        "Gradient": "physics.gradient",
+        "Ground": "physics.ground",
+        "Layout": "physics.layout",
+        "Motion": "physics.motion",
+        "Physics": "physics.physics",
+        "SteadyWave": "physics.steady",
+        "existence_limit": "physics.steady",
+        "smallest_push": "physics.steady",
+        "steady_wave": "physics.steady",
+        "terminal_speed_estimate": "physics.steady",
+        "Outcome": "physics.wave",
+        "Wave": "physics.wave",
+        "WaveBatch": "physics.wave",
+        "simulate": "physics.wave",
+        "simulate_batch": "physics.wave",
         "DominoChain": "envs.chain_env",
         "DominoChainVector": "envs.chain_env",
         "DominoLayout": "envs.layout_env",
         "DominoLayoutVector": "envs.layout_env",
         "Snapshot": "envs.snapshot",
-        "Fit": "lab.measured.fit",
-        "fit_friction": "lab.measured.fit",
+        "Fit": "validation.measured.fit",
+        "fit_friction": "validation.measured.fit",
         "Verification": "rigid.comparison",
         "verify": "rigid.comparison",
         "SceneDistribution": "scenes.distribution",
         "load_distribution": "scenes.distribution",
         "load_test_set": "scenes.pool",
-        "distribution_names": "scenes.files.reading",
-        "load_scene": "scenes.files.reading",
-        "scene_names": "scenes.files.reading",
+        "distribution_names": "scenes.io.reading",
+        "load_scene": "scenes.io.reading",
+        "scene_names": "scenes.io.reading",
         "Limits": "scenes.limits",
         "Placement": "scenes.objectives.robust",
         "Tempo": "scenes.objectives.tempo",

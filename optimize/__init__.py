@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from domino_env.support.lazy import lazy_names
+from domino_env.core.lazy import lazy_names
 
 if TYPE_CHECKING:
     from optimize.comparison.runner import Comparison, compare

@@ -174,7 +174,7 @@ def diagnoses(found: Digests) -> None:
 def motions(found: Digests) -> None:
     """Where every domino is, over time."""
     # the reference documents it; not every version exports it from the package
-    motion = getattr(de, "Motion", None) or import_module("domino_env.chain.motion").Motion
+    motion = getattr(de, "Motion", None) or import_module("domino_env.physics.motion").Motion
     for kind, physics, layouts in few_blocks(1):
         moving = motion(layouts[0], physics)
         times = np.linspace(0.0, 1.1 * moving.end, 60)

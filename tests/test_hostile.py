@@ -18,10 +18,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import domino_env as de
-from domino_env.chain.layout import Layout
 from domino_env.cli.main import main
-from domino_env.scenes.files.reading import parse_scene
-from domino_env.support.advice import Advice
+from domino_env.core.advice import Advice
+from domino_env.physics.layout import Layout
+from domino_env.scenes.io.reading import parse_scene
 from domino_env.view.animation import Runner, frames
 from domino_env.view.report.page import read_racers, write_report
 from domino_env.view.report.race import Racer
@@ -166,11 +166,11 @@ def test_the_command_line_prints_one_safe_line(tmp_path: Path, capsys: Any) -> N
 def test_a_file_too_large_to_be_one_of_ours_is_not_read(tmp_path: Path, monkeypatch: Any) -> None:
     Layout([0.02] * 9, 0.0075).to_csv(tmp_path / "row.csv")
     Layout([0.02] * 9, 0.0075).to_json(tmp_path / "row.json")
-    monkeypatch.setattr("domino_env.chain.files.MOST_DOMINOES", 9)
+    monkeypatch.setattr("domino_env.physics.files.MOST_DOMINOES", 9)
     for name in ("row.csv", "row.json"):
         with pytest.raises(ValueError, match="it has 10 dominoes, where at most 9 are read"):
             Layout.read(tmp_path / name)
-    monkeypatch.setattr("domino_env.support.reading.LARGEST_FILE", 100)
+    monkeypatch.setattr("domino_env.core.reading.LARGEST_FILE", 100)
     with pytest.raises(ValueError, match=r"row\.csv: .* bytes, where files of at most 100"):
         Layout.read(tmp_path / "row.csv")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import domino_env as de
-from domino_env.chain.layout import Layout
+from domino_env.physics.layout import Layout
 from domino_env.view.report.page import read_racers
 
 RUN = Path(__file__).parent / "data" / "version_0_1_0"

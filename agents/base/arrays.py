@@ -12,7 +12,7 @@ from zipfile import BadZipFile, is_zipfile
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.support.reading import naming, one_line, read_bytes
+from domino_env.core.reading import naming, one_line, read_bytes
 
 # what a torn archive leads its readers to
 _TORN = (BadZipFile, zlib.error, EOFError, KeyError, RuntimeError, OSError, ValueError)

@@ -10,8 +10,8 @@ from typing import Any
 
 import torch
 
-from domino_env.support.files import write_bytes
-from domino_env.support.reading import naming
+from domino_env.core.files import write_bytes
+from domino_env.core.reading import naming
 
 # what torch and stable-baselines3 raise for a state that is not theirs
 _UNFIT = (KeyError, TypeError, RuntimeError, AttributeError, IndexError, OverflowError)

@@ -14,8 +14,8 @@ from typing import Annotated, Any
 
 from msgspec import Meta, field
 
-from domino_env.support.models import Document, model_of
-from domino_env.support.reading import naming, read_json
+from domino_env.core.models import Document, model_of
+from domino_env.core.reading import naming, read_json
 
 CONFIG, PROGRESS, POLICY = "config.json", "progress.csv", "policy.npz"
 SUMMARY, CHECKPOINT = "summary.json", "checkpoint.pt"

@@ -21,10 +21,10 @@ from agents.base.run_files import (
     ProgressDocument,
     require_columns,
 )
-from domino_env.support.files import write_text
-from domino_env.support.progress import progress_bar
-from domino_env.support.provenance import versions
-from domino_env.support.tables import write_csv
+from domino_env.core.files import write_text
+from domino_env.core.progress import progress_bar
+from domino_env.core.provenance import versions
+from domino_env.core.tables import write_csv
 
 
 @dataclass(frozen=True, eq=False)

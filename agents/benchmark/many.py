@@ -16,8 +16,8 @@ from agents.evaluation.searched import searched_scores
 from agents.single.drawn import DIED
 from agents.single.scripted import SCRIPTED
 from domino_env import Scene, SceneDistribution
-from domino_env.scenes.files.ranges import has_ranges
-from domino_env.scenes.files.reading import document_of_text
+from domino_env.scenes.io.ranges import has_ranges
+from domino_env.scenes.io.reading import document_of_text
 from domino_env.scenes.pool import load_test_set
 from optimize.evaluation.budget import Step
 from optimize.searching.runner import search

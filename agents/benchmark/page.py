@@ -12,8 +12,8 @@ from agents.benchmark.results import SECONDS, STEPS, Benchmark
 from agents.benchmark.statistics import Estimate
 from agents.sb3.presets import ALGORITHMS
 from domino_env import SceneDistribution
-from domino_env.support.files import write_text
-from domino_env.support.tables import markdown_table, write_csv
+from domino_env.core.files import write_text
+from domino_env.core.tables import markdown_table, write_csv
 from optimize.studies.task import TaskResult
 
 FILES = (

@@ -9,8 +9,8 @@ import numpy as np
 
 from agents.benchmark.results import TARGETS, Benchmark
 from agents.sb3.presets import ALGORITHMS
-from domino_env.support.colours import KNOWN, UNIFORM
-from domino_env.support.plot_style import (
+from domino_env.core.colours import KNOWN, UNIFORM
+from domino_env.core.plot_style import (
     LEGEND,
     method_lines,
     new_panels,

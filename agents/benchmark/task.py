@@ -24,9 +24,9 @@ from agents.single.drawn import episode_of, gains_of_run, train_drawn
 from agents.single.scripted import SCRIPTED
 from agents.single.training import train
 from domino_env import Scene, SceneDistribution
+from domino_env.core.provenance import versions
+from domino_env.core.reading import read_json
 from domino_env.scenes.pool import load_test_set
-from domino_env.support.provenance import versions
-from domino_env.support.reading import read_json
 from optimize.evaluation.budget import Budget, Step
 from optimize.searching.compiling import compile_for
 from optimize.studies.task import Task, TaskResult

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         run_benchmark,
     )
     from agents.sb3.presets import ALGORITHMS
-    from domino_env.support.files import require_room
+    from domino_env.core.files import require_room
 
     chosen = [*ALGORITHMS, *RIVALS]
     if arguments.algorithms is not None:

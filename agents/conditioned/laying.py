@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from agents.conditioned.features import features_of
 from domino_env import Scene
-from optimize.projection.length import nearest_with_sum
+from optimize.constraints.length import nearest_with_sum
 
 Floats = NDArray[np.float64]
 

@@ -34,7 +34,7 @@ from agents.conditioned.observations import (
 )
 from agents.conditioned.polishing import polished, steps_of
 from domino_env import Layout, Scene, Wave
-from domino_env.support.brief import brief
+from domino_env.core.brief import brief
 from domino_env.view.shown import MadeForScene
 from optimize.searching.compiling import compile_for
 

@@ -33,10 +33,10 @@ from agents.conditioned.preset import ConditionedPreset
 from agents.conditioned.scenes import DISTRIBUTIONS, Pools
 from agents.dataset.rows import search_rows
 from domino_env import Scene
-from domino_env.support.brief import brief
-from domino_env.support.files import require_none, write_bytes
-from domino_env.support.models import Document, model_of
-from domino_env.support.reading import naming, read_json
+from domino_env.core.brief import brief
+from domino_env.core.files import require_none, write_bytes
+from domino_env.core.models import Document, model_of
+from domino_env.core.reading import naming, read_json
 
 if TYPE_CHECKING:
     from agents.conditioned.learner import Learner

@@ -14,11 +14,11 @@ from agents.conditioned.features import FEATURES, features_of
 from agents.conditioned.policy import ConditionedPolicy, shipped_policy
 from agents.single.policy import ScenePolicy
 from domino_env import Scene, SceneDistribution
+from domino_env.core.progress import progress_bar
+from domino_env.core.tables import markdown_table, write_csv
 from domino_env.scenes.distribution import load_distribution
-from domino_env.scenes.files.reading import distribution_names
+from domino_env.scenes.io.reading import distribution_names
 from domino_env.scenes.pool import load_test_set
-from domino_env.support.progress import progress_bar
-from domino_env.support.tables import markdown_table, write_csv
 from optimize.searching.compiling import compile_for
 
 Floats = NDArray[np.float64]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.dataset.rows import search_rows
+from domino_env.core.tables import write_csv
 from domino_env.scenes.pool import load_test_set
-from domino_env.support.tables import write_csv
 from optimize.executors.choice import add_executor_options, asked_executor
 
 Floats = NDArray[np.float64]

@@ -20,8 +20,8 @@ from agents.base.shipped import DESIGNER, POLICIES, shipped
 from agents.evaluation.many_scenes import evaluate_scenes, scenes_of
 from agents.evaluation.one_scene import evaluate
 from agents.evaluation.searched import SETS, searched_scores
-from domino_env.support.files import write_text
-from domino_env.support.tables import markdown_table
+from domino_env.core.files import write_text
+from domino_env.core.tables import markdown_table
 from optimize.records.shipped import best_known
 
 CARD = "README.md"

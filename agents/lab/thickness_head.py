@@ -25,7 +25,7 @@ from agents.conditioned.policy import ALGORITHM, ConditionedPolicy
 from agents.conditioned.scenes import Pools
 from agents.dataset.rows import search_rows
 from agents.evaluation.one_scene import folder_of
-from domino_env.support.files import write_bytes, write_text
+from domino_env.core.files import write_bytes, write_text
 from optimize.studies.task import TaskResult
 
 Floats = NDArray[np.float64]

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from domino_env import Scene, load_scene
+from domino_env.core.tables import markdown_table
 from domino_env.scenes.unsteady import LEAST_GAP, errors, placed
-from domino_env.support.tables import markdown_table
 from optimize import best_known
 
 Floats = NDArray[np.float64]

@@ -28,7 +28,7 @@ from agents.base.random_state import random_state_restored  # noqa: E402
 from agents.sb3.learner import learner, policy_of, set_deviation  # noqa: E402
 from agents.sb3.presets import Preset, preset  # noqa: E402
 from agents.sb3.vec_env import DominoVecEnv  # noqa: E402
-from domino_env.chain.wave import Outcome  # noqa: E402
+from domino_env.physics.wave import Outcome  # noqa: E402
 from domino_env.scenes.objectives import Evaluation  # noqa: E402
 from optimize.evaluation.budget import Budget, BudgetSpent  # noqa: E402
 

@@ -18,7 +18,7 @@ from agents.sb3.actor import acting, actor_of
 from agents.sb3.presets import Preset
 from agents.sb3.row_policy import RowPolicy
 from agents.sb3.side_by_side_ars import SideBySideARS
-from domino_env.support.files import write_bytes
+from domino_env.core.files import write_bytes
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "apg": APG,

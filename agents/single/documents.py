@@ -15,8 +15,8 @@ from msgspec import Meta
 from agents.base import run_files
 from agents.base.run_files import CONFIG, ProgressDocument, Score, Seed
 from agents.sb3.presets import ALGORITHMS, Preset
-from domino_env.support.models import Document, model_of
-from domino_env.support.reading import naming, read_json
+from domino_env.core.models import Document, model_of
+from domino_env.core.reading import naming, read_json
 
 SCENE, BUILT = "scene.toml", "policy.json"
 FILES = (*run_files.FILES, SCENE, BUILT, "layout.csv", "layout.json", "result.png")

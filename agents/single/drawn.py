@@ -22,11 +22,11 @@ from agents.single.documents import SCENE, SceneProgressDocument, read_config
 from agents.single.policy import ScenePolicy
 from agents.single.training import SceneTraining
 from domino_env import DominoChainVector, Scene, SceneDistribution
+from domino_env.core.files import require_none
+from domino_env.core.models import model_of
 from domino_env.scenes.distribution import load_distribution
-from domino_env.scenes.files.ranges import COUNT
+from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.pool import ScenePool
-from domino_env.support.files import require_none
-from domino_env.support.models import model_of
 
 Floats = NDArray[np.float64]
 

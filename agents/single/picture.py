@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from domino_env.support.colours import GREEN, KNOWN, OURS, PINK, SKY, UNIFORM
-from domino_env.support.plot_style import LEGEND, clock, write_png
+from domino_env.core.colours import GREEN, KNOWN, OURS, PINK, SKY, UNIFORM
+from domino_env.core.plot_style import LEGEND, clock, write_png
 from domino_env.view.beside_uniform import beside_uniform
 from optimize.records.shipped import best_known
 

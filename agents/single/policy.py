@@ -16,8 +16,8 @@ from agents.base.shipped import shipped
 from agents.sb3.actor import acting, read_actor
 from agents.single.documents import SCENE, ConfigDocument, read_config, read_reference
 from domino_env import DominoChain, Scene, SceneDistribution
+from domino_env.core.reading import naming
 from domino_env.scenes.distribution import load_any
-from domino_env.support.reading import naming
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,8 @@ from agents.single.documents import BUILT, FILES, SCENE, SceneProgressDocument, 
 from agents.single.policy import ScenePolicy
 from agents.single.result import Run
 from domino_env import Layout, Scene, load_scene
-from domino_env.support.files import require_none, write_text
-from domino_env.support.models import model_of
+from domino_env.core.files import require_none, write_text
+from domino_env.core.models import model_of
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm

@@ -44,16 +44,16 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _error_against_time(folder: Path, arguments: argparse.Namespace) -> int:
-    from domino_env.lab.accuracy.measurement import (
+    from domino_env.core.files import write_text
+    from domino_env.scenes.io.reading import load_scene
+    from domino_env.validation.accuracy.measurement import (
         as_csv,
         compare,
         measure,
         scene_rows,
         standard_rows,
     )
-    from domino_env.lab.accuracy.pictures import draw_accuracy
-    from domino_env.scenes.files.reading import load_scene
-    from domino_env.support.files import write_text
+    from domino_env.validation.accuracy.pictures import draw_accuracy
 
     with _progress() as tell:
         tell("compiling, and preparing the rows")
@@ -67,9 +67,9 @@ def _error_against_time(folder: Path, arguments: argparse.Namespace) -> int:
 
 
 def _stability(folder: Path, quick: bool) -> int:
-    from domino_env.lab.accuracy.pictures import draw_stability
-    from domino_env.lab.accuracy.stability import as_csv, as_table, stability
-    from domino_env.support.files import write_text
+    from domino_env.core.files import write_text
+    from domino_env.validation.accuracy.pictures import draw_stability
+    from domino_env.validation.accuracy.stability import as_csv, as_table, stability
 
     with _progress() as tell:
         verdicts = list(stability(quick, tell))
@@ -86,8 +86,8 @@ def _stability(folder: Path, quick: bool) -> int:
 
 
 def _savings(folder: Path, quick: bool) -> int:
-    from domino_env.lab.accuracy.savings import as_csv, as_table, savings
-    from domino_env.support.files import write_text
+    from domino_env.core.files import write_text
+    from domino_env.validation.accuracy.savings import as_csv, as_table, savings
 
     with _progress() as tell:
         found = list(savings(0.01 if quick else 0.4, tell))

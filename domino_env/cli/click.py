@@ -20,7 +20,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, write."""
     from pathlib import Path
 
-    from domino_env.chain.wave import simulate
+    from domino_env.physics.wave import simulate
     from domino_env.view.sound import clicks, write_wav
 
     source = Path(arguments.layout)

@@ -19,9 +19,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Draw, write, print the tables."""
     from pathlib import Path
 
-    from domino_env.lab.chapman.figures import FIGURES
-    from domino_env.lab.chapman.tables import markdown
-    from domino_env.support.files import write_text
+    from domino_env.core.files import write_text
+    from domino_env.validation.chapman.figures import FIGURES
+    from domino_env.validation.chapman.tables import markdown
 
     folder = Path(arguments.out)
     for name, draw in FIGURES.items():

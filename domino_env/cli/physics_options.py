@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from domino_env.chain.layout import Layout
-    from domino_env.chain.physics import Physics
+    from domino_env.physics.layout import Layout
+    from domino_env.physics.physics import Physics
     from domino_env.scenes.scene import Scene
 
 NUMBERS = ("friction", "gravity", "push")
@@ -70,8 +70,8 @@ class Asked:
         )
 
     def read(self, path: str | Path) -> Layout:
-        """Read a layout of the scene, see `domino_env.scenes.files.beside.read_row`."""
-        from domino_env.scenes.files.beside import read_row
+        """Read a layout of the scene, see `domino_env.scenes.io.beside.read_row`."""
+        from domino_env.scenes.io.beside import read_row
 
         return read_row(path, self.scene)
 
@@ -93,9 +93,9 @@ def asked_physics(arguments: argparse.Namespace, *paths: str | Path) -> Asked:
     """
     from dataclasses import replace
 
-    from domino_env.chain.physics import Physics
-    from domino_env.scenes.files.beside import common_scene
-    from domino_env.scenes.files.reading import load_scene
+    from domino_env.physics.physics import Physics
+    from domino_env.scenes.io.beside import common_scene
+    from domino_env.scenes.io.reading import load_scene
 
     scene = load_scene(arguments.scene) if arguments.scene else common_scene(paths)
     given = {name: getattr(arguments, name) for name in NUMBERS}

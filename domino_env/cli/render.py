@@ -29,8 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, draw, write."""
     from pathlib import Path
 
-    from domino_env.chain.wave import simulate
-    from domino_env.support.reading import one_line, row_name
+    from domino_env.core.reading import one_line, row_name
+    from domino_env.physics.wave import simulate
     from domino_env.view.animation import Runner, frames, poses, write_gif, write_mp4, write_png
 
     wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]

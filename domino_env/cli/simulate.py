@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from domino_env.cli.physics_options import add_physics_options, asked_physics
 
 if TYPE_CHECKING:
-    from domino_env.chain.wave import Wave
+    from domino_env.physics.wave import Wave
     from domino_env.scenes.scene import Scene
     from domino_env.standing.simulation import RigidWave
 
@@ -52,9 +52,9 @@ def run(arguments: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
-    from domino_env.chain.wave import simulate
+    from domino_env.core.tables import write_csv
+    from domino_env.physics.wave import simulate
     from domino_env.standing.simulation import simulate_standing
-    from domino_env.support.tables import write_csv
 
     asked = asked_physics(arguments, arguments.layout)
     scene = asked.scene

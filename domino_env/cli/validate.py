@@ -1,8 +1,8 @@
 """Put measured rows beside the model: friction fitted, each spacing left out in turn, a verdict.
 
-Without WHAT, all sources that ship.  WHAT is the name of one, a .toml file of your own (copy one
-from domino_env/lab/measured/sources), or rows PITCH=FREQUENCY, in millimetres and hits a second:
-domino validate 16=64.4 24=42.3 32=28.1
+Without WHAT, all sources that ship.  WHAT is the name of one, a .toml file of your own
+(copy one from domino_env/validation/measured/sources), or rows PITCH=FREQUENCY, in millimetres and
+hits a second: domino validate 16=64.4 24=42.3 32=28.1
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from domino_env.lab.measured.source import Source
+    from domino_env.validation.measured.source import Source
 
 SUMMARY = "measured rows beside the model, with the friction that explains them"
 UNCERTAINTY = 2.0  # [%] of a frequency
@@ -36,9 +36,9 @@ def run(arguments: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
-    from domino_env.lab.measured.page import PAGE, PICTURE, document, markdown, text
-    from domino_env.lab.measured.validation import validate
-    from domino_env.support.files import write_text
+    from domino_env.core.files import write_text
+    from domino_env.validation.measured.page import PAGE, PICTURE, document, markdown, text
+    from domino_env.validation.measured.validation import validate
 
     validations = [validate(source) for source in _sources(arguments)]
     if arguments.json:
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     if len(validations) > 1:
         print(f"\n{held} of {len(validations)} sources explained")
     if arguments.out:
-        from domino_env.lab.measured.picture import draw
+        from domino_env.validation.measured.picture import draw
 
         folder = Path(arguments.out)
         draw(validations, folder / PICTURE)
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _sources(arguments: argparse.Namespace) -> list[Source]:
     from pathlib import Path
 
-    from domino_env.lab.measured.source import read_source, shipped_sources
+    from domino_env.validation.measured.source import read_source, shipped_sources
 
     shipped = shipped_sources()
     rows = [word for word in arguments.what if "=" in word]
@@ -86,8 +86,8 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
 
 def _typed(rows: list[str], arguments: argparse.Namespace) -> Source:
     """Rows of the command line as a source."""
-    from domino_env.lab.measured.source import Source
-    from domino_env.support.models import model_of
+    from domino_env.core.models import model_of
+    from domino_env.validation.measured.source import Source
 
     listed = []
     for word in rows:

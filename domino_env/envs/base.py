@@ -14,9 +14,9 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.chain.layout import Layout
 from domino_env.envs.problems import Generators, Problems
 from domino_env.envs.snapshot import Snapshot
+from domino_env.physics.layout import Layout
 from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.scene import Scene
 

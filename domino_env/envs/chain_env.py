@@ -8,10 +8,10 @@ from typing import cast
 
 from gymnasium.vector import AutoresetMode
 
-from domino_env.chain.layout import Layout
 from domino_env.envs.base import RTOL, WINDOW, Floats, RowEnv, loaded
 from domino_env.envs.episodes import ChainEpisodes
 from domino_env.envs.vector import RowVectorEnv
+from domino_env.physics.layout import Layout
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 

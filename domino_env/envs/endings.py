@@ -14,9 +14,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
-from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
 from domino_env.scenes.scene import Scene
 
 Floats = NDArray[np.float64]

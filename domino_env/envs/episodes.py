@@ -11,18 +11,18 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from domino_env import kernels
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import simulate
+from domino_env.core.threads import share_rows
 from domino_env.envs.arrays import draw_errors, new_batch
 from domino_env.envs.base import Bools, Episodes, Floats, Observations, Start
 from domino_env.envs.endings import Endings
 from domino_env.envs.observation import observation_space
 from domino_env.envs.problems import Generators, Problems, choices
 from domino_env.envs.snapshot import Snapshot
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import simulate
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import LENGTH_TOLERANCE
-from domino_env.support.threads import share_rows
 
 Rows = NDArray[np.intp]  # their numbers
 

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from domino_env import kernels
+from domino_env.core.threads import share_rows
 from domino_env.envs.arrays import draw_errors, new_batch
 from domino_env.envs.base import RTOL, Bools, Episodes, Floats, Observations, RowEnv, Start, loaded
 from domino_env.envs.endings import Endings
@@ -20,7 +21,6 @@ from domino_env.envs.snapshot import Snapshot
 from domino_env.envs.vector import RowVectorEnv
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
-from domino_env.support.threads import share_rows
 
 PIECE = 16  # rows whose dominoes are placed by one thread, at least
 NEWTON, CLOSE = 5, 1e-15  # steps towards a shift, and how close they are likely to come [m]

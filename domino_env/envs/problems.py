@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env import kernels
-from domino_env.chain.wave import LOOSEST, TIGHTEST
+from domino_env.physics.wave import LOOSEST, TIGHTEST
 from domino_env.scenes.distribution import SceneDistribution
-from domino_env.scenes.files.ranges import COUNT
+from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.unsteady import LEAST_GAP

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.motion import lean_behind
 from domino_env.envs.snapshot import Snapshot
+from domino_env.physics.layout import Layout
+from domino_env.physics.motion import lean_behind
 from domino_env.scenes.scene import Scene
 
 WIDTH, HEIGHT = 1200, 200

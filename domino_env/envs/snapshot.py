@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.support.brief import brief
+from domino_env.core.brief import brief
 
 if TYPE_CHECKING:
-    from domino_env.chain.wave import Wave
+    from domino_env.physics.wave import Wave
 
 Floats = NDArray[np.float64]
 

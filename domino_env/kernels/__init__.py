@@ -22,7 +22,7 @@ in that angle, so a fall, a flush and a hit are affine maps of u, and nothing is
     batch, choice, observation, episode    the environments' step
     records, tape    what is kept of a chain
     adjoint     the same, backwards
-    hills       what differs over ground that is not flat
+    ground      what differs over ground that is not flat
     jit         how all of it is compiled and cached
 
 This face offers what Python calls, and only that.
@@ -31,7 +31,7 @@ Sources: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of topp
 eqs. 1-3, 7-9, restated for unequal dominoes.
 """
 
-from domino_env.kernels import hills
+from domino_env.kernels import ground
 from domino_env.kernels.adjoint.chain import pull, pull_rows
 from domino_env.kernels.adjoint.slots import WHOLE
 from domino_env.kernels.batch import EPISODE, RULES, RUNNING, Batch, HillBatch
@@ -40,7 +40,7 @@ from domino_env.kernels.choice import gap_range, thickness_range
 from domino_env.kernels.endless import period_falls
 from domino_env.kernels.episode import place_rows, reset_rows, step_rows
 from domino_env.kernels.forces import LOADS, diagnose_chain
-from domino_env.kernels.hills.placing import follow_rows, lay_rows
+from domino_env.kernels.ground.placing import follow_rows, lay_rows
 from domino_env.kernels.motion import watch_chain
 from domino_env.kernels.observation import FRONT_LIMIT, LEAD_LIMIT, RISE_LIMIT, SPEED_LIMIT
 from domino_env.kernels.slots import (
@@ -98,7 +98,7 @@ __all__ = [
     "diagnose_chain",
     "follow_rows",
     "gap_range",
-    "hills",
+    "ground",
     "lay_rows",
     "period_falls",
     "place_rows",

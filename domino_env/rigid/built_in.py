@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
 from domino_env.rigid.judges import Fall
 from domino_env.standing.simulation import simulate_standing
 

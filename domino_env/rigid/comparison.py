@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
-from domino_env.chain.wave import Wave, simulate
+from domino_env.core.brief import brief
+from domino_env.core.files import write_text
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import Wave, simulate
 from domino_env.rigid.built_in import Standing
 from domino_env.rigid.converging import Engine
 from domino_env.rigid.judges import Fall, Judge, in_words, largest_move
 from domino_env.rigid.opening import Opening, openings
-from domino_env.support.brief import brief
-from domino_env.support.files import write_text
 
 Floats = NDArray[np.float64]
 

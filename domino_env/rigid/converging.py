@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
 from domino_env.rigid.engine import Fallen, engine_version, topple
 from domino_env.rigid.judges import Fall, largest_move
 from domino_env.standing.simulation import window_of

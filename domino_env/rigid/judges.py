@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
 
 Floats = NDArray[np.float64]
 

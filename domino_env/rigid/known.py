@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
-from domino_env.support.files import write_text
-from domino_env.support.models import model_of
-from domino_env.support.reading import naming, read_json
+from domino_env.core.files import write_text
+from domino_env.core.models import model_of
+from domino_env.core.reading import naming, read_json
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
 
 PATH = Path(__file__).with_name("known.json")
 

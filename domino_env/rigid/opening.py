@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
 from domino_env.standing.simulation import simulate_standing
 
 Floats = NDArray[np.float64]

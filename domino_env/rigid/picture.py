@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.core.colours import COLOURS, INK, SHADE
+from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
 from domino_env.rigid.comparison import AGREES, Verification
 from domino_env.rigid.judges import in_words
-from domino_env.support.colours import COLOURS, INK, SHADE
-from domino_env.support.plot_style import LEGEND, new_figure, style, write_png
 
 
 def write_picture(

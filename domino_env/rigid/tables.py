@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from domino_env.core.tables import markdown_table
 from domino_env.rigid.judges import in_words
 from domino_env.rigid.known import OnFloor, Seen, Verified
-from domino_env.support.tables import markdown_table
 
 
 def floors_table(found: dict[str, Verified]) -> list[str]:

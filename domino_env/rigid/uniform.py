@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from domino_env.chain.layout import Layout
+from domino_env.physics.layout import Layout
 from domino_env.rigid.judges import Judge
 from domino_env.scenes.scene import Scene
 

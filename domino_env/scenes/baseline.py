@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave
+from domino_env.core.brief import brief
+from domino_env.core.distinct import distinct_rows
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave
 from domino_env.scenes.shipped_marks import shipped_point
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.standing_mark import best_standing
 from domino_env.scenes.uniform_rows import UniformRows
-from domino_env.support.brief import brief
-from domino_env.support.distinct import distinct_rows
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scenes.files.ranges import (
+from domino_env.core.reading import naming, refuse
+from domino_env.scenes.io.ranges import (
     COUNT,
     PUSH,
     Place,
@@ -17,19 +18,18 @@ from domino_env.scenes.files.ranges import (
     has_ranges,
     ranges_of,
 )
-from domino_env.scenes.files.reading import (
+from domino_env.scenes.io.reading import (
     distribution_names,
     document_of_text,
     read_named,
     scene_names,
     scene_of_document,
 )
-from domino_env.scenes.files.tables import PhysicsTable, RowTable
-from domino_env.scenes.files.writing import document_of, text_of
+from domino_env.scenes.io.tables import PhysicsTable, RowTable
+from domino_env.scenes.io.writing import document_of, text_of
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.uniform_rows import UniformRows
-from domino_env.support.reading import naming, refuse
 
 Floats = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from domino_env.chain.ground import Ground
+from domino_env.physics.ground import Ground
 
 Bounds = tuple[float, float]
 

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.core.files import write_text
+from domino_env.core.progress import progress_bar
+from domino_env.core.reading import refuse
 from domino_env.scenes.baseline import apart, best_point
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
-from domino_env.scenes.files.reading import DISTRIBUTIONS, distribution_names
+from domino_env.scenes.io.reading import DISTRIBUTIONS, distribution_names
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform_rows import UniformRows
-from domino_env.support.files import write_text
-from domino_env.support.progress import progress_bar
-from domino_env.support.reading import refuse
 
 Floats = NDArray[np.float64]
 

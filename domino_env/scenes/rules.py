@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.ground import Ground
-from domino_env.chain.layout import Layout
+from domino_env.physics.ground import Ground
+from domino_env.physics.layout import Layout
 
 Floats = NDArray[np.float64]
 Bounds = tuple[float, float]

@@ -10,16 +10,16 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Outcome, Wave, simulate
+from domino_env.core.progress import underway
+from domino_env.core.reading import one_line
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.baseline import UniformMark, best_uniform, gain, lead_in_words
-from domino_env.scenes.files.writing import to_toml
+from domino_env.scenes.io.writing import to_toml
 from domino_env.scenes.objectives import Evaluation, Slopes
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.unsteady import errors, placed
 from domino_env.scenes.waves import Waves
-from domino_env.support.progress import underway
-from domino_env.support.reading import one_line
 
 Floats = NDArray[np.float64]
 

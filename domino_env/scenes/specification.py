@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.chain.ground import Ground
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.physics.ground import Ground
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
 from domino_env.scenes.grounds import clash_with_ground
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective

@@ -10,14 +10,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
-from domino_env.chain.wave import Wave
+from domino_env.core.threads import share_pieces
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import Wave
 from domino_env.scenes.objectives.base import Evaluation, Slopes
 from domino_env.scenes.objectives.speed import Speed
 from domino_env.scenes.waves import LayoutBatch, Waves
 from domino_env.standing.simulation import RigidWave, simulate_standing
-from domino_env.support.threads import share_pieces
 
 RTOL = 1e-3  # of all standing scores, whatever is asked for: what they are off is some 2e-4 alike
 WAVES = 10_000  # analytic ones that take as long as one standing row

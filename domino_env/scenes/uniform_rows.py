@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
+from domino_env.physics.layout import Layout
 from domino_env.scenes.long_waves import scores_by_heads
 from domino_env.scenes.rules import ON_LIST, nearest_of
 from domino_env.scenes.specification import Specification

@@ -9,13 +9,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain import footing
-from domino_env.chain.gradient import Gradient
-from domino_env.chain.ground import Ground
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
-from domino_env.chain.wave import Outcome, Wave, WaveBatch, simulate_batch
-from domino_env.support.brief import brief
+from domino_env.core.brief import brief
+from domino_env.physics import footing
+from domino_env.physics.gradient import Gradient
+from domino_env.physics.ground import Ground
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate_batch
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
 from domino_env.standing import dynamics
 
 Floats = NDArray[np.float64]

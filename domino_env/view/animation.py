@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from domino_env.chain.motion import Motion
-from domino_env.chain.wave import Wave
-from domino_env.support.files import write_bytes
+from domino_env.core.files import write_bytes
+from domino_env.physics.motion import Motion
+from domino_env.physics.wave import Wave
 from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
 from domino_env.view.ground import relief
 

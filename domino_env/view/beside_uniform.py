@@ -7,11 +7,11 @@ from collections.abc import Callable
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave
+from domino_env.core.colours import UNIFORM
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave
 from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
-from domino_env.support.colours import UNIFORM
 from domino_env.view.rows import Shown, rows_picture
 
 

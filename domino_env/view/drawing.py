@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from domino_env.chain.ground import Ground
-from domino_env.chain.layout import Layout
-from domino_env.chain.motion import outlines
-from domino_env.support import colours
-from domino_env.support.colours import rgb
+from domino_env.core import colours
+from domino_env.core.colours import rgb
+from domino_env.physics.ground import Ground
+from domino_env.physics.layout import Layout
+from domino_env.physics.motion import outlines
 from domino_env.view.ground import ground_line
 
 Floats = NDArray[np.float64]

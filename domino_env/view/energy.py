@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain import footing
-from domino_env.chain.layout import Layout
-from domino_env.chain.motion import Motion
-from domino_env.chain.wave import Wave
-from domino_env.support.brief import brief
+from domino_env.core.brief import brief
+from domino_env.physics import footing
+from domino_env.physics.layout import Layout
+from domino_env.physics.motion import Motion
+from domino_env.physics.wave import Wave
 
 Floats = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.ground import Ground
-from domino_env.chain.layout import Layout
-from domino_env.chain.motion import outlines
+from domino_env.physics.ground import Ground
+from domino_env.physics.layout import Layout
+from domino_env.physics.motion import outlines
 
 Floats = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave
 from domino_env.view.rows import Shown, rows_picture
 
 

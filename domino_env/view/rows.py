@@ -16,12 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.motion import outlines
-from domino_env.chain.wave import Wave
+from domino_env.core.colours import FAINT, INK, OURS, SOFT
+from domino_env.core.plot_style import HEAD, headings, new_figure, plain_numbers, style
+from domino_env.physics.layout import Layout
+from domino_env.physics.motion import outlines
+from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
-from domino_env.support.colours import FAINT, INK, OURS, SOFT
-from domino_env.support.plot_style import HEAD, headings, new_figure, plain_numbers, style
 from domino_env.view.ground import ground_line
 
 Floats = NDArray[np.float64]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 from domino_env.view.svg import beside_uniform_html
 

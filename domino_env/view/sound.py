@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.wave import Wave
-from domino_env.support.files import write_bytes
-from domino_env.support.reading import naming, read_bytes
+from domino_env.core.files import write_bytes
+from domino_env.core.reading import naming, read_bytes
+from domino_env.physics.wave import Wave
 
 Floats = NDArray[np.float64]
 

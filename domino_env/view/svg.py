@@ -8,9 +8,9 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave
-from domino_env.support.colours import OURS, UNIFORM
+from domino_env.core.colours import OURS, UNIFORM
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave
 from domino_env.view.ground import ground_line
 
 Floats = NDArray[np.float64]

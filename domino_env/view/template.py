@@ -17,10 +17,10 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from domino_env.chain.layout import Layout
-from domino_env.support.colours import INK, SOFT
-from domino_env.support.files import write_bytes
-from domino_env.support.plot_style import escaped
+from domino_env.core.colours import INK, SOFT
+from domino_env.core.files import write_bytes
+from domino_env.core.plot_style import escaped
+from domino_env.physics.layout import Layout
 from domino_env.view.ground import places_along
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # lying on the long side [m]

@@ -17,9 +17,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from PIL import Image
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
-from domino_env.scenes.files.reading import load_scene
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.view.drawing import Scale, strip
 from optimize import methods

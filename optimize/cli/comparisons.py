@@ -63,8 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
-    from domino_env.scenes.files.reading import load_scene, scene_names
-    from domino_env.support.files import require_room
+    from domino_env.core.files import require_room
+    from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize import methods
     from optimize.comparison.runner import compare, comparison_tasks
 
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _written(comparison: Comparison, folder: Path, *, update_best: bool) -> int:
     """Write and print what came of it."""
-    from domino_env.scenes.files.reading import scene_names
+    from domino_env.scenes.io.reading import scene_names
     from optimize.comparison.page import FILES, table, write
     from optimize.records.shipped import update
 

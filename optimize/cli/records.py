@@ -67,9 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(records: dict[str, BestKnown]) -> None:
+    from domino_env.core.tables import text_table
     from domino_env.rigid.known import known_verification
-    from domino_env.scenes.files.reading import load_scene
-    from domino_env.support.tables import text_table
+    from domino_env.scenes.io.reading import load_scene
 
     rows = []
     for name, record in records.items():
@@ -87,7 +87,7 @@ def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int
 
     from domino_env.rigid.known import read_verified, write_verified
     from domino_env.rigid.tables import engine_table, floors_table, hinged_table
-    from domino_env.scenes.files.reading import load_scene
+    from domino_env.scenes.io.reading import load_scene
     from optimize.records.verification import verify_records
 
     if arguments.steps or arguments.share or arguments.sweeps:

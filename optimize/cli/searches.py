@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and say what was found."""
     from pathlib import Path
 
-    from domino_env.scenes.files.reading import load_scene, scene_names
+    from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize import methods
     from optimize.records.shipped import update
     from optimize.searching.folder import FILES, require_place

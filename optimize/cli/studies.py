@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(store: Store) -> None:
-    from domino_env.support.tables import text_table
+    from domino_env.core.tables import text_table
 
     found = store.studies()
     if not found:
@@ -85,8 +85,8 @@ def _list(store: Store) -> None:
 
 
 def _show(study: Study, *, everything: bool) -> None:
-    from domino_env.support.reading import one_line
-    from domino_env.support.tables import text_table
+    from domino_env.core.reading import one_line
+    from domino_env.core.tables import text_table
 
     results = study.done().values()
     about = f"{study.kind}, {len(results):,} finished tasks, begun {_clock(study.begun)} UTC"
@@ -122,7 +122,7 @@ def _export(study: Study, path: Path) -> None:
 
 
 def _export_best(study: Study, path: Path, which: str | None) -> None:
-    from domino_env.support.reading import one_line
+    from domino_env.core.reading import one_line
     from optimize.studies.export import best_layout
 
     write = {".csv": "to_csv", ".json": "to_json"}.get(path.suffix.lower())

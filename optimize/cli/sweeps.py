@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check, search, write the folder, and say what was found."""
-    from domino_env.scenes.files.reading import load_scene
-    from domino_env.support.files import require_room
+    from domino_env.core.files import require_room
+    from domino_env.scenes.io.reading import load_scene
     from optimize.studies.progress import TaskLines
     from optimize.sweeps.page import FILES, write
     from optimize.sweeps.runner import run_sweep, sweep_tasks

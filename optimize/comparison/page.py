@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.support.files import write_text
-from domino_env.support.tables import markdown_table, write_csv
+from domino_env.core.files import write_text
+from domino_env.core.tables import markdown_table, write_csv
 from optimize.comparison.runner import Comparison
 from optimize.evaluation.result import SearchResult
 

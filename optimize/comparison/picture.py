@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from domino_env.support.colours import FAINT, INK, OURS, PALE, SOFT
-from domino_env.support.plot_style import (
+from domino_env.core.colours import FAINT, INK, OURS, PALE, SOFT
+from domino_env.core.plot_style import (
     HEAD,
     LEGEND,
     headings,

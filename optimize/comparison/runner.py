@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scenes.files.reading import load_scene
+from domino_env.core.brief import brief
+from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.support.brief import brief
 from optimize.evaluation.result import SearchResult
 from optimize.methods import METHODS
 from optimize.methods.own import importable_name

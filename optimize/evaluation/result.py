@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave
 from domino_env.scenes.baseline import UniformMark, gain
 from domino_env.scenes.scene import Scene
 from domino_env.view.shown import MadeForScene

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.chain.wave import Outcome, simulate
-from domino_env.scenes.files.reading import load_scene
+from domino_env.physics.wave import Outcome, simulate
+from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.scene import Scene
 from optimize.problem.variables import Floats, Variables

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
+from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
-from optimize.projection.allowed import Allowed
-from optimize.projection.feasible import require_feasible
+from optimize.constraints.allowed import Allowed
+from optimize.constraints.feasible import require_feasible
 
 Floats = NDArray[np.float64]
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from domino_env.chain.forces import diagnose
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave, simulate
+from domino_env.core.threads import allowed_threads
+from domino_env.physics.forces import diagnose
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave, simulate
 from domino_env.rigid.built_in import Standing
 from domino_env.rigid.comparison import Verification, last_difference
 from domino_env.rigid.judges import Fall, Judge, largest_move
@@ -18,7 +19,6 @@ from domino_env.rigid.known import OnFloor, Seen, Verified, digest
 from domino_env.rigid.uniform import best_uniform_on
 from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
-from domino_env.support.threads import allowed_threads
 from optimize.records.shipped import BestKnown
 
 FIRST = 100  # dominoes of a long row that are looked at

@@ -24,14 +24,14 @@ from typing import Annotated, Any
 
 from msgspec import Meta
 
-from domino_env.chain.layout import Layout
-from domino_env.scenes.files.reading import load_scene
+from domino_env.core.files import require_none, require_room, write_text
+from domino_env.core.models import Document, model_of
+from domino_env.core.provenance import versions
+from domino_env.core.reading import naming, read_json
+from domino_env.core.tables import write_csv
+from domino_env.physics.layout import Layout
+from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.support.files import require_none, require_room, write_text
-from domino_env.support.models import Document, model_of
-from domino_env.support.provenance import versions
-from domino_env.support.reading import naming, read_json
-from domino_env.support.tables import write_csv
 from optimize.evaluation.budget import Budget, Step
 from optimize.evaluation.result import SearchResult
 

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from domino_env.support.colours import OURS, UNIFORM
-from domino_env.support.plot_style import beside_line, clock, write_png
+from domino_env.core.colours import OURS, UNIFORM
+from domino_env.core.plot_style import beside_line, clock, write_png
 from domino_env.view.beside_uniform import beside_uniform
 from optimize.evaluation.result import SearchResult
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
+from domino_env.core.progress import progress_bar
 from domino_env.scenes.baseline import gain
-from domino_env.support.progress import progress_bar
 
 if TYPE_CHECKING:
     from optimize.evaluation.budget import Budget

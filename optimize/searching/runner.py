@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.wave import Wave
-from domino_env.scenes.files.reading import load_scene
+from domino_env.core.provenance import versions
+from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave
+from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.support.provenance import versions
 from optimize import methods
 from optimize.evaluation.budget import Budget, BudgetSpent
 from optimize.evaluation.journal import Journal

@@ -14,7 +14,7 @@ from sqlalchemy.dialects.sqlite import insert as insert_into_file
 from sqlalchemy.engine import URL, Connection, Engine, make_url
 from sqlalchemy.orm import Session
 
-from domino_env.support.files import require_room
+from domino_env.core.files import require_room
 from optimize.studies.models import SCHEMA, Base, Damaged, version
 
 PATIENCE = 60.0  # [s] that a process waits for others to finish writing

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from domino_env.chain.layout import Layout
-from domino_env.support.files import write_bytes
-from domino_env.support.tables import write_csv
+from domino_env.core.files import write_bytes
+from domino_env.core.tables import write_csv
+from domino_env.physics.layout import Layout
 from optimize.studies.ioh_logs import write_ioh
 from optimize.studies.store import Study
 from optimize.studies.task import TaskResult, layout_of, scene_of

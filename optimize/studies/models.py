@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from sqlalchemy.engine import Dialect
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-from domino_env.support.reading import shown
+from domino_env.core.reading import shown
 from optimize.studies.task import TaskResult
 
 SCHEMA = 1

@@ -12,10 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.layout import Layout
-from domino_env.scenes.files.reading import parse_scene
+from domino_env.core.provenance import versions
+from domino_env.physics.layout import Layout
+from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.scene import Scene
-from domino_env.support.provenance import versions
 from optimize.evaluation.budget import Budget, Step
 from optimize.evaluation.result import SearchResult
 from optimize.searching.runner import search

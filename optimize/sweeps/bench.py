@@ -24,7 +24,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from domino_env.scenes.files.reading import load_scene
+from domino_env.scenes.io.reading import load_scene
 from optimize.executors.cluster import DaskExecutor
 from optimize.studies import open_store
 from optimize.sweeps.runner import run_sweep, sweep_tasks

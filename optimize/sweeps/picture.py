@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from domino_env.support.colours import INK, KNOWN, OURS, SOFT
-from domino_env.support.plot_style import LEGEND, method_lines, new_panels, style, write_png
+from domino_env.core.colours import INK, KNOWN, OURS, SOFT
+from domino_env.core.plot_style import LEGEND, method_lines, new_panels, style, write_png
 from optimize.studies.task import TaskResult
 from optimize.sweeps.runner import Sweep
 

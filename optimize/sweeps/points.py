@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.scenes.files.reading import scene_of_document
-from domino_env.scenes.files.writing import document_of
+from domino_env.scenes.io.reading import scene_of_document
+from domino_env.scenes.io.writing import document_of
 from domino_env.scenes.scene import Scene
 
 Value = float | int | str | list[Any]

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from domino_env.scenes.files.reading import load_scene
+from domino_env.core.brief import brief
+from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.support.brief import brief
 from optimize import methods as known_methods
 from optimize.problem import Problem
 from optimize.studies.progress import TaskLines

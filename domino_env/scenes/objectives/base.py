@@ -16,13 +16,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.chain.gradient import Gradient
-from domino_env.chain.ground import Ground
-from domino_env.chain.wave import Wave
+from domino_env.core.brief import brief
+from domino_env.core.models import Table
+from domino_env.physics.gradient import Gradient
+from domino_env.physics.ground import Ground
+from domino_env.physics.wave import Wave
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
-from domino_env.support.brief import brief
-from domino_env.support.models import Table
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from domino_env.chain.wave import Wave
+from domino_env.physics.wave import Wave
 from domino_env.scenes.objectives.base import Evaluation, Objective, Slopes
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
 

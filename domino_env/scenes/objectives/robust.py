@@ -11,12 +11,12 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from msgspec import Meta
 
-from domino_env.chain.wave import Wave
+from domino_env.core.models import LARGEST
+from domino_env.physics.wave import Wave
 from domino_env.scenes.objectives.base import Evaluation, Objective, Settings, Slopes
 from domino_env.scenes.objectives.speed import speed_slopes
 from domino_env.scenes.unsteady import placed
 from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
-from domino_env.support.models import LARGEST
 
 LARGEST_DRAWS = 100_000
 MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from domino_env.chain.gradient import HillGradient, longer_over_hills
-from domino_env.chain.wave import Outcome, Wave, WaveBatch
+from domino_env.physics.gradient import HillGradient, longer_over_hills
+from domino_env.physics.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.objectives.base import Evaluation, Objective, Slopes
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from msgspec import Meta
 
-from domino_env.chain.wave import Outcome, Wave, simulate
+from domino_env.core.models import Size
+from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.objectives.base import Evaluation, Objective, Settings, Slopes
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
-from domino_env.support.models import Size
 
 TOLERANCE = 1e-3  # [s]
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from domino_env.chain.wave import Wave
+from domino_env.physics.wave import Wave
 from domino_env.scenes.objectives.base import Evaluation, Objective
 from domino_env.scenes.waves import Floats, Waves
 

@@ -12,7 +12,7 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 
-from domino_env.support.files import write_text
+from domino_env.core.files import write_text
 from domino_env.view.report.race import Racer, race_data
 from domino_env.view.report.reading import read_racers
 

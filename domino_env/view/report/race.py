@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.chain import footing
-from domino_env.chain.layout import Layout
-from domino_env.chain.motion import Motion
-from domino_env.chain.wave import Wave
+from domino_env.physics import footing
+from domino_env.physics.layout import Layout
+from domino_env.physics.motion import Motion
+from domino_env.physics.wave import Wave
 from domino_env.view.energy import Energy, energies
 from domino_env.view.ground import ground_line
 

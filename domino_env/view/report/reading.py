@@ -11,15 +11,15 @@ from typing import Annotated, Any
 
 from msgspec import Meta
 
-from domino_env.chain.layout import Layout
-from domino_env.chain.physics import Physics
-from domino_env.chain.wave import simulate
+from domino_env.core.models import Document, Number, model_of
+from domino_env.core.reading import decoded, naming, one_line, read_bytes, read_json, shown
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import simulate
 from domino_env.rigid.judges import in_words
 from domino_env.rigid.known import known_verification
-from domino_env.scenes.files.beside import common_scene, read_row
+from domino_env.scenes.io.beside import common_scene, read_row
 from domino_env.scenes.scene import Scene
-from domino_env.support.models import Document, Number, model_of
-from domino_env.support.reading import decoded, naming, one_line, read_bytes, read_json, shown
 from domino_env.view.animation import require_drawable
 from domino_env.view.report.race import Racer
 

@@ -2,21 +2,21 @@
 
 At a row whose gaps are as good as a climb makes them, the exact slopes tell what each place would
 gain from each kind in the box.  The assignment that promises most, changing no more than so many
-places, is a programme for HiGHS (see `optimize.projection.stock`); besides, exchanges of two places
-are tried.  The best few of all these climb a little in their gaps, and the best of those is kept.
-Values from a list go a step up or down instead.  Without either, only the climbs are left.
+places, is a programme for HiGHS (see `optimize.constraints.stock`); besides, exchanges of two
+places are tried.  The best few of all these climb a little in their gaps, and the best of those is
+kept.  Values from a list go a step up or down instead.  Without either, only the climbs are left.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from domino_env.support.distinct import distinct_rows
+from domino_env.core.distinct import distinct_rows
+from optimize.constraints.stock import assign
 from optimize.evaluation.budget import Budget
 from optimize.methods.starts import starts
 from optimize.methods.structured.ascent import Ascent, climb
 from optimize.problem import Floats, Problem
-from optimize.projection.stock import assign
 
 LONG, SHORT = 80, 10  # gradients of a climb
 CHANGES = (2, 4, 8, 16)  # places that a programme may change

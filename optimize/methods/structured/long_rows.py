@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array
 
-from domino_env.chain.steady import steady_wave
+from domino_env.physics.steady import steady_wave
 from domino_env.scenes.scene import Scene
 from optimize.evaluation.budget import Budget
 from optimize.methods.structured.ascent import Refined, climb

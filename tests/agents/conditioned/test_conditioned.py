@@ -24,7 +24,7 @@ from agents.evaluation.one_scene import load_policy
 from agents.lab.cards import MARKED, card_of, figures
 from domino_env.cli.main import main
 from domino_env.scenes.distribution import load_distribution
-from domino_env.scenes.files.reading import DISTRIBUTIONS
+from domino_env.scenes.io.reading import DISTRIBUTIONS
 
 WEIGHTS = POLICIES / DESIGNER / "policy.npz"
 REFUSED = r"policy\.npz: it (does not hold|is no archive)"

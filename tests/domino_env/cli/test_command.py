@@ -16,7 +16,7 @@ import pytest
 
 import domino_env as de
 from domino_env.cli.main import _explain_silence, main
-from domino_env.support.progress import underway
+from domino_env.core.progress import underway
 
 GAPS, THICKNESS = [0.018, 0.0205, 0.022, 0.016], [0.0075, 0.007, 0.0075, 0.0075, 0.0075]
 

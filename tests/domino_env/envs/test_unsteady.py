@@ -9,7 +9,7 @@ from agents.base.building import HANDS, as_placed, build
 from agents.single.scripted import ScriptedPolicy, uniform
 from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, load_scene
 from domino_env.envs.base import RTOL
-from domino_env.scenes.files.reading import parse_scene
+from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.unsteady import LEAST_GAP
 
 SCENE = replace(load_scene("sprint"), count=12, placement_deviation=0.002)

@@ -12,7 +12,7 @@ import numpy as np
 
 import domino_env as de
 from domino_env import DominoChainVector, DominoLayout
-from domino_env.chain.motion import Motion
+from domino_env.physics.motion import Motion
 from domino_env.scenes.stock import Stock
 
 H = 0.048

@@ -5,13 +5,16 @@ from pathlib import Path
 import pytest
 
 import domino_env as de
-from domino_env.lab.verification import PAGE, fill, kept_tables
 from domino_env.rigid.known import digest, known_verification, read_verified, write_verified
+from domino_env.validation.verification import PAGE, fill, kept_tables
 from optimize.records.shipped import best_known
 from optimize.records.verification import verify_records
 
 KEPT = read_verified()
-AGAIN = "run: domino best-known --verify --update && python -m domino_env.lab.verification --kept"
+AGAIN = (
+    "run: domino best-known --verify --update && "
+    "python -m domino_env.validation.verification --kept"
+)
 
 
 @pytest.mark.parametrize("name", best_known())

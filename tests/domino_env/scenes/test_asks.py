@@ -10,8 +10,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import domino_env as de
-from domino_env.scenes.files.reading import parse_scene
-from domino_env.support.advice import Advice
+from domino_env.core.advice import Advice
+from domino_env.scenes.io.reading import parse_scene
 
 BASE = """
 [row]

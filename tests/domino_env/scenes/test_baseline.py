@@ -10,18 +10,18 @@ import pytest
 import domino_env as de
 from domino_env.scenes import baseline, shipped_marks
 from domino_env.scenes.baseline import best_point
-from domino_env.scenes.files.marks import PATH
+from domino_env.scenes.io.marks import PATH
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.uniform_rows import UniformRows
 
 
 def test_every_mark_that_ships_is_of_the_scene_as_it_is_and_no_neighbour_beats_it() -> None:
     kept = json.loads(Path(PATH).read_text("utf-8"))
-    assert sorted(kept) == de.scene_names(), "run `python -m domino_env.scenes.files.marks`"
+    assert sorted(kept) == de.scene_names(), "run `python -m domino_env.scenes.io.marks`"
     for name in kept:
         scene = de.load_scene(name)
         point = shipped_marks.shipped_point(scene)
-        assert point is not None, f"{name}: run `python -m domino_env.scenes.files.marks`"
+        assert point is not None, f"{name}: run `python -m domino_env.scenes.io.marks`"
         rows, random = UniformRows(scene), np.random.default_rng(7)
         if scene.floor_friction is not None:
             continue  # its scores are known less closely: see test_floor

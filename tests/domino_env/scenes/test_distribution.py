@@ -10,8 +10,8 @@ from drawn_scenes import TEXT, small_scenes
 
 import domino_env as de
 from domino_env.scenes import distribution
-from domino_env.scenes.files.reading import DISTRIBUTIONS, parse_scene
-from domino_env.scenes.files.schema import scene_schema
+from domino_env.scenes.io.reading import DISTRIBUTIONS, parse_scene
+from domino_env.scenes.io.schema import scene_schema
 from domino_env.scenes.pool import ScenePool, quick_point
 from domino_env.scenes.uniform_rows import UniformRows
 

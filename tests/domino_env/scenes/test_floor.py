@@ -10,7 +10,7 @@ import domino_env as de
 from domino_env.envs.chain_env import DominoChain, DominoChainVector
 from domino_env.envs.layout_env import DominoLayout, DominoLayoutVector
 from domino_env.scenes import standing_mark
-from domino_env.scenes.files.reading import parse_scene
+from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.uniform_rows import UniformRows
 from optimize import Problem, search

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.scenes.files.reading import parse_scene
+from domino_env.scenes.io.reading import parse_scene
 
 NAMES = de.scene_names()
 SMALL = """

@@ -11,9 +11,9 @@ import jsonschema
 import pytest
 
 import domino_env as de
-from domino_env.scenes.files.reading import scene_of_document
-from domino_env.scenes.files.schema import PATH, scene_schema
-from domino_env.scenes.files.writing import document_of
+from domino_env.scenes.io.reading import scene_of_document
+from domino_env.scenes.io.schema import PATH, scene_schema
+from domino_env.scenes.io.writing import document_of
 
 SCENES = sorted(PATH.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
@@ -21,7 +21,7 @@ VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
 
 def test_the_schema_that_ships_is_up_to_date() -> None:
     kept = json.loads(PATH.read_text("utf-8"))
-    assert kept == scene_schema(), "run `python -m domino_env.scenes.files.schema`"
+    assert kept == scene_schema(), "run `python -m domino_env.scenes.io.schema`"
     jsonschema.Draft202012Validator.check_schema(kept)
 
 

@@ -9,8 +9,8 @@ from hilly_rows import hilly_row
 from PIL import Image
 
 import domino_env as de
-from domino_env.chain.motion import Motion, lean_behind, outlines
 from domino_env.cli.main import main
+from domino_env.physics.motion import Motion, lean_behind, outlines
 from domino_env.view.animation import Runner, frames
 from domino_env.view.drawing import PAPER, Scale, strip
 from domino_env.view.energy import energies

@@ -13,7 +13,7 @@ import pytest
 from hilly_rows import hilly_row
 
 import domino_env as de
-from domino_env.chain.motion import Motion
+from domino_env.physics.motion import Motion
 from domino_env.view.energy import energies
 from domino_env.view.report.page import read_racers, write_report
 from domino_env.view.report.race import Racer, headline, race_data

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.scenes.files.reading import scene_names
+from domino_env.scenes.io.reading import scene_names
 from optimize import search
 from optimize.cli import comparisons
 from optimize.comparison import picture

@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 import domino_env as de
 from optimize import Problem
-from optimize.projection.length import nearest_with_sum
+from optimize.constraints.length import nearest_with_sum
 
 FREE = ["spacing", "one-gap", "thickness", "both", "dying"]
 LENGTH = ["length", "length-both"]

@@ -172,7 +172,7 @@ def full(*_: object) -> None:
 
 
 def test_a_full_disk_is_told_before_the_search(scenes, monkeypatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("domino_env.support.files.write_text", full)
+    monkeypatch.setattr("domino_env.core.files.write_text", full)
     monkeypatch.setattr(Budget, "scores", lambda *_: pytest.fail("time was spent"))
     with pytest.raises(ValueError, match="cannot be written: No space left"):
         search(scenes["both"], "random", budget=300, folder=tmp_path)

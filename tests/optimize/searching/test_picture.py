@@ -11,7 +11,7 @@ import pytest
 from matplotlib.axes import Axes
 
 import domino_env as de
-from domino_env.support.plot_style import method_lines
+from domino_env.core.plot_style import method_lines
 from optimize import search
 from optimize.evaluation.result import SearchResult
 from optimize.methods import METHODS, PEERS, of_others

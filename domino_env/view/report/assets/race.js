@@ -31,7 +31,7 @@
     row.relief = Math.max(...row.hills.ground.map(([, z]) => z)) - row.lowest;
   }
 
-  // every lean from the vertical [rad]; contacts as in domino_env/chain/motion.py, each seen upright
+  // every lean from the vertical [rad]; contacts as in domino_env/physics/motion.py, each seen upright
   // from the stand of the domino ahead: tip, then front face on rear edge, then lost
   function leans(row, t) {
     const { tilt, steps } = row.hills, all = [...tilt];

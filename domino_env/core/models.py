@@ -1,0 +1,173 @@
+"""Models of documents: a class says fields, units and ranges; what breaks them is one sentence.
+
+msgspec compares a document (what TOML or JSON was read into) with the class; this module turns its
+first complaint into a sentence with key, value and what is allowed.  A class may check relations
+between its fields in ``__post_init__``: a ValueError that begins with the name of a field.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import Annotated, Any, NoReturn, TypeVar
+
+import msgspec
+from msgspec import Meta, inspect
+
+from domino_env.core.reading import one_line, shown
+
+SMALLEST, LARGEST = 1e-9, 1e9  # of every size in a file, SI: products of four still have digits
+
+Size = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
+"""A size, more than 0, SI units."""
+Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
+"""A finite number."""
+
+Model = TypeVar("Model")
+_PLACE = re.compile(r"(?P<said>.*) - at `\$(?P<path>.*)`", re.DOTALL)
+_STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")
+_FIELD = re.compile(r"(?:missing required|unknown) field `(.*)`", re.DOTALL)
+
+
+class Table(msgspec.Struct, forbid_unknown_fields=True):
+    """A table of a file, in which unknown keys are refused; fields that are None are not there."""
+
+
+class Document(msgspec.Struct):
+    """An object of a file that may hold more than is read of it."""
+
+
+def model_of(kind: type[Model], document: object, where: str = "") -> Model:
+    """Read a document as an instance of a class.
+
+    Parameters
+    ----------
+    kind
+        A msgspec Struct, a dataclass, or a type annotated with `msgspec.Meta`.
+    document
+        What `tomllib` or `json` made of a file.
+    where
+        How places in it begin, such as "preset"; empty for the document itself.
+
+    Raises
+    ------
+    ValueError
+        With the key, its value and what is allowed.
+    """
+    try:
+        return msgspec.convert(document, kind)
+    except msgspec.ValidationError as error:
+        _refuse(error, kind, document, where)
+
+
+def _refuse(error: msgspec.ValidationError, kind: Any, document: Any, where: str) -> NoReturn:
+    found = _PLACE.fullmatch(str(error))
+    said, path = (found["said"], found["path"]) if found else (str(error), "")
+    steps = [key or int(index) for key, index in _STEP.findall(path)]
+    value, type_, meaning = document, inspect.type_info(kind), ""
+    for step in steps:
+        value = value[step]
+        type_, meaning = _inside(type_, step, meaning)
+    place = _joined(where, *steps)
+    if error.__cause__ is not None:  # a relation; most of them begin with the key
+        said = str(error.__cause__)
+        first = re.match(r"\w+", said)
+        begins = first is not None and first[0] in _fields(type_)
+        raise ValueError(f"{place}{'.' if begins else ': '}{said}" if place else said) from None
+    named = _FIELD.search(said)
+    if named and "unknown" in said:
+        allowed = tuple(_fields(type_))
+        near = difflib.get_close_matches(named[1][:50], allowed, n=1)
+        hint = f"did you mean '{near[0]}'? " if near else ""
+        raise ValueError(
+            f"unknown key '{one_line(_joined(place, named[1]), 60)}': {hint}allowed: "
+            f"{', '.join(allowed)}"
+        ) from None
+    if named:
+        type_, meaning = _inside(type_, named[1], "")
+        raise ValueError(
+            f"{_joined(place, named[1])} is missing: {_wanted(type_)}{meaning}"
+        ) from None
+    raise ValueError(
+        f"{place or 'this'} {'=' if place else 'is'} {shown(value)}: {_wanted(type_)}{meaning}"
+    ) from None
+
+
+def _joined(*steps: str | int) -> str:
+    """A place as in physics.push and spacing.values[3]."""
+    text = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps if s != "")
+    return text.removeprefix(".")
+
+
+def _plain(type_: Any) -> tuple[Any, str]:
+    """A type without what surrounds it, and what its field means."""
+    meaning = ""
+    while isinstance(type_, inspect.Metadata | inspect.UnionType):
+        if isinstance(type_, inspect.Metadata):
+            described = (type_.extra_json_schema or {}).get("description")
+            meaning = meaning or (f" ({described})" if described else "")
+            type_ = type_.type
+        else:
+            type_ = next(t for t in type_.types if not isinstance(t, inspect.NoneType))
+    return type_, meaning
+
+
+def _fields(type_: Any) -> dict[str, Any]:
+    type_, _ = _plain(type_)
+    return {field.encode_name: field.type for field in getattr(type_, "fields", ())}
+
+
+def _inside(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
+    """The type of a field or an entry, and what it means."""
+    if isinstance(step, str):
+        found = _fields(type_)[step]
+        return found, _plain(found)[1]
+    listed = type_
+    while not hasattr(listed, "item_type") and not hasattr(listed, "item_types"):
+        if isinstance(listed, inspect.UnionType):  # a number or a list of them
+            listed = next(t for t in listed.types if hasattr(t, "item_type"))
+        else:
+            listed = listed.type
+    if hasattr(listed, "item_types"):
+        return listed.item_types[step], meaning
+    return listed.item_type, meaning
+
+
+def _wanted(type_: Any) -> str:
+    """What a type allows, as an instruction."""
+    while isinstance(type_, inspect.Metadata):
+        type_ = type_.type
+    if isinstance(type_, inspect.UnionType):
+        kinds = [t for t in type_.types if not isinstance(t, inspect.NoneType)]
+        return " or ".join(dict.fromkeys(_wanted(t) for t in kinds)).replace(" or give", " or")
+    if isinstance(type_, inspect.LiteralType):
+        return f"choose {', '.join(map(str, type_.values))}"
+    if isinstance(type_, inspect.IntType):
+        return f"give a whole number{_between(type_)}"
+    if isinstance(type_, inspect.FloatType):
+        return f"give a finite number{_between(type_)}"
+    if isinstance(type_, inspect.BoolType):
+        return "give true or false"
+    if isinstance(type_, inspect.StrType):
+        most = f" of at most {type_.max_length} characters" if type_.max_length else ""
+        return f"give a line of text{most}"
+    if hasattr(type_, "item_type"):
+        few = f" of at most {type_.max_length} entries" if type_.max_length else ""
+        return f"give a list{few}: {_wanted(type_.item_type).removeprefix('give ')} each"
+    if hasattr(type_, "item_types"):
+        return f"give a list of {len(type_.item_types)} numbers"
+    return f"give a table of {', '.join(_fields(type_))}"
+
+
+def _between(type_: Any) -> str:
+    """The range of a number, as " from 2 to 9" or ", more than 0, at most 1"."""
+    low, high = type_.ge, type_.le
+    if low is not None and high is not None:
+        known = (low, high) == (-LARGEST, LARGEST)
+        return "" if known else f" from {_number(low)} to {_number(high)}"
+    bounds = ("at least", low), ("more than", type_.gt), ("at most", high), ("less than", type_.lt)
+    return "".join(f", {words} {_number(bound)}" for words, bound in bounds if bound is not None)
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

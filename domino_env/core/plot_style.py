@@ -1,0 +1,178 @@
+"""The look of every picture drawn with Matplotlib, without its global state."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from numpy.typing import NDArray
+
+from domino_env.core.colours import COLOURS, FAINT, INK, OURS, SOFT
+from domino_env.core.files import write_bytes
+
+HEAD = 0.85  # inches for headline and subtitle
+NARROWEST = 7.5  # inches that a headline takes
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
+
+
+def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Give each method of a search a line that is told from the others.
+
+    Parameters
+    ----------
+    methods
+        Names.  The default method always has the colour `OURS`, the uniform pitch grey dots.
+
+    Returns
+    -------
+    dict
+        `color` and `linestyle` by name; the second half of `COLOURS` is dashed, beyond them they
+        begin anew.
+    """
+    others = [m for m in methods if m not in ("auto", "uniform")]
+    half = len(COLOURS) // 2
+    lines = {}
+    for k, method in enumerate(others):
+        place = 1 + k % (len(COLOURS) - 1)
+        lines[method] = {"color": COLOURS[place], "linestyle": "--" if place > half else "-"}
+    fixed = {
+        "auto": {"color": OURS, "linestyle": "-"},
+        "uniform": {"color": SOFT, "linestyle": ":"},
+    }
+    return lines | fixed
+
+
+class Picture(Figure):
+    """A figure that notebooks show, and that pyplot need not know of."""
+
+    def _repr_png_(self) -> bytes:
+        return png(self)
+
+
+def new_figure(width: float, height: float, *, placed: bool = False) -> Figure:
+    """Open an empty figure of a size in inches; `placed` where the caller says where axes stand."""
+    figure = Picture((width, height), facecolor="white", layout=None if placed else "constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def new_panels(
+    number: int,
+    most_across: int,
+    size: tuple[float, float],
+    margins: tuple[float, float] = (0.0, 0.0),
+    headline: str = "",
+    subtitle: str = "",
+    **sharing: Any,
+) -> tuple[Figure, list[Axes]]:
+    """Open a figure with panels in lines of at most `most_across`.
+
+    Parameters
+    ----------
+    number
+        Of panels.
+    most_across
+        Panels in a line.
+    size
+        Width and height of each panel [in].
+    margins
+        Width and height of what stands beside them, such as a legend [in].
+    headline, subtitle
+        What is said above all panels; no headline, no room for it.
+    sharing
+        `sharex`, `sharey`.
+
+    Returns
+    -------
+    tuple
+        The figure and its panels, line by line, in the house's style.
+    """
+    across = min(number, most_across)
+    down = -(-number // across)
+    head = HEAD if headline else 0.0
+    width, height = margins[0] + size[0] * across, margins[1] + size[1] * down + head
+    figure = new_figure(max(width, NARROWEST if headline else 0.0), height)
+    if headline:
+        headings(figure, headline, subtitle)
+    panels = list(figure.subplots(down, across, squeeze=False, **sharing).ravel())
+    for axes in panels[number:]:
+        axes.remove()
+    for axes in panels[:number]:
+        style(axes)
+    return figure, panels[:number]
+
+
+def style(axes: Axes, title: str = "") -> None:
+    """Give axes the house's lines and colours, and a title where they have one."""
+    axes.grid(color=FAINT, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(which="both", colors=SOFT, labelsize=9)
+    axes.xaxis.label.set_color(SOFT)
+    axes.yaxis.label.set_color(SOFT)
+    if title:
+        axes.set_title(escaped(title), loc="left", color=INK, size=11)
+
+
+def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
+    """Say above a picture what it shows, `left` inches from its edge; what it lays out is below."""
+    across, up = figure.get_size_inches()
+    layout: Any = figure.get_layout_engine()
+    if layout is not None:
+        layout.set(rect=(0.0, 0.0, 1.0, 1.0 - HEAD / up))
+    lines: list[tuple[str, float, dict[str, Any]]] = [
+        (headline, 0.30, {"size": 14.5, "color": INK, "weight": "bold"}),
+        (subtitle, 0.58, {"size": 9.5, "color": SOFT}),
+    ]
+    for words, down, looks in lines:
+        figure.text(left / across, 1.0 - down / up, escaped(words), va="center", **looks)
+
+
+def beside_line(axes: Axes, words: str, x: float, y: float, colour: str, *, above: bool) -> None:
+    """Write at a height of the curves, just above or below it; x is a part of the width."""
+    axes.annotate(
+        words, (x, y), (0.0, 4.0 if above else -4.0), size=9, color=colour,
+        xycoords=("axes fraction", "data"), textcoords="offset points",
+        ha="left" if x < 0.5 else "right", va="bottom" if above else "top",
+    )  # fmt: skip
+
+
+def clock(axes: Axes, times: Sequence[float] | NDArray[np.float64]) -> None:
+    """Let the axis below span rising times, with a logarithm where most happens early."""
+    if times[-1] > 30.0 * times[0] > 0.0:
+        axes.set_xscale("log")
+        plain_numbers(axes.xaxis, (1, 3))
+    axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
+
+
+def plain_numbers(axis: Axis, digits: Sequence[float]) -> None:
+    """Write plain numbers on a logarithmic axis: those that begin with one of these digits."""
+    axis.set_major_locator(FixedLocator([a * 10.0**k for k in range(-7, 8) for a in digits]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+
+
+def escaped(text: str) -> str:
+    """Escape a user's text for a picture, where two dollar signs would begin a formula."""
+    return text.replace("$", r"\$")
+
+
+def png(figure: Figure) -> bytes:
+    """Return the figure as a PNG file; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=140, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def write_png(figure: Figure, path: Path) -> None:
+    """Write the figure whole."""
+    write_bytes(path, lambda file: file.write(png(figure)))

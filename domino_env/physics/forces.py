@@ -1,0 +1,115 @@
+"""What happens between the dominoes: forces, floor friction, flushes; computed only when called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env import kernels
+from domino_env.core.brief import brief
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics, require_row
+from domino_env.physics.rows import row_of
+from domino_env.physics.wave import Outcome
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Where a row leans on what the model assumes; per domino, nan where the wave did not come.
+
+    Attributes
+    ----------
+    outcome
+        How the wave ended.
+    least_contact_force
+        (N-1,) smallest force between domino i and i+1 while they touch [N]; negative where the
+        model keeps a contact closed that would open.
+    least_hit_impulse
+        (N-1,) smallest impulse of that contact in hits [N s]; negative likewise.
+    least_flush_impulse
+        (N-1,) smallest impulse of that contact in flushes [N s]; nan where there was none.
+    floor_friction
+        (N,) coefficient of friction with the floor that keeps the pivot from sliding; inf where
+        the pivot is not pressed onto the ground at all.
+    least_load
+        (N,) smallest load on the pivot, upright to the ground, over the domino's weight; negative
+        where it lifts.
+    flush_loss
+        (N,) largest part of the leader's speed lost in one flush while domino i led.
+    stall_margin
+        (N,) lowest u = ω² over its value at release, as domino i led.
+
+    Notes
+    -----
+    Forces are looked at at 17 angles of each fall, impulses at every hit and, of several flushes
+    within a sixteenth of a fall, at the last.
+    """
+
+    outcome: Outcome
+    least_contact_force: Floats
+    least_hit_impulse: Floats
+    least_flush_impulse: Floats
+    floor_friction: Floats
+    least_load: Floats
+    flush_loss: Floats
+    stall_margin: Floats
+
+    __repr__ = brief
+
+    @property
+    def opened(self) -> NDArray[np.int64]:
+        """Contacts (i leaning on i+1) that the model keeps closed although they would open."""
+        least = np.fmin(
+            np.fmin(self.least_contact_force, self.least_hit_impulse), self.least_flush_impulse
+        )
+        scale = np.nanmax(np.abs(least), initial=0.0)
+        return np.flatnonzero(least < -1e-9 * scale)
+
+    @property
+    def lifted(self) -> NDArray[np.int64]:
+        """Dominoes whose pivot would lift off the floor if nothing held it down."""
+        return np.flatnonzero(self.least_load < 0.0)
+
+
+def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
+    """Find contact forces and impulses, floor friction, lifted pivots and flush losses of a wave.
+
+    Dominoes more than 400 behind the leader are taken to lie still.
+
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    rtol
+        As of `simulate`.
+    """
+    require_row(layout, physics)
+    loads = np.full(layout.count, np.nan, kernels.LOADS)
+    for least in ("contact_force", "hit_impulse", "flush_impulse", "load"):
+        loads[least] = np.inf
+    loads["floor_friction"] = -np.inf
+    row = row_of(layout)
+    outcome = kernels.diagnose_chain(
+        row, physics.friction, physics.gravity, physics.push, rtol, loads
+    )
+    found = {}
+    for name in kernels.LOADS.names or ():
+        never = loads[name] == (-np.inf if name == "floor_friction" else np.inf)
+        found[name] = np.where(never, np.nan, loads[name])
+    width = layout.width
+    return Diagnosis(
+        outcome=Outcome(outcome),
+        least_contact_force=found["contact_force"][:-1] * width,
+        least_hit_impulse=found["hit_impulse"][:-1] * width,
+        least_flush_impulse=found["flush_impulse"][:-1] * width,
+        floor_friction=found["floor_friction"],
+        least_load=found["load"],
+        flush_loss=found["flush_loss"],
+        stall_margin=found["margin"],
+    )

@@ -1,0 +1,269 @@
+"""Ground: an even slope, or a smooth curve through points; rows are laid along it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domino_env import kernels
+from domino_env.core.threads import share_pieces
+from domino_env.physics.gradient import Gradient, HillGradient, Laid
+from domino_env.physics.layout import Layout
+from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
+
+Floats = NDArray[np.float64]
+Points = tuple[tuple[float, float], ...]
+
+MOST_BULGE = 1e-4  # [m] of the ground under a base, over or under the chord
+STEEPEST = 45.0  # [°]
+MOST_POINTS = 10_000
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What a row stands on: an even slope, or a smooth curve through points.
+
+    The pivot of the first domino, its front bottom edge, stands at x = 0. Every domino stands on
+    the chord under its base, and free gaps are laid along the ground, each from a pivot
+    perpendicular to the next back face.
+
+    Parameters
+    ----------
+    slope
+        Of an even slope, positive downhill [°].
+    profile
+        Points [x, y] of a curve, x rising [m]: the natural cubic spline through them. It has no
+        jump in slope or curvature, and beyond its ends it goes on straight.
+
+    Raises
+    ------
+    ValueError
+        For none or both of them, points that do not rise in x, and ground steeper than 45°.
+
+    References
+    ----------
+    de Boor, C. (1978). A practical guide to splines. Springer: chapter IV, natural splines.
+    """
+
+    slope: float | None = None
+    profile: Sequence[Sequence[float]] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.slope is None) == (self.profile is None):
+            raise ValueError("give either slope [°] or profile, a list of points [x, y] [m]")
+        if self.slope is not None:
+            if not abs(self.slope) <= STEEPEST:
+                raise ValueError(
+                    f"slope = {self.slope}°: give a number from -{STEEPEST:g} to {STEEPEST:g}"
+                )
+            object.__setattr__(self, "slope", float(self.slope))
+            return
+        object.__setattr__(self, "profile", _checked_points(self.profile))
+        place, steepest = self.steepest
+        if not steepest <= math.tan(math.radians(STEEPEST)):
+            raise ValueError(
+                f"profile slopes by {math.degrees(math.atan(steepest)):.3g}° near x = {place:.4g} "
+                f"m: at most {STEEPEST:g}°; points that lie further apart are less steep"
+            )
+
+    @property
+    def is_even(self) -> bool:
+        """Whether it slopes alike everywhere."""
+        return self.slope is not None
+
+    def height(self, x: ArrayLike) -> Floats:
+        """Return how high the ground is (…) at x (…), counted as the points are [m]."""
+        x = np.asarray(x, dtype=np.float64)
+        if self.slope is not None:
+            return np.asarray(-x * math.tan(math.radians(self.slope)))
+        curve = self.curve
+        k = np.searchsorted(curve.knots, x)
+        t, c = x - curve.starts[k], curve.pieces[k]
+        return np.asarray(
+            ((c[..., 0] * t + c[..., 1]) * t + c[..., 2]) * t + c[..., 3], dtype=np.float64
+        )
+
+    @property
+    def steepest(self) -> tuple[float, float]:
+        """Where the ground is steepest [m], and by how much: |dy/dx|."""
+        if self.slope is not None:
+            return 0.0, abs(math.tan(math.radians(self.slope)))
+        curve = self.curve
+        knots, inner = curve.knots, curve.pieces[1:-1]
+        # the slope is largest at a knot or where a piece has no curvature
+        with np.errstate(all="ignore"):
+            flat = -inner[:, 1] / (3.0 * inner[:, 0])
+        flat = np.where((flat > 0.0) & (flat < np.diff(knots)), flat, 0.0)
+        places = np.concatenate([knots, knots[:-1] + flat])
+        slopes = np.abs(self._derivative(places, 1))
+        worst = int(np.argmax(slopes))
+        return float(places[worst]), float(slopes[worst])
+
+    def curvature(self, way: float) -> tuple[float, float]:
+        """Return where the ground bends most one way [m], and by how much: d²y/dx² [1/m].
+
+        Parameters
+        ----------
+        way
+            1 for hollows, -1 for crests.
+        """
+        if self.slope is not None:
+            return 0.0, 0.0
+        knots = self.curve.knots  # it is straight between them
+        bends = way * self._derivative(knots, 2)
+        worst = int(np.argmax(bends))
+        return float(knots[worst]), max(float(bends[worst]), 0.0)
+
+    def lay(self, spacing: ArrayLike, thickness: ArrayLike) -> tuple[Floats, Floats]:
+        """Stand rows on the ground.
+
+        Parameters
+        ----------
+        spacing
+            (N-1,) or (B, N-1) free gaps [m].
+        thickness
+            (N,) or (B, N) [m].
+
+        Returns
+        -------
+        tuple of ndarray
+            The `rise` (…, N-1) [m] and `tilt` (…, N) [rad] of a `Layout`.
+
+        Raises
+        ------
+        ValueError
+            For ground that bulges by more than a tenth of a millimetre under a base.
+        """
+        gaps = np.asarray(spacing, dtype=np.float64)
+        thick = np.asarray(thickness, dtype=np.float64)
+        if self.slope is not None:
+            slope = math.radians(self.slope)
+            return -math.sin(slope) * (gaps + thick[..., 1:]), np.full_like(thick, slope)
+        if refused := self.bulge(float(thick.max(initial=0.0))):
+            raise ValueError(refused)
+        rows, deep = _rows(gaps), _rows(thick)
+        rise, tilt = np.empty(rows.shape), np.empty(deep.shape)
+        share_pieces(kernels.lay_rows, len(deep), deep.shape[1], self.curve, rows, deep, rise, tilt)
+        return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
+
+    def layout(
+        self,
+        spacing: ArrayLike,
+        thickness: ArrayLike,
+        height: ArrayLike = HEIGHT,
+        width: float = WIDTH,
+        density: ArrayLike = DENSITY,
+    ) -> Layout:
+        """Stand one row on the ground; the arguments are those of `Layout`.
+
+        Raises
+        ------
+        ValueError
+            As of `lay` and `Layout`.
+        """
+        gaps = np.asarray(spacing, dtype=np.float64)
+        thick = np.broadcast_to(np.asarray(thickness, dtype=np.float64), (len(gaps) + 1,))
+        rise, tilt = self.lay(gaps, thick)
+        return Layout(gaps, thick, height, width, density, rise, tilt)
+
+    def bulge(self, thickness: float) -> str | None:
+        """Say where a base of that thickness [m] would not lie on the ground; None if nowhere."""
+        for way, what in ((1.0, "is hollow"), (-1.0, "bulges")):
+            place, bend = self.curvature(way)
+            off = bend * thickness**2 / 8.0
+            if off > MOST_BULGE:
+                return (
+                    f"the ground {what} by {1e3 * off:.3g} mm under a base {1e3 * thickness:.4g} mm"
+                    f" thick near x = {place:.4g} m: at most {1e3 * MOST_BULGE:g} mm; make it bend "
+                    "less there, or the dominoes thinner"
+                )
+        return None
+
+    def followed(self, found: Gradient, row: Laid) -> Gradient:
+        """Turn a gradient with the ground fixed into one along the ground.
+
+        Where a gap or a thickness changes, all later dominoes move along the ground, and their
+        rise and tilt change with it.
+
+        Parameters
+        ----------
+        found
+            Of one row, as `Wave.gradient` gives it, or of B of them.
+        row
+            That row as it was laid, or those.
+        """
+        if not isinstance(found, HillGradient):
+            return found  # on flat ground nothing changes
+        spacing, thickness = found.spacing.copy(), found.thickness.copy()
+        if self.slope is not None:
+            moved = -math.sin(math.radians(self.slope)) * found.rise
+            spacing += moved
+            thickness[..., 1:] += moved
+        else:
+            told = row.spacing, row.thickness, row.rise, row.tilt, found.rise, found.tilt
+            arrays = [_rows(array) for array in told]
+            written = [np.atleast_2d(array) for array in (spacing, thickness)]
+            count = arrays[1].shape[1]
+            share_pieces(kernels.follow_rows, len(arrays[1]), count, self.curve, *arrays, *written)
+        same = found.height, found.density, found.friction, found.gravity, found.push
+        return Gradient(spacing, thickness, *same)
+
+    @cached_property
+    def curve(self) -> kernels.Curve:
+        """The ground as the kernels take it."""
+        if self.profile is None:
+            down = -math.tan(math.radians(self.slope or 0.0))
+            x, pieces = np.zeros(1), np.full((2, 4), [0.0, 0.0, down, 0.0])
+        else:
+            from scipy.interpolate import CubicSpline
+
+            x, y = np.array(self.profile).T
+            spline = CubicSpline(x, y, bc_type="natural")
+            ends = [[0.0, 0.0, float(spline(x[k], 1)), y[k]] for k in (0, -1)]
+            pieces = np.concatenate([ends[:1], spline.c.T, ends[1:]])
+        starts = np.concatenate([x[:1], x])
+        return kernels.Curve(*(_rows(array, 0) for array in (x, starts, pieces)))
+
+    def _derivative(self, x: Floats, order: int) -> Floats:
+        curve = self.curve
+        k = np.searchsorted(curve.knots, x)
+        t, c = x - curve.starts[k], curve.pieces[k].T
+        if order == 1:
+            return np.asarray((3.0 * c[0] * t + 2.0 * c[1]) * t + c[2])
+        return np.asarray(6.0 * c[0] * t + 2.0 * c[1])
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"slope": self.slope, "profile": self.profile}  # the curve is found anew
+
+
+def _rows(array: ArrayLike, axes: int = 1) -> Floats:
+    """A read-only view with an axis of rows, as the compiled functions take it."""
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    view = np.atleast_2d(array).view() if axes else array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _checked_points(points: object) -> Points:
+    """The points of a profile as tuples; refused where they are none."""
+    array = np.asarray(points, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 2 or not 2 <= len(array) <= MOST_POINTS:
+        raise ValueError(
+            f"profile has shape {array.shape}: give 2 to {MOST_POINTS:,} points [x, y] in metres"
+        )
+    if not np.isfinite(array).all():
+        i = int(np.argmin(np.isfinite(array).all(axis=1)))
+        raise ValueError(f"profile[{i}] = {array[i].tolist()}: must be finite")
+    for i, (a, b) in enumerate(pairwise(array[:, 0])):
+        if not b > a:
+            raise ValueError(
+                f"profile[{i + 1}] lies at x = {b:g} m and the point before at {a:g} m: x rises "
+                "from point to point"
+            )
+    return tuple((float(x), float(y)) for x, y in array)

@@ -1,0 +1,375 @@
+"""Layout: what is built.  Geometry in SI units, checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domino_env.physics import footing
+from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A row of N dominoes that topples towards +x.
+
+    Every array is kept as a read-only float64 copy of full length.
+
+    Parameters
+    ----------
+    spacing
+        (N-1,) free gaps between the front of each domino and the back of the next [m].
+    thickness
+        (N,) size along the fall [m]; a single number serves all.
+    height
+        Scalar or (N,) [m]; unless given, the standard domino's 0.048.
+    width
+        Size across the fall [m]; it changes no time. Unless given, 0.024.
+    density
+        Scalar or (N,) [kg/m³]; unless given, 1040.
+    rise
+        Scalar or (N-1,) how much higher the next pivot lies [m]; unless given, 0.
+    tilt
+        Scalar or (N,) how far the ground under each domino slopes, positive downhill [rad]; unless
+        given, 0. A gap is measured from the pivot, perpendicular to the back of the next domino: on
+        an even slope along the ground.
+
+    Raises
+    ------
+    ValueError
+        For what cannot stand: lengths that do not match, values that are not positive and finite,
+        a tip that would strike above the next domino's top, ground too steep or too hollow. Names
+        the element, its value and what to do.
+    """
+
+    spacing: Floats
+    thickness: Floats
+    height: Floats
+    width: float
+    density: Floats
+    rise: Floats
+    tilt: Floats
+    is_flat: bool = field(init=False)  # whether the ground is
+
+    def __init__(
+        self,
+        spacing: ArrayLike,
+        thickness: ArrayLike,
+        height: ArrayLike = HEIGHT,
+        width: float = WIDTH,
+        density: ArrayLike = DENSITY,
+        rise: ArrayLike = 0.0,
+        tilt: ArrayLike = 0.0,
+    ) -> None:
+        gaps = np.array(spacing, dtype=np.float64)
+        if gaps.ndim != 1:
+            raise ValueError(f"spacing has shape {gaps.shape}: give one gap a pair, shape (N-1,)")
+        count = len(gaps) + 1
+        values = {
+            "spacing": gaps,
+            "thickness": _full("thickness", thickness, count),
+            "height": _full("height", height, count),
+            "density": _full("density", density, count),
+        }
+        for name, array in values.items():
+            _require_positive(name, array)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if not (isinstance(width, int | float | np.number) and 0.0 < width < np.inf):
+            raise ValueError(f"width = {width!r} m: must be one number, positive and finite")
+        object.__setattr__(self, "width", float(width))
+        ground = {"rise": _full("rise", rise, count - 1), "tilt": _full("tilt", tilt, count)}
+        for name, array in ground.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "is_flat", not (ground["rise"].any() or ground["tilt"].any()))
+        if self.is_flat:
+            _require_low_tips(gaps, values["height"])
+        elif found := footing.trouble(
+            gaps, values["thickness"], values["height"], ground["rise"], ground["tilt"]
+        ):
+            raise ValueError(found[1])
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # built anew, so that a copy's arrays are read-only too: the kernel is compiled for those
+        flat = (self.spacing, self.thickness, self.height, self.width, self.density)
+        return Layout, (flat if self.is_flat else (*flat, self.rise, self.tilt))
+
+    def __eq__(self, other: object) -> bool:
+        """Whether two layouts are the same to the last bit."""
+        if not isinstance(other, Layout):
+            return NotImplemented
+        return self.width == other.width and all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("spacing", "thickness", "height", "density", "rise", "tilt")
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.spacing.tobytes(), self.thickness.tobytes(), self.height.tobytes()))
+
+    def __repr__(self) -> str:
+        number = f"{self.count} domino" + ("es" if self.count != 1 else "")
+        sizes = [f"{_span(self.thickness)} mm thick", f"{_span(self.height)} mm high"]
+        if self.count > 1:
+            number += f" over {self.length:.6g} m"
+            sizes.insert(0, f"gaps {_span(self.spacing)} mm")
+        if not self.is_flat:
+            sizes.append(f"ground sloping {_span(np.degrees(self.tilt), 1.0)}°")
+        return f"Layout({number}: {', '.join(sizes)})"
+
+    def _repr_html_(self) -> str:
+        html: str = import_module("domino_env.view.svg").layout_html(self)
+        return html
+
+    @classmethod
+    def uniform(
+        cls,
+        count: int,
+        *,
+        pitch: float | None = None,
+        spacing: float | None = None,
+        thickness: float = THICKNESS,
+        height: float = HEIGHT,
+        width: float = WIDTH,
+        density: float = DENSITY,
+        slope: float = 0.0,
+    ) -> Layout:
+        """Stand `count` equal dominoes in a row.
+
+        Parameters
+        ----------
+        count
+            Number of dominoes N.
+        pitch
+            Pivot to pivot [m]; give either this or `spacing`.
+        spacing
+            Free gap [m].
+        thickness
+            Size along the fall [m].
+        height
+            Of every domino [m].
+        width
+            Size across the fall [m].
+        density
+            Of every domino [kg/m³].
+        slope
+            Of the ground, an even one, positive downhill [rad].
+
+        Raises
+        ------
+        ValueError
+            For neither or both of pitch and spacing, dominoes that overlap, and as of the class.
+        """
+        if count < 1:
+            raise ValueError(f"count = {count}: a row has at least one domino")
+        if (pitch is None) == (spacing is None):
+            raise ValueError("give either pitch (pivot to pivot) or spacing (the free gap), in m")
+        gap = float(spacing if spacing is not None else pitch - thickness)  # type: ignore[operator]
+        if pitch is not None and not gap > 0.0:
+            raise ValueError(
+                f"pitch = {pitch} m is not more than thickness = {thickness} m: dominoes overlap"
+            )
+        rise = -(gap + thickness) * np.sin(slope)
+        row = np.full(count - 1, gap), np.full(count, thickness), height, width, density
+        return cls(*row, rise, slope)
+
+    @property
+    def count(self) -> int:
+        """Number of dominoes N."""
+        return len(self.thickness)
+
+    @cached_property
+    def pitch(self) -> Floats:
+        """(N-1,) pivot to pivot [m]."""
+        if self.is_flat:
+            pitches = self.spacing + self.thickness[1:]
+        else:
+            pitches = footing.pitches(self.spacing, self.thickness, self.rise, self.tilt)
+        pitches.flags.writeable = False
+        return pitches
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all gaps are equal, and all dominoes."""
+        arrays = self.spacing, self.thickness, self.height, self.density, self.rise, self.tilt
+        return all(bool(np.all(array == array[:1])) for array in arrays)
+
+    @cached_property
+    def positions(self) -> Floats:
+        """(N,) pivots (front bottom edges) along the line from pivot to pivot, from 0 [m]."""
+        places = np.concatenate(([0.0], np.cumsum(self.pitch)))
+        places.flags.writeable = False
+        return places
+
+    @property
+    def pivots(self) -> Floats:
+        """(N, 2) where the front bottom edges are, x forward and z up, the first at 0 [m]."""
+        if self.is_flat:
+            return np.stack([self.positions, np.zeros(self.count)], axis=-1)
+        return footing.pivots(self.spacing, self.thickness, self.rise, self.tilt)
+
+    @property
+    def length(self) -> float:
+        """Last pivot minus first [m]."""
+        return float(self.positions[-1])
+
+    def plot(self) -> Any:
+        """Draw the row to scale, and its gaps along it; returns a Matplotlib figure."""
+        return import_module("domino_env.view.plots").plot_layout(self)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write one row a domino, in metres; the last spacing is empty.
+
+        Ground that is not flat has columns of its own: rise, and tilt in radians.
+        """
+        from domino_env.physics.files import write_csv
+
+        columns = self.spacing, self.thickness, self.height
+        ground = None if self.is_flat else (self.rise, self.tilt)
+        write_csv(Path(path), *columns, self.width, self.density, ground)
+
+    def to_json(self, path: str | Path) -> None:
+        """Write every array, in SI units."""
+        from domino_env.physics.files import write_json
+
+        columns = self.spacing, self.thickness, self.height
+        ground = None if self.is_flat else (self.rise, self.tilt)
+        write_json(Path(path), *columns, self.width, self.density, ground)
+
+    @classmethod
+    def from_csv(cls, path: str | Path, width: float = WIDTH) -> Layout:
+        """Read a table with a row a domino, as `domino_env.physics.files.read_csv` does.
+
+        Parameters
+        ----------
+        path
+            The file.
+        width
+            Where the file has no column for it [m], as those written before version 0.2.0.
+        """
+        from domino_env.physics.files import read_csv
+
+        return cls._read(path, read_csv, width)
+
+    @classmethod
+    def from_json(cls, path: str | Path, width: float = WIDTH) -> Layout:
+        """Read what `to_json` wrote; height, width and density may be missing.
+
+        Parameters
+        ----------
+        path
+            The file.
+        width
+            Where the file does not say it [m].
+        """
+        from domino_env.physics.files import read_json
+
+        return cls._read(path, read_json, width)
+
+    @classmethod
+    def read(cls, path: str | Path, width: float = WIDTH) -> Layout:
+        """Read a `.csv` or `.json` file; lengths that look like another unit's are warned of.
+
+        Parameters
+        ----------
+        path
+            The file.
+        width
+            Where the file does not say it [m].
+
+        Raises
+        ------
+        ValueError
+            For another ending of the name, and for what `from_csv` and `from_json` refuse.
+        """
+        suffix = Path(path).suffix.lower()
+        if suffix == ".csv":
+            return cls.from_csv(path, width)
+        if suffix == ".json":
+            return cls.from_json(path, width)
+        raise ValueError(f"{path}: a layout is a .csv or .json file, not '{suffix}'")
+
+    @classmethod
+    def _read(
+        cls, path: str | Path, arguments: Callable[[Path], dict[str, Any]], width: float
+    ) -> Layout:
+        from domino_env.core.advice import advise
+        from domino_env.core.reading import naming, one_line
+        from domino_env.physics.units import unit_slip
+
+        with naming(path):
+            row = cls(**{"width": width} | arguments(Path(path)))
+        if row.count > 1:
+            gaps, thick = row.spacing, row.thickness
+            slip = unit_slip(
+                float(row.height.max()),
+                (float(gaps.min()), float(gaps.max())),
+                (float(thick.min()), float(thick.max())),
+            )
+            if slip is not None:
+                advise(f"{one_line(str(path), 160, keep_end=True)}: {slip}")
+        return row
+
+
+def _span(values: Floats, unit: float = 1e3) -> str:
+    """What values are, or lie between; lengths in millimetres."""
+    low, high = (f"{unit * value:.4g}" for value in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
+
+
+def _full(name: str, values: ArrayLike, count: int) -> Floats:
+    array = np.array(values, dtype=np.float64)
+    if array.ndim == 0:
+        return np.full(count, float(array))
+    if array.shape != (count,) and name == "rise":
+        raise ValueError(f"rise has shape {array.shape}: give one number or one a pair, ({count},)")
+    if array.shape != (count,):
+        raise ValueError(
+            f"{name} has shape {array.shape}, but {count - 1} spacings stand between {count} "
+            f"dominoes: give one number or {count}"
+        )
+    return array
+
+
+_UNITS = {"spacing": "m", "thickness": "m", "height": "m", "density": "kg/m³"}
+
+
+def _require_positive(name: str, array: Floats) -> None:
+    good = np.isfinite(array) & (array > 0.0)
+    if good.all():
+        return
+    i = int(np.argmin(good))
+    value = array[i]
+    if name == "spacing" and value <= 0.0:
+        what = "touch" if value == 0.0 else "overlap"
+        raise ValueError(
+            f"spacing[{i}] = {value} m: dominoes {i} and {i + 1} {what}; widen the gap"
+        )
+    unit = _UNITS[name]
+    raise ValueError(f"{name}[{i}] = {value} {unit}: must be positive and finite")
+
+
+def _require_low_tips(spacing: Floats, height: Floats) -> None:
+    """Every tip in reach strikes below the top of the next domino: L_i² - s_i² ≤ L_{i+1}²."""
+    tall, short = height[:-1], height[1:]
+    strike = tall**2 - spacing**2
+    good = (spacing >= tall) | (strike <= short**2 * (1.0 + 1e-12))
+    if good.all():
+        return
+    i = int(np.argmin(good))
+    # rounded up, so that doing what the sentence says is enough
+    need = np.ceil(np.sqrt([tall[i] ** 2 - short[i] ** 2, strike[i]]) * 1e6) / 1e6
+    raise ValueError(
+        f"domino {i} (height {tall[i]} m) would strike {np.sqrt(strike[i]):.6g} m up, above the "
+        f"top of domino {i + 1} (height[{i + 1}] = {short[i]} m): make spacing[{i}] = {spacing[i]} "
+        f"m at least {need[0]:.6g} m, or height[{i + 1}] at least {need[1]:.6g} m"
+    )

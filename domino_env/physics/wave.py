@@ -1,0 +1,543 @@
+"""The wave that runs through a row: `simulate`, `simulate_batch`, and why a wave ended."""
+
+from __future__ import annotations
+
+import enum
+import time
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from domino_env import kernels
+from domino_env.core.threads import share_pieces
+from domino_env.physics import footing
+from domino_env.physics.gradient import (
+    Gradient,
+    HillGradient,
+    gradient_of,
+    longer_over_hills,
+    pull,
+    room_for,
+)
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics, require_row
+from domino_env.physics.rows import Row, bars_of, batch_of
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+LOOSEST, TIGHTEST = 1e-3, 1e-13
+
+
+class Outcome(enum.IntEnum):
+    """Why a wave ended."""
+
+    PROPAGATED = kernels.PROPAGATED
+    STALLED = kernels.STALLED
+    OUT_OF_REACH = kernels.OUT_OF_REACH
+    JAMMED = kernels.JAMMED
+    NO_RIGID_ANSWER = kernels.NO_RIGID_ANSWER
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def explanation(self) -> str:
+        """What it means and what to do next, in a sentence."""
+        return _EXPLANATIONS[self]
+
+
+_EXPLANATIONS = {
+    Outcome.PROPAGATED: "the wave ran through: the last domino passed its tipping angle",
+    Outcome.STALLED: "the wave stalled: the leading domino stopped before it reached the next; "
+    "push harder, or use wider gaps or thinner dominoes near where it stopped",
+    Outcome.OUT_OF_REACH: "a gap is out of reach: it is not smaller than the height of the domino "
+    "before it; bring the next domino closer",
+    Outcome.JAMMED: "the row jammed: friction is too high for the stack to pass the push on; use "
+    "less friction, thinner dominoes or narrower gaps there",
+    Outcome.NO_RIGID_ANSWER: "rigid bodies have no answer here (Painlevé's paradox: the effective "
+    "inertia is not positive); use less friction or thinner dominoes there",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Wave:
+    """A toppling wave, event by event.
+
+    Attributes
+    ----------
+    layout
+        What stood.
+    physics
+        What made it fall.
+    outcome
+        Why the wave ended; `explanation` says it in a sentence, with the place.
+    hit
+        Dominoes struck; the first counts, so does one struck in vain.
+    toppled
+        Dominoes that passed their tipping angle; all of them if the wave propagated.
+    arrival_times
+        (N,) when each domino is first moved [s]: 0 for the first, inf where the wave did not come.
+    release_velocity
+        (N,) angular velocity just after being hit [rad/s], the push for domino 0; nan where not
+        reached.
+    impact_velocity
+        (N-1,) angular velocity just before hitting the next [rad/s]; nan where it did not.
+    stall_margin
+        (N,) for each fall the lowest u = ω² of the leader over its value at release: 0 where the
+        wave stalled, nan where it did not come.
+    reach
+        How far the wave came, falls done and the part of the last one over N; 1 if it propagated.
+    error_estimate
+        Largest |error|/t_k over the arrival times t_k, as estimated by the run itself.
+    converged
+        False where the conditioning of the row keeps `rtol` out of reach; the estimate stays
+        honest.
+    flushes
+        Links that turned from tip to corner contact.
+    releases
+        Links that lost contact.
+    largest_flush_loss
+        Largest part of the leader's speed lost in one flush.
+    rtol
+        The tolerance asked for.
+    run_time
+        Spent computing [s].
+    tape
+        What `pullback` walks back along, kept where a gradient was asked for.
+    """
+
+    layout: Layout
+    physics: Physics
+    outcome: Outcome
+    hit: int
+    toppled: int
+    arrival_times: Floats
+    release_velocity: Floats
+    impact_velocity: Floats
+    stall_margin: Floats
+    reach: float
+    error_estimate: float
+    converged: bool
+    flushes: int
+    releases: int
+    largest_flush_loss: float
+    rtol: float
+    run_time: float
+    tape: NDArray[np.record] | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        count, ended = self.layout.count, _ended(self.outcome)
+        if self.mean_speed > 0.0:
+            how = f"{count} dominoes in {self.arrival_times[-1]:.6g} s, {self.mean_speed:.6g} m/s"
+        else:
+            how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
+        return f"Wave({ended}: {how})"
+
+    def _repr_html_(self) -> str:
+        html: str = import_module("domino_env.view.svg").wave_html(self)
+        return html
+
+    def plot(self) -> Any:
+        """Draw the row to scale, gaps and speed along it; returns a Matplotlib figure."""
+        return import_module("domino_env.view.plots").plot_wave(self)
+
+    def pullback(self, arrival_bar: ArrayLike) -> Gradient:
+        """Return Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics.
+
+        Reverse mode: one walk back through the chain, whatever N. Exact up to the tolerance of the
+        run, near a stall too.
+
+        Parameters
+        ----------
+        arrival_bar
+            (N,) derivative of some number with respect to the arrival times; the result is the
+            gradient of that number.
+
+        Raises
+        ------
+        ValueError
+            For a wave simulated without `gradient=True`, for a wrong shape, and where arrival_bar
+            is not 0 for a domino that the wave did not reach.
+        """
+        if self.tape is None:
+            raise ValueError(
+                "this wave kept nothing to differentiate: ask for it with "
+                "simulate(layout, physics, gradient=True)"
+            )
+        reached = int(np.isfinite(self.arrival_times).sum())
+        return pull(self.layout, self.physics, self.tape, arrival_bar, reached)
+
+    def gradient(self, of: str = "time") -> Gradient:
+        """Return the gradient of what the wave does at the last domino.
+
+        Parameters
+        ----------
+        of
+            "time" for the arrival time at the last domino [s], "speed" for the mean speed [m/s].
+
+        Raises
+        ------
+        ValueError
+            Where the wave does not reach the last domino (for the speed: did not propagate), and as
+            of `pullback`.
+        """
+        if of not in ("time", "speed"):
+            raise ValueError(f"of = {of!r}: a wave has the gradient of its 'time' or its 'speed'")
+        count = self.layout.count
+        total = float(self.arrival_times[-1])
+        if count < 2 or not np.isfinite(total):
+            raise ValueError(
+                f"there is no {of} to differentiate: "
+                + ("a single domino has none" if count < 2 else self.explanation)
+            )
+        bar = np.zeros(count)
+        if of == "time":
+            bar[-1] = 1.0
+            return self.pullback(bar)
+        if self.outcome != Outcome.PROPAGATED:
+            raise ValueError(f"there is no speed to differentiate: {self.explanation}")
+        bar[-1] = -self.mean_speed / total
+        found = self.pullback(bar)
+        if isinstance(found, HillGradient):
+            return longer_over_hills(found, self.layout, 1.0 / total)
+        spacing, thickness = found.spacing + 1.0 / total, found.thickness.copy()
+        thickness[1:] += 1.0 / total  # the way from the first pivot to the last grows too
+        return replace(found, spacing=spacing, thickness=thickness)
+
+    @property
+    def mean_speed(self) -> float:
+        """First pivot to last, over the last arrival time [m/s]; 0 unless propagated."""
+        if self.outcome != Outcome.PROPAGATED or len(self.arrival_times) < 2:
+            return 0.0
+        return float(self.layout.length / self.arrival_times[-1])
+
+    @property
+    def local_speed(self) -> Floats:
+        """(N-1,) pitch over the time between hits [m/s]; nan where the wave did not come."""
+        times = np.where(np.isfinite(self.arrival_times), self.arrival_times, np.nan)
+        return np.asarray(self.layout.pitch / np.diff(times))
+
+    @property
+    def explanation(self) -> str:
+        """Why the wave ended, where, and what to do next."""
+        if self.outcome == Outcome.PROPAGATED:
+            return f"{self.outcome.explanation}."
+        leader = int(np.isfinite(self.stall_margin).sum()) - 1
+        return (
+            f"{self.outcome.explanation} (domino {leader} led; {self.hit} of "
+            f"{len(self.arrival_times)} were struck, {self.toppled} toppled)."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class WaveBatch:
+    """The waves of B layouts of N dominoes each: the fields of `Wave` with a leading B.
+
+    The fields of each domino, such as `arrival_times`, are empty, (B, 0), where `record=False` left
+    them out. Besides the fields of `Wave`:
+
+    Attributes
+    ----------
+    outcome
+        (B,) values of `Outcome`.
+    total_time
+        (B,) arrival at the last domino [s]; inf where the wave did not come.
+    mean_speed
+        (B,) as `Wave.mean_speed` [m/s].
+    lowest_stall_margin
+        (B,) smallest stall margin of all falls; without a record it is taken over the nodes of the
+        quadrature only.
+    gradient
+        Of the total time, every field with a leading B, zero for a wave that did not propagate;
+        None unless asked for.
+    """
+
+    outcome: Ints
+    hit: Ints
+    toppled: Ints
+    reach: Floats
+    total_time: Floats
+    mean_speed: Floats
+    error_estimate: Floats
+    converged: NDArray[np.bool_]
+    flushes: Ints
+    releases: Ints
+    largest_flush_loss: Floats
+    lowest_stall_margin: Floats
+    arrival_times: Floats
+    release_velocity: Floats
+    impact_velocity: Floats
+    stall_margin: Floats
+    run_time: float
+    gradient: Gradient | None = None
+
+    def __len__(self) -> int:
+        return len(self.outcome)
+
+    def __repr__(self) -> str:
+        ends = [(int(np.sum(self.outcome == kind)), _ended(kind)) for kind in Outcome]
+        said = ", ".join(f"{number} {ended}" for number, ended in ends if number)
+        through = self.mean_speed[self.mean_speed > 0.0]
+        if len(through):
+            said += f"; {through.min():.6g} to {through.max():.6g} m/s"
+        return f"WaveBatch({len(self)} waves: {said or 'none'})"
+
+
+def simulate(
+    layout: Layout, physics: Physics, *, rtol: float = 1e-8, gradient: bool = False
+) -> Wave:
+    """Topple a row and return its wave.
+
+    Parameters
+    ----------
+    layout
+        What stands.
+    physics
+        What makes it fall.
+    rtol
+        Relative error allowed in the arrival times, 1e-3 to 1e-13.
+    gradient
+        Keep what `Wave.pullback` and `Wave.gradient` need, some 100 bytes a fall.
+
+    Returns
+    -------
+    Wave
+        Also of a row that stops falling: a wave that dies is a result, see `Wave.outcome`.
+
+    Raises
+    ------
+    ValueError
+        For a tolerance out of its range.
+    TypeError
+        For what is no Layout or no Physics.
+
+    Notes
+    -----
+    The dynamics are exact up to the tolerance for chains in which every domino may differ: tip,
+    corner and released contacts, flushes as inelastic impacts, sliding friction.
+
+    References
+    ----------
+    J. M. J. van Leeuwen, The domino effect (2004), arXiv physics/0401018;
+    Chapman, The physics of toppling dominoes, eqs. 1-9.
+    """
+    began = time.perf_counter()
+    require_row(layout, physics)
+    count = layout.count
+    summaries = np.empty(1, kernels.SUMMARY)
+    arrivals = np.empty((1, count), kernels.ARRIVAL)
+    rows = batch_of(layout)
+    tape = room_for(count) if gradient else np.empty(0, kernels.EVENT)
+    while True:
+        kernels.solve_rows(
+            0, 1, rows, physics.friction, physics.gravity, physics.push, _checked(rtol), True,
+            summaries, arrivals, tape,
+        )  # fmt: skip
+        summary, arrival = kernels.Summary._make(summaries.item()), arrivals[0]
+        if summary.taped <= len(tape) or not gradient:
+            break
+        tape = np.empty(summary.taped, kernels.EVENT)  # the same run writes as many again
+    return Wave(
+        layout=layout,
+        physics=physics,
+        outcome=Outcome(summary.outcome),
+        hit=summary.hit,
+        toppled=summary.toppled,
+        arrival_times=arrival["time"],
+        release_velocity=arrival["release"],
+        impact_velocity=arrival["impact"][:-1],
+        stall_margin=arrival["margin"],
+        reach=summary.reach,
+        error_estimate=summary.estimate,
+        converged=summary.estimate <= rtol,
+        flushes=summary.flushes,
+        releases=summary.releases,
+        largest_flush_loss=summary.flush_loss,
+        rtol=rtol,
+        run_time=time.perf_counter() - began,
+        tape=tape[: summary.taped].copy() if gradient else None,
+    )
+
+
+def simulate_batch(
+    spacing: ArrayLike,
+    thickness: ArrayLike,
+    physics: Physics,
+    *,
+    height: ArrayLike = 0.048,
+    density: ArrayLike = 1040.0,
+    rise: ArrayLike = 0.0,
+    tilt: ArrayLike = 0.0,
+    rtol: float = 1e-6,
+    record: bool = True,
+    gradient: bool = False,
+) -> WaveBatch:
+    """Topple B rows of N dominoes over all cores; bit for bit what `simulate` gives one by one.
+
+    Parameters
+    ----------
+    spacing
+        (B, N-1) [m]
+    thickness
+        (N,) or (B, N) [m]
+    physics
+        What makes all of them fall.
+    height
+        Scalar, (N,) or (B, N) [m].
+    density
+        Scalar, (N,) or (B, N) [kg/m³].
+    rise
+        Scalar, (N-1,) or (B, N-1), as of `Layout` [m].
+    tilt
+        Scalar, (N,) or (B, N), as of `Layout` [rad].
+    rtol
+        As of `simulate`.
+    record
+        False leaves out what is kept of each domino.
+    gradient
+        Give that of the total time too, as `WaveBatch.gradient`; nothing is then kept of each
+        domino.
+
+    Raises
+    ------
+    ValueError
+        For what cannot stand, naming the layout and the element; for a tolerance out of its range.
+
+    Notes
+    -----
+    The number of threads is Numba's (`numba.set_num_threads`).
+    """
+    began = time.perf_counter()
+    rows = _checked_batch(spacing, thickness, height, density, rise, tilt)
+    number, count = rows.thickness.shape
+    summaries = np.empty(number, kernels.SUMMARY)
+    record = record and not gradient
+    arrivals = np.empty((number, count) if record else (0, 0), kernels.ARRIVAL)
+    setting = (rows, physics.friction, physics.gravity, physics.push, _checked(rtol))
+    slopes = None
+    if gradient:
+        bars = bars_of(rows)
+        wholes = np.empty(number, kernels.WHOLE)
+        share_pieces(kernels.pull_rows, number, count, *setting, summaries, bars, wholes)
+        slopes = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
+    else:
+        untaped = np.empty(0, kernels.EVENT)
+        share_pieces(
+            kernels.solve_rows, number, count, *setting, record, summaries, arrivals, untaped
+        )
+    total = summaries["total_time"]
+    # summed as Layout.length sums it, so that speeds agree to the last bit
+    if isinstance(rows, kernels.HillRow):
+        pitches = footing.pitches(rows.spacing, rows.thickness, rows.rise, rows.tilt)
+    else:
+        pitches = rows.spacing + rows.thickness[:, 1:]
+    way = np.cumsum(pitches, axis=1)[:, -1] if count > 1 else np.zeros(number)
+    speed = np.where(np.isfinite(total) & (total > 0.0), way / np.maximum(total, 1e-300), 0.0)
+    empty = np.empty((number, 0))
+    return WaveBatch(
+        outcome=summaries["outcome"],
+        hit=summaries["hit"],
+        toppled=summaries["toppled"],
+        reach=summaries["reach"],
+        total_time=total,
+        mean_speed=speed,
+        error_estimate=summaries["estimate"],
+        converged=summaries["estimate"] <= rtol,
+        flushes=summaries["flushes"],
+        releases=summaries["releases"],
+        largest_flush_loss=summaries["flush_loss"],
+        lowest_stall_margin=summaries["lowest_margin"],
+        arrival_times=arrivals["time"] if record else empty,
+        release_velocity=arrivals["release"] if record else empty,
+        impact_velocity=arrivals["impact"][:, :-1] if record else empty,
+        stall_margin=arrivals["margin"] if record else empty,
+        run_time=time.perf_counter() - began,
+        gradient=slopes,
+    )
+
+
+def _ended(outcome: Outcome) -> str:
+    return outcome.name.lower().replace("_", " ")
+
+
+def _checked(rtol: float) -> float:
+    if not TIGHTEST <= rtol <= LOOSEST:
+        raise ValueError(f"rtol = {rtol}: choose a tolerance between {TIGHTEST} and {LOOSEST}")
+    return float(rtol)
+
+
+def _checked_batch(
+    spacing: ArrayLike,
+    thickness: ArrayLike,
+    height: ArrayLike,
+    density: ArrayLike,
+    rise: ArrayLike,
+    tilt: ArrayLike,
+) -> Row:
+    """The arrays of a batch as the kernels take them; all that cannot stand is refused."""
+    s = np.ascontiguousarray(spacing, dtype=np.float64)
+    if s.ndim != 2:
+        raise ValueError(
+            f"spacing has shape {s.shape}: give one row a layout, (B, N-1); for one layout use "
+            "simulate()"
+        )
+    rows, count = s.shape[0], s.shape[1] + 1
+    d = _rows("thickness", thickness, rows, count)
+    d = np.ascontiguousarray(np.broadcast_to(d, (rows, count)))
+    length, rho = _rows("height", height, rows, count), _rows("density", density, rows, count)
+    for name, values, unit in (
+        ("spacing", s, "m"),
+        ("thickness", d, "m"),
+        ("height", length, "m"),
+        ("density", rho, "kg/m3"),
+    ):
+        good = (values > 0.0) & (values < np.inf)
+        if not good.all():
+            b, i = np.argwhere(~good)[0]
+            raise ValueError(
+                f"{name}[{b}, {i}] = {values[b, i]} {unit}: must be positive and finite"
+            )
+    flat = not (np.any(rise) or np.any(tilt))
+    if not flat:
+        e, slope = _rows("rise", rise, rows, count - 1), _rows("tilt", tilt, rows, count)
+        e, slope = np.broadcast_to(e, s.shape), np.broadcast_to(slope, d.shape)
+        if found := footing.trouble(s, d, length, e, slope):
+            raise ValueError(f"layout {found[0][0]}: {found[1]}")
+        arrays = (np.ascontiguousarray(a) for a in (s, d, length, rho, e, slope))
+        return kernels.HillRow(*(_read_only(array) for array in arrays))
+    if np.any(length[:, 1:] != length[:, :-1]) and count > 1:
+        tall, short = length[:, :-1], length[:, 1:]
+        low = (s >= tall) | (tall**2 - s**2 <= short**2 * (1.0 + 1e-12))
+        if not low.all():
+            b, i = np.argwhere(~low)[0]
+            raise ValueError(
+                f"layout {b}: domino {i} would strike above the top of domino {i + 1}; widen "
+                f"spacing[{b}, {i}] = {s[b, i]} m or make domino {i + 1} taller"
+            )
+    return kernels.Row(_read_only(s), _read_only(d), _read_only(length), _read_only(rho))
+
+
+def _read_only(array: Floats) -> Floats:
+    """A view like the arrays of a Layout, for which the kernel is compiled."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _rows(name: str, values: ArrayLike, rows: int, count: int) -> Floats:
+    """(1, N) or (B, N) from a scalar, (N,) or (B, N)."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0 or array.shape in ((1,), (1, 1)):
+        return np.full((1, count), float(array.reshape(())))
+    if array.shape == (count,):
+        return np.ascontiguousarray(array[None])
+    if array.shape in ((rows, count), (1, count)):
+        return np.ascontiguousarray(array)
+    raise ValueError(
+        f"{name} has shape {array.shape}: expected a number, ({count},) or ({rows}, {count}), as "
+        f"spacing has shape ({rows}, {count - 1})"
+    )

@@ -1,0 +1,172 @@
+"""What the tables of a scene's file owe each other: a sentence for each thing that clashes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from domino_env.physics.units import ADVICE, MOST
+from domino_env.scenes.io.tables import MOST_PAIRS, SceneFile, ThicknessTable
+from domino_env.scenes.objectives import OBJECTIVES
+from domino_env.scenes.standing_rows import refusal
+from domino_env.scenes.unsteady import unsteady_refusal
+
+TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
+
+
+def first_clash(asked: SceneFile) -> str | None:
+    """Say what is wrong between the tables, in a sentence; None where they go together."""
+    return next(_clashes(asked), None)
+
+
+# each rests on those before it
+
+
+def _clashes(asked: SceneFile) -> Iterator[str]:
+    if asked.thickness is None and asked.stock is None:
+        keys = ", ".join(ThicknessTable.__struct_fields__)
+        yield f"thickness is missing: give a table of {keys}"
+    if asked.thickness is not None and asked.stock is not None:
+        yield "[thickness] stands beside [stock]: give one or the other"
+    yield from _clashes_of_heights(asked)
+    yield from _slips_of_unit(asked)
+    yield from _clashes_of_objective(asked)
+    yield from _clashes_of_first(asked)
+    yield from _too_many(asked)
+    yield from _clashes_of_length(asked)
+
+
+def _clashes_of_heights(asked: SceneFile) -> Iterator[str]:
+    thick = asked.thickness is not None and asked.thickness.of is not None
+    if asked.in_heights != thick and asked.thickness is not None:
+        here, there = ("spacing", "thickness") if asked.in_heights else ("thickness", "spacing")
+        yield f'{here}.of = "height" but {there} is in metres: give both in heights'
+    if asked.growth is not None and not asked.in_heights:
+        yield '[growth] needs spacing and thickness in heights: write of = "height" in both'
+    if not asked.in_heights:
+        return
+    metres = {
+        "row.length": asked.row.length,
+        "spacing.step or values": asked.spacing.allowed()[1],
+        "thickness.step or values": asked.thickness and asked.thickness.allowed()[1],
+        "[stock]": asked.stock,
+        "spacing.largest_change": asked.spacing.largest_change,
+    }
+    for name, value in metres.items():
+        if value is not None:
+            yield f'{name} is in metres: not with of = "height"'
+
+
+def _slips_of_unit(asked: SceneFile) -> Iterator[str]:
+    """A scene of which no row can fall, or no domino is one, is none to spend time on."""
+    unit = 1.0 if asked.in_heights else asked.row.height
+    said = "heights" if asked.in_heights else "m"
+    least = asked.spacing.allowed()[0][0]
+    if asked.growth is None and least >= unit:
+        yield (
+            f"spacing: no gap may be smaller than {least:g} {said}, and no domino reaches further "
+            f"than its height of {asked.row.height:g} m: {ADVICE}"
+        )
+    thinnest = 0.0 if asked.stock is not None else asked.thickness_allowed()[0][0]
+    if thinnest > MOST * unit:
+        yield (
+            f"thickness: no domino may be thinner than {thinnest:g} {said}, with a height of "
+            f"{asked.row.height:g} m: {ADVICE}"
+        )
+
+
+def _clashes_of_objective(asked: SceneFile) -> Iterator[str]:
+    for name, objective in OBJECTIVES.items():
+        there = objective.table is not None and asked.settings(name) is not None
+        needed = objective.table is not None and asked.objective == name
+        if there != needed:
+            what = "stands there" if there else "is missing"
+            yield (
+                f"the table [{name}] {what} and objective = {asked.objective!r}: "
+                f"[{name}] and objective = {name!r} go together"
+            )
+    if asked.physics.floor_friction is not None:
+        refused = refusal(
+            asked.objective,
+            is_speed=OBJECTIVES[asked.objective].is_mean_speed,
+            limited=asked.limits is not None,
+        )
+        if refused is not None:
+            yield refused
+    if asked.placement is not None:
+        robust, length = asked.settings("robust") is not None, asked.row.length
+        refused = unsteady_refusal(asked.placement.deviation, robust=robust, length=length)
+        if refused is not None:
+            yield refused
+    yield from OBJECTIVES[asked.objective].clashes(
+        count=asked.row.count,
+        length=asked.row.length,
+        grows=asked.growth is not None,
+        limited=asked.limits is not None,
+        settings=asked.settings(asked.objective),
+    )
+
+
+def _clashes_of_first(asked: SceneFile) -> Iterator[str]:
+    """Of domino 0, its height, and those that may follow it."""
+    row = asked.row
+    if row.first_thickness is None:
+        low, high = asked.thickness.allowed()[0] if asked.thickness else (0.0, 1.0)
+        if low < high:
+            yield (
+                "row.first_thickness is missing: give the thickness of domino 0 [m], as that "
+                "of the others is free"
+            )
+    if asked.stock is not None:
+        box = asked.stock.stock()
+        if sum(box.count) < row.count:
+            yield (
+                f"stock.count adds up to {sum(box.count)} dominoes: row.count = {row.count} "
+                "needs as many"
+            )
+        try:
+            box.without(asked.first_thickness())
+        except ValueError as error:
+            yield f"row.first_thickness = {row.first_thickness}: {error}"
+    if asked.growth is not None:
+        tallest = math.log(row.height) + (row.count - 1) * math.log(asked.growth.max)
+        if tallest > math.log(TALLEST):
+            yield (
+                f"growth.max = {asked.growth.max}: {row.count} dominoes could grow to "
+                f"10^{tallest / math.log(10.0):.0f} m; let them grow less, or ask for fewer"
+            )
+
+
+def _too_many(asked: SceneFile) -> Iterator[str]:
+    listed = len(asked.spacing.allowed()[1] or "1") * len(asked.thickness_allowed()[1] or "1")
+    if listed > MOST_PAIRS:
+        yield (
+            f"spacing and thickness have {listed:,} pairs of listed values, and each is tried "
+            f"for the best uniform row: list at most {MOST_PAIRS:,}"
+        )
+
+
+def _clashes_of_length(asked: SceneFile) -> Iterator[str]:
+    """Whether any row within the bounds meets it; lists, steps: `optimize.constraints.feasible`."""
+    length, count = asked.row.length, asked.row.count
+    if length is None:
+        return
+    pairs = count - 1
+    (low, high), _ = asked.spacing.allowed()
+    if asked.stock is None:
+        (thin, thick), _ = asked.thickness_allowed()
+        least, most = pairs * (low + thin), pairs * (high + thick)
+    else:
+        box = asked.stock.stock()
+        if sum(box.count) != count:
+            yield (
+                f"stock.count adds up to {sum(box.count)}: with row.length, give exactly "
+                f"row.count = {count}"
+            )
+        bodies = float(box.without(asked.first_thickness()).dominoes.sum())
+        least, most = pairs * low + bodies, pairs * high + bodies
+    if not least - 1e-12 <= length <= most + 1e-12:
+        yield (
+            f"row.length = {length} m cannot be met: {count} dominoes within the bounds cover "
+            f"{least:.6g} to {most:.6g} m"
+        )

@@ -1,0 +1,167 @@
+"""Scenes read from TOML files, by the tables of `domino_env.scenes.io.tables`."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+from domino_env.core.advice import advise
+from domino_env.core.models import model_of
+from domino_env.core.reading import naming, one_line, read_bytes, refuse
+from domino_env.physics.units import unit_slip
+from domino_env.scenes.io.clashes import first_clash
+from domino_env.scenes.io.ranges import has_ranges
+from domino_env.scenes.io.tables import SceneFile
+from domino_env.scenes.scene import Scene
+
+SHIPPED = resources.files("domino_env.scenes") / "shipped"
+DISTRIBUTIONS = resources.files("domino_env.scenes") / "distributions"
+IS_DISTRIBUTION = (
+    "it gives ranges where a scene has numbers: load it by load_distribution, and draw scenes by "
+    "its sample()"
+)
+
+
+def scene_names() -> list[str]:
+    """List the names of the scenes that ship."""
+    return _names_in(SHIPPED)
+
+
+def distribution_names() -> list[str]:
+    """List the names of the distributions of scenes that ship."""
+    return _names_in(DISTRIBUTIONS)
+
+
+def _names_in(folder: Traversable) -> list[str]:
+    files = folder.iterdir()
+    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
+
+
+def load_scene(name: str | Path) -> Scene:
+    """Load a scene that ships, by name, or one of your own, by the path of its TOML file.
+
+    Raises
+    ------
+    ValueError
+        With file, key, value and what is allowed; for a file that gives ranges, which
+        `load_distribution` reads.
+    """
+    if str(name) in distribution_names():
+        refuse(str(name), IS_DISTRIBUTION)
+    text, stem, file = read_named(name, "scene")
+    return parse_scene(text, stem, file)
+
+
+def read_named(name: str | Path, kind: str) -> tuple[str, str, str]:
+    """Read the text of a file, by the name of what ships or by its path.
+
+    Parameters
+    ----------
+    name
+        Of what ships, or a path.
+    kind
+        What it is: "scene" or "distribution".
+
+    Returns
+    -------
+    tuple
+        The text, what it is called unless it says so itself, and what errors call the file.
+
+    Raises
+    ------
+    ValueError
+        For a file that there is not, or that cannot be read.
+    """
+    folder = SHIPPED if kind == "scene" else DISTRIBUTIONS
+    path, known = Path(name), _names_in(folder)
+    if str(name) in known:
+        return (folder / f"{name}.toml").read_text("utf-8"), str(name), f"{name}.toml"
+    if not (path.suffix == ".toml" or path.is_file()):
+        near = difflib.get_close_matches(str(name)[:300], known, n=1)
+        hint = f"did you mean '{near[0]}'? " if near else ""
+        raise ValueError(
+            f"there is no {kind} '{one_line(str(name), 100)}': {hint}{kind}s that ship: "
+            f"{', '.join(known)}; or give the path of a .toml file"
+        )
+    if not path.is_file():
+        refuse(path, f"there is no such {kind} file")
+    try:
+        return read_bytes(path).decode("utf-8-sig"), path.stem, str(path)
+    except UnicodeDecodeError:
+        refuse(path, "not UTF-8 text; save the file as UTF-8")
+
+
+def parse_scene(text: str, name: str, file: str) -> Scene:
+    """Read a scene from the text of its file.
+
+    Parameters
+    ----------
+    text
+        TOML.
+    name
+        What the scene is called unless the text says it.
+    file
+        What errors call the text.
+
+    Raises
+    ------
+    ValueError
+        With file, key, value and what is allowed.
+    """
+    return scene_of_document(document_of_text(text, file), name, file)
+
+
+def document_of_text(text: str, file: str) -> dict[str, Any]:
+    """Read the text of a file as TOML; ValueError with the file's name for what is none."""
+    with naming(file):
+        try:
+            return tomllib.loads(text)
+        except RecursionError:
+            raise ValueError("not TOML: nested too deep") from None
+        except ValueError as error:
+            raise ValueError(f"not TOML: {error}") from None
+
+
+def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
+    """Read a scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
+    with naming(file):
+        if has_ranges(document):
+            raise ValueError(IS_DISTRIBUTION)
+        asked = model_of(SceneFile, {"name": name} | document)
+        clash = first_clash(asked)
+        if clash is not None:
+            raise ValueError(clash)
+        spacing, spacing_values = asked.spacing.allowed()
+        thickness, thickness_values = asked.thickness_allowed()
+        slip = None if asked.in_heights else unit_slip(asked.row.height, spacing, thickness)
+        if slip is not None:
+            advise(f"{one_line(file, 160, keep_end=True)}: {slip}")
+        return Scene(
+            name=asked.name or name,
+            title=asked.title or asked.name or name,
+            objective=asked.objective,
+            physics=asked.physics_asked(),
+            count=asked.row.count,
+            height=asked.row.height,
+            width=asked.row.width,
+            density=asked.row.density,
+            first_thickness=asked.first_thickness(),
+            spacing=spacing,
+            thickness=thickness,
+            length=asked.row.length,
+            spacing_values=spacing_values,
+            thickness_values=thickness_values,
+            largest_change=asked.spacing.largest_change,
+            stock=asked.stock.stock() if asked.stock else None,
+            growth=(asked.growth.min, asked.growth.max) if asked.growth else None,
+            in_heights=asked.in_heights,
+            limits=asked.limits_asked(),
+            settings=asked.settings(asked.objective),
+            floor_friction=asked.physics.floor_friction,
+            placement_deviation=asked.placement.deviation if asked.placement else 0.0,
+            ground=asked.ground.ground() if asked.ground else None,
+        )

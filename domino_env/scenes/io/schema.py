@@ -1,0 +1,66 @@
+"""The JSON Schema of scene files, by which editors complete and check them.
+
+It ships beside the scenes as scene.schema.json; `python -m domino_env.scenes.io.schema` writes
+it.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from domino_env.core.files import write_text
+from domino_env.scenes.io import tables
+from domino_env.scenes.io.ranges import UNFELT, schema_of_range
+from domino_env.scenes.objectives import OBJECTIVES
+
+DRAWN = {
+    "row": "RowTable", "spacing": "SpacingTable", "thickness": "ThicknessTable",
+    "physics": "PhysicsTable",
+}  # fmt: skip
+"""Tables in which a number may be a range."""
+PATH = Path(__file__).parents[1] / "shipped" / "scene.schema.json"
+
+
+def scene_schema() -> dict[str, Any]:
+    """Write the schema of a scene's file, draft 2020-12."""
+    found = msgspec.json.schema(tables.SceneFile)
+    classes = vars(tables) | {o.table.__name__: o.table for o in OBJECTIVES.values() if o.table}
+    definitions: dict[str, dict[str, Any]] = {
+        name: _without_null(told) | getattr(classes[name], "SCHEMA", {})
+        for name, told in found["$defs"].items()
+    }
+    for table, name in DRAWN.items():
+        for key, told in definitions[name]["properties"].items():
+            if told.get("type") in ("number", "integer") and (table, key) not in UNFELT:
+                definitions[name]["properties"][key] = _or_range(told)
+    definitions["Range"] = _without_null(schema_of_range())
+    scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return head | scene | {"$defs": definitions}
+
+
+def _or_range(told: dict[str, Any]) -> dict[str, Any]:
+    """A number, or the range that it is drawn from: the file of a distribution."""
+    said = {key: told[key] for key in ("description", "default") if key in told}
+    number = {key: value for key, value in told.items() if key not in said}
+    return {"anyOf": [number, {"$ref": "#/$defs/Range"}]} | said
+
+
+def _without_null(told: Any) -> Any:
+    """TOML knows no null: what may be null here may be left out there."""
+    if isinstance(told, list):
+        return [_without_null(one) for one in told if one != {"type": "null"}]
+    if not isinstance(told, dict):
+        return told
+    kept = {key: _without_null(value) for key, value in told.items() if value is not None}
+    if len(kept.get("anyOf", ())) == 1:
+        kept = kept.pop("anyOf")[0] | kept
+    return kept
+
+
+if __name__ == "__main__":
+    write_text(PATH, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")

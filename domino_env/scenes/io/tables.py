@@ -1,0 +1,325 @@
+"""The tables of a scene's file: keys, units, ranges, and what the keys of a table owe each other.
+
+Said once, here: `domino_env.scenes.io` reads scenes by them, and editors check them by the
+schema that `domino_env.scenes.io.schema` makes of them.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import msgspec
+from msgspec import Meta
+
+from domino_env.core.models import LARGEST, Size, Table
+from domino_env.physics.ground import MOST_POINTS, STEEPEST, Ground
+from domino_env.physics.physics import Physics
+from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.scenes.limits import Limits
+from domino_env.scenes.objectives import OBJECTIVES
+from domino_env.scenes.stock import Stock
+
+Bounds = tuple[float, float]
+Values = tuple[float, ...]
+
+MOST_DOMINOES = 100_000  # the best uniform row takes some 3 ms a domino
+MOST_KINDS = 1_000  # of dominoes in a stock
+MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the best uniform row
+ALIKE = 1e-8  # [m] values closer than this are the same
+
+# begins with a letter or a digit of any language; what paths and shells give a meaning is left out
+NAME = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
+LINE = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$(?!\n)"
+
+if TYPE_CHECKING:
+    Objective = str
+else:
+    Objective = Literal[tuple(OBJECTIVES)]
+
+Part = Annotated[float, Meta(ge=0, le=LARGEST)]
+"""0 or more, as small as it likes: nothing is divided by it."""
+Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
+Number = Annotated[int, Meta(ge=0, le=MOST_DOMINOES)]
+_PHYSICS = Physics()
+
+
+class RowTable(Table):
+    """What stands."""
+
+    count: Annotated[int, Meta(ge=2, le=MOST_DOMINOES, description="number of dominoes")]
+    height: Annotated[
+        Size, Meta(description="of every domino, of the first where they grow [m]")
+    ] = HEIGHT
+    width: Annotated[Size, Meta(description="size across the fall; it changes no time [m]")] = WIDTH
+    density: Annotated[Size, Meta(description="of every domino [kg/m³]")] = DENSITY
+    first_thickness: Annotated[
+        Size | None,
+        Meta(description="of domino 0, which is the scene's [m]; needed where thickness is free"),
+    ] = None
+    length: Annotated[
+        Size | None, Meta(description="first pivot to last, met exactly [m]; free without it")
+    ] = None
+
+
+class RangeTable(Table):
+    """What may be chosen: one value, any from min to max, those in steps, or those of a list."""
+
+    fixed: Annotated[Size | None, Meta(description="the only value [m]")] = None
+    min: Annotated[Size | None, Meta(description="the least [m]")] = None
+    max: Annotated[Size | None, Meta(description="the largest [m]")] = None
+    step: Annotated[
+        Annotated[float, Meta(ge=ALIKE, le=LARGEST)] | None,
+        Meta(description="from min to max only in steps of this [m]"),
+    ] = None
+    values: Annotated[
+        Annotated[list[Size], Meta(min_length=1)] | None,
+        Meta(description="the only values allowed [m]"),
+    ] = None
+    of: Annotated[
+        Literal["height"] | None,
+        Meta(
+            description="all of it counts in heights: of the domino, and for a gap of the shorter "
+            "of the two dominoes at it; leave it out for metres"
+        ),
+    ] = None
+
+    SCHEMA: ClassVar = {
+        "oneOf": [{"required": ["fixed"]}, {"required": ["values"]}, {"required": ["min", "max"]}]
+    }
+
+    def __post_init__(self) -> None:
+        ways = ("fixed", "values", "min", "max", "step")
+        given = [key for key in ways if getattr(self, key) is not None]
+        for one in ("fixed", "values"):
+            if one in given and len(given) > 1:
+                others = " or ".join(key for key in given if key != one)
+                raise ValueError(f"{one} stands beside {others}: give one or the other")
+        if self.values is not None:
+            for a, b in pairwise(sorted(self.values)):
+                if b - a < ALIKE:
+                    raise ValueError(f"values holds {a} and {b}: they are the same")
+        if self.fixed is not None or self.values is not None:
+            return
+        for key in ("min", "max"):
+            if key not in given:
+                raise ValueError(f"{key} is missing: give min and max, or fixed [m]")
+        assert self.min is not None
+        assert self.max is not None
+        if self.min > self.max:
+            raise ValueError(f"min = {self.min} m is more than max = {self.max} m")
+        if self.step is not None and (self.max - self.min) / self.step >= MOST_PAIRS:
+            raise ValueError(f"step = {self.step} m: too fine to count; leave it out for any value")
+
+    def allowed(self) -> tuple[Bounds, Values | None]:
+        """The least and the largest value, and all between them where not any is allowed."""
+        if self.fixed is not None:
+            return (self.fixed, self.fixed), None
+        if self.values is not None:
+            values = tuple(sorted(self.values))
+        else:
+            assert self.min is not None
+            assert self.max is not None
+            if self.step is None:
+                return (self.min, self.max), None
+            values = steps(self.min, self.max, self.step)
+        return (values[0], values[-1]), values if len(values) > 1 else None
+
+
+class SpacingTable(RangeTable):
+    """The free gaps."""
+
+    largest_change: Annotated[
+        Part | None, Meta(description="from one gap to the next, at most [m]")
+    ] = None
+
+
+class ThicknessTable(RangeTable):
+    """The thickness of all dominoes but the first."""
+
+
+class StockTable(Table):
+    """The box that all dominoes are taken from, the first among them."""
+
+    thickness: Annotated[
+        list[Size], Meta(min_length=1, max_length=MOST_KINDS, description="the kinds [m]")
+    ]
+    count: Annotated[
+        list[Number], Meta(max_length=MOST_KINDS, description="how many there are of each")
+    ]
+
+    def __post_init__(self) -> None:
+        self.stock()
+
+    def stock(self) -> Stock:
+        """What lies in the box."""
+        return Stock(tuple(self.thickness), tuple(self.count))
+
+
+class GrowthTable(Table, kw_only=True):
+    """The height of a domino over that of the one before."""
+
+    min: Annotated[float, Meta(ge=1, le=LARGEST, description="at least")] = 1.0
+    max: Annotated[float, Meta(ge=1, le=LARGEST, description="at most")]
+
+    def __post_init__(self) -> None:
+        if self.min > self.max:
+            raise ValueError(f"min = {self.min} is more than max = {self.max}")
+
+
+class PhysicsTable(Table):
+    """What makes the row fall."""
+
+    friction: Annotated[Part, Meta(description="coefficient between dominoes; 0 for none")] = (
+        _PHYSICS.friction
+    )
+    gravity: Annotated[Size, Meta(description="[m/s²]")] = _PHYSICS.gravity
+    push: Annotated[Size, Meta(description="angular velocity of domino 0 at first [rad/s]")] = (
+        _PHYSICS.push
+    )
+    floor_friction: Annotated[
+        Part | None,
+        Meta(
+            description="coefficient of the floor on which the row stands free, to be scored so; "
+            "without it every domino is held to the floor"
+        ),
+    ] = None
+
+
+class GroundTable(Table):
+    """What the row stands on: an even slope, or a smooth curve; flat ground without it."""
+
+    slope: Annotated[
+        Annotated[float, Meta(ge=-STEEPEST, le=STEEPEST)] | None,
+        Meta(description="of an even slope, positive downhill [degrees]"),
+    ] = None
+    profile: Annotated[
+        Annotated[
+            list[Annotated[list[Coordinate], Meta(min_length=2, max_length=2)]],
+            Meta(min_length=2, max_length=MOST_POINTS),
+        ]
+        | None,
+        Meta(
+            description="points [x, y] of a smooth curve, x rising from point to point [m]; the "
+            "first domino's front stands at x = 0, and beyond its ends the ground goes on straight"
+        ),
+    ] = None
+
+    SCHEMA: ClassVar = {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]}
+
+    def __post_init__(self) -> None:
+        self.ground()
+
+    def ground(self) -> Ground:
+        """Give the ground."""
+        return Ground(self.slope, self.profile)
+
+
+class PlacementTable(Table):
+    """The hand that builds row after row in the environments, which is unsteady."""
+
+    deviation: Annotated[
+        float, Meta(ge=0, le=LARGEST, description="standard deviation of each gap's error [m]")
+    ]
+
+
+class LimitsTable(Table):
+    """What a design must not lean on."""
+
+    stall_margin: Annotated[
+        Annotated[float, Meta(ge=0, lt=1)] | None, Meta(description="of all falls, at least")
+    ] = None
+    flush_loss: Annotated[
+        Annotated[float, Meta(ge=0, le=1)] | None, Meta(description="of all flushes, at most")
+    ] = None
+
+    SCHEMA: ClassVar = {"minProperties": 1}
+
+    def __post_init__(self) -> None:
+        if self.stall_margin is None and self.flush_loss is None:
+            raise ValueError("the table is empty; it holds stall_margin, flush_loss")
+
+
+class SceneTables(Table, kw_only=True):
+    """A design problem: what stands, what may be chosen, what counts."""
+
+    name: Annotated[
+        Annotated[str, Meta(pattern=NAME, max_length=100)] | None,
+        Meta(
+            description="of the scene and of its runs' folder: begins with a letter or a digit, "
+            'none of / \\ < > : " | ? * ` $; without it, that of the file',
+        ),
+    ] = None  # fmt: skip
+    title: Annotated[
+        Annotated[str, Meta(pattern=LINE, max_length=300)] | None,
+        Meta(description="what it is about, in a line"),
+    ] = None
+    objective: Annotated[Objective, Meta(description="what counts")] = "mean_speed"
+    row: RowTable
+    spacing: SpacingTable
+    thickness: ThicknessTable | None = None
+    stock: Annotated[StockTable | None, Meta(description="instead of thickness")] = None
+    growth: GrowthTable | None = None
+    ground: GroundTable | None = None
+    physics: PhysicsTable
+    limits: LimitsTable | None = None
+    placement: PlacementTable | None = None
+
+    SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
+
+    @property
+    def in_heights(self) -> bool:
+        """Whether gaps and thicknesses count in heights."""
+        return self.spacing.of is not None
+
+    def physics_asked(self) -> Physics:
+        """Friction, gravity and push."""
+        return Physics(self.physics.friction, self.physics.gravity, self.physics.push)
+
+    def settings(self, objective: str) -> Any:
+        """Give what the table of an objective says; None where it is not there."""
+        table = getattr(self, objective, None) if OBJECTIVES[objective].table else None
+        return None if table is None else table.settings()
+
+    def limits_asked(self) -> Limits | None:
+        """What the wave must keep."""
+        told = self.limits
+        return Limits(told.stall_margin, told.flush_loss) if told else None
+
+    def first_thickness(self) -> float:
+        """Of domino 0 [m]: as thick as all the others, where it is not given."""
+        if self.row.first_thickness is not None:
+            return self.row.first_thickness
+        assert self.thickness is not None
+        (low, _), _ = self.thickness.allowed()
+        return low * self.row.height if self.in_heights else low
+
+    def thickness_allowed(self) -> tuple[Bounds, Values | None]:
+        """Of dominoes 1 … N-1, as `RangeTable.allowed`."""
+        if self.thickness is not None:
+            return self.thickness.allowed()
+        assert self.stock is not None
+        rest = self.stock.stock().without(self.first_thickness()).dominoes
+        values = tuple(sorted({float(d) for d in rest}))
+        return (values[0], values[-1]), values
+
+
+def steps(low: float, high: float, step: float) -> Values:
+    """List low, low + step, … up to high [m], to the picometre."""
+    number = math.floor((high - low) / step + 1e-9) + 1
+    return tuple(round(low + k * step, 12) for k in range(number))
+
+
+if TYPE_CHECKING:
+    SceneFile = SceneTables
+else:
+    SceneFile = msgspec.defstruct(
+        "SceneFile",
+        [(name, kind.table | None, None) for name, kind in OBJECTIVES.items() if kind.table],
+        bases=(SceneTables,),
+        namespace={"__doc__": SceneTables.__doc__},
+        module=__name__,
+        kw_only=True,
+    )
+"""All that a scene's file says: `SceneTables`, and the tables of objectives, named as they are."""

@@ -1,0 +1,35 @@
+"""Bars: where there is no terminal, a line now and then."""
+
+from __future__ import annotations
+
+from itertools import count
+
+import pytest
+
+from domino_env.core import progress
+
+
+@pytest.mark.parametrize(("shown", "lines"), [(None, 3), (False, 0)])
+def test_without_a_terminal_a_line_comes_now_and_then(
+    capsys, monkeypatch, shown: bool | None, lines: int
+) -> None:
+    clock = count(step=10.0)  # every look at it finds ten seconds gone
+    monkeypatch.setattr("tqdm.std.time", lambda: next(clock))
+    with progress.progress_bar(shown, total=12, unit=" dominoes") as bar:
+        for _ in range(10):
+            bar.update(1)
+            bar.set_postfix_str("best 0.8", refresh=False)
+    said = capsys.readouterr().err.splitlines()
+    assert lines - 1 <= len(said) <= lines + 1
+    for line in said:
+        assert " of 12 dominoes in " in line
+        assert "\r" not in line
+
+
+def test_what_is_underway_is_what_was_begun_last() -> None:
+    assert progress.what_is_underway() is None
+    with progress.underway("one"):
+        with progress.underway("two"):
+            assert progress.what_is_underway() == "two"
+        assert progress.what_is_underway() == "one"
+    assert progress.what_is_underway() is None

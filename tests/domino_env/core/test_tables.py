@@ -1,0 +1,61 @@
+"""Tables: what is written reads back, and nothing in it runs or breaks out of its cell."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from domino_env.core.tables import csv_table, markdown_table, text_table, write_csv
+
+
+def read_back(text: str) -> list[list[str]]:
+    return list(csv.reader(text.splitlines(keepends=True)))
+
+
+def test_numbers_come_back_to_the_bit() -> None:
+    values = [0.1, -1e-300, 5e-324, np.nextafter(0.8, 1.0), 1e16, 3, -7, np.float64(2) / 3]
+    names, row = read_back(csv_table("abcdefgh", [values]))
+    assert names == list("abcdefgh")
+    assert [float(cell) for cell in row] == values
+    assert read_back(csv_table("ab", [[None, 1]]))[1] == ["", "1"]
+
+
+def test_text_comes_back_whole() -> None:
+    cells = ["a, b", 'say "no"', "two\nlines", "Sünde", ""]
+    assert read_back(csv_table("abcde", [cells]))[1] == cells
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+x", "-cmd|' /C calc'!A0", "@SUM(A1)", "\t=1", "\n=1"])
+def test_no_text_is_a_formula(text: str) -> None:
+    names, row = read_back(csv_table([text], [[text]]))
+    assert names == row == [f"'{text}"]
+
+
+@pytest.mark.parametrize("number", ["-0.5", "-1.5e-07", "+3", "-inf"])
+def test_a_number_that_was_formatted_by_hand_stays_one(number: str) -> None:
+    assert read_back(csv_table(["x"], [[number]]))[1] == [number]
+
+
+def test_a_file_is_written_whole(tmp_path: Path) -> None:
+    write_csv(tmp_path / "a.csv", ("n", "x"), [(1, 0.5), (2, None)])
+    assert (tmp_path / "a.csv").read_bytes() == b"n,x\n1,0.5\n2,\n"
+    with pytest.raises(ZeroDivisionError):
+        write_csv(tmp_path / "a.csv", ["n"], ([1 / n] for n in (1, 0)))
+    assert (tmp_path / "a.csv").read_bytes() == b"n,x\n1,0.5\n2,\n"
+
+
+def test_markdown_keeps_its_columns() -> None:
+    assert markdown_table(("a", "b"), [("x|y", 1), ("two\nlines", None)]) == [
+        "| a | b |", "| --- | --- |", "| x\\|y | 1 |", "| two lines | None |",
+    ]  # fmt: skip
+
+
+def test_a_terminal_gets_columns_and_nothing_that_moves_its_cursor() -> None:
+    lines = text_table(("name", "n"), [("a\x1b[2J", "7"), ("b" * 70, "1,000")], right={"n"})
+    assert lines[0] == f"{'name':60}      n"
+    assert lines[1].startswith("a\\x1b[2J ")
+    assert lines[2] == "b" * 59 + "…  1,000"
+    assert all(line.isprintable() for line in lines)

@@ -1,0 +1,130 @@
+"""The steppers meet our solver's answer, each at its own order, and end as it ends."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import Outcome, simulate
+from domino_env.validation.accuracy.measurement import error_of
+from domino_env.validation.accuracy.steppers import ADAPTIVE, FIXED, step_row
+
+
+def _unequal() -> Layout:
+    rng = np.random.default_rng(8)
+    return Layout(
+        rng.uniform(0.012, 0.03, 9),
+        rng.uniform(0.004, 0.012, 10),
+        rng.uniform(0.0475, 0.0485, 10),
+        density=rng.uniform(500.0, 2000.0, 10),
+    )
+
+
+ROWS = {
+    "uniform": (Layout.uniform(8, pitch=0.016), Physics(push=8.0)),
+    "frictionless": (Layout([0.01, 0.03, 0.005, 0.02, 0.015], 0.0075), Physics(0.0)),
+    "flushes": (Layout([0.004, 0.02, 0.005, 0.025, 0.03, 0.03], 0.0075), Physics(0.4)),
+    "flush together": (Layout([*[0.005] * 4, *[0.03] * 3], 0.0075), Physics(push=12.0)),
+    "releases": (Layout([0.044, 0.042, 0.02, 0.045, 0.044], 0.01), Physics(0.1, push=10.0)),
+    "unequal": (_unequal(), Physics(0.3, push=20.0)),
+}
+
+
+def _error(name: str, method: str, setting: float) -> float:
+    layout, physics = ROWS[name]
+    exact = simulate(layout, physics, rtol=1e-13)
+    stepped = step_row(layout, physics, method, setting)
+    assert stepped.outcome == exact.outcome
+    return error_of(stepped.arrival_times, exact.arrival_times)
+
+
+def test_the_rows_show_every_state_of_contact() -> None:
+    waves = {name: simulate(*row) for name, row in ROWS.items()}
+    assert all(wave.outcome == Outcome.PROPAGATED for wave in waves.values())
+    assert waves["flushes"].flushes > 0
+    assert waves["flush together"].flushes >= 4
+    assert waves["releases"].releases > 0
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_runge_kutta_with_located_hits_is_of_order_four(name: str) -> None:
+    steps = np.array([2e-3, 1e-3, 5e-4, 2.5e-4])
+    errors = [_error(name, "rk4", step) for step in steps]
+    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert 3.6 < order < 4.6
+    assert _error(name, "rk4", 5e-5) < 2e-12
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4-step"])
+@pytest.mark.parametrize("name", ROWS)
+def test_hits_located_to_the_step_leave_order_one(name: str, method: str) -> None:
+    # an error depends on where in its step a hit falls: the mean over several steps tells
+    def mean_error(step: float) -> float:
+        return float(np.mean([_error(name, method, step * x) for x in np.linspace(0.8, 1.2, 15)]))
+
+    coarse, fine = mean_error(2e-4), mean_error(1e-5)
+    assert 0.7 < math.log(coarse / fine) / math.log(20.0) < 1.3
+    assert fine < 1e-2
+
+
+@pytest.mark.parametrize("method", ADAPTIVE)
+@pytest.mark.parametrize("name", ROWS)
+def test_scipy_meets_the_answer(name: str, method: str) -> None:
+    loose, tight = _error(name, method, 1e-4), _error(name, method, 1e-9)
+    assert loose < 2e-2
+    assert tight < 1e-6
+    assert tight < loose
+
+
+@pytest.mark.parametrize(("pitch", "frequency"), [(0.016, 59.7), (0.024, 37.2), (0.032, 26.2)])
+def test_euler_at_a_tenth_of_a_millisecond_errs_as_the_seed_does(
+    pitch: float, frequency: float
+) -> None:
+    # exact are 59.87, 37.23, 26.26
+    row, physics = Layout.uniform(100, pitch=pitch), Physics(0.25, 9.8, 5.0 * math.pi)
+    times = step_row(row, physics, "euler", 1e-4).arrival_times
+    assert 40.0 / (times[99] - times[59]) == pytest.approx(frequency, abs=0.1)
+
+
+DEAD = {
+    "stalled": (Layout.uniform(6, spacing=0.003), Physics(0.5, push=3.0)),
+    "out of reach": (Layout([0.02, 0.06, 0.02], 0.0075), Physics()),
+    "jammed at a hit": (Layout.uniform(4, spacing=0.012), Physics(7.0, push=50.0)),
+    "jammed at a flush": (Layout([0.015, 0.001, *[0.015] * 6], 0.0075), Physics(1.0, push=20.0)),
+    "one domino": (Layout([], 0.0075), Physics()),
+    "one domino, too weak a push": (Layout([], 0.0075), Physics(push=1.0)),
+}
+
+
+@pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
+@pytest.mark.parametrize("name", DEAD)
+def test_a_wave_ends_for_the_same_reason(name: str, method: str) -> None:
+    layout, physics = DEAD[name]
+    wave = simulate(layout, physics)
+    setting = 1e-4 if method in FIXED else 1e-8
+    stepped = step_row(layout, physics, method, setting)
+    assert stepped.outcome == wave.outcome
+    np.testing.assert_array_equal(
+        np.isfinite(stepped.arrival_times), np.isfinite(wave.arrival_times)
+    )
+
+
+@pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
+def test_the_evaluations_allowed_are_kept(method: str) -> None:
+    setting = 1e-5 if method in FIXED else 1e-8
+    stepped = step_row(*ROWS["uniform"], method, setting, most=100)
+    assert stepped.outcome is None
+    assert 0 < stepped.evaluations < 400
+
+
+def test_what_cannot_be_stepped_is_refused() -> None:
+    row, physics = ROWS["uniform"]
+    with pytest.raises(ValueError, match="choose one of euler, rk4-step, rk4, RK45"):
+        step_row(row, physics, "heun", 1e-3)
+    for bad in (0.0, -1e-3, math.inf, math.nan):
+        with pytest.raises(ValueError, match="positive and finite"):
+            step_row(row, physics, "rk4", bad)

@@ -1,0 +1,39 @@
+"""Chapman's tables and figures."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from domino_env.validation.chapman.figures import FIGURES
+from domino_env.validation.chapman.tables import angular_velocities, frequencies, markdown
+
+
+def test_angular_velocities_are_those_of_the_independent_solution() -> None:
+    found = np.array(angular_velocities())
+    np.testing.assert_allclose(
+        found[:, 1:3],
+        [[13.63153, 17.24773], [14.82572, 21.74023], [14.79539, 24.80159]],
+        atol=1e-5,
+    )
+    np.testing.assert_allclose(found[:, 3], [15.355, 18.041, 19.385], atol=1e-3)
+
+
+def test_closed_forms_meet_the_steady_wave_without_friction() -> None:
+    found = np.array(angular_velocities())
+    np.testing.assert_allclose(found[:, 6:8], found[:, 1:3], rtol=1e-6)
+
+
+def test_frequencies_with_friction() -> None:
+    found = np.array(frequencies())
+    np.testing.assert_allclose(found[:, 1], [59.87259, 37.22842, 26.25904], atol=1e-5)
+
+
+def test_tables_mark_the_misprint_and_nothing_else() -> None:
+    assert markdown().count("(17.80*)") == markdown().count("*)") == 1
+
+
+@pytest.mark.parametrize("name", ["one-fall", "kinetic-energy", "angular-velocity", "friction"])
+def test_figures_are_drawn(name: str, tmp_path: Path) -> None:
+    FIGURES[name](tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")

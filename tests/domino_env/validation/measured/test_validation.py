@@ -1,0 +1,158 @@
+"""Measured rows beside the model: sources, fits, what is foretold, verdicts, the command."""
+
+import json
+import math
+import re
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.cli.main import main
+from domino_env.validation.measured.comparison import compare, leave_out
+from domino_env.validation.measured.effects import slipping, uneven
+from domino_env.validation.measured.fit import least_squares
+from domino_env.validation.measured.model import row_model, speed_of
+from domino_env.validation.measured.page import section
+from domino_env.validation.measured.source import Row, Source, read_source, shipped_sources
+from domino_env.validation.measured.validation import validate
+
+ROOT = Path(__file__).resolve().parents[4]
+SOURCES = shipped_sources()
+
+
+def synthetic(source: Source, friction: float, factor: float = 1.0) -> Source:
+    """A source with what the model would have measured."""
+    rows = []
+    for row in source.rows:
+        value = factor * row_model(source.setting, source.quantity, row.x)(friction)
+        rows.append(Row(row.x, value, row.uncertainty, row.floor))
+    return msgspec.structs.replace(source, rows=tuple(rows))
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_source_is_complete_and_the_friction_of_synthetic_rows_is_found_again(name: str) -> None:
+    source = SOURCES[name]
+    assert re.search(r"https?://|\d{4}|University", source.reference)
+    assert source.unknown
+    assert ":" in source.title
+    assert source.unit
+    assert source.errors
+    for row in source.rows:  # better than a tenth of a per cent nobody measured
+        assert 1e-3 < row.uncertainty / row.value < 0.5
+        assert 0.3 < speed_of(source.quantity, source.setting, row.x, row.value) < 2.0
+    found = compare(synthetic(source, 0.13), source.setting)
+    assert found.friction == pytest.approx(0.13, abs=1e-5)
+    assert found.holds
+    assert found.square < 1e-6
+    assert all(abs(left.error) < 1e-4 for left in found.left_out)
+    assert len(found.left_out) == len({row.x for row in source.rows})
+
+
+def test_what_is_left_out_is_foretold_by_the_others() -> None:
+    """Values f and 2f: each friction follows from the other row alone."""
+    models = [lambda f: f, lambda f: 2.0 * f]
+    first, second = leave_out([1.0, 2.0], models, [0.3, 0.8], [0.1, 0.1])
+    assert (first.x, second.x) == (1.0, 2.0)
+    assert first.friction == pytest.approx(0.4, abs=1e-6)
+    assert first.error == pytest.approx(0.4 / 0.3 - 1.0, abs=1e-5)
+    assert second.error == pytest.approx(0.6 / 0.8 - 1.0, abs=1e-5)
+    assert second.off == pytest.approx((0.6 - 0.8) / 0.1, abs=1e-4)
+    assert leave_out([1.0, 1.0], models, [0.3, 0.8], [0.1, 0.1]) == ()
+
+
+def test_fits_weigh_rows_by_their_uncertainty_and_stay_in_bounds() -> None:
+    models = [lambda f: f, lambda f: 2.0 * f]
+    best, error = least_squares(models, [0.3, 0.8], [0.1, 0.4])
+    assert best == pytest.approx((0.3 / 0.01 + 2 * 0.8 / 0.16) / (1 / 0.01 + 4 / 0.16), abs=1e-6)
+    assert error == pytest.approx(1.0 / math.sqrt(1 / 0.01 + 4 / 0.16), rel=1e-6)
+    assert least_squares(models, [-1.0, -1.0], [0.1, 0.1])[0] == 0.0
+    assert least_squares([lambda f: math.inf], [1.0], [0.1])[1] == math.inf
+
+
+def test_the_uncertainty_of_a_spacing_counts() -> None:
+    source = SOURCES["chapman"]
+    found = compare(source, source.setting)
+    low, high = (
+        de.steady_wave(p, 0.0075, physics=de.Physics(found.friction, 9.8)).frequency
+        for p in (0.0158, 0.0162)
+    )
+    assert found.sigmas[0] == pytest.approx(math.hypot(1.3, (high - low) / 2), rel=1e-2)
+
+
+def test_verdicts_say_what_is_wrong() -> None:
+    source = SOURCES["toronto"]
+    right = validate(synthetic(source, 0.2), {})
+    assert right.explained
+    assert right.verdict[0].startswith("Explained: with friction 0.200")
+    fast = validate(synthetic(source, 0.0, 1.2), {})
+    assert not fast.explained
+    assert fast.main.friction == 0.0
+    assert "faster than the model without any friction" in " ".join(fast.verdict)
+    rough = msgspec.structs.replace(
+        synthetic(SOURCES["chapman"], 0.6), friction=SOURCES["chapman"].friction
+    )
+    assert not validate(rough, {}).explained
+    assert "which disagrees" in " ".join(validate(rough, {}).verdict)
+
+
+def test_mclachlans_abscissa_is_the_gap_rather_than_the_pitch() -> None:
+    validation = validate(SOURCES["mclachlan"], {})
+    (pitch,) = (r for r in validation.readings if r.setting.x_is == "pitch")
+    assert validation.main.setting.x_is == "gap"
+    assert validation.main.square < pitch.square
+
+
+def test_uneven_gaps_cost_more_the_more_uneven_and_the_narrower_they_are() -> None:
+    setting = SOURCES["toronto"].setting
+    assert uneven(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
+    narrow = [uneven(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
+    assert 1.0 > narrow[0] > narrow[1] > 0.9
+    assert narrow[1] < uneven(0.02, setting, 0.03, 0.2) < 1.001
+
+
+def test_feet_that_slip_cost_little_but_where_gaps_are_nearly_out_of_reach() -> None:
+    setting = SOURCES["camera"].setting
+    assert slipping(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
+    assert slipping(0.3, setting, 0.017, 0.05) > 1.02
+    assert slipping(1.0, setting, 0.0508, 0.05) < 0.9
+
+
+def test_the_page_says_what_the_command_finds() -> None:
+    text = (ROOT / "docs" / "measured.md").read_text("utf-8")
+    assert "\n".join(section(validate(SOURCES["walker"]))) in text
+    assert all(f"## {name}\n\n**{source.title}.**" in text for name, source in SOURCES.items())
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["validate", "walker", "8=90", "--thickness", "3", "--out", str(tmp_path)]
+    assert main([*words, "--json", str(tmp_path / "all.json")]) == 0
+    assert "2 of 2 sources explained" in capsys.readouterr().out
+    assert (tmp_path / "measured.png").read_bytes()[:4] == b"\x89PNG"
+    found = json.loads((tmp_path / "all.json").read_text("utf-8"))
+    assert [s["name"] for s in found["sources"]] == ["walker", "rows"]
+    assert np.isfinite(found["sources"][0]["readings"][0]["friction"])
+
+    assert main(["fit", "16=64.4", "24=42.3", "32=28.1", "--gravity", "9.8"]) == 0
+    assert "friction 0.17" in capsys.readouterr().out
+    for word, said in {
+        "nobody": "give a source (camera, ", "5=60": "must be more than 0",
+        "16=x": "write PITCH=FREQUENCY",
+    }.items():  # fmt: skip
+        assert main(["validate", word]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_a_file_of_ones_own_is_read_and_refused_by_key(tmp_path: Path) -> None:
+    told = (ROOT / "domino_env/validation/measured/sources/chapman.toml").read_text("utf-8")
+    own = tmp_path / "own.toml"
+    own.write_text(told, "utf-8")
+    assert read_source(own).name == "own"
+    own.write_text(told.replace("height = 0.048", "heihgt = 0.048"), "utf-8")
+    with pytest.raises(ValueError, match=r"own\.toml: unknown key 'setting\.heihgt'"):
+        read_source(own)
+    own.write_text(told.replace("x = 0.032", "x = 0.096"), "utf-8")
+    with pytest.raises(ValueError, match="less than the height"):
+        read_source(own)

@@ -1,0 +1,282 @@
+"""The nearest layout that keeps a scene's rules: against brute force, cvxpy, and the laws of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations, product
+
+import cvxpy as cp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import domino_env as de
+from domino_env.scenes.scene import Scene
+from domino_env.scenes.stock import Stock
+from optimize import METHODS, Problem, search
+from optimize.constraints.lists import Lists
+from optimize.constraints.smoothness import nearest_smooth
+from optimize.constraints.stock import assign, nearest_from_stock
+
+GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
+FEW = (0.002, 0.006, 0.011, 0.02, 0.03)
+BOX = Stock((0.005, 0.0075, 0.010), (3, 4, 2))
+BODIES = float(BOX.without(0.0075).dominoes.sum())
+
+
+def asking(**changes: object) -> Scene:
+    return replace(de.load_scene("sprint"), count=9, name="asking", **changes)
+
+
+BOXED = {"stock": BOX, "thickness": (0.005, 0.01), "thickness_values": BOX.thickness}
+ASKING = {
+    "grid": asking(spacing_values=GRID),
+    "list-both": asking(spacing_values=FEW, spacing=(0.002, 0.03), thickness=(0.005, 0.01),
+                        thickness_values=(0.005, 0.0075, 0.01)),
+    "smooth": asking(largest_change=0.004),
+    "smooth-grid": asking(largest_change=0.004, spacing_values=GRID),
+    "length-grid": asking(length=0.18, spacing_values=GRID),
+    "length-list": asking(length=0.172, spacing_values=FEW, spacing=(0.002, 0.03)),
+    "length-smooth": asking(length=0.18, largest_change=0.004),
+    "length-smooth-grid": asking(length=0.18, largest_change=0.004, spacing_values=GRID),
+    "length-thickness-list": asking(length=0.18, thickness=(0.005, 0.01),
+                                    thickness_values=(0.005, 0.0075, 0.01)),
+    "length-spacing-list": asking(length=0.18, thickness=(0.005, 0.01), spacing_values=FEW,
+                                  spacing=(0.002, 0.03)),
+    "stock": asking(**BOXED),
+    "stock-length": asking(length=0.16, **BOXED),
+    "stock-length-grid": asking(length=BODIES + 8 * 0.0105, spacing_values=GRID, **BOXED),
+    "stock-more": asking(**(BOXED | {"stock": Stock(BOX.thickness, (3, 5, 4))})),
+    "growth": replace(de.load_scene("magnify"), count=7),
+    "growth-both": replace(de.load_scene("magnify"), count=7, thickness=(0.1, 0.2),
+                           objective="mean_speed"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ASKING)
+def test_every_design_keeps_the_rules_and_stays_where_it_is(name: str) -> None:
+    scene = ASKING[name]
+    problem = Problem(scene)
+    wild = 3.0 * np.random.default_rng(1).random((60, problem.dimension)) - 1.0
+    near = problem.project(wild)
+    assert problem.project(near) == pytest.approx(near, abs=1e-12)
+    for x, y in zip(wild, near, strict=True):
+        layout = problem.layout(np.clip(x, 0.0, 1.0))
+        assert scene.violations(layout) == []
+        if scene.length is not None:
+            assert abs(layout.length - scene.length) < 1e-12
+        assert problem.design(layout) == pytest.approx(y, abs=1e-12)
+        if problem.linear is not None:
+            rows, most = problem.linear
+            assert np.all(rows @ y <= most + 1e-12)
+    assert len(np.unique(near.round(9), axis=0)) > 30
+
+
+@pytest.mark.parametrize("name", ASKING)
+def test_the_mark_keeps_the_rules(name: str) -> None:
+    scene = ASKING[name]
+    problem = Problem(scene)
+    layout = scene.uniform().layout
+    assert scene.violations(layout) == []
+    again = problem.layout(problem.design(layout))
+    assert again.spacing == pytest.approx(layout.spacing, abs=1e-9)
+    assert again.thickness == pytest.approx(layout.thickness, abs=1e-9)
+    assert again.height == pytest.approx(layout.height, abs=1e-9)
+
+
+# nearest, by brute force ------------------------------------------------------------------------
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.booleans(), st.booleans(), st.booleans())
+def test_no_allowed_row_is_nearer(seed: int, even: bool, length: bool, smooth: bool) -> None:
+    random = np.random.default_rng(seed)
+    n = int(random.integers(1, 5))
+    step = 0.001
+    rise = np.arange(5) if even else np.cumsum(random.integers(1, 5, 5))
+    values = tuple((0.002 + step * rise).tolist())
+    change = np.full(n - 1, 0.0021 if smooth else np.inf)
+    wanted = random.uniform(0.0, values[-1] + 0.002, n)
+    rows = [r for r in product(values, repeat=n) if np.all(np.abs(np.diff(r)) <= change + 1e-12)]
+    total = None
+    if length:
+        sums = [sum(row) for row in rows]
+        low = sums[int(random.integers(len(sums)))]
+        total = low, low + (0.0 if random.random() < 0.5 else 0.003)
+        rows = [r for r, s in zip(rows, sums, strict=True)
+                if total[0] - 1e-10 <= s <= total[1] + 1e-10]  # fmt: skip
+    found = Lists([values] * n, change, total).nearest(wanted[None])[0]
+    assert any(np.allclose(found, row, atol=1e-12, rtol=0.0) for row in rows)
+    least = min(float(np.square(np.array(row) - wanted).sum()) for row in rows)
+    assert float(np.square(found - wanted).sum()) == pytest.approx(least, abs=1e-15)
+
+
+def test_where_no_row_of_the_list_will_do_it_is_told() -> None:
+    free, tight = np.full(2, np.inf), np.full(2, 0.001)
+    for change, total in ((free, (0.011, 0.011)), (tight, (0.014, 0.014)), (free, (-1.0, -0.5))):
+        lists = Lists([(0.002, 0.004, 0.01)] * 3, change, total)
+        with pytest.raises(ValueError, match="no row of the values allowed"):
+            lists.nearest(np.full((1, 3), 0.005))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_stock_is_taken_as_near_as_can_be(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    stock = Stock((0.01, 0.005, 0.0075), tuple(random.integers(0, 3, 3) + np.array([1, 0, 1])))
+    box = stock.dominoes
+    n = int(random.integers(1, len(box) + 1))
+    wanted = random.uniform(0.004, 0.011, (2, n))
+    found = nearest_from_stock(wanted, stock)
+    kinds = np.array(stock.thickness)
+    for want, got in zip(wanted, found, strict=True):
+        least = min(np.square(np.array(some) - want).sum() for some in permutations(box, n))
+        assert np.square(got - want).sum() == pytest.approx(least, abs=1e-16)
+        # the linear programme finds as near a one
+        chosen = assign(np.square(want[:, None] - kinds), np.array(stock.count))
+        assert np.all(np.bincount(chosen, minlength=3) <= stock.count)
+        assert np.square(kinds[chosen] - want).sum() == pytest.approx(least, abs=1e-9)
+
+
+def test_an_assignment_that_changes_few_places() -> None:
+    random = np.random.default_rng(0)
+    kinds, current = np.array([2, 2, 2]), np.array([0, 0, 1, 1, 2])
+    for changes in (0, 2, 3, 5):
+        prices = random.random((5, 3))
+        allowed = [
+            row for row in product(range(3), repeat=5)
+            if np.all(np.bincount(row, minlength=3) <= kinds)
+            and np.sum(np.array(row) != current) <= changes
+        ]  # fmt: skip
+        least = min(prices[np.arange(5), row].sum() for row in allowed)
+        found = assign(prices, kinds, current, changes)
+        assert tuple(found.tolist()) in allowed
+        assert prices[np.arange(5), found].sum() == pytest.approx(least)
+
+
+def test_assign_orders_a_small_box_as_well_as_can_be() -> None:
+    """Against all orders of the box at gaps that the scene fixes."""
+    scene = asking(spacing=(0.018, 0.018), **BOXED)
+    orders = set(permutations(BOX.without(0.0075).dominoes.tolist()))
+    scores = scene.score_batch(np.full((len(orders), 8), 0.018), np.array(list(orders)))
+    result = search(scene, "assign", budget=600, seed=0)
+    assert result.score == pytest.approx(scores.max(), rel=1e-6)
+
+
+def test_more_places_than_dominoes_are_told() -> None:
+    with pytest.raises(ValueError, match="2 dominoes are in the box: 3 places"):
+        assign(np.zeros((3, 2)), np.array([1, 1]))
+
+
+@pytest.mark.parametrize("length", [False, True])
+def test_the_nearest_smooth_row_is_that_of_a_convex_programme(length: bool) -> None:
+    random = np.random.default_rng(5)
+    for _ in range(12):
+        n = int(random.integers(2, 12))
+        gaps = int(random.integers(1, n + 1))
+        low = np.where(np.arange(n) < gaps, 0.1, 0.3)
+        high = np.where(np.arange(n) < gaps, 1.0, 0.9)
+        change = np.full(n - 1, np.inf)
+        change[: gaps - 1] = random.choice([0.0, 0.02, 0.1, 0.3])
+        wanted = random.normal(0.5, 0.6, n)
+        total = float(low.sum() + random.random() * (high - low).sum()) if length else None
+        found = nearest_smooth(wanted[None], low, high, change, total)[0]
+        x = cp.Variable(n)
+        rules = [x >= low, x <= high]
+        rules += [cp.abs(x[i + 1] - x[i]) <= change[i] for i in range(gaps - 1)]
+        rules += [] if total is None else [cp.sum(x) == total]
+        cp.Problem(cp.Minimize(cp.sum_squares(x - wanted)), rules).solve(solver=cp.CLARABEL)
+        assert found == pytest.approx(x.value, abs=2e-5)
+        assert np.all(np.abs(np.diff(found)) <= change + 1e-14)
+        assert np.all((found >= low) & (found <= high))
+        if total is not None:
+            assert found.sum() == pytest.approx(total, abs=1e-14)
+
+
+# slopes -----------------------------------------------------------------------------------------
+
+SLOPED = {
+    **{name: ASKING[name] for name in ("smooth", "length-smooth", "growth-both", "growth")},
+    "tempo": replace(de.load_scene("tempo"), count=7),
+    "robust": replace(
+        de.load_scene("jitter"), count=7,
+        settings=replace(de.load_scene("jitter").placement, draws=30),
+    ),
+    "in-heights": replace(ASKING["growth-both"], growth=None, objective="mean_speed"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SLOPED)
+def test_gradients_of_what_a_scene_asks(name: str) -> None:
+    scene = SLOPED[name]
+    problem, exact = Problem(scene), Problem(scene, rtol=1e-12)
+    box = 1e-5 * np.eye(problem.dimension)
+    near = 0
+    for x in 0.1 + 0.8 * np.random.default_rng(3).random((10, problem.dimension)):
+        score, gradient = problem.score_and_gradient(x)
+        if score < 0.0:
+            continue
+        slope = (exact.scores(x + box) - exact.scores(x - box)) / 2e-5
+        near += np.abs(slope - gradient).max() < 1e-5 * np.abs(slope).max()
+    assert near >= 5  # a kink within reach spoils the differences of some
+
+
+def test_a_value_from_a_list_has_a_slope_only_at_will() -> None:
+    problem = Problem(ASKING["stock"])
+    assert problem.discrete
+    x = problem.project(np.random.default_rng(0).random((1, problem.dimension)))
+    score, gradient = problem.scores_and_gradients(x)
+    same, slope = problem.scores_and_gradients(x, at_will=True)
+    assert score == same > 0.0
+    assert np.all(gradient[:, 8:] == 0.0)
+    assert np.all(slope[:, 8:] != 0.0)
+    assert np.array_equal(gradient[:, :8], slope[:, :8])
+
+
+# searches ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["length-smooth", "stock-length-grid", "growth"])
+def test_every_method_keeps_what_is_asked(method: str, name: str) -> None:
+    result = search(ASKING[name], method, budget=60, seed=2)
+    assert ASKING[name].violations(result.layout) == []
+    assert result.score == ASKING[name].score(result.layout)
+
+
+@pytest.mark.parametrize("method", ["gauss-newton", "random"])
+@pytest.mark.parametrize("name", ["tempo", "robust"])
+def test_every_objective_can_be_searched(method: str, name: str) -> None:
+    result = search(SLOPED[name], method, budget=40)
+    assert result.score == SLOPED[name].score(result.layout)
+    assert result.evaluations <= 40
+
+
+def test_the_tempo_is_met_to_a_microsecond() -> None:
+    scene = de.load_scene("tempo")
+    result = search(scene, "gauss-newton", budget=200)
+    assert scene.tempo.error(result.wave.arrival_times[None])[0] < 1e-9
+    assert result.wave.error_estimate < 1e-10
+    assert scene.violations(result.layout) == []
+
+
+def test_the_schedule_of_a_known_row_is_found_again() -> None:
+    plain = SLOPED["tempo"]
+    layout = Problem(plain).layout(np.random.default_rng(4).random(12))
+    times = plain.simulate(layout).arrival_times[1:]
+    scene = replace(plain, settings=replace(plain.tempo, first=None, last=None, times=tuple(times)))
+    assert search(scene, "gauss-newton", budget=300).score > 1.0 - 1e-6
+
+
+def test_the_slopes_of_lateness() -> None:
+    problem = Problem(SLOPED["tempo"])
+    x = np.full(problem.dimension, 0.4)
+    _, late, slopes = problem.lateness(x)
+    for i in (0, 3, 8):
+        step = 1e-6 * np.eye(problem.dimension)[i]
+        rise = problem.lateness(x + step)[1] - problem.lateness(x - step)[1]
+        assert slopes[:, i] == pytest.approx(rise / 2e-6, abs=1e-6)
+    assert late.shape == (6,)
+    with pytest.raises(ValueError, match="has no schedule"):
+        Problem(ASKING["smooth"]).lateness(np.full(8, 0.5))
