@@ -87,16 +87,3 @@ def test_pictures_are_there_or_drawn() -> None:
         for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page.read_text("utf-8")):
             path = Path(target)
             assert (page.parent / path).exists() or path.stem in FIGURES, f"{page.name}: {target}"
-
-
-def test_the_page_of_the_architecture_names_every_folder_and_no_file_that_is_not() -> None:
-    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
-    shown = set(re.findall(r"^\| `([\w/]+)/`", text, re.M))
-    folders = {
-        str(path.parent.relative_to(ROOT))
-        for package in ("domino_env", "optimize", "agents")
-        for path in (ROOT / package).glob("*/**/__init__.py")
-    }
-    assert folders <= shown
-    named = re.findall(r"`((?:domino_env|optimize|agents|tests)/[\w/.]*)`", text)
-    assert [name for name in named if not (ROOT / name).exists()] == []

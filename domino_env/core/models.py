@@ -14,6 +14,7 @@ from typing import Annotated, Any, NoReturn, TypeVar
 import msgspec
 from msgspec import Meta, inspect
 
+from domino_env.core.checks import range_in_words
 from domino_env.core.reading import one_line, shown
 
 SMALLEST, LARGEST = 1e-9, 1e9  # of every size in a file, SI: products of four still have digits
@@ -160,14 +161,6 @@ def _wanted(type_: Any) -> str:
 
 
 def _between(type_: Any) -> str:
-    """The range of a number, as " from 2 to 9" or ", more than 0, at most 1"."""
-    low, high = type_.ge, type_.le
-    if low is not None and high is not None:
-        known = (low, high) == (-LARGEST, LARGEST)
-        return "" if known else f" from {_number(low)} to {_number(high)}"
-    bounds = ("at least", low), ("more than", type_.gt), ("at most", high), ("less than", type_.lt)
-    return "".join(f", {words} {_number(bound)}" for words, bound in bounds if bound is not None)
-
-
-def _number(value: float) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    if (type_.ge, type_.le) == (-LARGEST, LARGEST):
+        return ""
+    return range_in_words(type_.ge, type_.le, above=type_.gt, below=type_.lt)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+from domino_env.core.checks import require
 from domino_env.physics.layout import Layout
 
 
@@ -32,18 +32,11 @@ class Physics:
     push: float = 8.0
 
     def __post_init__(self) -> None:
-        _require("friction", self.friction, "", self.friction >= 0.0, "0 (no friction) or more")
-        _require("gravity", self.gravity, " m/s²", self.gravity > 0.0, "more than 0; 9.81 on Earth")
-        _require(
-            "push", self.push, " rad/s", self.push > 0.0, "more than 0: nothing falls unpushed"
-        )
+        require("friction", self.friction, 0.0, hint="0 leaves it out")
+        require("gravity", self.gravity, above=0.0, unit="m/s²", hint="9.81 on Earth")
+        require("push", self.push, above=0.0, unit="rad/s", hint="nothing falls unpushed")
         for name in ("friction", "gravity", "push"):
             object.__setattr__(self, name, float(getattr(self, name)))
-
-
-def _require(name: str, value: float, unit: str, good: bool, wanted: str) -> None:
-    if not (good and math.isfinite(value)):
-        raise ValueError(f"{name} = {value}{unit}: give a finite number, {wanted}")
 
 
 def require_row(layout: object, physics: object) -> None:

@@ -18,7 +18,7 @@ def test_defaults_and_whole_numbers_become_floats() -> None:
 
 
 @pytest.mark.parametrize(("name", "value", "words"), [
-    ("friction", -0.1, "friction = -0.1: give a finite number, 0 (no friction) or more"),
+    ("friction", -0.1, "friction = -0.1: give a finite number, at least 0"),
     ("friction", float("nan"), "friction = nan"),
     ("friction", float("inf"), "friction = inf"),
     ("gravity", 0.0, "gravity = 0.0 m/s²: give a finite number, more than 0"),

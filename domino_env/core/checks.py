@@ -1,0 +1,106 @@
+"""Checks of arguments: one sentence with name, value, accepted range and next action."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from domino_env.core.reading import one_line, shown
+
+INF = math.inf
+
+
+def require(
+    name: str,
+    value: Any,
+    low: float = -INF,
+    high: float = INF,
+    unit: str = "",
+    hint: str = "",
+    *,
+    above: float = -INF,
+    below: float = INF,
+    whole: bool = False,
+) -> None:
+    """Raise for a number that is not finite or out of its range.
+
+    Parameters
+    ----------
+    name
+        The parameter, at the beginning of the sentence.
+    value
+        A number, or an array of numbers, each of which is checked.
+    low, high
+        Smallest and largest value that is accepted.
+    unit
+        SI unit, written behind the value.
+    hint
+        A typical value or the next action, written at the end.
+    above, below
+        Bounds that are not accepted themselves.
+    whole
+        Accept whole numbers only.
+
+    Raises
+    ------
+    ValueError
+        With name, value and range, such as "gravity = 0.0 m/s²: give a finite number, more than 0
+        (9.81 on Earth)"; of an array with the index of the first wrong entry.
+    """
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    if isinstance(value, kinds) and not isinstance(value, bool):
+        if low <= value <= high and above < value < below:
+            return
+    elif isinstance(value, np.ndarray) and value.dtype.kind in ("iu" if whole else "iuf"):
+        good = (low <= value) & (value <= high) & (above < value) & (value < below)
+        if good.all():
+            return
+        place = tuple(map(int, np.argwhere(~good)[0]))
+        name, value = f"{name}{list(place) if place else ''}", value[place]
+    value = value.item() if isinstance(value, np.generic) else value
+    wanted = "whole number" if whole else "finite number"
+    spread = range_in_words(low, high, above=above, below=below)
+    told = f"{name} = {shown(value)}{' ' * bool(unit)}{unit}"
+    raise ValueError(f"{told}: give a {wanted}{spread}{f' ({hint})' if hint else ''}")
+
+
+def require_choice(name: str, value: object, choices: Iterable[object], hint: str = "") -> None:
+    """Raise for a value that is not among the choices.
+
+    Raises
+    ------
+    ValueError
+        With name, value, the most similar choice and all choices; `hint` follows them.
+    """
+    known = [str(choice) for choice in choices]
+    if str(value) in known:
+        return
+    near = difflib.get_close_matches(str(value)[:50], known, n=1)
+    guess = f"did you mean '{near[0]}'? " if near else ""
+    told = f"'{one_line(value, 60)}'" if isinstance(value, str) else shown(value)
+    raise ValueError(
+        f"{name} = {told}: {guess}choose one of {', '.join(known)}{f' ({hint})' if hint else ''}"
+    )
+
+
+def range_in_words(
+    low: float | None = None,
+    high: float | None = None,
+    *,
+    above: float | None = None,
+    below: float | None = None,
+) -> str:
+    """Return a range as " from 2 to 9" or ", more than 0, at most 1"; empty without bounds."""
+    bounds = {"at least": low, "more than": above, "at most": high, "less than": below}
+    said = {word: x for word, x in bounds.items() if x is not None and math.isfinite(x)}
+    if said.keys() == {"at least", "at most"}:
+        return f" from {_number(said['at least'])} to {_number(said['at most'])}"
+    return "".join(f", {word} {_number(x)}" for word, x in said.items())
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if isinstance(value, float) else f"{value}"
