@@ -9,34 +9,6 @@ They build with the environment DominoChain-v0; the scene's score counts, as in 
 Importing this loads no torch; learning needs the extra: pip install "domino-chains[rl]".
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from typing import TYPE_CHECKING
-
-from domino_env.core.lazy import lazy_names
-
-if TYPE_CHECKING:
-    from agents.base.building import Built
-    from agents.conditioned.designing import design
-    from agents.conditioned.policy import Design
-    from agents.evaluation.one_scene import evaluate
-    from agents.sb3.vec_env import DominoVecEnv
-    from agents.single.drawn import train_drawn
-    from agents.single.result import Run
-    from agents.single.training import train
-
-__all__ = ["Built", "Design", "DominoVecEnv", "Run", "design", "evaluate", "train", "train_drawn"]
-
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "Design": "conditioned.policy",
-        "design": "conditioned.designing",
-        "Built": "base.building",
-        "DominoVecEnv": "sb3.vec_env",
-        "evaluate": "evaluation.one_scene",
-        "Run": "single.result",
-        "train": "single.training",
-        "train_drawn": "single.drawn",
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

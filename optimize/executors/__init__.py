@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from domino_env.core.lazy import lazy_names
+import lazy_loader
 
 if TYPE_CHECKING:
     from optimize.executors.base import ExecutorLost, WorkerLost
@@ -20,6 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["ExecutorLost", "WorkerLost", "open_executor"]
 
 # loaded when asked for: every command has the options, few start an executor
-__getattr__, __dir__ = lazy_names(
-    __name__, {"ExecutorLost": "base", "WorkerLost": "base", "open_executor": "choice"}
+__getattr__, __dir__, _ = lazy_loader.attach(
+    __name__, submod_attrs={"base": ["ExecutorLost", "WorkerLost"], "choice": ["open_executor"]}
 )

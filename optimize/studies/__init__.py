@@ -17,7 +17,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from domino_env.core.lazy import lazy_names
+import lazy_loader
 
 if TYPE_CHECKING:
     from optimize.studies.store import Store, Study
@@ -57,4 +57,4 @@ def open_store(where: str | Path = DEFAULT_STORE, *, create: bool = True) -> Sto
     return Store(connect(where, create=create))
 
 
-__getattr__, __dir__ = lazy_names(__name__, {"Store": "store", "Study": "store"})
+__getattr__, __dir__, _ = lazy_loader.attach(__name__, submod_attrs={"store": ["Store", "Study"]})

@@ -1,0 +1,17 @@
+from .comparison.runner import Comparison as Comparison
+from .comparison.runner import compare as compare
+from .evaluation.budget import Budget as Budget
+from .evaluation.result import SearchResult as SearchResult
+from .executors.choice import open_executor as open_executor
+from .methods import METHODS as METHODS
+from .problem import Problem as Problem
+from .records.shipped import BestKnown as BestKnown
+from .records.shipped import best_known as best_known
+from .searching.runner import search as search
+from .studies import open_store as open_store
+from .studies.running import run_tasks as run_tasks
+from .studies.task import Task as Task
+from .studies.task import TaskResult as TaskResult
+from .sweeps.points import axis_of as axis_of
+from .sweeps.runner import Sweep as Sweep
+from .sweeps.runner import sweep as sweep
