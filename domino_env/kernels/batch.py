@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.kernels.jit import inlined, varies
+from domino_env.kernels.jit import always_inline, overloaded
 from domino_env.kernels.slots import Curve, Row, record_type
 
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
@@ -90,14 +90,14 @@ class HillBatch(NamedTuple):
     curve: Curve
 
 
-@inlined
+@always_inline
 def rules_of(batch, b):
     """The rules of row b."""
     return batch.rules[b if len(batch.rules) > 1 else 0]
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def row_built(batch, b):
     """Row b, as long as its scene has it."""
     count = rules_of(batch, b).count

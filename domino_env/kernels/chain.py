@@ -5,7 +5,15 @@ import numpy as np
 from domino_env.kernels.contact import pose
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import lengthen_tail, open_chain, place
-from domino_env.kernels.jit import apart, borrowed, door, inlined, keep, part, varies
+from domino_env.kernels.jit import (
+    always_inline,
+    borrowed,
+    entry_point,
+    internal,
+    keep_alive,
+    noinline,
+    overloaded,
+)
 from domino_env.kernels.links import join, new_ring
 from domino_env.kernels.records import blank, record, summarise
 from domino_env.kernels.slots import (
@@ -24,7 +32,7 @@ from domino_env.kernels.switch import census
 from domino_env.kernels.uniform import is_uniform, uniform_chain
 
 
-@part
+@internal
 def ring_size(count):
     """Rows of the ring of a chain: a power of two with room for all, up to RING_ROWS."""
     size = 2
@@ -33,7 +41,7 @@ def ring_size(count):
     return size
 
 
-@inlined
+@always_inline
 def prepare(row, ring, mask, n, state):
     """Make ready for the fall of leader n: the domino that it is to hit, and the bound on what
     lies behind."""
@@ -44,7 +52,7 @@ def prepare(row, ring, mask, n, state):
         lengthen_tail(ring, mask, n)
 
 
-@inlined
+@always_inline
 def ending(ring, mask, n, mu, state, outcome):
     """(outcome, leader, dominoes struck, dominoes past tipping) of a wave that ends under n."""
     s, v = pose(state.angle)
@@ -55,7 +63,7 @@ def ending(ring, mask, n, mu, state, outcome):
     return outcome, n, struck, toppled
 
 
-@apart
+@noinline
 def chain(row, mu, gravity, push, rtol, lanes, ring, state, deep, arrivals, tape):
     """A whole chain.  Returns (outcome, leader at the end, dominoes struck, dominoes past tipping).
 
@@ -92,7 +100,7 @@ def chain(row, mu, gravity, push, rtol, lanes, ring, state, deep, arrivals, tape
     return ending(ring, mask, n, mu, state, outcome)
 
 
-@part
+@internal
 def solve(row, mu, gravity, push, rtol, lanes, ring, state, deep, arrivals, tape):
     """`chain`, again with a smaller tolerance while its own estimate exceeds the one asked for.
 
@@ -108,8 +116,8 @@ def solve(row, mu, gravity, push, rtol, lanes, ring, state, deep, arrivals, tape
     return result
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def row_of(rows, b):
     """Row b of a batch; where all have the same height or density, it stands there once."""
     return Row(
@@ -120,7 +128,7 @@ def row_of(rows, b):
     )
 
 
-@door
+@entry_point
 def solve_rows(first, last, rows, mu, gravity, push, rtol, deep, summaries, arrivals, tape):
     """Chains first … last - 1 of a batch.
 
@@ -138,12 +146,12 @@ def solve_rows(first, last, rows, mu, gravity, push, rtol, deep, summaries, arri
             arrivals[b] if len(arrivals) > 0 else unrecorded, tape,
         )  # fmt: skip
         summarise(summaries[b], count, outcome, leader, struck, toppled, state)
-    keep(own_ring)
-    keep(own_lanes)
-    keep(own_state)
+    keep_alive(own_ring)
+    keep_alive(own_lanes)
+    keep_alive(own_state)
 
 
-@door
+@entry_point
 def compose_row(row, mu, gravity, rtol):
     """The maps of all falls of a chain, composed: (outcome, least u_0 that runs through)."""
     own_state, ring = np.zeros(1, STATE), new_ring(row, ring_size(len(row.thickness)))
@@ -153,6 +161,6 @@ def compose_row(row, mu, gravity, rtol):
         row, mu, gravity, 0.0, rtol, lanes, ring, state, True, unrecorded, untaped
     )
     need = state.need
-    keep(own_state)
-    keep(ring)
+    keep_alive(own_state)
+    keep_alive(ring)
     return outcome, need

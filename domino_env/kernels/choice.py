@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from domino_env.kernels.jit import door, inlined, part
+from domino_env.kernels.jit import always_inline, entry_point, internal
 
 
-@inlined
+@always_inline
 def between(action, low, high):
     """The value that an action in [-1, 1] stands for; beyond them, the nearer bound."""
     value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
     return min(max(value, low), high)
 
 
-@inlined
+@always_inline
 def reachable(low, high, least, most):
     """[low, high] narrowed to [least, most]; a single value where rounding leaves none."""
     new_low, new_high = max(low, least), min(high, most)
@@ -22,7 +22,7 @@ def reachable(low, high, least, most):
     return new_low, new_high
 
 
-@inlined
+@always_inline
 def pitch_bounds(rules, pairs_left, way):
     """Least and largest pitch of this pair from which the course length can still be met."""
     low = rules.gap_low + rules.thick_low
@@ -33,7 +33,7 @@ def pitch_bounds(rules, pairs_left, way):
     return left - after * high, left - after * low
 
 
-@inlined
+@always_inline
 def thickness_bounds(rules, pairs_left, way):
     """Bounds of the next domino's thickness: some gap must still fit its pitch."""
     low, high = rules.thick_low, rules.thick_high
@@ -43,7 +43,7 @@ def thickness_bounds(rules, pairs_left, way):
     return reachable(low, high, least - rules.gap_high, most - rules.gap_low)
 
 
-@inlined
+@always_inline
 def gap_bounds(rules, pairs_left, way, thickness):
     """Bounds of the next gap, once the thickness of the domino behind it is chosen."""
     low, high = rules.gap_low, rules.gap_high
@@ -53,19 +53,19 @@ def gap_bounds(rules, pairs_left, way, thickness):
     return reachable(low, high, least - thickness, most - thickness)
 
 
-@door
+@entry_point
 def thickness_range(rules, pairs_left, way):
     """`thickness_bounds`, for Python."""
     return thickness_bounds(rules, pairs_left, way)
 
 
-@door
+@entry_point
 def gap_range(rules, pairs_left, way, thickness):
     """`gap_bounds`, for Python."""
     return gap_bounds(rules, pairs_left, way, thickness)
 
 
-@part
+@internal
 def nearest_left(kinds, left, thickness):
     """Which of the kinds that are still in the box comes nearest."""
     best, away = 0, np.inf
@@ -75,7 +75,7 @@ def nearest_left(kinds, left, thickness):
     return best
 
 
-@part
+@internal
 def nearest_within(values, low, high, gap):
     """The value of a list nearest to a gap among those in [low, high]."""
     best, away = gap, np.inf
@@ -85,7 +85,7 @@ def nearest_within(values, low, high, gap):
     return best
 
 
-@inlined
+@always_inline
 def choose(action, rules, batch, left, n, way, row):
     """Write what an action stands for into a row: gap n, thickness (and height) of domino n+1.
 
@@ -125,7 +125,7 @@ def choose(action, rules, batch, left, n, way, row):
     spacing[n], row.thickness[n + 1] = gap, thick
 
 
-@inlined
+@always_inline
 def put_down(rules, errors, b, n, spacing):
     """Let gap n come out wrong where the hand is unsteady."""
     if len(errors) > 0:

@@ -8,11 +8,11 @@ eqs. 1-3 and 7, restated for unequal dominoes.
 
 import math
 
-from domino_env.kernels.jit import inlined, part, varies
+from domino_env.kernels.jit import always_inline, internal, overloaded
 from domino_env.kernels.slots import TINY, TIP, Shape
 
 
-@part
+@internal
 def pose(angle):
     """sin and 1 - cos of one angle."""
     half = 0.5 * angle
@@ -20,15 +20,15 @@ def pose(angle):
     return 2.0 * s * c, 2.0 * s * s
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def shape_of(link):
     """What the contacts below need of a link; `tip` and `corner` over hills are found by it."""
     return Shape(link.p_l, link.s_l, link.rest, link.d_l)
 
 
-@varies
-@part
+@overloaded
+@internal
 def tip(s, v, shape, mu):
     """The top edge of i slides down the back of i+1: sin θ_i, 1 - cos θ_i, Ω, Ψ, B/A."""
     p_l, s_l, rest, d_l = shape
@@ -47,8 +47,8 @@ def tip(s, v, shape, mu):
     return s_i, v_i, omega, psi, ratio
 
 
-@varies
-@part
+@overloaded
+@internal
 def corner(s, v, shape, mu):
     """The front face of i rests on the rear bottom edge of i+1; the same five numbers."""
     p_l, s_l, _, d_l = shape
@@ -67,7 +67,7 @@ def corner(s, v, shape, mu):
     return s_i, v_i, omega, psi, ratio
 
 
-@part
+@internal
 def link_at(link, s, v, mu):
     """One link in its present contact, for a single angle; the same five numbers."""
     if link.contact == TIP:

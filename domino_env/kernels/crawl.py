@@ -2,13 +2,13 @@
 
 import math
 
-from domino_env.kernels.jit import part
+from domino_env.kernels.jit import internal
 from domino_env.kernels.polynomial import series_at
 from domino_env.kernels.quadrature import NODES, RECUR_0, RECUR_Z, WEIGHTS
 from domino_env.kernels.slots import TINY
 
 
-@part
+@internal
 def slow_panel(lanes, count, x0, x1, moments):
     """∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u (COEF), ten nodes.
 
@@ -32,7 +32,7 @@ def slow_panel(lanes, count, x0, x1, moments):
     return time * (x1 - x0), sens * (x1 - x0)
 
 
-@part
+@internal
 def slow_time(lanes, count, x_low, moments):
     """The two integrals over [0, 1] when u nearly vanishes: panels that grow away from x_low.
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import begin, heaviest_force
-from domino_env.kernels.jit import door, keep, part
+from domino_env.kernels.jit import entry_point, internal, keep_alive
 from domino_env.kernels.links import join, new_ring, stand
 from domino_env.kernels.slots import EVENT, LANES, PROPAGATED, STATE
 
 
-@part
+@internal
 def repeat_behind(ring, mask, n, pattern, state):
     """Fill the ring with a pattern of P dominoes, repeated for ever behind leader n."""
     period = len(pattern.thickness)
@@ -24,7 +24,7 @@ def repeat_behind(ring, mask, n, pattern, state):
         domino.tail = domino.inertia * (i - n + mask + 2)
 
 
-@door
+@entry_point
 def period_falls(pattern, mu, gravity, rtol, ring_rows, u, falls):
     """The P falls of one period of an endless row, each with the stack of all that fell before.
 
@@ -59,6 +59,6 @@ def period_falls(pattern, mu, gravity, rtol, ring_rows, u, falls):
             falls[j].release = math.sqrt(released)
             falls[j].impact = math.sqrt(state.u_impact)
     gain, offset, need = state.gain, state.offset, state.need
-    keep(own_state)
-    keep(ring)
+    keep_alive(own_state)
+    keep_alive(ring)
     return outcome, leader, tail, gain, offset, need

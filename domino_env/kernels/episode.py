@@ -7,13 +7,20 @@ from domino_env.kernels.chain import prepare
 from domino_env.kernels.choice import choose, nearest_left, put_down
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import open_chain
-from domino_env.kernels.jit import borrowed, door, inlined, keep, part, varies
+from domino_env.kernels.jit import (
+    always_inline,
+    borrowed,
+    entry_point,
+    internal,
+    keep_alive,
+    overloaded,
+)
 from domino_env.kernels.observation import observe
 from domino_env.kernels.slots import EVENT, LANES, OUT_OF_REACH, PROPAGATED
 from domino_env.kernels.uniform import is_uniform
 
 
-@part
+@internal
 def close_episode(rules, state, episode, n, outcome, row):
     """The wave has run through or died under leader n: what the row scores."""
     count = len(row.thickness)
@@ -31,20 +38,20 @@ def close_episode(rules, state, episode, n, outcome, row):
             episode.unsure = True
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def pitch_of(row, n):
     """From pivot n to the next [m]."""
     return row.spacing[n] + row.thickness[n + 1]
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def stand_next(batch, b, row, n):
     """Stand domino n+1 behind gap n; on flat ground nothing else is to be said of it."""
 
 
-@inlined
+@always_inline
 def place_next(rules, lanes, ring, state, episode, row, untaped):
     """Let the leader fall on the domino just written in the row; returns the lead gained over a
     wave at the reference speed, in heights."""
@@ -72,8 +79,8 @@ def place_next(rules, lanes, ring, state, episode, row, untaped):
     return lead
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def lend(batch):
     """The same batch without reference counts."""
     return Batch(
@@ -95,7 +102,7 @@ def lend(batch):
     )
 
 
-@door
+@entry_point
 def reset_rows(first, last, batch, chosen, given, observations):
     """Begin anew in the rows that are chosen, with the first `given` gaps as they are written.
 
@@ -124,7 +131,7 @@ def reset_rows(first, last, batch, chosen, given, observations):
         observe(batch, b, row, observations[b])
 
 
-@door
+@entry_point
 def step_rows(first, last, batch, actions, observations, rewards, ended):
     """One step of those rows first … last - 1 that run.
 
@@ -152,11 +159,11 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
             rewards[b] = lead * rules.pays
             episode.paid += rewards[b]
         observe(lent, b, row, observations[b])
-    keep(own_lanes)
-    keep(own_tape)
+    keep_alive(own_lanes)
+    keep_alive(own_tape)
 
 
-@door
+@entry_point
 def place_rows(first, last, batch, actions):
     """Write whole rows first … last - 1, domino by domino, as actions (B, N-1, A) choose them."""
     lent, actions = lend(batch), borrowed(actions)

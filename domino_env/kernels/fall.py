@@ -13,7 +13,7 @@ from domino_env.kernels.interval import (
     compose,
     ride,
 )
-from domino_env.kernels.jit import apart, inlined, part, varies
+from domino_env.kernels.jit import always_inline, internal, noinline, overloaded
 from domino_env.kernels.links import can_flush
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.slots import (
@@ -29,7 +29,7 @@ from domino_env.kernels.switch import switch, switch_angle, switch_guess
 from domino_env.kernels.tape import note_flips, note_hit, note_ride, note_switch
 
 
-@inlined
+@always_inline
 def order_for(state, h, tol):
     """The rule expected to meet `tol` on an interval of length h, from the last one's decay."""
     if state.log_rho <= 0.0:
@@ -43,7 +43,7 @@ def order_for(state, h, tol):
     return len(ORDERS) - 1
 
 
-@part
+@internal
 def stack_at(lanes, ring, mask, n, angle, mu, tol, watch, state):
     """M of the stack at one angle of the leader; returns the lowest domino included."""
     count = spread(lanes, 0, angle, 0.0)
@@ -53,7 +53,7 @@ def stack_at(lanes, ring, mask, n, angle, mu, tol, watch, state):
     return low
 
 
-@apart
+@noinline
 def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
     """Let leader n fall from angle a to b: u, time and their errors move on in `state`."""
     step, end, located, floor_order = b, b, False, 0
@@ -133,15 +133,15 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
     return PROPAGATED
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def hit_ratio(leader):
     """Ω of the leader at the instant at which it hits the next: how its J continues."""
     return 1.0
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def hit(leader, struck, mu, state):
     """The leader, at its hitting angle, strikes the next: Chapman, eqs. 8-9, with friction."""
     s_l, d_l = leader.s_l, leader.d_l
@@ -156,8 +156,8 @@ def hit(leader, struck, mu, state):
     return PROPAGATED
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def fall_angle(leader, strikes):
     """Angle at which the leader hits the next, or, where there is none in reach, tips over."""
     if strikes:
@@ -166,7 +166,7 @@ def fall_angle(leader, strikes):
     return math.atan(leader.slender)
 
 
-@inlined
+@always_inline
 def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
     """Account for a fall that has come to its end, then hit the next domino."""
     state.margin = 0.0 if outcome == STALLED else state.margin / released
@@ -184,7 +184,7 @@ def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
     return PROPAGATED
 
 
-@inlined
+@always_inline
 def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep, tape):
     """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
     if state.composing:

@@ -8,7 +8,7 @@ from domino_env.kernels.chain import ring_size
 from domino_env.kernels.contact import link_at, pose
 from domino_env.kernels.fall import close_fall, fall, fall_angle, hit_ratio
 from domino_env.kernels.front import begin_fall, lengthen_tail, open_chain, place
-from domino_env.kernels.jit import door, inlined, keep, part, varies
+from domino_env.kernels.jit import always_inline, entry_point, internal, keep_alive, overloaded
 from domino_env.kernels.links import new_ring, past_flush
 from domino_env.kernels.slots import (
     CORNER,
@@ -48,36 +48,36 @@ GEOMETRY = record_type(  # of each domino at one instant
 )
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def upright(row, i, s, c):
     """sin and cos of the lean of domino i from the vertical; over hills it stands at a slope."""
     return s, c
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def to_ground(row, i, x, z):
     """A force along the ground under domino i, and upright to it."""
     return x, z
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def mass_of(row, domino, i):
     """Mass of domino i, per unit of width."""
     return 2.0 * domino.half_weight / row.height[i]
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def tip_ratio(link, s, v):
     """Ω of a tip whose faces are flush."""
     return 1.0 - link.p_l * s
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def arm_behind(link, s, v, mu):
     """A over the height of the domino behind."""
     if link.contact == TIP:
@@ -87,7 +87,7 @@ def arm_behind(link, s, v, mu):
     return math.sqrt(link.s_l**2 + 2.0 * link.p_l * link.d_l * v)
 
 
-@part
+@internal
 def stack_geometry(row, ring, mask, n, low, angle, mu, geometry, flushing):
     """The geometry of dominoes low … n.
 
@@ -119,7 +119,7 @@ def stack_geometry(row, ring, mask, n, low, angle, mu, geometry, flushing):
         here.drv, here.w, here.arm, here.arm_next = drv, w, arm, arm * ratio
 
 
-@part
+@internal
 def contact_impulses(ring, mask, n, low, geometry, gain_before, gain_after, least):
     """Least impulse (N,) of each contact when the leader goes from one speed to another."""
     passed, arm_back = 0.0, 0.0
@@ -131,7 +131,7 @@ def contact_impulses(ring, mask, n, low, geometry, gain_before, gain_after, leas
         arm_back = here.arm_next
 
 
-@part
+@internal
 def contact_forces(row, ring, mask, n, low, geometry, u, gravity, mu, loads):
     """Least contact forces and loads on the pivots, at one instant."""
     m, g, d = 0.0, 0.0, 0.0
@@ -170,7 +170,7 @@ def contact_forces(row, ring, mask, n, low, geometry, u, gravity, mu, loads):
         load.floor_friction = max(load.floor_friction, need)
 
 
-@door
+@entry_point
 def diagnose_chain(row, mu, gravity, push, rtol, loads):
     """A chain with its forces looked at; returns how it ended.  loads: (N,)."""
     count, ring = len(row.thickness), new_ring(row, ring_size(len(row.thickness)))
@@ -220,7 +220,7 @@ def diagnose_chain(row, mu, gravity, push, rtol, loads):
         stack_geometry(row, ring, mask, n + 1, low, 0.0, mu, geometry, False)
         came /= hit_ratio(ring[n & mask])  # as its speed reads in the new stack
         contact_impulses(ring, mask, n + 1, low, geometry, came, went, loads["hit_impulse"])
-    keep(own_state)
-    keep(ring)
-    keep(geometry)
+    keep_alive(own_state)
+    keep_alive(ring)
+    keep_alive(geometry)
     return outcome

@@ -2,18 +2,18 @@
 
 import math
 
-from domino_env.kernels.jit import inlined, part, varies
+from domino_env.kernels.jit import always_inline, internal, overloaded
 from domino_env.kernels.links import join, most_passed_on, stand
 from domino_env.kernels.slots import EPS
 
 
-@inlined
+@always_inline
 def heaviest_force(height, thickness):
     """Largest gravity torque of a domino over its inertia and g (for the bound on the tail)."""
     return 1.5 / math.sqrt(height * height + thickness * thickness)
 
 
-@part
+@internal
 def begin(state, push):
     """The state of a chain whose first domino has just been pushed."""
     state.u = push * push
@@ -29,7 +29,7 @@ def begin(state, push):
     state.flushes = state.releases = state.taped = 0
 
 
-@part
+@internal
 def open_chain(row, push, ring, state):
     """The first domino stands and has been pushed."""
     begin(state, push)
@@ -37,7 +37,7 @@ def open_chain(row, push, ring, state):
     state.kappa = heaviest_force(row.height[0], row.thickness[0])
 
 
-@inlined
+@always_inline
 def place(row, ring, mask, n, state):
     """Stand domino n+1, if there is one, in front of leader n."""
     if n + 1 < len(row.thickness):
@@ -47,7 +47,7 @@ def place(row, ring, mask, n, state):
         state.kappa = max(state.kappa, torque)
 
 
-@inlined
+@always_inline
 def lengthen_tail(ring, mask, n):
     """A bound on what lies behind leader n, from that of the one before."""
     if n > 0:
@@ -55,14 +55,14 @@ def lengthen_tail(ring, mask, n):
         ring[n & mask].tail = ring[n & mask].inertia + most_passed_on(behind) * behind.tail
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def grain(leader, mu, depth):
     """By how many roundings of a leader's torque an interval may be off."""
     return 8.0
 
 
-@inlined
+@always_inline
 def begin_fall(leader, mu, gravity, state):
     """Nothing of the fall is done; returns u at release."""
     state.noise = grain(leader, mu, state.depth) * EPS * gravity * state.kappa
@@ -71,7 +71,7 @@ def begin_fall(leader, mu, gravity, state):
     return state.u
 
 
-@inlined
+@always_inline
 def slow_down(state, keep):
     """An impact leaves the leader the part `keep` of its angular velocity."""
     k2 = keep * keep
@@ -82,7 +82,7 @@ def slow_down(state, keep):
     state.offset *= k2
 
 
-@part
+@internal
 def add_time(state):
     """Add the time of the last fall; compensated, so that a million falls add up exactly."""
     y = state.fall_time - state.time_low

@@ -8,7 +8,7 @@ is stepped in time.
 import math
 
 from domino_env.kernels.crawl import slow_time
-from domino_env.kernels.jit import apart, inlined, part
+from domino_env.kernels.jit import always_inline, internal, noinline
 from domino_env.kernels.polynomial import first_zero, lowest_point, series
 from domino_env.kernels.quadrature import HIGH, ORDERS, RUNNING, TO_END, TO_START, TOP, WEIGHTS
 from domino_env.kernels.slots import (
@@ -30,7 +30,7 @@ FINE, ROUGH, DEAD = 0, 1, 2  # what a ride comes to
 RUN, CREEP, LAST_RESORT = 0, 1, 2  # how hard it tries
 
 
-@inlined
+@always_inline
 def integrals(lanes, values, k):
     """Integrals of a row of lanes up to every node, in COEF, and up to the end.
 
@@ -51,7 +51,7 @@ def integrals(lanes, values, k):
     return total, low, high, size
 
 
-@part
+@internal
 def affine_map(lanes, k, h, mu, gravity):
     """E and U of the interval at all lanes, and how far they are resolved.
 
@@ -97,7 +97,7 @@ def affine_map(lanes, k, h, mu, gravity):
     return True, e_error, u_error, q_off, r_off
 
 
-@apart
+@noinline
 def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
     """Carry u and the time over the interval [a, a + h], whose map is in the lanes.
 
@@ -191,7 +191,7 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
     return FINE
 
 
-@part
+@internal
 def compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state):
     """Take the map of an interval into that of all falls so far, instead of riding a wave on it.
 

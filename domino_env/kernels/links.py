@@ -2,19 +2,19 @@
 
 import numpy as np
 
-from domino_env.kernels.jit import inlined, part, varies
+from domino_env.kernels.jit import always_inline, internal, overloaded
 from domino_env.kernels.slots import CORNER, LINK, RELEASED, TIP
 
 
-@varies
-@part
+@overloaded
+@internal
 def new_ring(row, size):
     """An empty ring for the dominoes of a row."""
     return np.zeros(size, LINK)
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def stand(ring, mask, i, row, j):
     """Write domino j of a row into the ring as domino i.
 
@@ -36,8 +36,8 @@ def stand(ring, mask, i, row, j):
     domino.end_weight = 0.0
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def join(ring, mask, i, row, j, ahead):
     """Write the link from i to i+1, which are dominoes j and `ahead` of the row."""
     link, height, gap, thickness_next = (
@@ -57,34 +57,34 @@ def join(ring, mask, i, row, j, ahead):
     link.due = min(link.v_flush, link.v_release)
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def far(link):
     """p² + e² - d², between the pivots."""
     return link.s_l * (link.p_l + link.d_l)
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def most_passed_on(link):
     """Bound on Ω and |B/A| of a link at its tip."""
     return 1.0
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def past_flush(link, over):
     """By what Δ [rad] the faces are past flush where 1 - cos θ_{i+1} is past its due by `over`."""
     return over * link.p_l
 
 
-@inlined
+@always_inline
 def can_flush(link):
     """Whether the link is to go from tip to corner, rather than be released."""
     return link.contact == TIP and link.v_flush < link.v_release
 
 
-@inlined
+@always_inline
 def flush(link, state):
     """From tip to corner."""
     link.contact = CORNER
@@ -92,7 +92,7 @@ def flush(link, state):
     state.flushes += 1
 
 
-@part
+@internal
 def release(link, i, state):
     """Domino i loses i+1: it and all behind it leave the stack."""
     link.contact = RELEASED
@@ -100,7 +100,7 @@ def release(link, i, state):
     state.releases += 1
 
 
-@inlined
+@always_inline
 def catch_up(link, i, v, state):
     """Make up for switches beyond an earlier cut: they had no weight then, and need no impact."""
     if can_flush(link):

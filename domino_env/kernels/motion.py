@@ -7,14 +7,14 @@ import numpy as np
 from domino_env.kernels.chain import ring_size
 from domino_env.kernels.fall import close_fall, fall, fall_angle
 from domino_env.kernels.front import begin_fall, lengthen_tail, open_chain, place
-from domino_env.kernels.jit import door, keep
+from domino_env.kernels.jit import entry_point, keep_alive
 from domino_env.kernels.links import new_ring
 from domino_env.kernels.slots import EVENT, LANES, PROPAGATED, STATE, TINY
 
 FLOOR = 1.55  # [rad] where the last leader is left, all but flat
 
 
-@door
+@entry_point
 def watch_chain(row, mu, gravity, push, rtol, snapshots):
     """A chain looked at in equal steps of angle in every fall; returns how many falls there were.
 
@@ -53,6 +53,6 @@ def watch_chain(row, mu, gravity, push, rtol, snapshots):
             break
         if close_fall(ring, mask, n, b, released, True, mu, state, outcome) != PROPAGATED:
             break
-    keep(own_state)
-    keep(ring)
+    keep_alive(own_state)
+    keep_alive(ring)
     return falls

@@ -3,7 +3,7 @@
 import math
 
 from domino_env.kernels.batch import OVER, rules_of
-from domino_env.kernels.jit import inlined, varies
+from domino_env.kernels.jit import always_inline, overloaded
 from domino_env.kernels.slots import PROPAGATED
 
 FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut off there
@@ -11,13 +11,13 @@ RISE_LIMIT = 50.0
 LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
 
 
-@inlined
+@always_inline
 def scaled(value, low, high):
     """-1 for the least, 1 for the largest value."""
     return min(max(2.0 / (high - low) * (value - low) - 1.0, -1.0), 1.0)
 
 
-@inlined
+@always_inline
 def leave_blank(observation, at, there, window):
     """The places of a window that no domino fills yet; returns where the next entry goes."""
     for j in range(there, window):
@@ -25,7 +25,7 @@ def leave_blank(observation, at, there, window):
     return at + window
 
 
-@inlined
+@always_inline
 def observe_front(rules, state, episode, observation):
     """Speed of the front, lead and mean speed; returns how many entries that is."""
     way, unit = episode.way, rules.unit
@@ -39,7 +39,7 @@ def observe_front(rules, state, episode, observation):
     return 3
 
 
-@inlined
+@always_inline
 def observe_course(rules, way, pairs, observation, at):
     """The length that is left, and the mean pitch that it leaves."""
     rest = max(rules.length - way, 0.0)
@@ -51,13 +51,13 @@ def observe_course(rules, way, pairs, observation, at):
     return at + 2
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def observe_ground(batch, b, observation, at):
     """What lies ahead; on flat ground nothing."""
 
 
-@inlined
+@always_inline
 def observe(batch, b, row, observation):
     """Write what is observed of row b."""
     rules, state, episode = rules_of(batch, b), batch.states[b], batch.episodes[b]

@@ -1,11 +1,11 @@
 """The polynomial through a row of lanes: its coefficients, its minimum, its first zero."""
 
-from domino_env.kernels.jit import inlined, part
+from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.quadrature import CLOSED, NODES, ORDERS, RECUR_0, RECUR_Z
 from domino_env.kernels.slots import COEF
 
 
-@part
+@internal
 def series(lanes, values, k):
     """Legendre coefficients of the polynomial through a row of lanes (start, nodes, end)."""
     count = ORDERS[k] + 2
@@ -17,7 +17,7 @@ def series(lanes, values, k):
             lanes[COEF + j] += CLOSED[k, i, j] * y
 
 
-@part
+@internal
 def series_at(lanes, count, x):
     """Value and first two derivatives of that polynomial at x in [0, 1]."""
     z = 2.0 * x - 1.0
@@ -37,7 +37,7 @@ def series_at(lanes, count, x):
     return y, 2.0 * dy, 4.0 * ddy
 
 
-@part
+@internal
 def lowest_lane(lanes, values, count):
     best = 0
     for j in range(1, count):
@@ -46,7 +46,7 @@ def lowest_lane(lanes, values, count):
     return best
 
 
-@inlined
+@always_inline
 def place(k, j):
     """Position of lane j in [0, 1]."""
     if j == 0:
@@ -56,7 +56,7 @@ def place(k, j):
     return NODES[k, j - 1]
 
 
-@part
+@internal
 def lowest_point(lanes, values, k):
     """Place and value of the minimum over [0, 1] of the polynomial through a row (COEF is set)."""
     count = ORDERS[k] + 2
@@ -86,7 +86,7 @@ def lowest_point(lanes, values, k):
     return x, min(y, lanes[values + j])
 
 
-@part
+@internal
 def first_zero(lanes, values, k, x_low):
     """Where the falling polynomial (COEF) first reaches zero before its minimum at x_low."""
     count = ORDERS[k] + 2

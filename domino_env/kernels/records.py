@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.jit import part
+from domino_env.kernels.jit import internal
 from domino_env.kernels.slots import JAMMED, PROPAGATED
 
 
-@part
+@internal
 def blank(arrivals, push):
     """No domino has been reached but the first."""
     for i in range(len(arrivals)):
@@ -20,7 +20,7 @@ def blank(arrivals, push):
         arrivals[0].release = push
 
 
-@part
+@internal
 def record(arrivals, n, outcome, state):
     """Write what fall n has shown: margin, and where it struck, both speeds and the arrival."""
     if len(arrivals) == 0:
@@ -33,7 +33,7 @@ def record(arrivals, n, outcome, state):
             arrivals[n + 1].release = math.sqrt(state.u)
 
 
-@part
+@internal
 def summarise(summary, count, outcome, leader, struck, toppled, state):
     """Write what became of a chain of `count` dominoes."""
     summary.outcome, summary.hit, summary.toppled = outcome, struck, toppled

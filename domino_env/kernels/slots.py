@@ -30,7 +30,7 @@ from numpy.typing import DTypeLike, NDArray
 def record_type(
     base: np.dtype[np.record] | None = None, **fields: DTypeLike
 ) -> np.dtype[np.record]:
-    """A structured dtype whose elements have their fields as attributes, compiled or not.
+    """A structured dtype whose elements have their fields as attributes.
 
     Those of `base` come last: a type that began with them, Numba would take for the base.
     """

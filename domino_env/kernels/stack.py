@@ -3,7 +3,7 @@
 import math
 
 from domino_env.kernels.contact import corner, shape_of, tip
-from domino_env.kernels.jit import apart, inlined, part
+from domino_env.kernels.jit import always_inline, internal, noinline
 from domino_env.kernels.links import catch_up, far, most_passed_on, past_flush
 from domino_env.kernels.quadrature import ORDERS, PLACES
 from domino_env.kernels.slots import (
@@ -30,7 +30,7 @@ _EVEN = [(-1.0) ** n / math.factorial(2 * n) for n in range(10)]
 C2, C4, C6, C8, C10, C12, C14, C16, C18 = _EVEN[1:10]
 
 
-@inlined
+@always_inline
 def half_angle(x):
     """sin and cos of x in [0, π/4] by their series, to rounding; unlike the library's, in lanes."""
     q = x * x
@@ -39,7 +39,7 @@ def half_angle(x):
     return x + x * (q * s), 1.0 + q * (C2 + q * c)
 
 
-@inlined
+@always_inline
 def spread(lanes, k, a, h):
     """Lay the lanes over the interval [a, a + h] of the leader's angle; returns their number."""
     count = ORDERS[k] + 2
@@ -52,7 +52,7 @@ def spread(lanes, k, a, h):
     return count
 
 
-@inlined
+@always_inline
 def lead(lanes, count, leader, mu):
     """Begin the sums with the leading domino."""
     inertia, half, slender = leader.inertia, leader.half_weight, leader.slender
@@ -70,7 +70,7 @@ def lead(lanes, count, leader, mu):
     leader.end_weight = 1.0
 
 
-@inlined
+@always_inline
 def lean_at(lanes, count, link, mu, at_tip):
     """`lean` in one contact: a constant in the call makes a loop for each."""
     shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
@@ -93,7 +93,7 @@ def lean_at(lanes, count, link, mu, at_tip):
         lanes[SUM_D + j] += w * inertia * drv
 
 
-@part
+@internal
 def lean(lanes, count, link, mu):
     """Lead all lanes over one link and add the domino behind it to the sums."""
     if link.contact == TIP:
@@ -102,7 +102,7 @@ def lean(lanes, count, link, mu):
         lean_at(lanes, count, link, mu, False)
 
 
-@inlined
+@always_inline
 def lean_free_at(lanes, count, link, at_tip):
     """`lean_free` in one contact."""
     shape, inertia = shape_of(link), link.inertia
@@ -118,7 +118,7 @@ def lean_free_at(lanes, count, link, at_tip):
         lanes[SUM_M + j] += inertia * jac * jac
 
 
-@part
+@internal
 def lean_free(lanes, count, link):
     """`lean` without friction: w = J, and the potential energy instead of forces."""
     if link.contact == TIP:
@@ -132,7 +132,7 @@ def lean_free(lanes, count, link):
         lanes[SUM_G + j] += half * ((slender * lanes[SIN + j] - lanes[VER + j]) - at_start)
 
 
-@inlined
+@always_inline
 def tail_size(lanes, count, mu, force, h, behind):
     """What dominoes behind the cut can still do, relative to u: bound over all lanes."""
     worst = 0.0
@@ -150,7 +150,7 @@ def tail_size(lanes, count, mu, force, h, behind):
     return worst * behind / max(lightest, TINY)
 
 
-@apart
+@noinline
 def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, watch):
     """Walk all lanes down the stack of leader n until the rest cannot matter.
 
@@ -198,7 +198,7 @@ def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, watch):
     return i, 0.0, False
 
 
-@part
+@internal
 def renew_tails(ring, mask, low, n):
     """Renew the bound T_i on Σ_{k ≤ i} I_k w_k / w_i from the cut up to the leader.
 

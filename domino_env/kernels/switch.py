@@ -1,13 +1,13 @@
 """Switches of contact: at which angle of the leader a link goes flush or is lost, and what then."""
 
 from domino_env.kernels.contact import link_at, pose
-from domino_env.kernels.jit import apart, part
+from domino_env.kernels.jit import internal, noinline
 from domino_env.kernels.links import can_flush, catch_up, flush, past_flush, release
 from domino_env.kernels.quadrature import ORDERS, PLACES
 from domino_env.kernels.slots import JAC, RELEASED, SIN, TINY, TOGETHER, VER
 
 
-@part
+@internal
 def switch_guess(lanes, k, a, h, due):
     """Leader's angle at which 1 - cos θ_{i+1} comes to `due`, as the lanes at link i tell.
 
@@ -29,7 +29,7 @@ def switch_guess(lanes, k, a, h, due):
     return a + h * min(max(x, x0), x1)
 
 
-@part
+@internal
 def switch_angle(ring, mask, n, i, a, b, guess, mu):
     """Leader's angle in [a, b] at which link i switches: Newton from a guess, kept in a bracket."""
     due = ring[i & mask].due
@@ -56,7 +56,7 @@ def switch_angle(ring, mask, n, i, a, b, guess, mu):
     return x
 
 
-@part
+@internal
 def census(ring, mask, n, back, s, v, mu, state):
     """Catch up with all switches behind domino n, leaning by (s, v); count who is past tipping.
 
@@ -80,7 +80,7 @@ def census(ring, mask, n, back, s, v, mu, state):
         s, v, _, _, _ = link_at(link, s, v, mu)
 
 
-@apart
+@noinline
 def switch(ring, mask, n, due_link, low, angle, mu, state):
     """Switch every link that is due at the leader's `angle`; returns ω⁺/ω⁻ of the impact.
 

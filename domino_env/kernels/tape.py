@@ -3,11 +3,11 @@
 Where the tape is full, events are only counted, so that a longer one can be made.
 """
 
-from domino_env.kernels.jit import part
+from domino_env.kernels.jit import internal
 from domino_env.kernels.slots import CORNER, FLIP, HIT, RIDE, SWITCH
 
 
-@part
+@internal
 def note_ride(tape, state, n, a, h, rule, low, u):
     """Leader n rode over the interval [a, a + h], with u at its start."""
     if state.taped < len(tape):
@@ -18,7 +18,7 @@ def note_ride(tape, state, n, a, h, rule, low, u):
     state.taped += 1
 
 
-@part
+@internal
 def note_hit(tape, state, n):
     """Leader n has struck the next."""
     if state.taped < len(tape):
@@ -28,7 +28,7 @@ def note_hit(tape, state, n):
     state.taped += 1
 
 
-@part
+@internal
 def note_flips(tape, ring, mask, n, low, state):
     """The links that have turned corner unseen; returns how many."""
     flips = 0
@@ -44,7 +44,7 @@ def note_flips(tape, ring, mask, n, low, state):
     return flips
 
 
-@part
+@internal
 def note_switch(tape, ring, mask, n, due_link, low, angle, flushes, state):
     """A switch at the leader's angle, and the links that it has turned."""
     at = state.taped

@@ -3,7 +3,7 @@
 from domino_env.kernels.fall import close_fall, fall, fall_angle
 from domino_env.kernels.front import begin_fall
 from domino_env.kernels.interval import CREEP, DEAD, FINE, ROUGH, affine_map, ride
-from domino_env.kernels.jit import apart, inlined, part, varies
+from domino_env.kernels.jit import always_inline, internal, noinline, overloaded
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import record
 from domino_env.kernels.slots import JAC, MAP_U, PROPAGATED, STALLED, WGT
@@ -11,14 +11,14 @@ from domino_env.kernels.stack import lead, lean, lean_free, spread, tail_size
 from domino_env.kernels.tape import note_hit, note_ride
 
 
-@varies
-@part
+@overloaded
+@internal
 def is_uniform(row):
     """Whether one stack serves every fall: all parts equal, and no link ever switches."""
     return equal_parts(row.spacing, row.thickness, row.height, row.density)
 
 
-@part
+@internal
 def equal_parts(spacing, thickness, height, density):
     """`is_uniform` on flat ground."""
     s, d, length = spacing[0], thickness[0], height[0]
@@ -32,7 +32,7 @@ def equal_parts(spacing, thickness, height, density):
     return True
 
 
-@part
+@internal
 def uniform_order(lanes, domino, count, b, mu, gravity, tol):
     """Rule that resolves P and Q of a uniform stack; -1 where none does."""
     for k in range(1, len(ORDERS)):
@@ -49,14 +49,14 @@ def uniform_order(lanes, domino, count, b, mu, gravity, tol):
     return -1
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def finer_rule(domino, k, missed):
     """The rule after one that did not resolve the time, for so many falls on end."""
     return k
 
 
-@apart
+@noinline
 def uniform_chain(lanes, ring, count, mu, gravity, rtol, state, deep, arrivals, tape):
     """Falls 0 … N-2 of a uniform row: each adds one link to the same lanes until the tail is dead.
 

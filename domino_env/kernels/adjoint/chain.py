@@ -22,7 +22,7 @@ from domino_env.kernels.adjoint.switch import flush_back, hit_back, switch_back
 from domino_env.kernels.adjoint.uniform import SHARED, fall_back, forget, room_for_table
 from domino_env.kernels.chain import ring_size, row_of, solve
 from domino_env.kernels.fall import fall_angle
-from domino_env.kernels.jit import apart, door, keep, part, varies
+from domino_env.kernels.jit import entry_point, internal, keep_alive, noinline, overloaded
 from domino_env.kernels.links import join, new_ring, stand
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
@@ -45,7 +45,7 @@ from domino_env.kernels.uniform import is_uniform
 AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # what an interval ends at
 
 
-@part
+@internal
 def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole):
     """Walk the tape back, gathering bars in `parts` and `whole`; returns the bar of the first u.
 
@@ -113,18 +113,18 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
             elif edge == AT_SWITCH:
                 switch_back(trail, ring, tape[edge_row], edge_bar, mu, parts)
             edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
-    keep(own_shared)
+    keep_alive(own_shared)
     return u_bar
 
 
-@varies
-@part
+@overloaded
+@internal
 def bodies_back(row, ring, parts, bar):
     """From the bars of links and bodies to those of all that the row is made of."""
     bodies_flat(row, ring, parts, bar)
 
 
-@part
+@internal
 def bodies_flat(row, ring, parts, bar):
     """`bodies_back` on flat ground: to those of spacing, thickness, height and density."""
     count = len(row.thickness)
@@ -154,7 +154,7 @@ def bodies_flat(row, ring, parts, bar):
             bar.height[i] -= (link.p_l * p_bar + link.s_l * s_bar + link.d_l * d_bar) / length
 
 
-@apart
+@noinline
 def pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
     """Pull bars of the arrival times back to all that a chain is made of.
 
@@ -186,16 +186,16 @@ def pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
     )
     whole.push = 2.0 * push * u_bar
     bodies_back(row, ring, parts, bar)
-    keep(ring)
+    keep_alive(ring)
 
 
-@door
+@entry_point
 def pull(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
     """`pull_bars`, for Python."""
     pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole)
 
 
-@door
+@entry_point
 def pull_rows(first, last, rows, mu, gravity, push, rtol, summaries, bars, wholes):
     """`solve_rows` with the gradient of the last arrival time; zeros where it never comes.
 
@@ -224,5 +224,5 @@ def pull_rows(first, last, rows, mu, gravity, push, rtol, summaries, bars, whole
             for array in bar:
                 array[:] = 0.0
             wholes[b].friction = wholes[b].gravity = wholes[b].push = 0.0
-    keep(own_state)
-    keep(ring)
+    keep_alive(own_state)
+    keep_alive(ring)

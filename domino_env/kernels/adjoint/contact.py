@@ -4,12 +4,12 @@ import math
 
 from domino_env.kernels.adjoint.slots import PART_GAP, PART_PITCH, PART_THICK, ShapeBar
 from domino_env.kernels.contact import shape_of
-from domino_env.kernels.jit import inlined, part, varies
+from domino_env.kernels.jit import always_inline, internal, overloaded
 from domino_env.kernels.slots import TINY, TIP
 
 
-@varies
-@part
+@overloaded
+@internal
 def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """`tip` in reverse: bars of s, v, the link, μ; and Ω, Ψ, B/A again."""
     p_l, s_l, rest, d_l = shape
@@ -57,8 +57,8 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     return back_s, back_v, ShapeBar(p_bar, sd_bar, d_bar), mu_bar, omega, psi, ratio
 
 
-@varies
-@part
+@overloaded
+@internal
 def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """`corner` in reverse; the same seven."""
     p_l, s_l, _, d_l = shape
@@ -101,7 +101,7 @@ def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     return back_s, back_v, ShapeBar(p_bar, gap_bar, d_bar), mu_bar, omega, psi, ratio
 
 
-@part
+@internal
 def link_back_at(link, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """`link_at` in reverse, for a single angle; the same seven."""
     if link.contact == TIP:
@@ -109,8 +109,8 @@ def link_back_at(link, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     return corner_back(s, v, shape_of(link), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def add_shape(parts, shape_bar):
     """Add the bars of a link to those of its parts."""
     parts[PART_PITCH] += shape_bar.pitch
@@ -118,8 +118,8 @@ def add_shape(parts, shape_bar):
     parts[PART_THICK] += shape_bar.thick
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def due_back(link, flushed, due_bar, parts):
     """What a link waits for, in reverse."""
     if flushed:  # s / p
@@ -131,8 +131,8 @@ def due_back(link, flushed, due_bar, parts):
         parts[PART_THICK] -= due_bar * link.v_release / link.d_l
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def hit_angle_back(link, cosine, x_bar, parts):
     """The angle of a hit in reverse: sin θ = s."""
     parts[PART_GAP] += x_bar / cosine

@@ -6,7 +6,7 @@ from domino_env.kernels.adjoint.slots import B_MU, SEED_D, SEED_G, SEED_M
 from domino_env.kernels.adjoint.stack import angle_bar, retrace, stack_back
 from domino_env.kernels.crawl import slow_time
 from domino_env.kernels.interval import affine_map
-from domino_env.kernels.jit import part
+from domino_env.kernels.jit import internal
 from domino_env.kernels.polynomial import series
 from domino_env.kernels.quadrature import CLOSED, ORDERS, PLACES, RUNNING, WEIGHTS
 from domino_env.kernels.slots import (
@@ -23,7 +23,7 @@ from domino_env.kernels.slots import (
 from domino_env.kernels.stack import spread
 
 
-@part
+@internal
 def ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole):
     """The time and the map of one interval in reverse: seeds of M, G and D, from lanes that hold
     its map.  Returns bars of u at its start and of its length.
@@ -95,7 +95,7 @@ def ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole):
     return u0_bar, h_bar
 
 
-@part
+@internal
 def stack_of_ride_back(bars, k, ring, n, low, end_bar, mu, trail, parts, whole):
     """The stack of an interval in reverse, from its seeds; bars of its first and last angle.
 
@@ -112,7 +112,7 @@ def stack_of_ride_back(bars, k, ring, n, low, end_bar, mu, trail, parts, whole):
     return first_bar - end_bar, end_bar
 
 
-@part
+@internal
 def ride_back(lanes, bars, trail, ring, ride, u_bar, t_bar, m_bar, mu, gravity, parts, whole):
     """One interval in reverse.
 

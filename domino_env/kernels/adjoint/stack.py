@@ -26,7 +26,7 @@ from domino_env.kernels.adjoint.slots import (
     SEED_M,
 )
 from domino_env.kernels.contact import pose, shape_of
-from domino_env.kernels.jit import inlined, part, varies
+from domino_env.kernels.jit import always_inline, internal, overloaded
 from domino_env.kernels.quadrature import ORDERS, PLACES
 from domino_env.kernels.slots import (
     DRV,
@@ -43,28 +43,28 @@ from domino_env.kernels.slots import (
 from domino_env.kernels.stack import lead, lean, lean_free
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def keep_shape(bars, j, shape_bar):
     """Write the bars of a link into its lane."""
     bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = shape_bar
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def no_shape(bars, j, domino):
     """The leader has no link."""
     bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = 0.0, 0.0, 0.0
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def parts_of(link):
     """How many parts there are bars of."""
     return 6
 
 
-@inlined
+@always_inline
 def lean_back(bars, above, here, count, link, mu, at_tip):
     """`lean` in reverse; `above` and `here` are the lanes before and after it."""
     shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
@@ -98,7 +98,7 @@ def lean_back(bars, above, here, count, link, mu, at_tip):
         keep_shape(bars, j, shape_bar)
 
 
-@inlined
+@always_inline
 def lean_free_back(bars, above, here, count, link, at_tip):
     """`lean_free` in reverse."""
     shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
@@ -125,8 +125,8 @@ def lean_free_back(bars, above, here, count, link, at_tip):
         keep_shape(bars, j, shape_bar)
 
 
-@varies
-@inlined
+@overloaded
+@always_inline
 def gather_shape(bars, count, domino, parts):
     """`gather`, of its link."""
     p, s, d = 0.0, 0.0, 0.0
@@ -139,7 +139,7 @@ def gather_shape(bars, count, domino, parts):
     parts[PART_THICK] += d
 
 
-@part
+@internal
 def gather(bars, count, domino, parts):
     """Add what all lanes say of one domino."""
     gather_shape(bars, count, domino, parts)
@@ -153,7 +153,7 @@ def gather(bars, count, domino, parts):
     parts[PART_SLENDER] += slender
 
 
-@part
+@internal
 def retrace(lanes, count, ring, n, low, mu, trail, shared):
     """Lead the lanes down the stack once more, keeping what they were at every domino.
 
@@ -181,7 +181,7 @@ def retrace(lanes, count, ring, n, low, mu, trail, shared):
             copy_sums(lanes, here, count)
 
 
-@inlined
+@always_inline
 def copy_sums(source, target, count):
     """The three sums of all lanes."""
     for j in range(count):
@@ -189,7 +189,7 @@ def copy_sums(source, target, count):
         target[SUM_D + j] = source[SUM_D + j]
 
 
-@part
+@internal
 def link_back(bars, above, here, count, link, mu):
     """Lead all bars up over one link, whatever its contact."""
     if mu > 0.0:  # a constant in the call lets the compiler make a loop for each contact
@@ -203,7 +203,7 @@ def link_back(bars, above, here, count, link, mu):
         lean_free_back(bars, above, here, count, link, False)
 
 
-@inlined
+@always_inline
 def lead_back(bars, first, count, leader, mu):
     """`lead` in reverse; `first` are the lanes at the leader."""
     half, slender = leader.half_weight, leader.slender
@@ -223,7 +223,7 @@ def lead_back(bars, first, count, leader, mu):
             bars[B_SLENDER + j] = g * half * s
 
 
-@part
+@internal
 def no_bars(bars, count):
     for j in range(count):
         bars[B_SIN + j], bars[B_VER + j] = 0.0, 0.0
@@ -231,13 +231,13 @@ def no_bars(bars, count):
         bars[B_MU + j] = 0.0
 
 
-@part
+@internal
 def angle_bar(bars, first, j):
     """Bar of the angle of a lane."""
     return (1.0 - first[VER + j]) * bars[B_SIN + j] + first[SIN + j] * bars[B_VER + j]
 
 
-@part
+@internal
 def stack_back(bars, count, ring, n, low, mu, trail, parts):
     """Pull the seeds of the three sums back through the stack."""
     no_bars(bars, count)
@@ -248,7 +248,7 @@ def stack_back(bars, count, ring, n, low, mu, trail, parts):
     gather(bars, count, ring[n], parts[n])
 
 
-@part
+@internal
 def tabulate(bars, k, ring, n, low, mu, trail, table):
     """What one unit of each seed adds to each part: for stacks that many falls share.
 
@@ -276,7 +276,7 @@ def tabulate(bars, k, ring, n, low, mu, trail, table):
             table[q * count + j, at + 1] = bars[B_MU + j] if mu > 0.0 else 0.0
 
 
-@part
+@internal
 def stack_back_again(bars, count, n, low, table, sums, parts, whole):
     """`stack_back` by the table; returns the bar of the last angle."""
     depth = n - low
@@ -297,7 +297,7 @@ def stack_back_again(bars, count, n, low, table, sums, parts, whole):
     return sums[at]
 
 
-@part
+@internal
 def mass_back(lanes, bars, trail, ring, n, low, angle, m_bar, mu, parts, whole):
     """M of the stack at one angle in reverse; returns the bar of the angle."""
     lanes[SIN], lanes[VER] = pose(angle)

@@ -11,12 +11,12 @@ from domino_env.kernels.adjoint.slots import (
     PARTS,
 )
 from domino_env.kernels.contact import link_at, pose, shape_of, tip
-from domino_env.kernels.jit import part, varies
+from domino_env.kernels.jit import internal, overloaded
 from domino_env.kernels.slots import JAC, SIN, TINY, VER, WGT
 
 
-@varies
-@part
+@overloaded
+@internal
 def hit_back(ring, hit, u_bar, mu, parts, whole):
     """`hit` in reverse: bars of u before it and of M."""
     n, u, m_end = hit.leader, hit.u, hit.m
@@ -37,7 +37,7 @@ def hit_back(ring, hit, u_bar, mu, parts, whole):
     return keep * keep * u_bar, f * m_bar
 
 
-@part
+@internal
 def flush_back(trail, ring, switch, u_bar, mu, parts, whole):
     """The impact of a flush in reverse, links that flush being FLUSHING.
 
@@ -93,7 +93,7 @@ def flush_back(trail, ring, switch, u_bar, mu, parts, whole):
     return keep * keep * u_bar, (1.0 - trail[0, VER]) * s_bar + trail[0, SIN] * v_bar
 
 
-@part
+@internal
 def switch_back(trail, ring, switch, x_bar, mu, parts):
     """The angle of a switch in reverse, by the implicit function theorem: at that angle 1 - cos
     θ_{i+1} is what the link waits for."""

@@ -11,7 +11,7 @@ from domino_env.kernels.adjoint.stack import (
     tabulate,
 )
 from domino_env.kernels.interval import affine_map
-from domino_env.kernels.jit import part
+from domino_env.kernels.jit import internal
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.slots import record_type
 from domino_env.kernels.stack import spread
@@ -24,19 +24,19 @@ SHARED = record_type(  # which stack the trail, the lanes and the table hold; -1
 )
 
 
-@part
+@internal
 def forget(shared):
     """Nothing is shared any longer: the lanes have been used for something else."""
     shared.rule = shared.depth = shared.mapped = shared.tabled = -1
 
 
-@part
+@internal
 def room_for_table(depth, count):
     """Room for the table of a stack in `count` lanes, and for a row of sums over it."""
     return np.empty((3 * count + 1, (depth + 2) * PARTS))
 
 
-@part
+@internal
 def fall_back(
     shared, lanes, bars, trail, table, ring, ride, u_bar, t_bar, m_bar, mu, gravity, parts, whole
 ):

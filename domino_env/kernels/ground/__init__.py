@@ -1,4 +1,4 @@
-"""What differs over hills: the parts that vary, as `on_hills` makes them known.
+"""What differs over hills: the overloads of functions for flat ground.
 
 θ counts from each domino's own stand and a link is seen upright from the stand of i+1, so that an
 even slope has the contacts of flat ground and only gravity turns; elsewhere a link gains two

@@ -19,12 +19,12 @@ from domino_env.kernels.adjoint.slots import (
     PART_TURN,
     HillShapeBar,
 )
-from domino_env.kernels.jit import inlined, on_hills, part
+from domino_env.kernels.jit import always_inline, internal, overload
 from domino_env.kernels.slots import TINY
 
 
-@on_hills(contact.tip_back)
-@part
+@overload(contact.tip_back)
+@internal
 def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """`tip` in reverse: bars of s, v, the link, μ; and Ω, Ψ, B/A again."""
     p, s_l, rest, d_l, e, turn_s, turn_v = shape
@@ -76,8 +76,8 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     return back_s, -c_bar - p * sd_bar, shape_bar, mu_bar, omega, psi, ratio
 
 
-@on_hills(contact.corner_back)
-@part
+@overload(contact.corner_back)
+@internal
 def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """`corner` in reverse; the same seven."""
     p, s_l, _, d_l, e, turn_s, turn_v = shape
@@ -121,8 +121,8 @@ def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     return back_s, back_v, shape_bar, mu_bar, omega, psi, ratio
 
 
-@on_hills(contact.add_shape)
-@inlined
+@overload(contact.add_shape)
+@always_inline
 def add_shape(parts, shape_bar):
     """Add the bars of a link to those of its parts."""
     parts[PART_PITCH] += shape_bar.pitch
@@ -132,8 +132,8 @@ def add_shape(parts, shape_bar):
     parts[PART_TURN] += shape_bar.turn
 
 
-@on_hills(contact.due_back)
-@inlined
+@overload(contact.due_back)
+@always_inline
 def due_back(link, flushed, due_bar, parts):
     """What a link waits for, in reverse: s = p v + e sin θ, or √R = L."""
     v, p, e, d = link.v_flush if flushed else link.v_release, link.p_l, link.rise_l, link.d_l
@@ -152,39 +152,39 @@ def due_back(link, flushed, due_bar, parts):
         parts[PART_RISE] -= (e + d * s) * x
 
 
-@on_hills(contact.hit_angle_back)
-@inlined
+@overload(contact.hit_angle_back)
+@always_inline
 def hit_angle_back(link, cosine, x_bar, parts):
     """The angle of a hit in reverse: sin(θ + β) = s."""
     parts[PART_GAP] += x_bar / math.sqrt(link.rest * (1.0 + link.s_l))
     parts[PART_TURN] -= x_bar
 
 
-@on_hills(stack.keep_shape)
-@inlined
+@overload(stack.keep_shape)
+@always_inline
 def keep_shape(bars, j, shape_bar):
     """Write the bars of a link into its lane."""
     bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = shape_bar.pitch, shape_bar.gap, shape_bar.thick  # noqa: E501  # fmt: skip
     bars[B_RISE + j], bars[B_TURN + j] = shape_bar.rise, shape_bar.turn
 
 
-@on_hills(stack.no_shape)
-@inlined
+@overload(stack.no_shape)
+@always_inline
 def no_shape(bars, j, domino):
     """The leader has no link."""
     bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = 0.0, 0.0, 0.0
     bars[B_RISE + j], bars[B_TURN + j] = 0.0, 0.0
 
 
-@on_hills(stack.parts_of)
-@inlined
+@overload(stack.parts_of)
+@always_inline
 def parts_of(link):
     """How many parts there are bars of."""
     return 8
 
 
-@on_hills(stack.gather_shape)
-@inlined
+@overload(stack.gather_shape)
+@always_inline
 def gather_shape(bars, count, domino, parts):
     """`gather`, of its link."""
     p, s, d, e, turn = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -201,8 +201,8 @@ def gather_shape(bars, count, domino, parts):
     parts[PART_TURN] += turn
 
 
-@on_hills(switch.hit_back)
-@part
+@overload(switch.hit_back)
+@internal
 def hit_back(ring, hit, u_bar, mu, parts, whole):
     """`hit` in reverse: bars of u before it and of M."""
     n, u, m_end = hit.leader, hit.u, hit.m
@@ -228,8 +228,8 @@ def hit_back(ring, hit, u_bar, mu, parts, whole):
     return keep * keep * u_bar, f * m_bar
 
 
-@on_hills(chain.bodies_back)
-@part
+@overload(chain.bodies_back)
+@internal
 def bodies_back(row, ring, parts, bar):
     """From the bars of links and bodies to those of all that the row is made of."""
     count = len(row.thickness)

@@ -3,19 +3,19 @@
 import math
 
 from domino_env.kernels import contact as flat
-from domino_env.kernels.jit import inlined, on_hills, part
+from domino_env.kernels.jit import always_inline, internal, overload
 from domino_env.kernels.slots import TINY, HillShape
 
 
-@on_hills(flat.shape_of)
-@inlined
+@overload(flat.shape_of)
+@always_inline
 def shape_of(link):
     """What the contacts below need of a link."""
     return HillShape(link.p_l, link.s_l, link.rest, link.d_l, link.rise_l, link.turn_s, link.turn_v)
 
 
-@on_hills(flat.tip)
-@part
+@overload(flat.tip)
+@internal
 def tip(s, v, shape, mu):
     """The top edge of i slides down the back of i+1: sin θ_i, 1 - cos θ_i, Ω, Ψ, B/A."""
     p, s_l, rest, d_l, e, turn_s, turn_v = shape
@@ -39,8 +39,8 @@ def tip(s, v, shape, mu):
     return s_i, v_i, 1.0 - pull, psi, ratio
 
 
-@on_hills(flat.corner)
-@part
+@overload(flat.corner)
+@internal
 def corner(s, v, shape, mu):
     """The front face of i rests on the rear bottom edge of i+1; the same five numbers."""
     p, s_l, _, d_l, e, turn_s, turn_v = shape

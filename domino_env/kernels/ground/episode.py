@@ -8,12 +8,12 @@ from domino_env.kernels.batch import HillBatch, rules_of
 from domino_env.kernels.ground.links import rise_of
 from domino_env.kernels.ground.placing import at as ground_at
 from domino_env.kernels.ground.placing import next_place, piece_at
-from domino_env.kernels.jit import borrowed, inlined, on_hills, part
+from domino_env.kernels.jit import always_inline, borrowed, internal, overload
 from domino_env.kernels.slots import Curve, HillRow
 
 
-@on_hills(episode.lend)
-@inlined
+@overload(episode.lend)
+@always_inline
 def lend(batch):
     """The same batch without reference counts."""
     curve = batch.curve
@@ -40,8 +40,8 @@ def lend(batch):
     )
 
 
-@on_hills(batches.row_built)
-@inlined
+@overload(batches.row_built)
+@always_inline
 def row_built(batch, b):
     """Row b, as long as its scene has it."""
     count = rules_of(batch, b).count
@@ -56,15 +56,15 @@ def row_built(batch, b):
     )
 
 
-@on_hills(episode.pitch_of)
-@inlined
+@overload(episode.pitch_of)
+@always_inline
 def pitch_of(row, n):
     """From pivot n to the next [m]."""
     return math.hypot(row.spacing[n] + row.thickness[n + 1], rise_of(row, n, n + 1))
 
 
-@on_hills(episode.stand_next)
-@part
+@overload(episode.stand_next)
+@internal
 def stand_next(batch, b, row, n):
     """Stand domino n+1 behind gap n on the ground: its tilt, its rise, its place."""
     x = batch.places[b, n]
@@ -80,8 +80,8 @@ def stand_next(batch, b, row, n):
     batch.places[b, n + 1] = x + (gap + d) * c + up * s
 
 
-@on_hills(observation.observe_ground)
-@part
+@overload(observation.observe_ground)
+@internal
 def observe_ground(batch, b, observed, at):
     """Slope and rise of the next places, a mean pitch apart each: `window` of both.
 

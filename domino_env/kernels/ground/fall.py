@@ -5,19 +5,19 @@ import math
 from domino_env.kernels import fall as flat
 from domino_env.kernels import front
 from domino_env.kernels.front import slow_down
-from domino_env.kernels.jit import inlined, on_hills
+from domino_env.kernels.jit import always_inline, overload
 from domino_env.kernels.slots import EPS, JAMMED, PROPAGATED
 
 
-@on_hills(flat.hit_ratio)
-@inlined
+@overload(flat.hit_ratio)
+@always_inline
 def hit_ratio(leader):
     """Ω of the leader at the instant at which it hits the next: how its J continues."""
     return 1.0 - leader.rise_l / math.sqrt(leader.rest * (1.0 + leader.s_l))
 
 
-@on_hills(flat.hit)
-@inlined
+@overload(flat.hit)
+@always_inline
 def hit(leader, struck, mu, state):
     """The leader, at its hitting angle, strikes the next, and turns on Ω_n times as fast."""
     s_l, e = leader.s_l, leader.rise_l
@@ -31,8 +31,8 @@ def hit(leader, struck, mu, state):
     return PROPAGATED
 
 
-@on_hills(front.grain)
-@inlined
+@overload(front.grain)
+@always_inline
 def grain(leader, mu, depth):
     """By how many roundings of a leader's torque an interval may be off.
 
@@ -42,8 +42,8 @@ def grain(leader, mu, depth):
     return 8.0 + 8.0 * depth if mu == 0.0 else 8.0
 
 
-@on_hills(flat.fall_angle)
-@inlined
+@overload(flat.fall_angle)
+@always_inline
 def fall_angle(leader, strikes):
     """Angle at which the leader hits the next, or, where there is none in reach, tips over."""
     if strikes:

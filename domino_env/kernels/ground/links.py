@@ -5,21 +5,21 @@ import math
 import numpy as np
 
 from domino_env.kernels import links as flat
-from domino_env.kernels.jit import inlined, on_hills, part
+from domino_env.kernels.jit import always_inline, internal, overload
 from domino_env.kernels.slots import EPS, HILL_LINK, TIP
 
 NEVER = 3.0  # 1 - cos θ is at most 2
 
 
-@on_hills(flat.new_ring)
-@part
+@overload(flat.new_ring)
+@internal
 def new_ring(row, size):
     """An empty ring for the dominoes of a row."""
     return np.zeros(size, HILL_LINK)
 
 
-@on_hills(flat.stand)
-@inlined
+@overload(flat.stand)
+@always_inline
 def stand(ring, mask, i, row, j):
     """Write domino j of a row into the ring as domino i.
 
@@ -40,7 +40,7 @@ def stand(ring, mask, i, row, j):
     domino.end_weight = 0.0
 
 
-@part
+@internal
 def rise_of(row, j, ahead):
     """e of the link between dominoes j and `ahead` [m]; 0 where it is all rounding."""
     pitch, tilt = row.spacing[j] + row.thickness[ahead], row.tilt[ahead]
@@ -49,7 +49,7 @@ def rise_of(row, j, ahead):
     return 0.0 if abs(rise) <= 8.0 * EPS * (abs(along) + abs(up)) else rise
 
 
-@part
+@internal
 def first_lean(p, e, d, drop):
     """1 - cos θ at which p cos θ - e sin θ has fallen from p by `drop`."""
     if e == 0.0:
@@ -64,8 +64,8 @@ def first_lean(p, e, d, drop):
     return (p * drop + e * (e - w)) / square
 
 
-@on_hills(flat.join)
-@inlined
+@overload(flat.join)
+@always_inline
 def join(ring, mask, i, row, j, ahead):
     """Write the link from i to i+1, which are dominoes j and `ahead` of the row."""
     link, height, gap, d = ring[i & mask], row.height[j], row.spacing[j], row.thickness[ahead]
@@ -87,22 +87,22 @@ def join(ring, mask, i, row, j, ahead):
     link.due = min(link.v_flush, link.v_release)
 
 
-@on_hills(flat.past_flush)
-@inlined
+@overload(flat.past_flush)
+@always_inline
 def past_flush(link, over):
     """By what Δ [rad] the faces are past flush where 1 - cos θ_{i+1} is past its due by `over`."""
     return over * link.pace
 
 
-@on_hills(flat.far)
-@inlined
+@overload(flat.far)
+@always_inline
 def far(link):
     """p² + e² - d², between the pivots."""
     return link.s_l * (link.p_l + link.d_l) + link.rise_l * link.rise_l
 
 
-@on_hills(flat.most_passed_on)
-@inlined
+@overload(flat.most_passed_on)
+@always_inline
 def most_passed_on(link):
     """Bound on Ω and |B/A| of a link at its tip: both only fall from what they are at the hit."""
     return max(1.0, 1.0 - link.rise_l / math.sqrt(link.rest * (1.0 + link.s_l)))

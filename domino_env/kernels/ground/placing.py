@@ -10,13 +10,13 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.jit import door, inlined, part
+from domino_env.kernels.jit import always_inline, entry_point, internal
 
 MOST_STEPS = 40  # of Newton's method; some four are used
 CLOSE = 1e-9  # [rad] a last step so small leaves its square
 
 
-@part
+@internal
 def piece_at(curve, x, k):
     """The piece that x lies on, looked for from piece k."""
     while k < len(curve.knots) and x > curve.knots[k]:
@@ -26,14 +26,14 @@ def piece_at(curve, x, k):
     return k
 
 
-@inlined
+@always_inline
 def at(curve, x, k):
     """Height and slope of piece k at x."""
     t, c = x - curve.starts[k], curve.pieces[k]
     return ((c[0] * t + c[1]) * t + c[2]) * t + c[3], (3.0 * c[0] * t + 2.0 * c[1]) * t + c[2]
 
 
-@part
+@internal
 def first_tilt(curve, thickness):
     """α of the domino whose pivot is at x = 0; nan where it finds no place."""
     k = piece_at(curve, 0.0, 0)
@@ -51,7 +51,7 @@ def first_tilt(curve, thickness):
     return math.nan
 
 
-@part
+@internal
 def next_place(curve, x, k, gap, thickness, tilt):
     """α and q of the next domino after the pivot at x on piece k; nan where it finds no place.
 
@@ -81,7 +81,7 @@ def next_place(curve, x, k, gap, thickness, tilt):
     return math.nan, math.nan
 
 
-@door
+@entry_point
 def lay_rows(first, last, curve, spacing, thickness, rise, tilt):
     """Write rise and tilt of rows first … last-1."""
     for b in range(first, last):
@@ -96,7 +96,7 @@ def lay_rows(first, last, curve, spacing, thickness, rise, tilt):
             rise[b, i], tilt[b, i + 1] = up * c - (gap + d) * s, turn
 
 
-@door
+@entry_point
 def follow_rows(
     first, last, curve, spacing, thickness, rise, tilt, by_rise, by_tilt, by_spacing, by_thickness
 ):

@@ -2,13 +2,13 @@
 
 from domino_env.kernels import chain, uniform
 from domino_env.kernels.ground.links import rise_of
-from domino_env.kernels.jit import inlined, on_hills, part
+from domino_env.kernels.jit import always_inline, internal, overload
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.slots import HillRow
 
 
-@on_hills(chain.row_of)
-@inlined
+@overload(chain.row_of)
+@always_inline
 def row_of(rows, b):
     """Row b of a batch; where all have the same height or density, it stands there once."""
     return HillRow(
@@ -21,15 +21,15 @@ def row_of(rows, b):
     )
 
 
-@on_hills(uniform.finer_rule)
-@inlined
+@overload(uniform.finer_rule)
+@always_inline
 def finer_rule(domino, k, missed):
     """The rule after one that did not resolve the time, for so many falls on end."""
     return min(k + 1, len(ORDERS) - 1) if missed > 1 else k
 
 
-@on_hills(uniform.is_uniform)
-@part
+@overload(uniform.is_uniform)
+@internal
 def is_uniform(row):
     """Whether one stack serves every fall: an even slope on which all parts are equal."""
     for i in range(1, len(row.thickness)):

@@ -20,7 +20,7 @@ STAMP = hashlib.sha256(
     b"\0".join(path.read_bytes() for path in sorted(_FOLDER.rglob("*.py")))
 ).digest()
 
-_BY_NAME: dict[str, Any] = {}  # functions compiled apart
+_BY_NAME: dict[str, Any] = {}  # functions that are not inlined
 _BY_SYMBOL: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their compiled symbols: name, types
 
 
@@ -32,8 +32,8 @@ def use_cache(dispatcher: Any) -> None:
     dispatcher._cache = _Cache(dispatcher.py_func)
 
 
-def know_apart(dispatcher: Any) -> None:
-    """Note the symbols of a function that is compiled apart, for those who call it."""
+def register_noinline(dispatcher: Any) -> None:
+    """Register the symbols of a function that is not inlined, for its callers."""
     name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__qualname__}"
     add = dispatcher.add_overload
 
@@ -46,9 +46,9 @@ def know_apart(dispatcher: Any) -> None:
 
 
 def _provide(symbol: str, name: str, arguments: tuple[Any, ...]) -> None:
-    """Have a function compiled apart known under the symbol that its callers knew it by.
+    """Define the symbol by which cached callers know a function that is not inlined.
 
-    It goes by another where it has been compiled anew since.
+    It has another where it has been compiled anew since.
     """
     if symbol in _BY_SYMBOL:
         return
@@ -85,7 +85,7 @@ class _ReadOnly(next(one for one in _LOCATORS if "InTree" in one.__name__)):  # 
 
 
 class _Implementation(caching.CompileResultCacheImpl):
-    """Keeps with machine code what it calls apart from itself, and has that ready before it."""
+    """Implementation that keeps with machine code the functions it calls, and loads them first."""
 
     _locator_classes: Any = [*_LOCATORS, _ReadOnly]  # noqa: RUF012 - Numba's own attribute
 

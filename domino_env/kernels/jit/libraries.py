@@ -13,7 +13,7 @@ from numba.core import codegen, compiler
 Library = codegen.JITCodeLibrary
 
 
-class Part(Library):
+class Internal(Library):
     """Code that is only ever linked into others: neither optimised nor emitted."""
 
     def finalize(self) -> None:
@@ -37,15 +37,15 @@ class Part(Library):
         return 0
 
 
-class Door(Library):
-    """Machine code, with all parts below it inside."""
+class EntryPoint(Library):
+    """Machine code, with all internal functions below it inside."""
 
     def add_linking_library(self, library: Any) -> None:
-        """Take a library in, and where it is a part, what it stands on."""
+        """Add a library, and where it is internal, those that it links."""
         if library in self._linking_libraries:
             return
         super().add_linking_library(library)
-        if isinstance(library, Part):
+        if isinstance(library, Internal):
             for beneath in library._linking_libraries:
                 self.add_linking_library(beneath)
 
@@ -61,7 +61,7 @@ class Door(Library):
         super()._optimize_final_module()
 
 
-class Apart(Door):
+class NoInline(EntryPoint):
     """Machine code that callers find by its symbol: they link an empty module."""
 
     def _get_module_for_linking(self) -> Any:

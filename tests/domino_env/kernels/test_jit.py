@@ -15,19 +15,19 @@ from domino_env import kernels
 from domino_env.kernels import chain, polynomial
 
 PROBE = """
-from domino_env.kernels.jit import apart, door
+from domino_env.kernels.jit import entry_point, noinline
 from domino_env.kernels.polynomial import place
 from domino_env.kernels.quadrature import ORDERS
 
-@apart
+@noinline
 def beneath(k, j):
     return place(k, j)
 
-@door
+@entry_point
 def into(k, j):
     return place(k, j)
 
-@door
+@entry_point
 def across(k, j):
     return beneath(k, j)
 """
@@ -37,7 +37,7 @@ from domino_env.kernels.probe import ORDERS, across, into
 last = int(ORDERS[0]) + 1
 found = {
     "values": [into(0, 1), into(0, last), across(0, 1), across(0, last)],
-    "hits": [sum(door.stats.cache_hits.values()) for door in (into, across)],
+    "hits": [sum(entry.stats.cache_hits.values()) for entry in (into, across)],
 }
 print(json.dumps(found))
 """
@@ -45,7 +45,7 @@ print(json.dumps(found))
 
 @pytest.fixture
 def copy(tmp_path):
-    """A copy of the package, with two doors more, and what they answer in a new process."""
+    """A copy of the package, with two more entry points, and what they answer in a new process."""
     package = tmp_path / "domino_env"
     shutil.copytree(
         Path(domino_env.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
@@ -115,7 +115,7 @@ def test_a_full_disk_costs_the_cache_and_not_the_answer(copy):
 
 
 @pytest.mark.parametrize("function", [polynomial.place, chain.chain])
-def test_what_is_no_door_refuses_python(function):
+def test_only_entry_points_are_called_from_python(function):
     with pytest.raises(TypeError, match="called by compiled code only"):
         function(*[0] * function.py_func.__code__.co_argcount)
 

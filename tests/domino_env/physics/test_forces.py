@@ -7,12 +7,12 @@ import pytest
 import domino_env as de
 from domino_env import kernels
 from domino_env.kernels import forces, links
-from domino_env.kernels.jit import door
+from domino_env.kernels.jit import entry_point
 
 COUNT, GRAVITY = 7, 9.81
 
 
-@door
+@entry_point
 def stand_all(ring, row):
     for i in range(len(row.thickness)):
         links.stand(ring, len(ring) - 1, i, row, i)
@@ -20,14 +20,14 @@ def stand_all(ring, row):
         links.join(ring, len(ring) - 1, i, row, i, i + 1)
 
 
-@door
+@entry_point
 def loads_at(row, ring, n, angle, u, gravity, mu, geometry, loads):
     mask = len(ring) - 1
     forces.stack_geometry(row, ring, mask, n, 0, angle, mu, geometry, False)
     forces.contact_forces(row, ring, mask, n, 0, geometry, u, gravity, mu, loads)
 
 
-@door
+@entry_point
 def impulses_at(row, ring, n, mu, before, after, geometry, least):
     mask = len(ring) - 1
     forces.stack_geometry(row, ring, mask, n, 0, 0.0, mu, geometry, False)
