@@ -9,7 +9,7 @@
     arrays        what B rows live in
     observation   what is observed
     snapshot      a row at the latest hit, of which a frame is drawn
-    render, bench frames; steps against the clock
+    render        frames
 
 Gymnasium learns only their names here; they are loaded when one is made.
 """

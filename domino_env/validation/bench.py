@@ -1,124 +1,225 @@
-"""`make bench`: how long a wave takes, with its error beside it, warmed up, on one core.
+"""Timings after a first call, with the error beside them: ``make bench``.
 
-Each figure is the median of many runs; the error is that of the arrival times against the tightest
-run.  Figures are comparable within one table only: machines, and their moods, differ.
+Every row of the table times one callable: the median of several calls, divided by the number of
+units of work in a call. A reference, where a row has one, is timed in turns with it. Compare rows
+of one run only: machines differ, and so does what else they do.
 """
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
+from itertools import cycle
+from typing import Any
 
+import gymnasium
 import numpy as np
 
-from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
-from domino_env.physics.wave import TIGHTEST, Wave, simulate, simulate_batch
-from domino_env.validation.first_calls import first_calls
+import domino_env as de
+from domino_env.physics.wave import TIGHTEST
 
-RUNS = 60
-
-
-def median_time(task: Callable[[], object], runs: int = RUNS) -> float:
-    """Median seconds of a task that has been run once before."""
-    task()
-    times = []
-    for _ in range(runs):
-        began = time.perf_counter()
-        task()
-        times.append(time.perf_counter() - began)
-    return float(np.median(times))
+Task = Callable[[], object]
+ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("DominoChain-v0", {"scene": "sprint"}),
+    ("DominoChain-v0", {"scene": "varied"}),
+    ("CartPole-v1", {}),
+)
 
 
-def _usual_rows() -> dict[str, Layout]:
-    """Rows of the tables of single waves and of gradients, by name."""
+@dataclass(frozen=True)
+class Row:
+    """One row of the table.
+
+    Attributes
+    ----------
+    name
+        What is timed, and per what.
+    task
+        The callable.
+    units
+        Units of work in one call.
+    remark
+        Last column; may use ``rate`` (units per second), ``ratio`` (seconds over those of the
+        reference) and ``part`` (its inverse).
+    reference, reference_units
+        Timed in turns with the task; None for no reference.
+    runs
+        Number of timed calls.
+    """
+
+    name: str
+    task: Task
+    units: int = 1
+    remark: str = ""
+    reference: Task | None = None
+    reference_units: int = 1
+    runs: int = 60
+
+    def __str__(self) -> str:
+        seconds, reference = median_times((self.task, self.reference or _nothing), self.runs)
+        seconds, reference = seconds / self.units, reference / self.reference_units
+        numbers = {"rate": 1 / seconds, "ratio": seconds / reference, "part": reference / seconds}
+        return f"{self.name:68}{1e6 * seconds:14.2f}   {self.remark.format(**numbers)}"
+
+
+def _nothing() -> None:
+    pass
+
+
+def median_times(tasks: tuple[Task, ...], runs: int) -> list[float]:
+    """Return the median seconds of tasks called in turns, after one call of each."""
+    times = np.empty((runs + 1, len(tasks)))
+    for turn in range(runs + 1):
+        for k, task in enumerate(tasks):
+            began = time.perf_counter()
+            task()
+            times[turn, k] = time.perf_counter() - began
+    return [float(seconds) for seconds in np.median(times[1:], axis=0)]
+
+
+def waves() -> Iterator[Row]:
+    """Yield single waves with their errors, and gradients in plain simulations."""
     rng = np.random.default_rng(2)
+    layouts = {
+        "100 uniform, pitch 16 mm": de.Layout.uniform(100, pitch=0.016),
+        "100 random, gaps 10-25 mm": de.Layout(rng.uniform(0.010, 0.025, 99), 0.0075),
+        "40 random, gaps 2-40 mm": de.Layout(rng.uniform(0.002, 0.040, 39), 0.0075),
+    }
+    for name, layout in layouts.items():
+        for friction in (0.25, 0.0):
+            physics = de.Physics(friction, 9.81, 8.0)
+            exact = de.simulate(layout, physics, rtol=TIGHTEST).arrival_times[1:]
+            for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
+                plain = partial(de.simulate, layout, physics, rtol=rtol)
+                wave = plain()
+                error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
+                note = f"error {error:.1e}, estimate {wave.error_estimate:.1e}"
+                case = f"{name}, friction {friction:g}, rtol {rtol:.0e}"
+                yield Row(f"wave: {case}", plain, remark=note)
+                gradient = partial(_gradient, plain)
+                yield Row(f"gradient: {case}", gradient, 1, "{ratio:.2f} waves", plain)
+
+
+def _gradient(plain: Callable[..., de.Wave]) -> object:
+    return plain(gradient=True).gradient()
+
+
+def lengths_and_batches() -> Iterator[Row]:
+    """Yield long layouts, whose cost is linear, and batches on all cores."""
+    rng = np.random.default_rng(3)
+    for count in (1_000, 10_000, 100_000):
+        random = de.Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075)
+        for name, layout in ("uniform", de.Layout.uniform(count, pitch=0.016)), ("random", random):
+            wave = partial(de.simulate, layout, de.Physics())
+            yield Row(f"{count} {name}, per domino", wave, count, runs=3)
+    spacing = np.random.default_rng(4).uniform(0.002, 0.040, (4000, 39))
+    for rtol in (1e-4, 1e-6, 1e-8):
+        batch = partial(de.simulate_batch, spacing, 0.0075, de.Physics(), rtol=rtol, record=False)
+        name = f"batch of 4000 x 40, speed only, rtol {rtol:.0e}, per layout"
+        yield Row(name, batch, len(spacing), "{rate:,.0f} layouts per second", runs=7)
+
+
+def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[Row]:
+    """Yield steps of environments, random actions and resets included, beside bare simulation."""
+    scene = de.load_scene("sprint")
+    spacing = np.random.default_rng(0).uniform(*scene.spacing, (num_envs, scene.count - 1))
+    simulation = partial(de.simulate_batch, spacing, 0.0075, scene.physics, rtol=1e-6, record=False)
+    intervals = int(np.sum(simulation().hit - 1))
+    for name, options in ENVIRONMENTS:
+        words = " ".join([name, *options.values()])
+        wrapped = gymnasium.make(name, **options)
+        space: Any = wrapped.action_space
+        space.seed(0)
+        actions = [space.sample() for _ in range(1000)]
+        together = [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(40)]
+        for kind, env in (("unwrapped", wrapped.unwrapped), ("as made", wrapped)):
+            play = partial(_play, env, actions, 4000)
+            yield Row(f"step of one {words}, {kind}", play, 4000, runs=7)
+        vector = gymnasium.make_vec(
+            name, num_envs=num_envs, vectorization_mode="vector_entry_point", **options
+        )
+        vector.reset(seed=0)
+        yield Row(
+            f"step of {num_envs} {words}, per environment",
+            partial(_play_together, vector, together, steps), steps * num_envs,
+            "{rate:,.0f} steps per second, {part:.2f} of bare simulation", simulation, intervals, 7,
+        )  # fmt: skip
+
+
+def _play(env: Any, actions: Any, steps: int) -> None:
+    env.reset(seed=0)
+    over = False
+    for _, action in zip(range(steps), cycle(actions), strict=False):
+        if over:
+            env.reset()
+        _, _, terminated, truncated, _ = env.step(action)
+        over = terminated or truncated
+
+
+def _play_together(env: Any, actions: Any, steps: int) -> None:
+    for _, action in zip(range(steps), cycle(actions), strict=False):
+        env.step(action)
+
+
+def first_calls() -> dict[str, Task]:
+    """Return the calls that are timed in a new process, where nothing is compiled or loaded."""
+    spacing, physics = np.random.default_rng(0).uniform(0.01, 0.03, (4, 39)), de.Physics()
+    random, uniform = de.Layout(spacing[0], 0.0075), de.Layout.uniform(40, pitch=0.02)
+
+    def step() -> object:
+        env = de.DominoChain("sprint")
+        env.reset(seed=0)
+        return env.step(env.action_space.sample())
+
     return {
-        "100 uniform, pitch 16 mm": Layout.uniform(100, pitch=0.016),
-        "100 random, gaps 10-25 mm": Layout(rng.uniform(0.010, 0.025, 99), 0.0075),
-        "40 random, gaps 2-40 mm": Layout(rng.uniform(0.002, 0.040, 39), 0.0075),
+        "random layout": lambda: de.simulate(random, physics),
+        "uniform layout": lambda: de.simulate(uniform, physics),
+        "batch": lambda: de.simulate_batch(spacing, 0.0075, physics),
+        "gradient": lambda: de.simulate(random, physics, gradient=True).gradient(),
+        "batch with gradient": lambda: de.simulate_batch(spacing, 0.0075, physics, gradient=True),
+        "step of an environment": step,
+        "diagnosis": lambda: de.diagnose(random, physics),
+        "smallest push": lambda: de.smallest_push(random, physics),
+        "steady wave": lambda: de.steady_wave(0.02, 0.0075),
     }
 
 
-def single_waves() -> list[str]:
-    """Tabulate times and errors of single rows at several tolerances."""
-    lines = ["row                        friction   rtol      time [ms]   error     estimate"]
-    for name, layout in _usual_rows().items():
-        for friction in (0.25, 0.0):
-            physics = Physics(friction, 9.81, 8.0)
-            exact = simulate(layout, physics, rtol=TIGHTEST).arrival_times[1:]
-            for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
-                wave = simulate(layout, physics, rtol=rtol)
-                error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
-                seconds = median_time(partial(simulate, layout, physics, rtol=rtol))
-                lines.append(
-                    f"{name:26} {friction:8.2f}   {rtol:.0e}   {seconds * 1e3:9.4f}   "
-                    f"{error:.1e}   {wave.error_estimate:.1e}"
-                )
-    return lines
-
-
-def long_rows() -> list[str]:
-    """Tabulate cost against length: it is linear."""
-    rng = np.random.default_rng(3)
-    lines = ["length     uniform [s]   random [s]"]
-    for count in (1_000, 10_000, 100_000):
-        uniform = Layout.uniform(count, pitch=0.016)
-        random = Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075)
-        times = [median_time(partial(simulate, row, Physics()), 3) for row in (uniform, random)]
-        lines.append(f"{count:7d}   {times[0]:10.4f}   {times[1]:10.4f}")
-    return lines
-
-
-def batches() -> list[str]:
-    """Tabulate layouts a second in batches, over all cores."""
-    rng = np.random.default_rng(4)
-    spacing = rng.uniform(0.002, 0.040, (4000, 39))
-    thickness = np.full(40, 0.0075)
-    lines = ["batch of 4000 rows of 40, gaps 2-40 mm, speed only"]
-    for rtol in (1e-4, 1e-6, 1e-8):
-
-        def task(rtol: float = rtol) -> object:
-            return simulate_batch(spacing, thickness, Physics(), rtol=rtol, record=False)
-
-        lines.append(
-            f"rtol {rtol:.0e}: {len(spacing) / median_time(task, 7):9.0f} layouts a second"
-        )
-    return lines
-
-
-def gradients() -> list[str]:
-    """Tabulate what a gradient of the total time costs, in plain runs of the same row."""
-    lines = ["row                        friction   rtol      wave [ms]   with gradient   ratio"]
-    for name, layout in _usual_rows().items():
-        for friction in (0.25, 0.0):
-            physics = Physics(friction, 9.81, 8.0)
-            for rtol in (1e-6, 1e-8, 1e-12):
-                plain = partial(simulate, layout, physics, rtol=rtol)
-
-                def both(plain: Callable[..., Wave] = plain) -> object:
-                    return plain(gradient=True).gradient()
-
-                alone, all_of_it = median_time(plain), median_time(both)
-                lines.append(
-                    f"{name:26} {friction:8.2f}   {rtol:.0e}   {alone * 1e3:9.4f}   "
-                    f"{all_of_it * 1e3:13.4f}   {all_of_it / alone:5.2f}"
-                )
-    return lines
-
-
-def environments() -> list[str]:
-    """Tabulate steps of the environments, beside CartPole's."""
-    from domino_env.envs.bench import environment_steps
-
-    return environment_steps()
+def first_call_times(cache: str) -> dict[str, float]:
+    """Return the processor seconds of the first calls in a new process with this cache folder."""
+    command = [sys.executable, "-m", "domino_env.validation.bench", "first-calls"]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    seconds: dict[str, float] = json.loads(done.stdout)
+    return seconds
 
 
 def main() -> None:
-    """Print every table."""
-    for table in (single_waves, gradients, long_rows, batches, environments, first_calls):
-        print("\n".join(table()), end="\n\n", flush=True)
+    """Print the table, or with the argument first-calls the times of this process as JSON."""
+    if sys.argv[1:] == ["first-calls"]:
+        seconds = {}
+        for name, call in first_calls().items():
+            began = time.process_time()
+            call()
+            seconds[name] = time.process_time() - began
+        print(json.dumps(seconds))
+        return
+    print(f"{'':68}{'µs per unit':>14}   beside it")
+    for rows in (waves, lengths_and_batches, environments):
+        for row in rows():
+            print(row, flush=True)
+    with tempfile.TemporaryDirectory() as cache:
+        compiling, loading = first_call_times(cache), first_call_times(cache)
+    print(f"\n{'first call':30}{'compiling [s]':>14}{'loading [s]':>14}")
+    for name in compiling:
+        print(f"{name:30}{compiling[name]:14.2f}{loading[name]:14.2f}")
+    print(f"{'sum':30}{sum(compiling.values()):14.2f}{sum(loading.values()):14.2f}")
 
 
 if __name__ == "__main__":
