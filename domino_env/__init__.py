@@ -15,9 +15,19 @@ import sys
 
 import lazy_loader
 
+from domino_env.core.drawing import register as register_drawings
+
 __version__ = "0.3.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
+register_drawings(
+    {
+        "layout": "domino_env.view.plots:plot_layout",
+        "layout.html": "domino_env.view.svg:layout_html",
+        "wave": "domino_env.view.plots:plot_wave",
+        "wave.html": "domino_env.view.svg:wave_html",
+    }
+)
 if "_domino_command" not in sys.modules:  # which has no use for them, and should not wait
     from domino_env.envs import register
 

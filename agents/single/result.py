@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 from agents.base.building import Built
 from agents.base.training import TrainingRun
+from domino_env.core.drawing import draw
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,4 +49,4 @@ class Run(TrainingRun):
 
     def plot(self) -> Any:
         """Draw both rows, what differs along them, the training; returns a Matplotlib figure."""
-        return import_module("agents.single.picture").picture(self)
+        return draw("training", self)

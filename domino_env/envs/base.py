@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -264,7 +263,9 @@ def loaded(scene: str | Path | Scene | SceneDistribution) -> Scene | SceneDistri
 
 def new_painter(render_mode: str) -> Any:
     """Load what draws, now that somebody asks for it."""
-    return import_module("domino_env.envs.render").Painter(render_mode)
+    from domino_env.envs.render import Painter
+
+    return Painter(render_mode)
 
 
 def checked_render_mode(mode: str | None, allowed: tuple[str, ...] = RENDER_MODES) -> str | None:

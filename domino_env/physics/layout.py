@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.core.drawing import draw
 from domino_env.physics import footing
 from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
 
@@ -127,7 +127,7 @@ class Layout:
         return f"Layout({number}: {', '.join(sizes)})"
 
     def _repr_html_(self) -> str:
-        html: str = import_module("domino_env.view.svg").layout_html(self)
+        html: str = draw("layout.html", self)
         return html
 
     @classmethod
@@ -224,7 +224,7 @@ class Layout:
 
     def plot(self) -> Any:
         """Draw the row to scale, and its gaps along it; returns a Matplotlib figure."""
-        return import_module("domino_env.view.plots").plot_layout(self)
+        return draw("layout", self)
 
     def to_csv(self, path: str | Path) -> None:
         """Write one row a domino, in metres; the last spacing is empty.

@@ -5,13 +5,13 @@ from __future__ import annotations
 import enum
 import time
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
+from domino_env.core.drawing import draw
 from domino_env.core.threads import share_pieces
 from domino_env.physics import footing
 from domino_env.physics.gradient import (
@@ -138,12 +138,12 @@ class Wave:
         return f"Wave({ended}: {how})"
 
     def _repr_html_(self) -> str:
-        html: str = import_module("domino_env.view.svg").wave_html(self)
+        html: str = draw("wave.html", self)
         return html
 
     def plot(self) -> Any:
         """Draw the row to scale, gaps and speed along it; returns a Matplotlib figure."""
-        return import_module("domino_env.view.plots").plot_wave(self)
+        return draw("wave", self)
 
     def pullback(self, arrival_bar: ArrayLike) -> Gradient:
         """Return Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
+from domino_env.core.drawing import draw
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.baseline import UniformMark, gain
@@ -80,4 +80,4 @@ class SearchResult(MadeForScene):
 
     def plot(self) -> Any:
         """Draw both rows, what differs along them and the search; returns a Matplotlib figure."""
-        return import_module("optimize.searching.picture").picture(self)
+        return draw("search", self)
