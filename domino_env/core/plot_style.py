@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
-from numpy.typing import NDArray
 
 from domino_env.core.colours import COLOURS, FAINT, INK, OURS, SOFT
 from domino_env.core.files import write_bytes
+from domino_env.core.types import Floats
 
 HEAD = 0.85  # inches for headline and subtitle
 NARROWEST = 7.5  # inches that a headline takes
@@ -146,7 +145,7 @@ def beside_line(axes: Axes, words: str, x: float, y: float, colour: str, *, abov
     )  # fmt: skip
 
 
-def clock(axes: Axes, times: Sequence[float] | NDArray[np.float64]) -> None:
+def clock(axes: Axes, times: Sequence[float] | Floats) -> None:
     """Let the axis below span rising times, with a logarithm where most happens early."""
     if times[-1] > 30.0 * times[0] > 0.0:
         axes.set_xscale("log")

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from domino_env.core.files import write_bytes
+from domino_env.core.types import Floats
 from domino_env.physics.motion import Motion
 from domino_env.physics.wave import Wave
 from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
@@ -216,7 +216,7 @@ def _strip(
     one: Runner, motion: Motion, t: float, scale: Scale, ahead: float = AHEAD
 ) -> Image.Image:
     wave = one.wave
-    leans: NDArray[np.float64] = motion.angles([t])[0]
+    leans: Floats = motion.angles([t])[0]
     leader = int(motion.leader([t])[0][0])
     hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))
     clock = min(max(t, 0.0), float(wave.arrival_times[wave.hit - 1]))

@@ -6,17 +6,15 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from domino_env.core import colours
 from domino_env.core.colours import rgb
+from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
 from domino_env.view.ground import ground_line
-
-Floats = NDArray[np.float64]
 
 PAPER, INK, PALE, SOFT = ((255, 255, 255), *map(rgb, (colours.INK, colours.PALE, colours.SOFT)))
 STANDS, FALLS, LEADS = (176, 186, 197), rgb(colours.BLUE), rgb(colours.RED)
@@ -172,7 +170,7 @@ def palette() -> Image.Image:
     return image
 
 
-def _place(layout: Layout, along: float, under: NDArray[np.float64]) -> tuple[float, float]:
+def _place(layout: Layout, along: float, under: Floats) -> tuple[float, float]:
     """Where on the ground a place along the row is [m], past its end too on the line under it."""
     if along >= layout.length:
         x = float(layout.pivots[-1, 0] + (along - layout.length) * np.cos(layout.tilt[-1]))

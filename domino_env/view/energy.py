@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.core.brief import brief
+from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion
 from domino_env.physics.wave import Wave
-
-Floats = NDArray[np.float64]
 
 INSTANT = 1e-7  # [s] on either side of an instant, to tell before a hit from after, and for speeds
 POINTS = 12  # in every fall

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
-
-Floats = NDArray[np.float64]
 
 PIECES = 12  # straight ones of the curve between two dominoes
 AHEAD = 200  # and of what lies ahead of a row

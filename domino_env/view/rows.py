@@ -14,18 +14,15 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 
 from domino_env.core.colours import FAINT, INK, OURS, SOFT
 from domino_env.core.plot_style import HEAD, headings, new_figure, plain_numbers, style
+from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
 from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 from domino_env.view.ground import ground_line
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
 SPAN = WIDTH - LEFT - RIGHT

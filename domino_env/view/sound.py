@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from domino_env.core.files import write_bytes
 from domino_env.core.reading import naming, read_bytes
+from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave
-
-Floats = NDArray[np.float64]
 
 RATE = 44100  # samples a second
 MOST_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB to listen to

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.core.colours import OURS, UNIFORM
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.view.ground import ground_line
-
-Floats = NDArray[np.float64]
 
 LONGEST = 45.0  # heights; of a longer row the two ends are shown
 WIDEST = 900  # [px] on the screen

@@ -8,16 +8,15 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion
 from domino_env.physics.wave import Wave
 from domino_env.view.energy import Energy, energies
 from domino_env.view.ground import ground_line
-
-Floats = NDArray[np.float64]
 
 DRAW = 1e-6  # relative; who is ahead by less has not won
 LOOKS = 32  # at the leader in every fall; straight lines between them are within 1e-4 rad
