@@ -68,9 +68,9 @@ CHEAPER = {
 TOO_LONG = {"domino accuracy --stability", "domino accuracy --savings"}  # minutes
 
 
-def small_preset(algorithm: str, episode: int, *, warm: bool = False) -> Preset:
+def small_preset(algorithm: str, episode: int) -> Preset:
     """One that learns for a second."""
-    return replace(preset(algorithm, episode, warm=warm), rows=2, steps=4 * episode)
+    return replace(preset(algorithm, episode), rows=2, steps=4 * episode)
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,6 @@ POLICIES = Path(__file__).parents[1] / "policies"
 DESIGNER = "designer"  # the scene-conditioned one
 
 
-OLD_NAMES = {"family": DESIGNER}
-
-
 def shipped() -> list[str]:
     """List the names of the policies for one scene that come with the package."""
     return sorted(folder.parent.name for folder in POLICIES.glob("*/scene.toml"))

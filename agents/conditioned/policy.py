@@ -19,7 +19,7 @@ from threadpoolctl import ThreadpoolController
 
 from agents.base.arrays import read_arrays
 from agents.base.building import Built, as_placed
-from agents.base.network import Network, Single, network_of, require_network, unfit
+from agents.base.network import Network, network_of, require_network, unfit
 from agents.base.run_files import POLICY
 from agents.base.shipped import DESIGNER, POLICIES
 from agents.conditioned.features import features_of, outside, require_kind
@@ -33,7 +33,7 @@ from agents.conditioned.observations import (
     scaled,
 )
 from agents.conditioned.polishing import polished, steps_of
-from domino_env import Layout, Scene, Wave
+from domino_env import Layout, Scene, Wave, load_scene
 from domino_env.core.brief import brief
 from domino_env.view.shown import MadeForScene
 from optimize.searching.compiling import compile_for
@@ -202,18 +202,8 @@ class ConditionedPolicy:
         except (ValueError, KeyError) as error:
             raise unfit(path, error) from None
 
-    def arrays(self) -> dict[str, Single]:
-        """Name the weights, for a file."""
-        return {
-            name: array
-            for part, network in (("row", self.row), ("plan", self.plan))
-            for name, array in network.arrays(
-                [f"{part}_{i}_" for i in range(len(network.layers))]
-            ).items()
-        }
 
-
-def _layers(arrays: dict[str, Single], part: str) -> list[str]:
+def _layers(arrays: dict[str, NDArray[np.float32]], part: str) -> list[str]:
     number = sum(name.startswith(f"{part}_") for name in arrays) // 2
     return [f"{part}_{i}_" for i in range(number)]
 
@@ -232,3 +222,41 @@ def _threads() -> ThreadpoolController:
 def shipped_policy() -> ConditionedPolicy:
     """Load the policy that comes with the package."""
     return ConditionedPolicy.load(POLICIES / DESIGNER)
+
+
+def design(
+    scene: str | Path | Scene,
+    *,
+    tries: int = TRIES,
+    steps: int | None = None,
+    designer: ConditionedPolicy | None = None,
+) -> Design:
+    """Design a layout for a scene in some milliseconds: a proposal, and a few exact-gradient steps.
+
+    The policy lays a row for each of a few plans, these are simulated together, and the best is
+    polished.
+
+    Parameters
+    ----------
+    scene
+        A scene, its name, or the path of its file.
+    tries
+        Plans that are laid and simulated, those that it prefers. 1 for the preferred one, untried.
+    steps
+        Evaluations with gradient that polish it; 0 for the networks' own row, None for as many as
+        take some milliseconds.
+    designer
+        The policy; None for the one that ships.
+
+    Returns
+    -------
+    Design
+        The row, its wave and score.
+
+    Raises
+    ------
+    ValueError
+        For a scene that asks for something else than fast rows.
+    """
+    target = scene if isinstance(scene, Scene) else load_scene(scene)
+    return (designer or shipped_policy()).design(target, tries, steps)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from agents.base.building import Built
 from agents.base.run_files import algorithm_of
-from agents.base.shipped import DESIGNER, OLD_NAMES, POLICIES, shipped
+from agents.base.shipped import DESIGNER, POLICIES, shipped
 from agents.conditioned.policy import ALGORITHM, ConditionedPolicy
 from agents.single.policy import ScenePolicy
 from agents.single.scripted import SCRIPTED, ScriptedPolicy
@@ -79,5 +79,4 @@ def folder_of(run: str | Path) -> Path:
     path = Path(run)
     if path.exists():
         return path
-    name = OLD_NAMES.get(str(run), str(run))
-    return POLICIES / name if name in (*shipped(), DESIGNER) else path
+    return POLICIES / str(run) if str(run) in (*shipped(), DESIGNER) else path

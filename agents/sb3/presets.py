@@ -103,7 +103,7 @@ class Preset:
         return asdict(self)
 
 
-def preset(algorithm: str, episode: int, *, warm: bool = False, drawn: bool = False) -> Preset:
+def preset(algorithm: str, episode: int, *, drawn: bool = False) -> Preset:
     """Choose the preset of an algorithm.
 
     Parameters
@@ -112,10 +112,6 @@ def preset(algorithm: str, episode: int, *, warm: bool = False, drawn: bool = Fa
         One of `ALGORITHMS`.
     episode
         Steps of an episode.
-    warm
-        PPO's for going on from a clone: small deviations and steps, and whole returns. With an
-        advantage that is estimated over a few steps (λ = 0.95) what the critic does not know yet
-        outweighs the little there is to gain.
     drawn
         APG's for scenes that are drawn for every row: more rows an update, and more updates.
 
@@ -133,20 +129,6 @@ def preset(algorithm: str, episode: int, *, warm: bool = False, drawn: bool = Fa
             first_deviation=0.2,
             middle_deviation=0.05,
             last_deviation=0.01,
-        )
-    if algorithm == "ppo" and warm:
-        plan = preset(algorithm, episode)
-        return replace(
-            plan,
-            steps=3_000_000,
-            rate=3e-4,
-            last_rate=0.05,
-            first_deviation=0.03,
-            middle_deviation=0.015,
-            last_deviation=0.005,
-            middle=0.6,
-            end=1.0,
-            options=plan.options | {"gae_lambda": 1.0, "target_kl": 0.02},
         )
     if algorithm == "ppo":
         length = 2 * episode if episode <= 120 else episode
@@ -182,8 +164,8 @@ def preset(algorithm: str, episode: int, *, warm: bool = False, drawn: bool = Fa
             pull=0.1,
         )
     if algorithm == "ars":
-        # the best of three trials of agents.lab.tuning on `sprint`, rounded; the other two came
-        # within 0.00004.  Best row built in 8 s of processor time: 0.8204, 0.8204, 0.8201
+        # the best of three trials of a search on `sprint`, rounded; the other two came within
+        # 0.00004.  Best row built in 8 s of processor time: 0.8204, 0.8204, 0.8201
         return Preset(
             rows=64,
             steps=4_000_000,

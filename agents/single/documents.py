@@ -67,7 +67,6 @@ class SceneProgressDocument(ProgressDocument, kw_only=True):
     best: Score
     sampled: Score
     reference: Score
-    clone_score: Score | None = None
 
 
 def read_config(folder: Path) -> ConfigDocument:

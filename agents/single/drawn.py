@@ -154,7 +154,6 @@ class DrawnTraining(SceneTraining):
             "best": float(self.best),
             "sampled": float(self.sampled),
             "reference": 0.0,
-            "clone_score": None,
         }
 
     def restore(self, state: dict[str, Any]) -> SceneProgressDocument:

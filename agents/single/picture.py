@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from domino_env.core.colours import GREEN, KNOWN, OURS, PINK, SKY, UNIFORM
+from domino_env.core.colours import GREEN, KNOWN, OURS, SKY, UNIFORM
 from domino_env.core.plot_style import LEGEND, clock, write_png
 from domino_env.view.beside_uniform import beside_uniform
 from optimize.records.shipped import best_known
@@ -56,8 +56,6 @@ def _learning(curve: Axes, run: Run, rival: SearchResult | None) -> None:
     marks = [(uniform, UNIFORM, "-", "best uniform")]
     if rival is not None:
         marks.append((rival.score, GREEN, "-.", f"CMA-ES in {rival.seconds:.0f} s"))
-    if run.clone_score is not None:
-        marks.append((run.clone_score, PINK, "-.", "the clone it began with"))
     known = best_known().get(scene.name)
     if known is not None:
         marks.append((known.score, KNOWN, ":", "best known"))

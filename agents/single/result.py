@@ -30,13 +30,10 @@ class Run(TrainingRun):
         What was trained.
     built
         The row of the best policy.
-    clone_score
-        Of the clone that it began with; None for none.
     """
 
     algorithm: str
     built: Built
-    clone_score: float | None = None
 
     def __repr__(self) -> str:
         scene, built = self.built.scene, self.built

@@ -21,7 +21,7 @@ from agents.sb3.presets import ALGORITHMS, Preset, preset
 from agents.single.documents import BUILT, FILES, SCENE, SceneProgressDocument, read_config
 from agents.single.policy import ScenePolicy
 from agents.single.result import Run
-from domino_env import Layout, Scene, load_scene
+from domino_env import Scene, load_scene
 from domino_env.core.files import require_none, write_text
 from domino_env.core.models import model_of
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from optimize.evaluation.result import SearchResult
 
-SLACK = 1e-4  # of score that a policy may lose against its clone before it is put back
 COMPARED = 0.1  # of the training's time is what CMA-ES gets, for the line in the picture
 LONGEST_COMPARED = 20.0  # [s]
 
@@ -46,7 +45,6 @@ def train(
     resume: bool = False,
     progress: bool | None = False,
     plan: Preset | None = None,
-    warm_start: str | Path | Layout | None = None,
 ) -> Run:
     """Train an agent to build rows for a scene.
 
@@ -71,10 +69,6 @@ def train(
         Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
     plan
         Another preset.
-    warm_start
-        A row that PPO learns to build before it goes on by itself, see
-        `agents.single.cloning.row_to_clone`: a layout or its file, the folder of a run, "auto",
-        "best-known". Whatever it tries, it does not end below its clone.
 
     Returns
     -------
@@ -100,14 +94,12 @@ def train(
         target, algorithm, seed, plan, steps = _as_begun(home)
     else:
         require_none(home, FILES)
-    if warm_start is not None and algorithm != "ppo":
-        raise ValueError(f"a warm start is PPO's, not {algorithm}'s: leave one of the two out")
-    plan = plan or preset(algorithm, target.count - 1, warm=warm_start is not None)
+    plan = plan or preset(algorithm, target.count - 1)
     state = np.random.get_state()  # noqa: NPY002 - the learner draws from the global stream
     try:
         with sole_writer(home):
             training = SceneTraining(
-                target, algorithm, plan, steps or plan.steps, seed, home, progress, warm_start
+                target, algorithm, plan, steps or plan.steps, seed, home, progress
             )
             return training.result(training.run(resume))
     finally:
@@ -119,7 +111,7 @@ class SceneTraining(Training[SceneProgressDocument]):
 
     Parameters
     ----------
-    scene, algorithm, plan, total, seed, folder, progress, warm_start
+    scene, algorithm, plan, total, seed, folder, progress
         As of `train`.
     """
 
@@ -138,7 +130,6 @@ class SceneTraining(Training[SceneProgressDocument]):
         seed: int,
         folder: Path,
         progress: bool | None = False,
-        warm_start: str | Path | Layout | None = None,
     ) -> None:
         from stable_baselines3.common.logger import Logger
 
@@ -147,14 +138,11 @@ class SceneTraining(Training[SceneProgressDocument]):
 
         super().__init__(folder, seed, total, " dominoes", progress)
         self.scene, self.algorithm, self.plan = scene, algorithm, plan
-        self.warm_start = warm_start
         self.env = DominoVecEnv(scene, plan.rows)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
             self.model: BaseAlgorithm = learner(algorithm, plan, self.env, seed)
         self.model.set_logger(Logger(folder=None, output_formats=[]))
-        self.clone: dict[str, Any] | None = None
-        self.clone_score: float | None = None
         self.best = -np.inf
         self.sampled = -np.inf
 
@@ -166,13 +154,7 @@ class SceneTraining(Training[SceneProgressDocument]):
     # learning -------------------------------------------------------------------------------------
 
     def prepare(self) -> None:
-        """Write the scene, and clone a row where one is given: the clone too is kept."""
-        if self.warm_start is not None:
-            from agents.single.cloning import clone
-
-            first = self.plan.first_deviation
-            cloned = clone(self.model, self.env, self.warm_start, first, self.seed)
-            self.clone, self.clone_score = cloned.to_dict(), cloned.score
+        """Write the scene."""
         write_text(self.folder / SCENE, self.scene.to_toml())
 
     def learn(self) -> None:
@@ -229,11 +211,8 @@ class SceneTraining(Training[SceneProgressDocument]):
     # evaluating -----------------------------------------------------------------------------------
 
     def evaluate(self) -> None:
-        """Let the policy build a row without noise; keep the policy if it is the best so far.
-
-        Where it lost against the clone that it was, the best is put in its place.
-        """
-        from agents.sb3.learner import load_weights, policy_of, save_weights
+        """Let the policy build a row without noise; keep the policy if it is the best so far."""
+        from agents.sb3.learner import policy_of, save_weights
 
         speed = float(self.env.rows.reference_speed)
         uniform_speed = self.scene.uniform().wave.mean_speed
@@ -262,10 +241,6 @@ class SceneTraining(Training[SceneProgressDocument]):
         self.bar.set_postfix_str(
             f"best {self.best:.4f}, uniform {built.uniform.score:.4f}", refresh=False
         )
-        if self.clone_score is not None and built.score < self.clone_score - SLACK:
-            load_weights(self.model.policy, self.folder / POLICY)  # what was tried is undone
-            if self.steps >= self.total:
-                self.evaluate()  # the last word is that of the policy that was put back
 
     # keeping --------------------------------------------------------------------------------------
 
@@ -276,7 +251,6 @@ class SceneTraining(Training[SceneProgressDocument]):
             "seed": self.seed,
             "steps": self.total,
             "preset": self.plan.to_dict(),
-            "warm_start": self.clone,
         }
 
     def progress(self) -> dict[str, Any]:
@@ -285,7 +259,6 @@ class SceneTraining(Training[SceneProgressDocument]):
             "best": float(self.best),
             "sampled": float(self.sampled),
             "reference": float(self.env.rows.reference_speed),
-            "clone_score": self.clone_score,
         }
 
     def state(self, progress: dict[str, Any]) -> dict[str, Any]:
@@ -302,7 +275,6 @@ class SceneTraining(Training[SceneProgressDocument]):
         found = model_of(SceneProgressDocument, state["more"])
         self.best, self.sampled = found.best, found.sampled
         self.env.rows.reference_speed = found.reference
-        self.clone_score = found.clone_score
         return found
 
     def result(self, interrupted: bool) -> Run:
@@ -312,7 +284,7 @@ class SceneTraining(Training[SceneProgressDocument]):
         built = ScenePolicy.load(self.folder).build()
         run = Run(
             self.folder, self.steps, self.clock.seconds, tuple(self.curve), interrupted,
-            self.algorithm, built, self.clone_score,
+            self.algorithm, built,
         )  # fmt: skip
         document = {
             "scene": self.scene.name,
@@ -321,7 +293,6 @@ class SceneTraining(Training[SceneProgressDocument]):
             "score": built.score,
             "uniform_score": built.uniform.score,
             "gain": built.gain,
-            "clone_score": self.clone_score,
             "last_score": self.curve[-1][2],
         }
         rival = None if interrupted else _rival(self.scene, COMPARED * run.seconds)

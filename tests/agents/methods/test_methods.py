@@ -76,7 +76,7 @@ def test_a_trained_agent_builds_at_once_and_its_training_counts(tmp_path: Path) 
     found = search(scene, "agent:sprint", seconds=5.0)
     assert found.evaluations == 1
     assert found.score == built.score
-    assert search(scene, "agent:family", seconds=5.0).score == evaluate("family", scene).score
+    assert search(scene, "agent:designer", seconds=5.0).score == evaluate("designer", scene).score
     home = POLICIES / "sprint"
     for name in ("scene.toml", "config.json", "policy.npz", "policy.json"):
         (tmp_path / name).write_bytes((home / name).read_bytes())

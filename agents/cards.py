@@ -1,7 +1,7 @@
 """The figures on the cards of the policies that ship.
 
-python -m agents.lab.cards            writes them anew
-python -m agents.lab.cards --check    compares them with what the cards say
+python -m agents.cards            writes them anew
+python -m agents.cards --check    compares them with what the cards say
 
 A card is the README.md beside the weights: what the policy was trained on, what it scores, where it
 ends. What stands between the two marks of a card is written here; no times, which differ from

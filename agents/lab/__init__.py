@@ -1,1 +1,0 @@
-"""Experiments: long trainings, presets that are searched for, ways to train that are compared."""
