@@ -10,4 +10,4 @@ import lazy_loader
 from domino_env.core.drawing import register as register_drawings
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-register_drawings({"search": "optimize.searching.picture:picture"})
+register_drawings({"search": "optimize.picture:picture"})

@@ -1,13 +1,13 @@
 from .comparison.runner import Comparison as Comparison
 from .comparison.runner import compare as compare
-from .evaluation.budget import Budget as Budget
-from .evaluation.result import SearchResult as SearchResult
+from .evaluator import Budget as Budget
 from .executors.choice import open_executor as open_executor
-from .methods import METHODS as METHODS
+from .methods.registry import METHODS as METHODS
 from .problem import Problem as Problem
 from .records.shipped import BestKnown as BestKnown
 from .records.shipped import best_known as best_known
-from .searching.runner import search as search
+from .result import SearchResult as SearchResult
+from .searching import search as search
 from .studies import open_store as open_store
 from .studies.running import run_tasks as run_tasks
 from .studies.task import Task as Task

@@ -11,7 +11,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import domino_env as de
-from optimize.methods import METHODS
+from optimize.methods.registry import METHODS
 from optimize.records.shipped import best_known
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -19,8 +19,8 @@ from domino_env import Scene, SceneDistribution
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import document_of_text
 from domino_env.scenes.pool import load_test_set
-from optimize.evaluation.budget import Step
-from optimize.searching.runner import search
+from optimize.evaluator import Step
+from optimize.searching import search
 from optimize.studies.task import scene_of
 
 Floats = NDArray[np.float64]

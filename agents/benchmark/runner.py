@@ -14,7 +14,7 @@ from agents.sb3.presets import ALGORITHMS
 from agents.single.scripted import SCRIPTED
 from domino_env import Scene, SceneDistribution
 from domino_env.scenes.distribution import load_any
-from optimize import methods
+from optimize.methods import registry
 from optimize.studies.progress import TaskLines
 from optimize.studies.running import Failure, Keeper, run_tasks
 from optimize.studies.task import Task, TaskResult
@@ -67,7 +67,7 @@ def benchmark_tasks(
             raise ValueError(f"{name} = {number}: give more than 0")
     for name in algorithms:
         if name not in (*ALGORITHMS, *SCRIPTED):
-            methods.load(name)
+            registry.load(name)
     loaded = [scene if isinstance(scene, PROBLEMS) else load_any(scene) for scene in scenes]
     return [
         BenchmarkTask(text, name, seed, None, seconds, labels, steps, str(home))

@@ -27,8 +27,8 @@ from domino_env import Scene, SceneDistribution
 from domino_env.core.provenance import versions
 from domino_env.core.reading import read_json
 from domino_env.scenes.pool import load_test_set
-from optimize.evaluation.budget import Budget, Step
-from optimize.searching.compiling import compile_for
+from optimize.compiling import compile_for
+from optimize.evaluator import Budget, Step
 from optimize.studies.task import Task, TaskResult
 
 EACH = 0.04  # of the time of a search: so much it has for each scene of a test set

@@ -36,7 +36,7 @@ from agents.conditioned.polishing import polished, steps_of
 from domino_env import Layout, Scene, Wave, load_scene
 from domino_env.core.brief import brief
 from domino_env.view.shown import MadeForScene
-from optimize.searching.compiling import compile_for
+from optimize.compiling import compile_for
 
 Floats = NDArray[np.float64]
 

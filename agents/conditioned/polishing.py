@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from domino_env import Layout, Scene
-from optimize.methods.structured.ascent import Ascent
+from optimize.methods.gradient.local_search import Ascent
 from optimize.problem import Problem
 
 LEAST, MOST, DOMINOES = 4, 12, 320  # steps, and dominoes in all of them that take some 4 ms

@@ -19,7 +19,7 @@ from domino_env.core.tables import markdown_table, write_csv
 from domino_env.scenes.distribution import load_distribution
 from domino_env.scenes.io.reading import distribution_names
 from domino_env.scenes.pool import load_test_set
-from optimize.searching.compiling import compile_for
+from optimize.compiling import compile_for
 
 Floats = NDArray[np.float64]
 

@@ -30,7 +30,7 @@ from agents.sb3.presets import Preset, preset  # noqa: E402
 from agents.sb3.vec_env import DominoVecEnv  # noqa: E402
 from domino_env.physics.wave import Outcome  # noqa: E402
 from domino_env.scenes.objectives import Evaluation  # noqa: E402
-from optimize.evaluation.budget import Budget, BudgetSpent  # noqa: E402
+from optimize.evaluator import Budget, BudgetSpent  # noqa: E402
 
 EVALUATIONS = 50  # rows built without noise in a whole search
 GENERATIONS = 8  # generations of rows that a budget of evaluations is to last for

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
-    from optimize.evaluation.budget import Budget
+    from optimize.evaluator import Budget
 
     Method = Callable[[Budget, np.random.Generator], None]
 

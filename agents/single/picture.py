@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from agents.single.result import Run
-    from optimize.evaluation.result import SearchResult
+    from optimize.result import SearchResult
 
 
 def draw(run: Run, rival: SearchResult | None, path: Path) -> None:

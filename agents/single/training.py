@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.callbacks import BaseCallback
 
-    from optimize.evaluation.result import SearchResult
+    from optimize.result import SearchResult
 
 COMPARED = 0.1  # of the training's time is what CMA-ES gets, for the line in the picture
 LONGEST_COMPARED = 20.0  # [s]

@@ -22,11 +22,11 @@ from domino_env.physics.physics import Physics
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.view.drawing import Scale, strip
-from optimize import methods
-from optimize.evaluation.budget import Budget
+from optimize.evaluator import Budget
+from optimize.methods import registry
 from optimize.methods.gradient.quasi_newton import descend
 from optimize.problem import Problem as UnitBox
-from optimize.searching.runner import search
+from optimize.searching import search
 
 Floats = NDArray[np.float64]
 
@@ -164,7 +164,7 @@ class DominoRow(Problem[Floats]):
             Its score at every improvement; a step is the number of rows simulated by then.
         """
         start = self._box.design(self.layout(starting_point))
-        others = methods.load("auto")
+        others = registry.load("auto")
 
         def from_start(budget: Budget, rng: np.random.Generator) -> None:
             descend(budget, start)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from optimize.comparison.runner import Comparison
-    from optimize.evaluation.result import SearchResult
+    from optimize.result import SearchResult
     from optimize.studies.task import Task
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
@@ -65,17 +65,17 @@ def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
     from domino_env.core.files import require_room
     from domino_env.scenes.io.reading import load_scene, scene_names
-    from optimize import methods
     from optimize.comparison.runner import compare, comparison_tasks
+    from optimize.methods import registry
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
     scenes = [load_scene(name) for name in names]
     if arguments.methods is None:
-        chosen = [*methods.METHODS, *methods.installed_peers()]
+        chosen = [*registry.METHODS, *registry.installed_peers()]
     else:
         chosen = [name.strip() for name in arguments.methods.split(",")]
     for name in chosen:
-        methods.load(name)
+        registry.load(name)
     if arguments.seeds < 1:
         raise ValueError(f"--seeds {arguments.seeds}: give at least one")
     seconds, evaluations = arguments.seconds, arguments.evaluations

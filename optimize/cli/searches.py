@@ -16,7 +16,7 @@ from optimize.executors.choice import add_executor_options, asked_executor
 
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
-    from optimize.evaluation.result import SearchResult
+    from optimize.result import SearchResult
 
 SUMMARY = "search a better row than the best uniform one"
 MARKED = 1e-6  # a smaller relative distance to the best known is none
@@ -54,12 +54,12 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.scenes.io.reading import load_scene, scene_names
-    from optimize import methods
+    from optimize.methods import registry
     from optimize.records.shipped import update
-    from optimize.searching.folder import FILES, require_place
-    from optimize.searching.runner import require_limits, search
+    from optimize.run_folder import FILES, require_place
+    from optimize.searching import require_limits, search
 
-    methods.load(arguments.method)
+    registry.load(arguments.method)
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
     require_limits(arguments.evaluations, arguments.seconds, arguments.seed)

@@ -11,7 +11,7 @@ import numpy as np
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
 from optimize.comparison.runner import Comparison
-from optimize.evaluation.result import SearchResult
+from optimize.result import SearchResult
 
 FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png", "targets.png")
 RUN_NAMES = (

@@ -13,17 +13,16 @@ from numpy.typing import NDArray
 from domino_env.core.brief import brief
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from optimize.evaluation.result import SearchResult
-from optimize.methods import METHODS
-from optimize.methods.own import importable_name
+from optimize.methods.registry import METHODS, importable_name
 from optimize.records.shipped import best_known
-from optimize.searching.runner import search
+from optimize.result import SearchResult
+from optimize.searching import search
 from optimize.studies.progress import TaskLines
 from optimize.studies.running import Failure, Keeper, run_tasks
 from optimize.studies.task import Task, TaskResult, scene_of, search_result
 
 if TYPE_CHECKING:
-    from optimize.methods import Method
+    from optimize.methods.registry import Method
 
 Floats = NDArray[np.float64]
 

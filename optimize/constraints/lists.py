@@ -91,7 +91,7 @@ class Lists:
         Raises
         ------
         ValueError
-            Where there is none; `optimize.constraints.feasible` says why.
+            Where there is none; `optimize.constraints.feasibility` says why.
         """
         wanted = np.ascontiguousarray(wanted, dtype=np.float64)
         if self.total is None and not self.coupled:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from optimize.evaluation.budget import Budget
-from optimize.problem import Floats
+from optimize.evaluator import Budget
+from optimize.variables import Floats
 
 KICK = 0.1  # standard deviation of a perturbation, as a part of the box
 

@@ -22,7 +22,7 @@ from domino_env.core.reading import naming, read_json
 from domino_env.physics.files import LayoutTable
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
-from optimize.evaluation.result import SearchResult
+from optimize.result import SearchResult
 
 PATH = Path(__file__).with_name("best_known.json")
 CLOSEST = 1e-12  # relative error at which a record is simulated

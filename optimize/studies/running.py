@@ -11,7 +11,7 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol
 
-from optimize.evaluation.budget import Budget
+from optimize.evaluator import Budget
 from optimize.executors.base import (
     ExecutorLost,
     WorkersExecutor,

@@ -16,9 +16,9 @@ from domino_env.core.provenance import versions
 from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.scene import Scene
-from optimize.evaluation.budget import Budget, Step
-from optimize.evaluation.result import SearchResult
-from optimize.searching.runner import search
+from optimize.evaluator import Budget, Step
+from optimize.result import SearchResult
+from optimize.searching import search
 
 Floats = NDArray[np.float64]
 Label = float | int | str

@@ -13,7 +13,7 @@ import numpy as np
 from domino_env.core.brief import brief
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from optimize import methods as known_methods
+from optimize.methods import registry
 from optimize.problem import Problem
 from optimize.studies.progress import TaskLines
 from optimize.studies.running import Failure, Keeper, run_tasks
@@ -146,7 +146,7 @@ def sweep_tasks(
     if not methods or len(set(methods)) < len(methods):
         raise ValueError(f"methods = {', '.join(methods) or 'none'}: give each once")
     for name in methods:
-        known_methods.load(name)
+        registry.load(name)
     if seeds < 1:
         raise ValueError(f"--seeds {seeds}: give at least one")
     if evaluations is not None and evaluations < 1:

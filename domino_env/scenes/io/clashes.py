@@ -147,7 +147,7 @@ def _too_many(asked: SceneFile) -> Iterator[str]:
 
 
 def _clashes_of_length(asked: SceneFile) -> Iterator[str]:
-    """Whether any row within the bounds meets it; lists, steps: `optimize.constraints.feasible`."""
+    """Whether a row within the bounds meets it; lists: `optimize.constraints.feasibility`."""
     length, count = asked.row.length, asked.row.count
     if length is None:
         return

@@ -14,9 +14,10 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from optimize.evaluation.budget import Budget
+from optimize.evaluator import Budget
 from optimize.methods.starts import starts
-from optimize.problem import Floats, Problem
+from optimize.problem import Problem
+from optimize.variables import Floats
 
 PLANES = 10
 FIRST, LARGEST, SMALLEST = 0.1, 0.4, 1e-6  # radius of the trust region, as a part of the box

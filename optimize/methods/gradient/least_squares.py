@@ -24,9 +24,9 @@ from itertools import islice
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from optimize.evaluation.budget import Budget
+from optimize.evaluator import Budget
 from optimize.methods.starts import starts
-from optimize.problem import Floats
+from optimize.variables import Floats
 
 ON_TIME = 1e-9  # [s] RMS error below which a row is on time
 DAMPING = 1e-2  # at first, as a part of the largest squared slope

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from scipy.optimize import LinearConstraint, minimize
 
-from optimize.evaluation.budget import Budget
+from optimize.evaluator import Budget
 from optimize.methods.starts import cost, starts
 
 

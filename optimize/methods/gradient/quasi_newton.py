@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 from scipy.optimize import minimize
 
-from optimize.evaluation.budget import Budget
+from optimize.evaluator import Budget
 from optimize.methods.starts import cost, starts
-from optimize.problem import Floats
+from optimize.variables import Floats
 
 
 def run(budget: Budget, rng: np.random.Generator) -> None:

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from scipy.optimize import BFGS, SR1, Bounds, minimize
 
-from optimize.evaluation.budget import Budget
+from optimize.evaluator import Budget
 from optimize.methods.starts import cost, starts
 
 MANY = 200  # variables from which on the curvature is the cheaper SR1

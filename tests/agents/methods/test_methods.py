@@ -22,9 +22,9 @@ from agents.sb3.side_by_side_ars import SideBySideARS
 from agents.sb3.vec_env import DominoVecEnv
 from domino_env.scenes.objectives import Evaluation
 from optimize import METHODS, Problem, search
-from optimize.evaluation.budget import Budget
-from optimize.evaluation.recorder import Recorder
-from optimize.methods import load, of_others
+from optimize.evaluator import Budget
+from optimize.methods.registry import load, of_others
+from optimize.recorder import Recorder
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
@@ -102,7 +102,7 @@ def test_without_the_extra_it_is_said_what_to_install() -> None:
         "import sys; sys.modules['sb3_contrib'] = None\n"
         "import importlib.util as u; find = u.find_spec\n"
         "u.find_spec = lambda name, *a: None if name == 'sb3_contrib' else find(name, *a)\n"
-        "from optimize.methods import load\n"
+        "from optimize.methods.registry import load\n"
         "load('agent:sprint')\n"
         "assert 'torch' not in sys.modules\n"
         "try:\n    load('ppo')\nexcept ImportError as error:\n    print(error)\n"

@@ -116,7 +116,7 @@ def test_no_uniform_row_beats_that_of_the_scene_that_ships() -> None:
 
 
 def test_auto_settles_on_the_floor(monkeypatch) -> None:
-    from optimize.methods.structured import two_fidelities
+    from optimize.methods.search import two_fidelities
 
     monkeypatch.setattr(two_fidelities, "HINGED", 200)
     scene = replace(SMALL, count=8, spacing=(0.002, 0.04))

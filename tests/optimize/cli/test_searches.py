@@ -11,7 +11,7 @@ import pytest
 import domino_env as de
 from domino_env.cli.main import main
 from optimize.records.shipped import best_known
-from optimize.searching.folder import FILES, JOURNAL
+from optimize.run_folder import FILES, JOURNAL
 
 
 @pytest.fixture(autouse=True)

@@ -25,8 +25,8 @@ from optimize.comparison.runner import (
     compare,
     comparison_tasks,
 )
-from optimize.evaluation.result import SearchResult
 from optimize.records import shipped
+from optimize.result import SearchResult
 from optimize.studies.progress import in_words
 
 RECORDS = shipped.best_known()

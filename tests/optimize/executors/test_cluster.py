@@ -90,7 +90,7 @@ def test_two_workers_give_the_same_bits(tasks, expected, cluster: DaskExecutor) 
 
 def test_bulk_scoring_gives_the_same_bits(scenes, cluster: DaskExecutor, monkeypatch) -> None:
     alone = search(scenes["spacing"], "random", budget=1000)
-    monkeypatch.setattr("optimize.evaluation.bulk.TASK", 2000)
+    monkeypatch.setattr("optimize.bulk.TASK", 2000)
     spread = search(scenes["spacing"], "random", budget=1000, executor=cluster)
     steps = [[(n, f, s) for n, f, _, s in one.trace] for one in (spread, alone)]
     assert steps[0] == steps[1]

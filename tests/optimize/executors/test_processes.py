@@ -169,10 +169,8 @@ def test_what_a_study_has_is_not_run_again(tasks, expected, monkeypatch) -> None
 
 @pytest.mark.parametrize("kind", ["spacing", "both"])
 def test_bulk_scoring_gives_the_same_bits(scenes, kind: str, pool, monkeypatch) -> None:
-    monkeypatch.setattr(
-        "optimize.evaluation.budget.PIECE", 200
-    )  # so that little work is many pieces
-    monkeypatch.setattr("optimize.evaluation.bulk.TASK", 300)
+    monkeypatch.setattr("optimize.evaluator.PIECE", 200)  # so that little work is many pieces
+    monkeypatch.setattr("optimize.bulk.TASK", 300)
     alone = search(scenes[kind], "random", budget=2013)
     sent = []
     counted = ProcessExecutor.submit

@@ -11,9 +11,9 @@ import pytest
 import domino_env as de
 from domino_env.scenes.scene import Scene
 from optimize import METHODS, search
-from optimize.evaluation.budget import Budget
-from optimize.evaluation.recorder import Recorder
-from optimize.evaluation.result import SearchResult
+from optimize.evaluator import Budget
+from optimize.recorder import Recorder
+from optimize.result import SearchResult
 
 SCENES = ["spacing", "one-gap", "thickness", "both", "length", "length-both", "dying", "dead"]
 WARM = 2  # rows that are simulated first, to compile the simulator and its gradients

@@ -10,7 +10,7 @@ import pytest
 from domino_env.cli.main import main
 from optimize import compare, search
 from optimize.executors.processes import ProcessExecutor
-from optimize.methods import load
+from optimize.methods.registry import load
 
 MINE = """
 import sys

@@ -43,7 +43,7 @@ def read(folder: Path) -> tuple[dict, list[np.ndarray]]:
 
 def test_the_logs_are_as_the_logger_of_the_field_writes_them(scenes, tmp_path, monkeypatch) -> None:
     ioh = pytest.importorskip("ioh", reason="needs ioh, whose logger is the reference")
-    monkeypatch.setattr("optimize.methods.load", lambda _: one_by_one)
+    monkeypatch.setattr("optimize.methods.registry.load", lambda _: one_by_one)
     scene = replace(scenes["spacing"], name="row")
     problem = Problem(scene)
     results = [run_task(Task.of(scene, "mine:run", seed, evaluations=ROWS)) for seed in SEEDS]

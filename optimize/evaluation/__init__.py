@@ -1,1 +1,0 @@
-"""What a search asked for and was answered: budgets, journals, scores found elsewhere."""

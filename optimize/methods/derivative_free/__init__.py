@@ -1,1 +1,0 @@
-"""Methods that ask for scores alone, and no chance."""

@@ -1,0 +1,268 @@
+"""A long row as a short one repeats it: head, plateau, tail.
+
+Far from both ends a good row is the same for thousands of dominoes, and its ends are those of a row
+of some hundred. So a short row of the same scene is searched and stretched in its middle, step by
+step to the length that is asked for; at each, the ends, the plateau and what lies between climb a
+little together.
+
+References
+----------
+McKenzie, L. W. (1976). Turnpike theory. Econometrica 44, 841-865: why the best path over a long
+time keeps to the best steady one, but for its ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, csr_array
+
+from domino_env.physics.steady import steady_wave
+from domino_env.scenes.scene import Scene
+from optimize.evaluator import Budget
+from optimize.methods.gradient.local_search import Refined, climb
+from optimize.problem import Problem
+from optimize.variables import Floats
+
+LONG = 512  # dominoes from which on a row is long
+SHORTEST, TIMES = 160, 4  # dominoes of the row that is searched; how much longer the next one is
+SEARCHED = 600  # evaluations of the shortest
+MOST, LEAST = 60, 12  # gradients of a row four times as long, and of far longer ones
+WHOLE = 200  # gradients of the row that is asked for
+KEPT = 2  # rows that are stretched on
+PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
+KEEPS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that another plateau leaves
+RAMP = 40  # places on the way to it
+LOOKS = KEPT * len(PERIODS) + len(KEEPS)  # rows that are stretched in all these ways
+GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))  # gaps and thicknesses of steady rows, ever closer
+ENDS, GROWTH = 60, 1.5  # places of each end that are free one by one, then ever fewer
+
+Search = Callable[[Budget, np.random.Generator], None]
+
+
+def is_long(scene: Scene) -> bool:
+    """Say whether a shorter row of the scene shows how a long one looks.
+
+    It does where speed counts, and the rules are the same for every domino, whatever their number:
+    no box of dominoes, no heights that grow, no hills, no length to be met with gaps from a list.
+    """
+    listed = scene.spacing_values is not None or scene.thickness_values is not None
+    other = scene.stock is not None or scene.growth is not None
+    other = other or (scene.ground is not None and not scene.ground.is_even)
+    alike = not (other or (listed and scene.length is not None))
+    return scene.count >= LONG and scene.criterion.rewards_speed and alike
+
+
+def best_stretched(
+    budget: Budget, rng: np.random.Generator, search: Search
+) -> tuple[float, Floats]:
+    """Search a short row of the budget's scene, stretch it, and climb a little on the way.
+
+    Parameters
+    ----------
+    budget
+        Pays for it all; rows that are shorter cost less.
+    rng
+        For the search.
+    search
+        Searches the short row, until its budget is spent.
+
+    Returns
+    -------
+    score : float
+        Of the best design.
+    design : ndarray
+        (n,)
+
+    Raises
+    ------
+    BudgetSpent
+        Where not all can be paid for.
+    """
+    scene = budget.problem.scene
+    plateau = best_steady(scene)
+    shorter = Problem(_shortened(scene, SHORTEST))
+    with budget.lend(shorter, SEARCHED) as own:
+        search(own, rng)
+    found = [own.best]
+    _score_stretched(budget, found[0])  # should time run out on the way
+    for count in _counts(scene.count):
+        shorter = Problem(_shortened(scene, count))
+        gradients = max(LEAST, MOST * TIMES * SHORTEST // count)
+        arms: list[Stretched] = []
+        with budget.lend(shorter, KEPT * gradients + LOOKS) as own:
+            arms = _stretched(own, found, plateau)
+            climb(own, arms, gradients)
+        found = [arm.design for arm in arms] or [own.best]
+    arms = _stretched(budget, found, plateau)
+    climb(budget, arms, LEAST)
+    best = max(arms, key=lambda arm: arm.score)
+    climb(budget, [best], WHOLE)
+    return best.score, best.design
+
+
+def best_steady(scene: Scene) -> tuple[float, float] | None:
+    """Find the uniform row whose wave is fastest once it is steady, however it may begin.
+
+    Returns
+    -------
+    tuple or None
+        Its gap and thickness [m]; None where a length leaves no choice, or no uniform row has a
+        steady wave.
+
+    Notes
+    -----
+    The push does not matter here: a uniform row of so narrow gaps may not even begin to fall.
+    """
+    if scene.length is not None:
+        return None
+    scale = scene.height if scene.in_heights else 1.0
+    low, high = np.array([scene.spacing, scene.thickness]).T * scale
+    slope = 0.0 if scene.ground is None else math.radians(scene.ground.slope or 0.0)
+    best, place, room = 0.0, 0.5 * (low + high), 0.5 * (high - low)
+    for looks in GRIDS:
+        axes = [
+            np.unique(np.clip(p + np.linspace(-r, r, n), a, b))
+            for p, r, n, a, b in zip(place, room, looks, low, high, strict=True)
+        ]
+        for gap, thickness in product(*axes):
+            told = gap + thickness, thickness, scene.height, scene.physics
+            speed = steady_wave(*told, density=scene.density, slope=slope, rtol=1e-8).speed
+            if speed > best:
+                best, place = speed, np.array([gap, thickness])
+        room = 2.0 * room / looks
+    return (float(place[0]), float(place[1])) if best > 0.0 else None
+
+
+def _score_stretched(budget: Budget, short: Floats) -> None:
+    problem = budget.problem
+    pairs = problem.scene.count - 1
+    longer = repeated(short.reshape(problem.dimension // pairs, -1), pairs, 1)
+    budget.scores(problem.project(longer.reshape(1, -1)))
+
+
+def _counts(count: int) -> list[int]:
+    """Dominoes of the rows on the way to one of `count`, the last of them well shorter."""
+    found = [TIMES * SHORTEST]
+    while 1.5 * found[-1] < count:
+        found.append(TIMES * found[-1])
+    return found[:-1]
+
+
+def _shortened(scene: Scene, count: int) -> Scene:
+    length = scene.length
+    if length is not None:
+        length *= (count - 1) / (scene.count - 1)
+    return replace(scene, name=f"{scene.name}, {count} dominoes", count=count, length=length)
+
+
+def _stretched(
+    budget: Budget, shorts: Sequence[Floats], plateau: tuple[float, float] | None
+) -> list[Stretched]:
+    """Climbs to go on with, from designs of fewer dominoes."""
+    problem = budget.problem
+    pairs = problem.scene.count - 1
+    parts = problem.dimension // pairs
+    begins = []
+    for short in shorts:
+        rows = short.reshape(parts, -1)
+        begins.append([repeated(rows, pairs, period) for period in PERIODS])
+    if len(shorts) < KEPT and plateau is not None:
+        flat = problem.design(problem.scene.layout(*plateau)).reshape(parts, -1)
+        begins.append([led_over(begins[0][0], flat, head, tail) for head, tail in KEEPS])
+    arms = []
+    for some in begins:
+        designs = problem.project(np.array([rows.ravel() for rows in some]))
+        scores = budget.scores(designs)
+        i = int(np.argmax(scores))
+        arm = Stretched(designs[i], parts, problem.project if problem.coupled else None)
+        arm.score = float(scores[i])
+        arms.append(arm)
+    return arms
+
+
+def repeated(rows: Floats, pairs: int, period: int) -> Floats:
+    """Stretch rows by repeating some places of their middle.
+
+    Parameters
+    ----------
+    rows
+        (parts, m), m at least `period`.
+    pairs
+        How long they are to become.
+    period
+        How many places are repeated.
+
+    Returns
+    -------
+    ndarray
+        (parts, pairs)
+    """
+    middle = (rows.shape[1] + period) // 2
+    tail = rows.shape[1] - middle
+    at = np.arange(pairs)
+    source = middle - period + (at - middle) % period
+    source = np.where(at < middle, at, source)
+    source[pairs - tail :] = np.arange(middle, rows.shape[1])
+    return rows[:, source]
+
+
+def led_over(rows: Floats, flat: Floats, head: int, tail: int) -> Floats:
+    """Lead rows (parts, pairs) over to a plateau, `flat`, and back.
+
+    The first `head` places stay as they are, the last `tail` too.
+    """
+    at = np.arange(rows.shape[1])
+    part = np.clip((at - head) / RAMP, 0.0, 1.0)
+    if tail:
+        part = np.minimum(part, np.clip((at[::-1] - tail) / RAMP, 0.0, 1.0))
+    return rows + part * (flat - rows)
+
+
+class Stretched(Refined):
+    """A climb of the ends, the plateau and what lies between, then of the whole design.
+
+    Parameters
+    ----------
+    start
+        (n,) design to begin at.
+    parts
+        Gaps, thicknesses and heights, as far as they are free.
+    project
+        As of `Refined`.
+    """
+
+    def __init__(
+        self, start: Floats, parts: int, project: Callable[[Floats], Floats] | None
+    ) -> None:
+        pairs = len(start) // parts
+        places = _places(pairs)
+        self._knots = (np.arange(parts)[:, None] * pairs + places).ravel()
+        super().__init__(start, [_between(places, pairs, parts)], project)
+
+    def _coarse(self, matrix: Floats, design: Floats) -> Floats:
+        return np.asarray(design[self._knots])
+
+
+def _places(pairs: int) -> NDArray[np.int64]:
+    """Every place of the ends, fewer and fewer towards the middle."""
+    offsets = list(range(min(ENDS, pairs // 2)))
+    while GROWTH * offsets[-1] < 0.5 * pairs:
+        offsets.append(int(GROWTH * offsets[-1]))
+    return np.unique([*offsets, *(pairs - 1 - offset for offset in offsets)])
+
+
+def _between(places: NDArray[np.int64], pairs: int, parts: int) -> csr_array:
+    """The matrix (parts pairs, m) from the values at places to a design, straight between them."""
+    at = np.arange(pairs)
+    left = np.clip(np.searchsorted(places, at, side="right") - 1, 0, len(places) - 2)
+    right_part = (at - places[left]) / (places[left + 1] - places[left])
+    values = np.concatenate([1.0 - right_part, right_part])
+    columns = np.concatenate([left, left + 1])
+    one = csr_array((values, (np.tile(at, 2), columns)), shape=(pairs, len(places)))
+    return csr_array(block_diag([one] * parts))

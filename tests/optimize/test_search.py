@@ -1,0 +1,126 @@
+"""search(): what it asks for, and how it ends."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import numba
+import pytest
+
+import domino_env as de
+import optimize
+from domino_env.scenes.baseline import gain
+from domino_env.scenes.scene import Scene
+from optimize import METHODS, search
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    ({"method": "cmaes"}, "there is no method 'cmaes': did you mean 'cma'? choose auto, cma"),
+    ({"method": "lbfgs"}, "did you mean 'l-bfgs'?"),
+    ({"method": "L_BFGS"}, "did you mean 'l-bfgs'?"),
+    ({"method": "quantum"}, "there is no method 'quantum': choose auto, cma, l-bfgs"),
+    ({"budget": 0}, "budget = 0: give at least one evaluation"),
+    ({"seconds": 0.0}, "seconds = 0.0: give a time of more than 0 s"),
+    ({"seconds": float("nan")}, "seconds = nan: give a time"),
+    ({"seed": -1}, "seed = -1: give a whole number, 0 or more"),
+    ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
+])  # fmt: skip
+def test_what_cannot_be_searched_is_told(words, message: str) -> None:
+    with pytest.raises(ValueError, match=message.replace("?", r"\?")):
+        search(**({"scene": "sprint"} | words))
+
+
+def test_a_scene_that_leaves_nothing_free() -> None:
+    scene = replace(de.load_scene("sprint"), spacing=(0.02, 0.02))
+    with pytest.raises(ValueError, match="scene 'sprint' leaves nothing free"):
+        search(scene)
+
+
+def test_without_limits_a_search_ends_where_half_of_it_has_gained_nothing(
+    scenes, monkeypatch
+) -> None:
+    monkeypatch.setattr("optimize.evaluator.PATIENT", 300)
+    result = search(scenes["one-gap"], "random")
+    last = max(n for n, _, _, score in result.trace if score < result.trace[-1][3] * (1 - 1e-5))
+    assert result.evaluations >= max(300, 2 * last)
+    assert result.ended.startswith("nothing gained in the last ")
+
+
+def test_a_search_says_why_it_ended(scenes) -> None:
+    scene = scenes["spacing"]
+    assert search(scene, "random", 7).ended == "limit of 7 rows reached"
+    assert search(scene, "random", seconds=1e-9).ended == "limit of 1e-09 s reached"
+    assert search(scene, "uniform").ended == "done: the method has nothing left to try"
+    early = search(scene, "auto", 60).ended
+    assert early.startswith("limit of 60 rows reached; no independent climbs have ended")
+
+
+def test_auto_ends_where_independent_climbs_agree_on_any_number_of_threads(
+    scenes, tmp_path
+) -> None:
+    kept = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        alone = search(scenes["both"], seed=1)
+    finally:
+        numba.set_num_threads(kept)
+    assert re.fullmatch(r"done: ([3-9]) of \d+ independent .* without gain", alone.ended)
+    limited = search(scenes["both"], budget=alone.evaluations - 1, seed=1, folder=tmp_path)
+    assert limited.ended.startswith(f"limit of {alone.evaluations - 1} rows reached; ")
+    assert search(scenes["both"], seed=2).score == pytest.approx(alone.score, rel=1e-4)
+    resumed = search(scenes["both"], seed=1, folder=tmp_path, resume=True)
+    assert resumed.ended == alone.ended
+    assert resumed.evaluations == alone.evaluations
+    assert (resumed.layout.spacing == alone.layout.spacing).all()
+
+
+def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypatch) -> None:
+    """A hair above a stall, the search's tolerance may see a wave where a closer look sees none."""
+    scene = scenes["spacing"]
+    honest = search(scene, "random", budget=300)
+    original, rows = Scene.evaluate_batch, []
+
+    def flattering(scene: Scene, spacing, thickness, rtol=1e-6, height=None):
+        rows.extend(spacing)
+        found = original(scene, spacing, thickness, rtol, height)
+        found.score[-1] = 5.0 if len(rows) == 301 else found.score[-1]  # one row warms up
+        return found
+
+    monkeypatch.setattr(Scene, "evaluate_batch", flattering)
+    result = search(scene, "random", budget=300)
+    assert result.trace[-1][3] == 5.0
+    assert result.score == honest.score == scene.score(result.layout)
+
+
+def test_gain_needs_two_rows_that_run_through() -> None:
+    assert gain(1.1, 1.0) == pytest.approx(0.1)
+    assert gain(-0.5, 1.0) is None
+    assert gain(1.0, -0.5) is None
+
+
+def test_public_names() -> None:
+    for name in optimize.__all__:
+        assert getattr(optimize, name) is not None
+    assert callable(optimize.search)  # not a module of that name
+    with pytest.raises(AttributeError, match="no attribute 'serach'"):
+        optimize.serach  # noqa: B018 - reading it is the test
+
+
+def test_methods_load_only_when_asked_for() -> None:
+    script = (
+        "import sys; from optimize import METHODS, search; "
+        "print([m for m in ('cma', 'scipy.optimize', 'tqdm', 'matplotlib', 'cvxpy')"
+        " if m in sys.modules], *METHODS)"
+    )
+    words = [sys.executable, "-c", script]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]", *METHODS]
+
+
+def test_auto_keeps_a_schedule_at_once() -> None:
+    result = search("tempo")
+    assert result.ended == "done: every domino is hit on schedule, to 1e-09 s"
+    assert result.score > 1.0 - 1e-6
