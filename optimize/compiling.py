@@ -25,9 +25,9 @@ def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False
     mark = scene.uniform().layout
     gaps, thickness = np.array(mark.spacing[None]), np.array(mark.thickness[None, 1:])
     height = None if scene.growth is None else np.array(mark.height[None, 1:])
-    scene.score_batch(gaps, thickness, height=height)
+    scene.evaluate(scene.batch(gaps, thickness, height))
     if gradients:
-        scene.score_batch_gradient(gaps, thickness, height=height)
+        scene.evaluate(scene.batch(gaps, thickness, height, rtol=1e-8), gradient=True)
     if episodes:
         from domino_env import DominoChain
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -106,7 +107,7 @@ class Problem(Variables):
     def evaluate(self, designs: Floats, rtol: float | None = None) -> Evaluation:
         """Simulate designs (B, n) and give their scores, reaches and falls: see `scores`."""
         spacing, thickness, height = self.split(self.values(self.checked(designs)))
-        return self.scene.evaluate_batch(spacing, thickness, rtol or self.rtol, height)
+        return self.scene.evaluate(self.scene.batch(spacing, thickness, height, rtol or self.rtol))
 
     def score(self, design: Floats) -> float:
         """Score one design (n,), higher is better: see `scores`."""
@@ -167,14 +168,15 @@ class Problem(Variables):
         designs = self.checked(designs)
         values = self.values(designs)
         spacing, thickness, height = self.split(values)
-        found, slopes = self.scene.evaluate_batch_gradient(
-            spacing, thickness, GRADIENT_RTOL, height
-        )
+        batch = self.scene.batch(spacing, thickness, height, GRADIENT_RTOL)
+        found = self.scene.evaluate(batch, gradient=True)
+        by = found.gradient
+        assert by is not None
         gradients = self.by_design(
-            designs, values, slopes.spacing, slopes.thickness, slopes.height, at_will=at_will
+            designs, values, by.spacing, by.thickness, by.height, at_will=at_will
         )
         gradients[found.without_gradient] = 0.0
-        return found, gradients
+        return replace(found, gradient=None), gradients
 
     def neighbours(self, design: Floats) -> Floats:
         """Give the (2n, n) designs whose scores, at `STEP_RTOL`, show the slope at a design (n,).
@@ -222,7 +224,7 @@ class Problem(Variables):
             raise ValueError(f"scene '{self.scene.name}' has no schedule: there is no lateness")
         designs = self.checked(self.one(design))
         wave = simulate(self.layout(designs[0]), self.scene.physics, rtol=STEP_RTOL, gradient=True)
-        found = self.scene.evaluate_wave(wave)
+        found = self.scene.evaluate_waves([wave])
         if wave.outcome != Outcome.PROPAGATED:
             return found, np.empty(0), np.empty((0, self.dimension))
         pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]

@@ -194,5 +194,5 @@ def _best(scene: Scene, meter: Budget) -> tuple[Layout, Wave, float]:
         raise KeyboardInterrupt  # ended by hand before anything was found
     layouts = [meter.problem.layout(design) for _, design in reversed(meter.finalists)]
     waves = [scene.simulate(layout) for layout in layouts]
-    scores = scene.score_waves(waves).tolist()
+    scores = scene.evaluate_waves(waves).score.tolist()
     return max(zip(layouts, waves, scores, strict=True), key=lambda one: one[2])

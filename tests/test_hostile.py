@@ -317,7 +317,7 @@ def scene_that_is_kept(path: Path) -> de.Scene:
         middle = scene.layout(
             0.5 * sum(scene.spacing), 0.5 * sum(scene.thickness) if scene.free_thickness else None
         )
-        assert np.isfinite(scene.score_wave(scene.simulate(middle)))
+        assert np.isfinite(scene.score(scene.simulate(middle)))
     return scene
 
 

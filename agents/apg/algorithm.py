@@ -1,7 +1,7 @@
 """Analytic policy gradient: the exact slope of the score, pulled back through the policy.
 
 No other environment of this kind can tell the derivative of its return by the actions; here it is
-exact (`Scene.score_batch_gradient`). So the gradient of the expected return by the weights needs no
+exact (`Scene.evaluate`). So the gradient of the expected return by the weights needs no
 critic and no likelihoods: rows are built with noise, which lets the policy see beyond the nearest
 slope and falls on a schedule, and each row's slope goes back through what its actions stand for
 and through the network. The policy goes by how far the row has come alone (and by the features of
@@ -185,7 +185,9 @@ def _scored(scenes: list[Scene], rows: Rows) -> tuple[list[dict[str, Any]], list
         pairs = slice(0, scene.count - 1)
         gaps, thick, tall = (np.ascontiguousarray(part[chosen, pairs]) for part in laid)
         height = None if scene.growth is None else tall
-        found, by = scene.evaluate_batch_gradient(gaps, thick, RTOL, height)
+        found = scene.evaluate(scene.batch(gaps, thick, height, RTOL), gradient=True)
+        by = found.gradient
+        assert by is not None
         unit = 100.0 / (abs(scene.uniform().score) or 1.0) / len(scenes)
         for slope, exact in zip(slopes, (by.spacing, by.thickness, by.height), strict=True):
             slope[chosen, pairs] = unit * exact

@@ -91,7 +91,7 @@ def build(
     layout = completed(_episode(env, policy, 0, options)["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
-    score = scene.score_wave(wave)
+    score = scene.score(wave)
     if scene.placement_deviation:
         others = [_episode(env, policy, seed, options)["score"] for seed in range(1, HANDS)]
         score, uniform = float(np.mean([score, *others])), _uniform_as_placed(scene)

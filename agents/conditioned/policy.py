@@ -125,14 +125,14 @@ class ConditionedPolicy:
         gaps, thickness = laid(scene, said, plans)
         best = 0
         if len(plans) > 1:
-            best = int(np.argmax(scene.score_batch(gaps, thickness)))
+            best = int(np.argmax(scene.evaluate(scene.batch(gaps, thickness)).score))
         plan = plans[best]
         if len(plans) > 1 and (scene.free_thickness or scene.length is not None):
             rows = np.repeat(said[best : best + 1], len(AMPLITUDES), axis=0)
             mean = rows[..., 0].mean(axis=1, keepdims=True)
             rows[..., 0] = mean + np.array(AMPLITUDES)[:, None] * (rows[..., 0] - mean)
             gaps, thickness = laid(scene, rows, np.full(len(rows), plan))
-            best = int(np.argmax(scene.score_batch(gaps, thickness)))
+            best = int(np.argmax(scene.evaluate(scene.batch(gaps, thickness)).score))
         free = thickness[best] if scene.free_thickness else None
         return scene.layout(gaps[best], free), int(plan)
 
@@ -162,7 +162,7 @@ class ConditionedPolicy:
         layout, plan = self.propose(scene, tries)
         layout = polished(scene, layout, steps_of(scene.count) if steps is None else steps)
         wave = scene.simulate(layout)
-        score = scene.score_wave(wave)
+        score = scene.score(wave)
         seconds = time.perf_counter() - began
         return Design(scene, layout, wave, score, plan, seconds, outside(scene))
 

@@ -73,7 +73,7 @@ def ramp(scene: Scene) -> Built:
     layout = scene.layout(gaps[0], None if thick is None else thick[0])
     wave = scene.simulate(layout)
     seconds = time.perf_counter() - began
-    return Built(scene, layout, wave, scene.score_wave(wave), baseline, seconds)
+    return Built(scene, layout, wave, scene.score(wave), baseline, seconds)
 
 
 def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:
@@ -81,8 +81,8 @@ def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:
     if scene.length is not None:
         pitch = gaps + (scene.thickness[0] if thick is None else thick)
         off = np.abs(pitch.sum(axis=1) - scene.length)
-        return np.where(off < 1e-9, scene.score_batch(gaps, thick), -2.0 - off)
-    return np.asarray(scene.score_batch(gaps, thick))
+        return np.where(off < 1e-9, scene.evaluate(scene.batch(gaps, thick)).score, -2.0 - off)
+    return np.asarray(scene.evaluate(scene.batch(gaps, thick)).score)
 
 
 def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:

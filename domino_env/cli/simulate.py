@@ -140,7 +140,7 @@ def _judged(wave: Wave, scene: Scene) -> dict[str, object]:
         broken.append(f"friction, gravity or push differ: the scene has {scene.physics}")
     if broken:
         return {"scene": scene.name, "violations": broken}
-    score, mark = scene.score_wave(wave), scene.uniform().score
+    score, mark = scene.score(wave), scene.uniform().score
     lead = gain(score, mark)
     return {"scene": scene.name, "violations": [], "score": score, "uniform_score": mark} | (
         {} if lead is None else {"gain": lead}

@@ -51,7 +51,7 @@ class Endings:
     reach
         (E,) how far each wave came, of the scene's N dominoes.
     score
-        (E,) as of `Scene.score_wave`.
+        (E,) as of `Scene.score`.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Endings:
                     self._waves[i] = wave
                 else:
                     self._waves[i] = replace(wave, reach=float(self.reach[i]))
-            self.score[rows] = scene.score_waves([self._waves[i] for i in rows])
+            self.score[rows] = scene.evaluate_waves([self._waves[i] for i in rows]).score
 
     @cached_property
     def returns(self) -> Floats:

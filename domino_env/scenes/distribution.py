@@ -285,7 +285,8 @@ def some_row_runs(scene: Scene) -> bool:
     ]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     spacing, thickness, height = rows.at(points)
-    return bool(scene.score_batch(spacing, thickness, 1e-5, height).max() > 0.0)
+    batch = scene.batch(spacing, thickness, height, rtol=1e-5)
+    return bool(scene.evaluate(batch).score.max() > 0.0)
 
 
 def load_distribution(name: str | Path) -> SceneDistribution:

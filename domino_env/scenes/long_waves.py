@@ -54,12 +54,12 @@ def scores_by_heads(
         for i in range(0, len(left), size):
             some = left[i : i + size, None] * np.ones(n - 1, np.int64)
             waves, settled = extended(
-                head.batch(spacing[some], thickness[some], rtol),
+                head.batch(spacing[some], thickness[some], rtol=rtol),
                 scene.count,
                 steady,
                 arrivals=scene.criterion.needs_arrivals,
             )
-            scores[some[:, 0]] = scene.criterion.judge(waves).score
+            scores[some[:, 0]] = scene.criterion.score(waves).score
             unsettled.append(some[~settled, 0])
         left, n = np.concatenate(unsettled), 2 * n
     return scores

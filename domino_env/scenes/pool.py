@@ -123,7 +123,7 @@ def _grid(axes: list[Floats]) -> Floats:
 
 def _scores(scene: Scene, rows: UniformRows, points: Floats) -> Floats:
     spacing, thickness, height = rows.at(points)
-    return scene.score_batch(spacing, thickness, RTOL, height)
+    return scene.evaluate(scene.batch(spacing, thickness, height, RTOL)).score
 
 
 # sets for tests -----------------------------------------------------------------------------------

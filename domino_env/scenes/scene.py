@@ -16,10 +16,10 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.baseline import UniformMark, best_uniform, gain, lead_in_words
 from domino_env.scenes.io.writing import to_toml
-from domino_env.scenes.objectives import Evaluation, Slopes
+from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.unsteady import errors, placed
-from domino_env.scenes.waves import Waves
+from domino_env.scenes.waves import LayoutBatch, Waves
 
 Floats = NDArray[np.float64]
 
@@ -112,13 +112,19 @@ class Scene(Specification):
         """Topple a layout under the scene's physics."""
         return simulate(layout, self.physics, rtol=rtol)
 
-    def score(self, layout: Layout) -> float:
+    def score(self, layout: Layout | Wave) -> float:
         """Score a layout, as every method is judged; higher is better.
+
+        Parameters
+        ----------
+        layout
+            A layout, to be simulated to a relative error of 1e-10, or its wave, which has been
+            simulated already; see `evaluate_waves`.
 
         Returns
         -------
         float
-            More than 0 for a success: with "mean_speed", the mean speed [m/s]. A wave that dies
+            More than 0 for a success: with "mean_speed", the mean speed [m/s]. A wave that stops
             scores between -1 and 0, higher the further it came, so that a search can climb. See
             `domino_env.scenes.objectives`.
 
@@ -127,47 +133,59 @@ class Scene(Specification):
         ValueError
             For a layout that breaks the scene's rules.
         """
+        if isinstance(layout, Wave):
+            return float(self.evaluate_waves([layout]).score[0])
         self._require(layout)
-        return self.score_wave(self.simulate(layout))
+        return self.score(self.simulate(layout))
 
     def _require(self, layout: Layout) -> None:
         broken = self.violations(layout)
         if broken:
             raise ValueError(f"scene '{self.name}': {'; '.join(broken)}")
 
-    def score_wave(self, wave: Wave) -> float:
-        """Score a wave that has been simulated; "robust" topples its draws, a floor the row.
+    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
+        """Simulate and score B layouts at once; the scene's rules are not checked again.
 
-        A row that is not yet whole, as its wave died while it was built, is scored too: how such a
-        wave is judged depends on nothing that is not yet placed.
+        Parameters
+        ----------
+        batch
+            The layouts, as `batch` of the scene makes them.
+        gradient
+            Whether to compute the exact derivatives of the scores by gaps, thicknesses and heights
+            too. On a floor they are approximate, see `StandingSpeed`.
         """
-        return float(self.evaluate_wave(wave).score[0])
+        return self.criterion.evaluate(batch, gradient)
 
-    def score_waves(self, waves: Sequence[Wave]) -> Floats:
-        """Score many waves (W,) as `score_wave` does, those that take long by all threads."""
-        scores = np.empty(len(waves))
-        whole = [i for i, wave in enumerate(waves) if wave.layout.count == self.count]
-        if whole:
-            scores[whole] = self.criterion.evaluate_waves([waves[i] for i in whole]).score
-        for i in set(range(len(waves))) - set(whole):
-            scores[i] = self.score_wave(waves[i])
-        return scores
+    def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
+        """Score waves that have been simulated.
 
-    def evaluate_wave(self, wave: Wave) -> Evaluation:
-        """Give score, reach and falls of a wave, (1,) each: see `score_wave`."""
-        if wave.layout.count < self.count:
-            return self.criterion.judge(Waves.of_one(wave))
-        return self.criterion.evaluate_wave(wave)
+        A layout that is not yet complete, as its wave stopped while it was built, is scored too:
+        its score does not depend on what is not yet placed. The objective "robust" simulates its
+        draws and a scene with a floor the free-standing layouts, which takes all threads.
+
+        Parameters
+        ----------
+        waves
+            Waves of layouts of the scene.
+        """
+        found = self.criterion.score(Waves.of_waves(waves, self.count))
+        complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.count]
+        if self.criterion.simulates_anew and complete:
+            batch = LayoutBatch.of_waves([waves[b] for b in complete], self.ground)
+            again = self.criterion.evaluate(batch)
+            for name in ("score", "reach", "falls"):
+                getattr(found, name)[complete] = getattr(again, name)
+        return found
 
     def score_placed(
         self, layout: Layout, seeds: Sequence[int], rtol: float = SCORE_RTOL
     ) -> Floats:
-        """Score a row as an unsteady hand places it.
+        """Score a layout with placement noise.
 
         Parameters
         ----------
         layout
-            The row as it is meant.
+            The layout as it is meant.
         seeds
             One for each time that it is placed. With the same seed an environment that has just
             been reset makes the same errors.
@@ -186,94 +204,14 @@ class Scene(Specification):
         """
         self._require(layout)
         drawn = [self.placement_errors(np.random.default_rng(seed)) for seed in seeds]
-        height = layout.height[1:] if self.growth is not None else None
-        rows = [
-            self.layout(placed(layout.spacing, error), layout.thickness[1:], height)
-            for error in drawn
-        ]
-        return self.score_waves([self.simulate(row, rtol) for row in rows])
+        gaps = placed(layout.spacing, np.array(drawn))
+        ones = np.ones((len(gaps), 1))
+        tall = ones * layout.height[1:] if self.growth is not None else None
+        return self.evaluate(self.batch(gaps, ones * layout.thickness[1:], tall, rtol)).score
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
-        """Draw what an unsteady hand adds to the gaps of a row (N-1,) [m]."""
+        """Draw placement noise that is added to the gaps of a layout (N-1,) [m]."""
         return errors(self.placement_deviation, self.count - 1, generator)
-
-    def score_batch(
-        self,
-        spacing: Floats,
-        thickness: Floats | None,
-        rtol: float = 1e-6,
-        height: Floats | None = None,
-    ) -> Floats:
-        """Score B layouts at once; the scene's rules are not checked again.
-
-        Parameters
-        ----------
-        spacing
-            (B, N-1) free gaps [m].
-        thickness
-            (B, N-1) of dominoes 1 … N-1 [m]; None where it is fixed.
-        rtol
-            Relative error allowed in the arrival times.
-        height
-            (B, N-1) of dominoes 1 … N-1 [m]; None where all are equally high.
-
-        Returns
-        -------
-        NDArray
-            (B,) scores.
-        """
-        return self.evaluate_batch(spacing, thickness, rtol, height).score
-
-    def evaluate_batch(
-        self,
-        spacing: Floats,
-        thickness: Floats | None,
-        rtol: float = 1e-6,
-        height: Floats | None = None,
-    ) -> Evaluation:
-        """Give scores, reaches and falls of B layouts: see `score_batch`."""
-        return self.criterion.evaluate(self.batch(spacing, thickness, rtol, height))
-
-    def score_batch_gradient(
-        self,
-        spacing: Floats,
-        thickness: Floats | None,
-        rtol: float = 1e-8,
-        height: Floats | None = None,
-    ) -> tuple[Floats, Floats, Floats, Floats]:
-        """Score B layouts at once, with the exact gradients of the scores.
-
-        Parameters
-        ----------
-        spacing
-            As of `score_batch`.
-        thickness
-            As of `score_batch`.
-        rtol
-            Relative error allowed in the arrival times.
-        height
-            As of `score_batch`.
-
-        Returns
-        -------
-        tuple
-            Scores (B,), and their derivatives (B, N-1) by gaps, by thicknesses and by heights of
-            dominoes 1 … N-1, each with the others fixed [score/m]; zero for a row without success.
-        """
-        found, slopes = self.evaluate_batch_gradient(spacing, thickness, rtol, height)
-        return found.score, slopes.spacing, slopes.thickness, slopes.height
-
-    def evaluate_batch_gradient(
-        self,
-        spacing: Floats,
-        thickness: Floats | None,
-        rtol: float = 1e-8,
-        height: Floats | None = None,
-    ) -> tuple[Evaluation, Slopes]:
-        """Give scores, reaches and falls of B layouts with slopes: see `score_batch_gradient`."""
-        rows = self.batch(spacing, thickness, rtol, height)
-        found, slopes = self.criterion.evaluate_with_slopes(rows)
-        return found, slopes.where(found.score > 0.0)
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Say a score in the words and units of the objective."""
@@ -321,4 +259,4 @@ def _mark(scene: Scene, known: tuple[float, float] | None) -> UniformMark:
     with underway(f"finding the best uniform row of '{one_line(scene.name, 40)}'"):
         layout = best_uniform(scene, known)
     wave = scene.simulate(layout)
-    return UniformMark(layout, wave, scene.score_wave(wave))
+    return UniformMark(layout, wave, scene.score(wave))

@@ -16,9 +16,9 @@ from domino_env.scenes.grounds import clash_with_ground
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.robust import Placement
+from domino_env.scenes.objectives.standing import StandingSpeed, checked_floor, refusal
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import off_list, on_other_ground, outside, too_steep
-from domino_env.scenes.standing_rows import StandingSpeed, checked_floor, refusal
 from domino_env.scenes.stock import Stock
 from domino_env.scenes.unsteady import unsteady_refusal
 from domino_env.scenes.waves import LayoutBatch
@@ -192,9 +192,9 @@ class Specification:
     def batch(
         self,
         spacing: Floats,
-        thickness: Floats | None,
-        rtol: float,
+        thickness: Floats | None = None,
         height: Floats | None = None,
+        rtol: float = 1e-6,
     ) -> LayoutBatch:
         """Lay B rows at once, without applying the scene's rules.
 
@@ -204,10 +204,10 @@ class Specification:
             (B, N-1) free gaps [m].
         thickness
             (B, N-1) of dominoes 1 … N-1 [m]; None where it is fixed.
-        rtol
-            Relative error that will be allowed in the arrival times.
         height
             (B, N-1) of dominoes 1 … N-1 [m]; None where all are equally high.
+        rtol
+            Relative error that will be allowed in the arrival times.
         """
         tall = self._heights(len(spacing), height)
         thick = self._thicknesses(len(spacing), thickness, tall)

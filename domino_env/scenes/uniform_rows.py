@@ -155,7 +155,7 @@ class UniformRows:
         piece = max(1, LARGEST_BATCH // (scene.count * scene.criterion.waves_a_score))
         rtol = RTOL_DRAWN if self.drawn else RTOL
         scores = [
-            scene.criterion.evaluate(scene.batch(spacing, thickness, rtol, height)).score
+            scene.criterion.evaluate(scene.batch(spacing, thickness, height, rtol)).score
             for i in range(0, len(points), piece)
             for spacing, thickness, height in [self.at(points[i : i + piece])]
         ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -57,13 +58,15 @@ class LayoutBatch:
     __repr__ = brief
 
     @classmethod
-    def of_one(cls, wave: Wave, ground: Ground | None) -> Self:
-        """Take the layout of a wave, to be toppled as it was, on the ground that it was laid on."""
-        row = wave.layout
-        return cls(
-            row.spacing[None], row.thickness[None], row.height[None], row.width, row.density,
-            wave.physics, wave.rtol, ground,
-        )  # fmt: skip
+    def of_waves(cls, waves: Sequence[Wave], ground: Ground | None) -> Self:
+        """Collect the layouts of waves of one scene, laid on its ground."""
+        gaps, thick, tall = (
+            np.array([getattr(wave.layout, name) for wave in waves])
+            for name in ("spacing", "thickness", "height")
+        )
+        one = waves[0]
+        row = gaps, thick, tall, one.layout.width, one.layout.density
+        return cls(*row, one.physics, one.rtol, ground)
 
     def __len__(self) -> int:
         return len(self.spacing)
@@ -73,11 +76,10 @@ class LayoutBatch:
         """Number of dominoes N."""
         return int(self.thickness.shape[1])
 
-    def rows(self, rows: slice) -> LayoutBatch:
-        """Take some of the layouts."""
-        tall = self.height if len(self.height) == 1 else self.height[rows]
+    def __getitem__(self, part: slice) -> LayoutBatch:
+        tall = self.height if len(self.height) == 1 else self.height[part]
         return replace(
-            self, spacing=self.spacing[rows], thickness=self.thickness[rows], height=tall
+            self, spacing=self.spacing[part], thickness=self.thickness[part], height=tall
         )
 
     def layout(self, b: int) -> Layout:
@@ -168,16 +170,34 @@ class Waves:
         )  # fmt: skip
 
     @classmethod
-    def of_one(cls, wave: Wave) -> Self:
-        """Take what scores need from a single wave, as from a batch of one."""
-        margins = wave.stall_margin[np.isfinite(wave.stall_margin)]
+    def of_waves(cls, waves: Sequence[Wave], count: int) -> Self:
+        """Collect what scores need from single waves, also of layouts not yet complete.
+
+        Parameters
+        ----------
+        waves
+            Waves of layouts of at most `count` dominoes.
+        count
+            Number N of dominoes of the complete layouts.
+        """
+        times = np.full((len(waves), count), np.inf)
+        margins = np.zeros(len(waves))
+        for b, wave in enumerate(waves):
+            times[b, : wave.layout.count] = wave.arrival_times
+            finite = wave.stall_margin[np.isfinite(wave.stall_margin)]
+            margins[b] = finite.min() if len(finite) else 0.0
         return cls(
-            np.array([wave.outcome == Outcome.PROPAGATED]), np.array([wave.reach]),
-            np.array([wave.mean_speed]), np.array([float(wave.toppled)]),
-            wave.arrival_times[None], np.array([margins.min() if len(margins) else 0.0]),
-            np.array([wave.largest_flush_loss]), wave.layout.height[-1:], wave.layout.count,
-            wave.rtol,
-        )  # fmt: skip
+            np.array([wave.outcome == Outcome.PROPAGATED for wave in waves], np.bool_),
+            np.array([wave.reach for wave in waves]),
+            np.array([wave.mean_speed for wave in waves]),
+            np.array([float(wave.toppled) for wave in waves]),
+            times,
+            margins,
+            np.array([wave.largest_flush_loss for wave in waves]),
+            np.array([wave.layout.height[-1] for wave in waves]),
+            count,
+            max((wave.rtol for wave in waves), default=0.0),
+        )
 
     @property
     def falls(self) -> Ints:

@@ -142,7 +142,7 @@ class DominoRow(Problem[Floats]):
     def simulate(self, design: Floats, config: dict[str, Any] | None = None) -> Floats:
         """Topple the row of a design (n,), and give its score, (1,); higher is better."""
         scene = self._under(config)
-        return np.array([scene.score_wave(scene.simulate(self.layout(design)))])
+        return np.array([scene.score(scene.simulate(self.layout(design)))])
 
     def optimize(
         self, starting_point: Floats, config: dict[str, Any] | None = None

@@ -130,7 +130,7 @@ def update(results: list[SearchResult], path: Path | None = None) -> list[str]:
 
 def closest_score(scene: Scene, layout: Layout) -> float:
     """Score a layout, simulated as closely as can be."""
-    return float(scene.score_wave(scene.simulate(layout, rtol=CLOSEST)))
+    return scene.score(scene.simulate(layout, rtol=CLOSEST))
 
 
 def _record(told: RecordTable) -> BestKnown:

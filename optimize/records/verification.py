@@ -156,4 +156,4 @@ def _score(scene: Scene, wave: Wave, fall: Fall, speed: float | None) -> str:
     if scene.unit == "m/s":
         return f"{speed:.4f} m/s"
     seen = replace(wave, arrival_times=fall.arrivals)
-    return scene.in_words(scene.score_wave(seen), seen)
+    return scene.in_words(scene.score(seen), seen)

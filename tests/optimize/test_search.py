@@ -81,15 +81,15 @@ def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypat
     """A hair above a stall, the search's tolerance may see a wave where a closer look sees none."""
     scene = scenes["spacing"]
     honest = search(scene, "random", budget=300)
-    original, rows = Scene.evaluate_batch, []
+    original, rows = Scene.evaluate, []
 
-    def flattering(scene: Scene, spacing, thickness, rtol=1e-6, height=None):
-        rows.extend(spacing)
-        found = original(scene, spacing, thickness, rtol, height)
-        found.score[-1] = 5.0 if len(rows) == 301 else found.score[-1]  # one row warms up
+    def flattering(scene: Scene, batch, gradient=False):
+        rows.extend(batch.spacing)
+        found = original(scene, batch, gradient)
+        found.score[-1] = 5.0 if len(rows) == 302 else found.score[-1]  # two rows warm up
         return found
 
-    monkeypatch.setattr(Scene, "evaluate_batch", flattering)
+    monkeypatch.setattr(Scene, "evaluate", flattering)
     result = search(scene, "random", budget=300)
     assert result.trace[-1][3] == 5.0
     assert result.score == honest.score == scene.score(result.layout)

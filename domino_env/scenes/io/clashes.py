@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from domino_env.physics.units import ADVICE, MOST
 from domino_env.scenes.io.tables import MOST_PAIRS, SceneFile, ThicknessTable
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.standing_rows import refusal
+from domino_env.scenes.objectives.standing import refusal
 from domino_env.scenes.unsteady import unsteady_refusal
 
 TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 from types import NoneType
 from typing import Any, ClassVar
 
@@ -20,44 +20,14 @@ from domino_env.core.brief import brief
 from domino_env.core.models import Table
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground
-from domino_env.physics.wave import Wave
+from domino_env.physics.wave import Wave, WaveBatch
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
-    """What B layouts came to.
-
-    Attributes
-    ----------
-    score
-        (B,) higher is better.
-    reach
-        (B,) how far the wave came, as of `Wave`; 1 where it ran through.  Where a score takes many
-        rows: 1 where enough of them ran through, else their mean.
-    falls
-        (B,) how many single falls were simulated.
-    """
-
-    score: Floats
-    reach: Floats
-    falls: Ints
-
-    __repr__ = brief
-
-    @property
-    def without_gradient(self) -> NDArray[np.bool_]:
-        """(B,) whose scores have no exact derivatives: of waves that died or broke a limit."""
-        return (self.score < 0.0) | (self.reach < 1.0)
-
-
-EVALUATED = tuple(part.name for part in fields(Evaluation))
-
-
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """Derivatives of B scores, (B, N-1) each, the others fixed [score/m].
+class ScoreGradient:
+    """Derivatives of B scores, (B, N-1) each, by one quantity with the others fixed [score/m].
 
     Attributes
     ----------
@@ -74,19 +44,67 @@ class Slopes:
     __repr__ = brief
 
     @classmethod
-    def zero(cls, rows: LayoutBatch) -> Slopes:
-        """Make room for those of so many layouts."""
-        return cls(*(np.zeros(rows.spacing.shape) for _ in range(3)))
+    def zero(cls, batch: LayoutBatch) -> ScoreGradient:
+        """Return zeros for every layout of a batch."""
+        return cls(*(np.zeros(batch.spacing.shape) for _ in range(3)))
 
     @classmethod
-    def of(cls, found: Gradient) -> Slopes:
-        """Take those by which a design is made, of gradients of the scores."""
-        return cls(found.spacing, found.thickness[:, 1:], found.height[:, 1:])
+    def of(cls, gradient: Gradient) -> ScoreGradient:
+        """Select the derivatives by the design variables."""
+        return cls(gradient.spacing, gradient.thickness[:, 1:], gradient.height[:, 1:])
 
-    def where(self, chosen: NDArray[np.bool_]) -> Slopes:
-        """Keep those of the chosen rows (B,); zero for the others."""
-        kept = chosen[:, None]
-        return Slopes(kept * self.spacing, kept * self.thickness, kept * self.height)
+    def scaled(self, factor: NDArray[Any]) -> ScoreGradient:
+        """Multiply the derivatives of each layout by a factor (B,)."""
+        by = factor[:, None]
+        return ScoreGradient(by * self.spacing, by * self.thickness, by * self.height)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Scores of B layouts.
+
+    Attributes
+    ----------
+    score
+        (B,) higher is better.
+    reach
+        (B,) how far the wave came, as of `Wave`; 1 where it completes.  Where a score takes many
+        simulations: 1 where enough of them complete, else their mean.
+    falls
+        (B,) number of simulated falls.
+    gradient
+        Derivatives of the scores, zero for layouts without success; None where not asked for.
+    """
+
+    score: Floats
+    reach: Floats
+    falls: Ints
+    gradient: ScoreGradient | None = None
+
+    __repr__ = brief
+
+    @classmethod
+    def joined(cls, parts: Sequence[Evaluation]) -> Evaluation:
+        """Concatenate evaluations of batches, all with a gradient or all without."""
+        score, reach, falls = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("score", "reach", "falls")
+        )
+        by = [part.gradient for part in parts if part.gradient is not None]
+        if not by:
+            return cls(score, reach, falls)
+        names = ("spacing", "thickness", "height")
+        gradient = (np.concatenate([getattr(one, name) for one in by]) for name in names)
+        return cls(score, reach, falls, ScoreGradient(*gradient))
+
+    def with_gradient(self, gradient: ScoreGradient) -> Evaluation:
+        """Add the derivatives, set to zero where a layout is no success."""
+        return replace(self, gradient=gradient.scaled(self.score > 0.0))
+
+    @property
+    def without_gradient(self) -> NDArray[np.bool_]:
+        """(B,) whether a score has no exact derivatives: the wave stopped or broke a limit."""
+        return (self.score < 0.0) | (self.reach < 1.0)
 
 
 class Settings(Table):
@@ -135,12 +153,16 @@ class Objective(ABC):
     """Whether a success scores a length over a time, and a design may change both."""
     needs_arrivals: ClassVar[bool] = False
     """Whether scores depend on when each domino is hit."""
+    differentiates_waves: ClassVar[bool] = False
+    """Whether `derivatives` takes waves with the gradient of their time."""
+    simulates_anew: ClassVar[bool] = False
+    """Whether a score takes other simulations than the wave of the layout itself."""
 
     @abstractmethod
     def success(self, waves: Waves) -> Floats:
         """Score waves (B,) that run through; what it says of others does not count."""
 
-    def judge(self, waves: Waves) -> Evaluation:
+    def score(self, waves: Waves) -> Evaluation:
         """Score waves that have been simulated."""
         score = waves.reach - 1.0
         if waves.propagated.any():
@@ -149,25 +171,24 @@ class Objective(ABC):
             score = self.limits.lower(score, waves)
         return Evaluation(score, waves.reach, waves.falls)
 
-    def evaluate(self, rows: LayoutBatch) -> Evaluation:
-        """Simulate layouts and score them."""
+    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
+        """Simulate layouts and score them.
+
+        Parameters
+        ----------
+        batch
+            The layouts.
+        gradient
+            Whether to compute the derivatives of the successes' scores too.
+        """
         record = self.needs_arrivals or self.limits is not None
-        return self.judge(Waves.of_batch(rows.simulate(record=record), rows))
+        waves = batch.simulate(record=record, gradient=gradient and self.differentiates_waves)
+        found = self.score(Waves.of_batch(waves, batch))
+        return found.with_gradient(self.derivatives(waves, batch)) if gradient else found
 
-    def evaluate_wave(self, wave: Wave) -> Evaluation:
-        """Score one wave that has been simulated."""
-        return self.judge(Waves.of_one(wave))
-
-    def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
-        """Score many waves that have been simulated."""
-        found = [self.evaluate_wave(wave) for wave in waves]
-        return Evaluation(
-            *(np.concatenate([getattr(one, name) for one in found]) for name in EVALUATED)
-        )
-
-    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
-        """Simulate layouts and score them, with the derivatives of the successes' scores."""
-        return self.evaluate(rows), Slopes.zero(rows)
+    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+        """Differentiate the scores of simulated layouts; numbers of failures do not count."""
+        return ScoreGradient.zero(batch)
 
     @property
     def waves_a_score(self) -> int:

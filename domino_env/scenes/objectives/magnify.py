@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from domino_env.physics.wave import Wave
-from domino_env.scenes.objectives.base import Evaluation, Objective, Slopes
+from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.scenes.objectives.base import Objective, ScoreGradient
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
 
 
@@ -23,11 +23,11 @@ class Magnify(Objective):
         """Take the heights (B,) of the last dominoes."""
         return waves.last_height
 
-    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
-        """Simulate layouts and score them; the slope by the last height is 1."""
-        slopes = Slopes.zero(rows)
-        slopes.height[:, -1] = 1.0
-        return self.evaluate(rows), slopes
+    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+        """Return 1 by the last height, 0 by everything else."""
+        gradient = ScoreGradient.zero(batch)
+        gradient.height[:, -1] = 1.0
+        return gradient
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Say how high the last domino is."""

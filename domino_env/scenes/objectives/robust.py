@@ -13,8 +13,8 @@ from msgspec import Meta
 
 from domino_env.core.models import LARGEST
 from domino_env.physics.wave import Wave
-from domino_env.scenes.objectives.base import Evaluation, Objective, Settings, Slopes
-from domino_env.scenes.objectives.speed import speed_slopes
+from domino_env.scenes.objectives.base import Evaluation, Objective, Settings
+from domino_env.scenes.objectives.speed import speed_gradient
 from domino_env.scenes.unsteady import placed
 from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
 
@@ -113,6 +113,7 @@ class Robust(Objective):
     table: ClassVar[type[Settings] | None] = RobustTable
     failure: ClassVar[str] = "no speed"
     rewards_speed: ClassVar[bool] = True
+    simulates_anew: ClassVar[bool] = True
 
     @property
     def waves_a_score(self) -> int:
@@ -123,49 +124,39 @@ class Robust(Objective):
         """Take the speeds of waves (B,) as they are: these are no draws."""
         return waves.mean_speed
 
-    def evaluate(self, rows: LayoutBatch) -> Evaluation:
-        """Simulate all draws of layouts and score them."""
-        return self._evaluate(rows)[0]
+    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
+        """Simulate all draws of layouts and score them.
 
-    def evaluate_wave(self, wave: Wave) -> Evaluation:
-        """Score a row whose own wave has been simulated, by its draws."""
-        return self._evaluate(LayoutBatch.of_one(wave, self.ground), Waves.of_one(wave))[0]
+        The gradient is that of the draw which decides the score, simulated once more.
+        """
+        size = max(1, MOST_DRAWN // (self.settings.draws * batch.count))
+        pieces = [batch[i : i + size] for i in range(0, max(len(batch), 1), size)]
+        return Evaluation.joined([self._evaluate(piece, gradient) for piece in pieces])
 
-    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
-        """Simulate all draws, then once more, with its slopes, the one that decides each score."""
-        found, decisive = self._evaluate(rows)
-        placed = self.settings.rows(rows.spacing).reshape(len(rows), -1, rows.count - 1)
-        gaps = placed[np.arange(len(rows)), decisive]
-        errors = self.settings.errors(rows.count - 1)[decisive]
-        moved = np.abs(gaps - rows.spacing - errors) < 1e-15  # those not at the least gap
-        chosen = replace(rows, spacing=gaps)
-        slopes = speed_slopes(chosen.simulate(gradient=True), chosen)
-        return found, replace(slopes, spacing=moved * slopes.spacing)
-
-    def _evaluate(self, rows: LayoutBatch, drawn: Waves | None = None) -> tuple[Evaluation, Ints]:
-        """Score layouts, and say which draw decided each; `drawn`: their waves without errors."""
-        draws = self.settings.draws
-        score, reach = np.empty(len(rows)), np.empty(len(rows))
-        falls, decisive = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64)
-        size = max(1, MOST_DRAWN // (draws * rows.count))
-        for i in range(0, len(rows), size):
-            part = slice(i, i + size)
-            placed = self._placed(rows.rows(part))
-            waves = Waves.of_batch(placed.simulate(), placed)
-            speeds = np.where(waves.propagated, waves.mean_speed, 0.0).reshape(-1, draws)
-            decisive[part] = self.settings.decisive(speeds)
-            speed = speeds[np.arange(len(speeds)), decisive[part]]
-            # where too many draws die for a speed, how far they came on average
-            mean = waves.reach.reshape(-1, draws).mean(axis=1)
-            score[part] = np.where(speed > 0.0, speed, mean - 1.0)
-            reach[part] = np.where(speed > 0.0, 1.0, mean)
-            falls[part] = waves.falls.reshape(-1, draws).sum(axis=1)
-        if self.limits is not None:  # of the row as it is drawn
-            if drawn is None:
-                drawn = Waves.of_batch(rows.simulate(record=True), rows)
-                falls += drawn.falls
-            score = self.limits.lower(score, drawn)
-        return Evaluation(score, reach, falls), decisive
+    def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
+        draws, each = self.settings.draws, np.arange(len(batch))
+        placed = self._placed(batch)
+        waves = Waves.of_batch(placed.simulate(), placed)
+        speeds = np.where(waves.propagated, waves.mean_speed, 0.0).reshape(-1, draws)
+        decisive = self.settings.decisive(speeds)
+        speed = speeds[each, decisive]
+        # where too many draws die for a speed, how far they came on average
+        mean = waves.reach.reshape(-1, draws).mean(axis=1)
+        score = np.where(speed > 0.0, speed, mean - 1.0)
+        reach = np.where(speed > 0.0, 1.0, mean)
+        falls = waves.falls.reshape(-1, draws).sum(axis=1)
+        if self.limits is not None:  # of the layout without errors
+            exact = Waves.of_batch(batch.simulate(record=True), batch)
+            score, falls = self.limits.lower(score, exact), falls + exact.falls
+        found = Evaluation(score, reach, falls)
+        if not gradient:
+            return found
+        gaps = placed.spacing.reshape(len(batch), draws, -1)[each, decisive]
+        errors = self.settings.errors(batch.count - 1)[decisive]
+        moved = np.abs(gaps - batch.spacing - errors) < 1e-15  # those not at the least gap
+        chosen = replace(batch, spacing=gaps)
+        by = speed_gradient(chosen.simulate(gradient=True), chosen)
+        return found.with_gradient(replace(by, spacing=moved * by.spacing))
 
     def _placed(self, rows: LayoutBatch) -> LayoutBatch:
         """The rows as they are placed, all draws of a row together."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from domino_env.physics.gradient import HillGradient, longer_over_hills
 from domino_env.physics.wave import Outcome, Wave, WaveBatch
-from domino_env.scenes.objectives.base import Evaluation, Objective, Slopes
+from domino_env.scenes.objectives.base import Objective, ScoreGradient
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
 
 
@@ -22,15 +22,15 @@ class Speed(Objective):
     failure: ClassVar[str] = "no speed"
     rewards_speed: ClassVar[bool] = True
     is_mean_speed: ClassVar[bool] = True
+    differentiates_waves: ClassVar[bool] = True
 
     def success(self, waves: Waves) -> Floats:
         """Score waves (B,) by their mean speeds."""
         return waves.mean_speed
 
-    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
-        """Simulate layouts and score them, with the derivatives of the mean speeds."""
-        batch = rows.simulate(gradient=True)
-        return self.judge(Waves.of_batch(batch, rows)), speed_slopes(batch, rows)
+    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+        """Differentiate the mean speeds."""
+        return speed_gradient(waves, batch)
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Say the speed of a success."""
@@ -58,26 +58,27 @@ class Time(Speed):
             yield "row.length is missing: objective = 'time' needs a course"
 
 
-def speed_slopes(batch: WaveBatch, rows: LayoutBatch) -> Slopes:
+def speed_gradient(waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
     """Differentiate mean speeds: v = length / t, and the length grows with gaps and thicknesses.
 
     Parameters
     ----------
+    waves
+        Waves with the gradient of their time; numbers of those that stop are meaningless.
     batch
-        Waves with the gradient of their time; those that died get numbers that mean nothing.
-    rows
-        What fell.
+        The layouts simulated.
     """
-    assert batch.gradient is not None
-    time = np.where(batch.outcome == Outcome.PROPAGATED, batch.total_time, 1.0)[:, None]
-    speed = batch.mean_speed[:, None]
-    if isinstance(batch.gradient, HillGradient):
+    by = waves.gradient
+    assert by is not None
+    time = np.where(waves.outcome == Outcome.PROPAGATED, waves.total_time, 1.0)[:, None]
+    speed = waves.mean_speed[:, None]
+    if isinstance(by, HillGradient):
         names = "spacing", "thickness", "height", "rise", "tilt"
-        fallen = {name: -speed / time * getattr(batch.gradient, name) for name in names}
-        longer = longer_over_hills(replace(batch.gradient, **fallen), rows, 1.0 / time)
-        return Slopes.of(rows.followed(longer))
-    return Slopes(
-        (1.0 - speed * batch.gradient.spacing) / time,
-        (1.0 - speed * batch.gradient.thickness[:, 1:]) / time,
-        -speed * batch.gradient.height[:, 1:] / time,
+        fallen = {name: -speed / time * getattr(by, name) for name in names}
+        longer = longer_over_hills(replace(by, **fallen), batch, 1.0 / time)
+        return ScoreGradient.of(batch.followed(longer))
+    return ScoreGradient(
+        (1.0 - speed * by.spacing) / time,
+        (1.0 - speed * by.thickness[:, 1:]) / time,
+        -speed * by.height[:, 1:] / time,
     )

@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from domino_env.core.models import Size
 from domino_env.physics.wave import Outcome, Wave, simulate
-from domino_env.scenes.objectives.base import Evaluation, Objective, Settings, Slopes
+from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient, Settings
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
 
 TOLERANCE = 1e-3  # [s]
@@ -144,22 +144,24 @@ class InTempo(Objective):
         times = np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
         return self.settings.score(times)
 
-    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
-        """Simulate layouts one by one and score them, with the derivatives of the scores."""
-        score, reach = np.empty(len(rows)), np.empty(len(rows))
-        falls, slopes = np.empty(len(rows), np.int64), Slopes.zero(rows)
-        for b in range(len(rows)):
-            wave = simulate(rows.layout(b), rows.physics, rtol=rows.rtol, gradient=True)
-            found = self.evaluate_wave(wave)
-            score[b], reach[b], falls[b] = found.score[0], found.reach[0], found.falls[0]
-            if wave.outcome == Outcome.PROPAGATED:
-                pulled = wave.pullback(self.settings.slope(wave.arrival_times[None])[0])
-                if self.ground is not None:
-                    pulled = self.ground.followed(pulled, wave.layout)
-                slopes.spacing[b] = pulled.spacing
-                slopes.thickness[b] = pulled.thickness[1:]
-                slopes.height[b] = pulled.height[1:]
-        return Evaluation(score, reach, falls), slopes
+    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
+        """Simulate layouts and score them, one by one where the gradient is asked for."""
+        if not gradient or len(batch) == 0:
+            return super().evaluate(batch, gradient)
+        ones = [batch[b : b + 1] for b in range(len(batch))]
+        return Evaluation.joined([self._with_gradient(one) for one in ones])
+
+    def _with_gradient(self, one: LayoutBatch) -> Evaluation:
+        """Evaluate a batch of one layout."""
+        wave = simulate(one.layout(0), one.physics, rtol=one.rtol, gradient=True)
+        found = self.score(Waves.of_waves([wave], one.count))
+        if wave.outcome != Outcome.PROPAGATED:
+            return found.with_gradient(ScoreGradient.zero(one))
+        by = wave.pullback(self.settings.slope(wave.arrival_times[None])[0])
+        if self.ground is not None:
+            by = self.ground.followed(by, wave.layout)
+        rows = (array[None] for array in (by.spacing, by.thickness[1:], by.height[1:]))
+        return found.with_gradient(ScoreGradient(*rows))
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Say how far off the schedule the hits are."""

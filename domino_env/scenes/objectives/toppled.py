@@ -24,8 +24,8 @@ class Toppled(Objective):
         """Count the dominoes of waves (B,)."""
         return waves.toppled
 
-    def judge(self, waves: Waves) -> Evaluation:
-        """Score waves that have been simulated; a wave that dies has its successes too."""
+    def score(self, waves: Waves) -> Evaluation:
+        """Score simulated waves; one that stops has toppled dominoes too."""
         score = np.where(waves.propagated, waves.toppled, waves.toppled + waves.reach)
         return Evaluation(score, waves.reach, waves.falls)
 

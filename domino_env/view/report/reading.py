@@ -103,7 +103,7 @@ def read_racers(
         label = name if names.count(name) == 1 else f"{name} ({one_line(path.resolve().name, 100)})"
         score = worth = None
         if judged and scene and not scene.violations(layout):
-            score = scene.score_wave(wave)
+            score = scene.score(wave)
             worth = scene.in_words(score, wave)
         racers.append(
             Racer(

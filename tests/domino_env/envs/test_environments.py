@@ -36,7 +36,7 @@ def quick_marks(monkeypatch):
                 thickness = scene.stock.without(scene.first_thickness).dominoes[: scene.count - 1]
             layout = scene.layout(gap, thickness)
             wave = scene.simulate(layout)
-            found[scene] = de.UniformMark(layout, wave, scene.score_wave(wave))
+            found[scene] = de.UniformMark(layout, wave, scene.score(wave))
         return found[scene]
 
     monkeypatch.setattr(de.Scene, "uniform", uniform)
@@ -131,7 +131,7 @@ def test_the_last_step_tells_layout_wave_and_score(name):
         np.testing.assert_array_equal(wave.arrival_times, again.arrival_times)
         assert wave.layout == layout
         assert wave.outcome is info["outcome"] is again.outcome
-        assert info["score"] == scene.score_wave(wave)
+        assert info["score"] == scene.score(wave)
         mark = scene.uniform().score
         if mark > 0.0:
             assert info["gain"] == pytest.approx(info["score"] / mark - 1.0, rel=1e-12)
@@ -145,7 +145,7 @@ def test_rows_that_a_step_cannot_judge_are_judged_at_the_end():
     ):
         *_, rewards, info = play(env, policy)
         again = de.simulate(info["layout"], env.scene.physics, rtol=info["wave"].rtol)
-        assert info["score"] == env.scene.score_wave(again)
+        assert info["score"] == env.scene.score(again)
         exact = 100.0 * (info["score"] / env.scene.uniform().score - 1.0)
         assert rewards.sum() == pytest.approx(exact, abs=1e-11)
 
@@ -380,7 +380,7 @@ def test_a_whole_row_is_worth_what_its_score_says(name):
         assert observations.tolist() == [[0.0], [1.0]]
         assert len(rewards) == 1
         assert scene.violations(info["layout"]) == []
-        assert info["score"] == scene.score_wave(info["wave"])
+        assert info["score"] == scene.score(info["wave"])
         assert info["score"] == pytest.approx(scene.score(info["layout"]), rel=2e-6)
         assert rewards[0] == pytest.approx(100.0 * info["gain"], rel=1e-12)
         mark = scene.uniform().score
@@ -467,12 +467,12 @@ def test_all_rules_are_kept_and_all_objectives_paid(name, kind):
             assert info["outcome"] != de.Outcome.PROPAGATED
             if scene.placement is None and scene.growth is None:
                 layout = completed(scene, layout)
-                assert info["score"] == pytest.approx(scene.score_wave(
+                assert info["score"] == pytest.approx(scene.score(
                     scene.simulate(layout, 1e-6)), abs=1e-12)  # fmt: skip
             continue
         whole += 1
         assert scene.violations(layout) == []
-        assert info["score"] == scene.score_wave(scene.simulate(layout, 1e-6))
+        assert info["score"] == scene.score(scene.simulate(layout, 1e-6))
         returns.append(rewards.sum())
         scores.append(scene.score(layout))
     assert whole >= 5
@@ -631,7 +631,7 @@ def test_what_is_told_at_the_end_can_be_kept_and_copied():
     layout, wave = info["layout"], info["wave"]
     kept = pickle.loads(pickle.dumps((layout, wave)))  # before anybody has looked
     play(env, at_random(env, np.random.default_rng(1)))  # other rows in the same arrays
-    assert env.scene.score_wave(wave) == info["score"]
+    assert env.scene.score(wave) == info["score"]
     assert kept == (layout, wave)
     assert copy.deepcopy(wave) == wave
     assert hash(kept[0]) == hash(layout)

@@ -164,7 +164,7 @@ def test_waves_of_whole_rows_are_those_of_simulate(name):
             if field.name not in ("run_time", "layout"):
                 np.testing.assert_equal(getattr(wave, field.name), getattr(alone, field.name))
         assert wave.layout == layout
-        assert score == env.scene.score_wave(alone)
+        assert score == env.scene.score(alone)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -193,9 +193,9 @@ def test_any_scene_reads_back_the_same_and_scores_its_rows(text: str, seed: int)
     random = np.random.default_rng(seed)
     gaps = random.uniform(*scene.spacing, (3, scene.count - 1))
     thick = random.uniform(*scene.thickness, (3, scene.count - 1))
-    scores = scene.score_batch(gaps, thick, rtol=1e-10)
+    scores = scene.evaluate(scene.batch(gaps, thick, rtol=1e-10)).score
     assert np.all(np.isfinite(scores) & (scores >= -1.0))
-    one = scene.score_wave(scene.simulate(scene.layout(gaps[0], thick[0])))
+    one = scene.score(scene.simulate(scene.layout(gaps[0], thick[0])))
     assert one == pytest.approx(scores[0], rel=1e-9)
 
 

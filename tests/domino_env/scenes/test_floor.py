@@ -25,7 +25,7 @@ def test_what_counts_is_the_speed_of_the_row_as_it_stands() -> None:
     row = SMALL.layout(GAPS[0])
     standing = de.simulate_standing(row, SMALL.physics, SMALL.floor_friction)
     assert standing.topples.all()
-    assert SMALL.score(row) == standing.mean_speed == SMALL.score_batch(GAPS[:1], None)[0]
+    assert SMALL.score(row) == standing.mean_speed == SMALL.evaluate(SMALL.batch(GAPS[:1])).score[0]
     hinged = replace(SMALL, floor_friction=None).score(row)
     assert 1e-4 < abs(standing.mean_speed / hinged - 1.0) < 0.05
     assert "floor of friction 0.3" in SMALL.in_words(SMALL.score(row), SMALL.simulate(row))
@@ -35,28 +35,34 @@ def test_a_row_that_fails_scores_by_how_far_it_topples() -> None:
     scene = replace(SMALL, spacing=(0.001, 0.06))
     gaps = np.repeat(GAPS[:1], 3, axis=0)
     gaps[0, 1] = gaps[1, 3] = 0.055  # out of reach
-    early, late, whole = scene.evaluate_batch(gaps, None).score
+    early, late, whole = scene.evaluate(scene.batch(gaps)).score
     assert -1.0 < early < late < 0.0 < whole
     assert 2.0 / 5.0 <= early + 1.0 < 4.0 / 5.0 <= late + 1.0
 
 
 def test_scores_have_the_same_bits_in_any_company() -> None:
     threads = numba.get_num_threads()
-    together = SMALL.score_batch(GAPS, None)
+    together = SMALL.evaluate(SMALL.batch(GAPS)).score
     try:
         numba.set_num_threads(1)
-        assert np.array_equal(SMALL.score_batch(GAPS, None, 1e-10), together)
+        assert np.array_equal(SMALL.evaluate(SMALL.batch(GAPS, rtol=1e-10)).score, together)
     finally:
         numba.set_num_threads(threads)
     waves = [SMALL.simulate(SMALL.layout(gaps)) for gaps in GAPS[:2]]
-    assert np.array_equal(SMALL.score_waves(waves), together[:2])
+    assert np.array_equal(SMALL.evaluate_waves(waves).score, together[:2])
 
 
 def test_slopes_are_those_of_the_analytic_model_at_the_standing_speed() -> None:
-    scores, slopes, *_ = SMALL.score_batch_gradient(GAPS[:1], None)
-    hinged, exact, *_ = replace(SMALL, floor_friction=None).score_batch_gradient(GAPS[:1], None)
-    assert scores[0] == SMALL.score_batch(GAPS[:1], None)[0]
-    np.testing.assert_allclose(slopes / scores[0], exact / hinged[0], rtol=1e-12)
+    standing, analytic = (
+        scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
+        for scene in (SMALL, replace(SMALL, floor_friction=None))
+    )
+    assert standing.score == SMALL.evaluate(SMALL.batch(GAPS[:1])).score
+    for name in ("spacing", "thickness", "height"):
+        scaled, exact = (getattr(found.gradient, name) for found in (standing, analytic))
+        np.testing.assert_allclose(
+            scaled / standing.score, exact / analytic.score, rtol=1e-12, err_msg=name
+        )
 
 
 def test_scenes_with_equal_floors_are_equal() -> None:
@@ -96,7 +102,7 @@ def test_the_best_uniform_row_is_the_best_on_that_floor(monkeypatch) -> None:
     mark = SMALL.uniform()
     assert mark.score == SMALL.score(mark.layout)
     gaps = np.linspace(*SMALL.spacing, 16)[:, None] * np.ones(SMALL.count - 1)
-    assert mark.score >= SMALL.score_batch(gaps, None).max() * (1.0 - 3e-4)
+    assert mark.score >= SMALL.evaluate(SMALL.batch(gaps)).score.max() * (1.0 - 3e-4)
 
 
 def test_where_no_row_topples_there_is_a_mark_and_a_search_all_the_same(monkeypatch) -> None:

@@ -49,26 +49,32 @@ def test_both_edges_of_every_base_lie_on_the_curve_and_gaps_along_it():
     np.testing.assert_allclose(np.diff(HILLS.height([0.36, 0.46, 0.56]), n=2), 0.0, atol=1e-15)
 
 
+def evaluated(scene, gaps, thick, rtol=1e-12):
+    """Scores and their derivatives by gaps, thicknesses and heights."""
+    found = scene.evaluate(scene.batch(gaps, thick, rtol=rtol), gradient=True)
+    return found.score, found.gradient.spacing, found.gradient.thickness, found.gradient.height
+
+
 def test_a_straight_profile_is_a_slope_and_none_depends_on_its_height():
     gaps, thick = some_rows(3)
     down = -np.tan(np.radians(4.0))
     line = de.Ground(profile=[[0.1, 0.7 + 0.1 * down], [0.2, 0.7 + 0.2 * down]])
     ramp = replace(FREE, ground=de.Ground(slope=4.0))
     one, other = (
-        s.score_batch_gradient(gaps, thick, 1e-12) for s in (ramp, replace(FREE, ground=line))
+        evaluated(scene, gaps, thick, rtol=1e-12) for scene in (ramp, replace(FREE, ground=line))
     )
     for found, same in zip(one, other, strict=True):
         np.testing.assert_allclose(found, same, rtol=1e-9, atol=1e-11)
     higher = de.Ground(profile=[[x, y + 0.3] for x, y in POINTS])
     np.testing.assert_allclose(
-        FREE.score_batch(gaps, thick, 1e-12),
-        replace(FREE, ground=higher).score_batch(gaps, thick, 1e-12),
+        *(evaluated(scene, gaps, thick)[0] for scene in (FREE, replace(FREE, ground=higher))),
         rtol=1e-12,
     )
-    level = replace(FREE, ground=de.Ground(slope=0.0)).score_batch_gradient(gaps, thick)
-    for found, same in zip(
-        level, replace(FREE, ground=None).score_batch_gradient(gaps, thick), strict=True
-    ):
+    level, flat = (
+        evaluated(replace(FREE, ground=ground), gaps, thick)
+        for ground in (de.Ground(slope=0.0), None)
+    )
+    for found, same in zip(level, flat, strict=True):
         np.testing.assert_array_equal(found, same)
 
 
@@ -94,13 +100,17 @@ SCORED = {
 def test_slopes_along_the_ground_against_differences(scene):
     """All later dominoes move along the ground with a gap or a thickness."""
     (gaps,), (thick,) = some_rows(1, seed=2)
-    score, *slopes = scene.score_batch_gradient(gaps[None], thick[None], 1e-13)
+    score, *gradient = evaluated(scene, gaps[None], thick[None], rtol=1e-13)
     assert score[0] > 0.0
     size, step = len(gaps), 1e-6
     moved = (STEPS[:, None, None] * step * np.eye(size)).reshape(-1, size)
-    for exact, placed in zip(slopes, ((gaps + moved, thick), (gaps, thick + moved)), strict=False):
+    for exact, placed in zip(
+        gradient, ((gaps + moved, thick), (gaps, thick + moved)), strict=False
+    ):
         rows = [np.broadcast_to(array, moved.shape) for array in placed]
-        found = WEIGHTS @ scene.score_batch(*rows, 1e-13).reshape(4, size) / step
+        found = (
+            WEIGHTS @ scene.evaluate(scene.batch(*rows, rtol=1e-13)).score.reshape(4, size) / step
+        )
         assert np.abs(exact[0] - found).max() < 1e-9 * np.abs(exact).max()
 
 
@@ -120,7 +130,7 @@ def test_within_bounds_that_a_scene_accepts_no_row_is_in_trouble(seed):
             high = middle
     gaps = rng.choice([0.004, 0.044, 0.02, 0.009], (2000, FREE.count - 1))
     thick = rng.choice(scene.thickness, gaps.shape)
-    rows = scene.batch(gaps, thick, 1e-6)
+    rows = scene.batch(gaps, thick)
     told = rows.spacing, rows.thickness, rows.height, rows.rise, rows.tilt
     assert footing.trouble(*told) is None
     assert low > 1e-4
@@ -130,11 +140,11 @@ def test_rows_that_errors_of_placement_leave_leaning_end_there():
     wild = replace(FREE, objective="robust", settings=de.Placement(0.02, quantile=0.5, draws=64))
     gaps, thick = some_rows(2)
     placed = replace(
-        wild.batch(wild.settings.rows(gaps), np.repeat(thick, 64, axis=0), 1e-6), ground=HILLS
+        wild.batch(wild.settings.rows(gaps), np.repeat(thick, 64, axis=0)), ground=HILLS
     )
     told = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
     assert footing.impassable(*told).any()
-    assert np.isfinite(wild.score_batch(gaps, thick)).all()
+    assert np.isfinite(wild.evaluate(wild.batch(gaps, thick)).score).all()
 
 
 TEXT = FREE.to_toml()

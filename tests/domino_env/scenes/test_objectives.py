@@ -76,7 +76,7 @@ def test_the_robust_score_is_the_quantile_computed_by_hand() -> None:
     scene = some("jitter", count=9)
     rows = 0.005 + 0.4 * gaps_of(scene, 2, seed=4)
     errors = 0.0005 * np.random.default_rng(0).standard_normal((256, 8))
-    scores = scene.score_batch(rows, None, rtol=1e-10)
+    scores = scene.evaluate(scene.batch(rows, rtol=1e-10)).score
     for gaps, score in zip(rows, scores, strict=True):
         speeds = []
         for error in errors:
@@ -94,9 +94,9 @@ def test_draws_that_die_count_as_zero() -> None:
     placed = scene.placement.rows(gaps)
     died = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in placed])
     assert 10 < died.sum() < 30
-    assert scene.score_batch(gaps, None)[0] < 0.0  # more than a quarter
+    assert scene.evaluate(scene.batch(gaps)).score[0] < 0.0  # more than a quarter
     few = replace(scene, settings=Placement(0.002, (died.sum() + 1) / 40, 40, seed=3))
-    assert few.score_batch(gaps, None)[0] > 0.0
+    assert few.evaluate(few.batch(gaps)).score[0] > 0.0
 
 
 def test_no_gap_is_placed_tighter_than_a_fifth_of_a_millimetre() -> None:
@@ -116,7 +116,8 @@ def test_without_errors_robust_is_the_mean_speed() -> None:
     scene = some("jitter", count=9, settings=Placement(0.0, draws=3))
     rows = 0.005 + 0.4 * gaps_of(scene, 5)
     plain = replace(scene, objective="mean_speed", settings=None)
-    assert np.array_equal(scene.score_batch(rows, None), plain.score_batch(rows, None))
+    found, exact = (one.evaluate(one.batch(rows)).score for one in (scene, plain))
+    assert np.array_equal(found, exact)
 
 
 # toppled, magnify, time -------------------------------------------------------------------------
@@ -127,7 +128,7 @@ def test_more_dominoes_toppled_score_more() -> None:
     rows = np.full((13, 19), 0.016)
     for k in range(12):
         rows[k, k + 3] = 0.049  # out of reach, each later than the last
-    scores = scene.score_batch(rows, None)
+    scores = scene.evaluate(scene.batch(rows)).score
     assert np.all(np.diff(scores) > 0.0)
     for gaps, score in zip(rows, scores, strict=True):
         wave = scene.simulate(scene.layout(gaps))
@@ -186,12 +187,12 @@ def test_a_limit_that_is_broken_scores_between_deaths_and_successes() -> None:
     gaps = random.uniform(*plain.spacing, (400, 19))
     thick = random.uniform(*plain.thickness, (400, 19))
     limited = replace(plain, limits=Limits(stall_margin=0.1, flush_loss=0.1))
-    before, after = plain.score_batch(gaps, thick), limited.score_batch(gaps, thick)
+    before, after = (one.evaluate(one.batch(gaps, thick)).score for one in (plain, limited))
     kept = broken = 0
     excess = np.full(400, np.nan)
     for b in range(400):
         wave = plain.simulate(plain.layout(gaps[b], thick[b]), rtol=1e-6)
-        assert after[b] == limited.score_wave(wave)
+        assert after[b] == limited.score(wave)
         if wave.outcome != de.Outcome.PROPAGATED:
             assert -1.0 <= after[b] < -0.5
         elif wave.stall_margin.min() >= 0.1 and wave.largest_flush_loss <= 0.1:
@@ -223,7 +224,7 @@ def test_falls_are_counted() -> None:
         replace(plain, limits=Limits(0.3, 0.02)),
         replace(plain, objective="toppled"),
     ):
-        assert scene.evaluate_batch(gaps, thick).falls.sum() == expected
+        assert scene.evaluate(scene.batch(gaps, thick)).falls.sum() == expected
 
 
 # stock and lists --------------------------------------------------------------------------------
@@ -251,7 +252,8 @@ def test_the_uniform_row_of_a_stock_has_one_pitch_and_the_order_given() -> None:
     assert scene.violations(mark.layout) == []
     pitches = np.linspace(0.0125, 0.044, 400)
     thick = np.tile(mark.layout.thickness[1:], (400, 1))
-    others = scene.score_batch(np.clip(pitches[:, None] - thick, 0.002, 0.04), thick, rtol=1e-10)
+    gaps = np.clip(pitches[:, None] - thick, 0.002, 0.04)
+    others = scene.evaluate(scene.batch(gaps, thick, rtol=1e-10)).score
     assert others.max() <= mark.score
 
 
@@ -347,11 +349,11 @@ def test_scores_with_and_without_gradients_are_one_to_the_bit(name: str, limits)
         tall = scene.height * np.cumprod(random.uniform(1.0, 1.3, gaps.shape), axis=1)
         before = np.concatenate([np.full((6, 1), scene.height), tall[:, :-1]], axis=1)
         gaps, thick = gaps * before, thick * tall
-    found = scene.evaluate_batch(gaps, thick, 1e-8, tall)
-    again, slopes = scene.evaluate_batch_gradient(gaps, thick, 1e-8, tall)
+    batch = scene.batch(gaps, thick, tall, rtol=1e-8)
+    found, again = scene.evaluate(batch), scene.evaluate(batch, gradient=True)
     for key in ("score", "reach", "falls"):
         assert np.array_equal(getattr(found, key), getattr(again, key))
-    assert not slopes.spacing[found.score <= 0.0].any()
+    assert not again.gradient.spacing[found.score <= 0.0].any()
     assert np.all(found.falls > 0)
     assert np.array_equal(found.without_gradient, found.score < 0.0)
 

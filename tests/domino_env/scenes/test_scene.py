@@ -74,7 +74,7 @@ def test_a_scene_is_what_it_is_said_to_be(
 
 def test_two_of_three_random_gentle_rows_die() -> None:
     scene = de.load_scene("gentle")
-    scores = scene.score_batch(*rows(scene, 1500, seed=1))
+    scores = scene.evaluate(scene.batch(*rows(scene, 1500, seed=1))).score
     assert (scores > 0.0).mean() == pytest.approx(1.0 / 3.0, abs=0.05)
 
 
@@ -118,7 +118,9 @@ def test_no_uniform_row_beats_the_mark(name: str) -> None:
     thickness[:500] = mark.layout.thickness[1] + random.uniform(-1e-6, 1e-6, 500)
     gap, thickness = np.clip(gap, *scene.spacing), np.clip(thickness, *scene.thickness)
     ones = np.ones(scene.count - 1)
-    scores = scene.score_batch(gap[:, None] * ones, thickness[:, None] * ones, rtol=1e-11)
+    scores = scene.evaluate(
+        scene.batch(gap[:, None] * ones, thickness[:, None] * ones, rtol=1e-11)
+    ).score
     assert scores.max() <= mark.score * (1.0 + 1e-10)
 
 
@@ -126,7 +128,7 @@ def test_the_mark_is_where_the_slope_changes_sign() -> None:
     scene = de.load_scene("sprint")
     best = scene.uniform().layout.spacing[0]
     gaps = best + np.array([-1e-6, 0.0, 1e-6])
-    below, at, above = scene.score_batch(gaps[:, None] * np.ones(39), None, rtol=1e-12)
+    below, at, above = scene.evaluate(scene.batch(gaps[:, None] * np.ones(39), rtol=1e-12)).score
     # a parabola through the three has its top within a micrometre of the middle
     assert at > below
     assert at > above
@@ -161,7 +163,7 @@ def test_a_length_fixes_the_gap_and_may_leave_the_thickness() -> None:
 def test_a_success_scores_its_speed_and_a_failure_how_far_it_came() -> None:
     scene = de.load_scene("gentle")
     spacing, thickness = rows(scene, 300, seed=2)
-    scores = scene.score_batch(spacing, thickness, rtol=1e-10)
+    scores = scene.evaluate(scene.batch(spacing, thickness, rtol=1e-10)).score
     for i in (*np.flatnonzero(scores > 0.0)[:5], *np.flatnonzero(scores < 0.0)[:15]):
         layout = scene.layout(spacing[i], thickness[i])
         wave = scene.simulate(layout)
@@ -176,7 +178,7 @@ def test_a_wave_that_comes_further_scores_higher() -> None:
     gaps = np.full((12, 19), 0.016)
     for k in range(12):
         gaps[k, k + 3] = 0.049  # out of reach, each later than the last
-    scores = scene.score_batch(gaps, None)
+    scores = scene.evaluate(scene.batch(gaps)).score
     assert np.all(np.diff(scores) > 0.0)
     assert scores[-1] < 0.0 < scene.score(scene.layout(0.016))
 

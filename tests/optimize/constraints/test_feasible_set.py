@@ -159,7 +159,9 @@ def test_assign_orders_a_small_box_as_well_as_can_be() -> None:
     """Against all orders of the box at gaps that the scene fixes."""
     scene = asking(spacing=(0.018, 0.018), **BOXED)
     orders = set(permutations(BOX.without(0.0075).dominoes.tolist()))
-    scores = scene.score_batch(np.full((len(orders), 8), 0.018), np.array(list(orders)))
+    scores = scene.evaluate(
+        scene.batch(np.full((len(orders), 8), 0.018), np.array(list(orders)))
+    ).score
     result = search(scene, "assign", budget=600, seed=0)
     assert result.score == pytest.approx(scores.max(), rel=1e-6)
 

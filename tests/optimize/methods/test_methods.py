@@ -30,16 +30,13 @@ class Witness:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.layouts: list[de.Layout] = []
         self.scores: list[float] = []
-        for name in ("evaluate_batch", "evaluate_batch_gradient"):
-            monkeypatch.setattr(Scene, name, self._seeing(getattr(Scene, name)))
+        monkeypatch.setattr(Scene, "evaluate", self._seeing(Scene.evaluate))
 
     def _seeing(self, original):
-        def evaluate(scene: Scene, spacing, thickness, rtol=1e-6, height=None):
-            found = original(scene, spacing, thickness, rtol, height)
-            for i in range(len(spacing)):
-                rest = None if thickness is None else thickness[i]
-                self.layouts.append(scene.layout(spacing[i], rest))
-            self.scores += (found[0] if isinstance(found, tuple) else found).score.tolist()
+        def evaluate(scene: Scene, batch, gradient=False):
+            found = original(scene, batch, gradient)
+            self.layouts += [batch.layout(b) for b in range(len(batch))]
+            self.scores += found.score.tolist()
             return found
 
         return evaluate

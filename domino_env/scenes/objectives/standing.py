@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.threads import share_pieces
-from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Wave
-from domino_env.scenes.objectives.base import Evaluation, Slopes
+from domino_env.scenes.objectives.base import Evaluation
 from domino_env.scenes.objectives.speed import Speed
 from domino_env.scenes.waves import LayoutBatch, Waves
 from domino_env.standing.simulation import RigidWave, simulate_standing
@@ -84,47 +81,39 @@ class StandingSpeed(Speed):
 
     is_mean_speed: ClassVar[bool] = False
     """Nor is it that of the analytic wave."""
+    simulates_anew: ClassVar[bool] = True
 
     @property
     def waves_a_score(self) -> int:
         """How many analytic waves take as long as one score."""
         return WAVES
 
-    def evaluate(self, rows: LayoutBatch) -> Evaluation:
-        """Topple layouts on the floor, by all threads, and score them."""
-        return self._topple([rows.layout(b) for b in range(len(rows))], rows.physics)
+    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
+        """Topple layouts on the floor, by all threads, and score them.
 
-    def evaluate_wave(self, wave: Wave) -> Evaluation:
-        """Score the row of a wave as it stands."""
-        return self._topple([wave.layout], wave.physics)
+        The gradient is that of the analytic model, scaled by the ratio of the speeds.
+        """
+        waves: list[RigidWave | None] = [None] * len(batch)
 
-    def evaluate_waves(self, waves: Sequence[Wave]) -> Evaluation:
-        """Score the rows of waves of one scene as they stand, by all threads."""
-        return self._topple([wave.layout for wave in waves], waves[0].physics)
+        def topple(first: int, last: int) -> None:
+            for b in range(first, last):
+                layout = batch.layout(b)
+                waves[b] = simulate_standing(layout, batch.physics, self.floor_friction, RTOL)
 
-    def evaluate_with_slopes(self, rows: LayoutBatch) -> tuple[Evaluation, Slopes]:
-        """Score layouts as they stand, with slopes of the analytic model."""
-        found = self.evaluate(rows)
-        hinged, slopes = super().evaluate_with_slopes(rows)
-        both = (found.score > 0.0) & (hinged.score > 0.0)
-        ratio = np.where(both, found.score / np.where(both, hinged.score, 1.0), 0.0)[:, None]
-        kept = slopes.where(both)
-        return found, Slopes(ratio * kept.spacing, ratio * kept.thickness, ratio * kept.height)
+        if waves:
+            share_pieces(topple, len(waves), WAVES * batch.count)
+        found = self.score(_as_waves([wave for wave in waves if wave is not None]))
+        if not gradient:
+            return found
+        analytic = super().evaluate(batch, gradient=True)
+        assert analytic.gradient is not None
+        both = (found.score > 0.0) & (analytic.score > 0.0)
+        ratio = np.where(both, found.score / np.where(both, analytic.score, 1.0), 0.0)
+        return found.with_gradient(analytic.gradient.scaled(ratio))
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Say the speed of a success, and on what."""
         return f"{score:.4f} m/s on a floor of friction {self.floor_friction:g}"
-
-    def _topple(self, layouts: list[Layout], physics: Physics) -> Evaluation:
-        waves: list[RigidWave | None] = [None] * len(layouts)
-
-        def topple(first: int, last: int) -> None:
-            for b in range(first, last):
-                waves[b] = simulate_standing(layouts[b], physics, self.floor_friction, RTOL)
-
-        if layouts:
-            share_pieces(topple, len(layouts), WAVES * layouts[0].count)
-        return self.judge(_as_waves([wave for wave in waves if wave is not None]))
 
 
 def _as_waves(found: list[RigidWave]) -> Waves:
