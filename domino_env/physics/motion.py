@@ -31,6 +31,11 @@ class Motion:
     ----------
     end
         When all that moves has come to rest or lies flat [s]; nothing moves afterwards.
+    begins
+        When each domino begins to lead [s], and the end, (F+1,).
+    looks
+        The leader at equal steps of angle in each interval between hits, (F, 33): `angle` [rad]
+        from upright to its ground, `time` [s] since it was hit, `speed` [rad/s].
 
     Notes
     -----
@@ -46,20 +51,18 @@ class Motion:
         falls = kernels.watch_chain(
             row, physics.friction, physics.gravity, physics.push, rtol, snapshots
         )
-        self._snapshots = snapshots[:falls]
-        self._begins = np.concatenate(([0.0], np.cumsum(self._snapshots["time"][:, -1])))
-        self.end = float(self._begins[-1])
+        self.looks = snapshots[:falls]
+        self.begins = np.concatenate(([0.0], np.cumsum(self.looks["time"][:, -1])))
+        self.end = float(self.begins[-1])
 
     def leader(self, times: ArrayLike) -> tuple[Ints, Floats]:
         """Who leads at each instant, and its lean from the vertical [rad]."""
         t = np.clip(np.asarray(times, dtype=np.float64), 0.0, self.end)
-        n = np.clip(np.searchsorted(self._begins, t, side="right") - 1, 0, len(self._snapshots) - 1)
+        n = np.clip(np.searchsorted(self.begins, t, side="right") - 1, 0, len(self.looks) - 1)
         angle = np.empty(len(t))
         for k in np.unique(n):
-            at, fall = n == k, self._snapshots[k]
-            angle[at] = _hermite(
-                t[at] - self._begins[k], fall["time"], fall["angle"], fall["speed"]
-            )
+            at, fall = n == k, self.looks[k]
+            angle[at] = _hermite(t[at] - self.begins[k], fall["time"], fall["angle"], fall["speed"])
         return n, angle + self.layout.tilt[n]
 
     def angles(self, times: ArrayLike) -> Floats:

@@ -64,7 +64,7 @@ def sawtooth_of_energy(path: Path) -> None:
     from domino_env.physics.motion import Motion
 
     wave = simulate(Layout.uniform(30, pitch=PITCH), Physics(0.0, GRAVITY, PUSH))
-    energy = energies(Motion(wave.layout, wave.physics), wave)
+    energy = energies(Motion(wave.layout, wave.physics))
     figure, axes = _sheet("Kinetic energy of a row (16 mm, no friction)")
     axes.plot(energy.time, 1e3 * energy.kinetic, color=BLUE)
     axes.set(xlabel="time [s]", ylabel="kinetic energy [mJ]", ylim=(0.0, None))

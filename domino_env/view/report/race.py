@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion
+from domino_env.physics.motion import PIECES, Motion
 from domino_env.physics.wave import Wave
 from domino_env.view.energy import Energy, energies
 from domino_env.view.ground import ground_line
@@ -146,7 +145,7 @@ def _row(one: Racer) -> dict[str, Any]:
         fall = np.clip(np.linspace(0.0, 1.0, LOOKS + 1), EDGE, 1.0 - EDGE)
         leader, angle = motion.leader(ends[k] + fall * max(ends[k + 1] - ends[k], 0.0))
         falls.append(_short(np.where(leader == k, angle, angle.min())))
-    energy = energies(motion, wave)
+    energy = energies(motion)
     return {
         "name": one.name,
         "spacing": _short(layout.spacing),
@@ -169,9 +168,11 @@ def _row(one: Racer) -> dict[str, Any]:
         "flushes": wave.flushes,
         "flush_loss": wave.largest_flush_loss,
         "unit": one.unit,
-        "kinetic": [_short(values) for values in _kinetic_of_falls(energy, wave)],
+        "kinetic": [_short(values) for values in _kinetic_of_falls(energy)],
         "energy": {
-            name: values if isinstance(values, float) else _short(values)
+            name: values
+            if isinstance(values, float)
+            else _short(values.reshape(-1, PIECES + 1)[:, ::4].ravel())
             for name, values in asdict(energy).items()
         },
         "trace": one.trace,
@@ -193,20 +194,16 @@ def _hills(layout: Layout) -> dict[str, list[Any]]:
     }
 
 
-def _kinetic_of_falls(energy: Energy, wave: Wave) -> tuple[Floats, Floats]:
+def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
     """When each fall is half over [s], and the kinetic energy on average over it [J].
 
     Every hit takes half of it: drawn as it is, the teeth of several rows hide each other.
     """
-    ends = wave.arrival_times[: wave.hit]
-    at = np.searchsorted(energy.time, ends)
-    middles, means = [], []
-    for a, b in pairwise([*at, len(energy.time)]):
-        time, kinetic = energy.time[a:b], energy.kinetic[a:b]
-        if len(time) > 1:
-            middles.append(0.5 * (time[0] + time[-1]))
-            means.append(np.trapezoid(kinetic, time) / (time[-1] - time[0]))
-    return np.array(middles), np.array(means)
+    time, kinetic = (x.reshape(-1, PIECES + 1) for x in (energy.time, energy.kinetic))
+    begins, ends = time[:, 0], time[:, -1]
+    moves = ends > begins
+    sums = np.trapezoid(kinetic[moves], time[moves], axis=1)
+    return 0.5 * (begins + ends)[moves], sums / (ends - begins)[moves]
 
 
 def _parts(first: Wave, second: Wave) -> str:

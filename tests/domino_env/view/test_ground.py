@@ -77,7 +77,7 @@ def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
         wave = de.simulate(row, PHYSICS)
         images = np.array([*frames([Runner("", wave)], 2.0, width=400)], dtype=float)
         rects = re.findall(r'<rect x="[\d.]+" y="[\d.]+"', wave._repr_html_())
-        energy = energies(Motion(row, PHYSICS), wave)
+        energy = energies(Motion(row, PHYSICS))
         places = places_along(row)[-1]
         looks.append((rects, images, energy.flushes[-1], energy.friction[-1], places))
     flat, hardly = looks
@@ -109,13 +109,13 @@ def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
 def test_energy_over_hills_is_kept_but_for_hits() -> None:
     row = de.Layout.uniform(12, pitch=0.03, slope=0.08)
     wave = de.simulate(row, de.Physics(0.0, push=8.0))
-    energy = energies(Motion(row, wave.physics), wave)
+    energy = energies(Motion(row, wave.physics))
     assert wave.flushes == 0
     assert np.abs(energy.flushes).max() < 1e-4 * energy.released.max()
     hilly = de.simulate(ROW, de.Physics(1e-3, push=14.0))
-    account = energies(Motion(ROW, hilly.physics), hilly)
+    account = energies(Motion(ROW, hilly.physics))
     smooth = de.simulate(ROW, de.Physics(0.0, push=14.0))
-    given = energies(Motion(ROW, smooth.physics), smooth)
+    given = energies(Motion(ROW, smooth.physics))
     # found in quite another way where there is friction: as what jumps beyond its rate
     assert given.flushes[-1] > 1e-3 * given.released[-1]
     assert account.flushes[-1] == pytest.approx(given.flushes[-1], rel=0.05)

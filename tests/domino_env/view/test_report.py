@@ -28,7 +28,7 @@ ROWS = [
 
 def test_energy_is_kept_without_friction_but_for_hits() -> None:
     wave = de.simulate(de.Layout.uniform(12, pitch=0.024), de.Physics(friction=0.0, push=8.0))
-    energy = energies(Motion(wave.layout, wave.physics), wave)
+    energy = energies(Motion(wave.layout, wave.physics))
     given = energy.released.max()
     assert np.abs(energy.flushes).max() < 1e-4 * given
     assert np.all(energy.friction == 0.0)
@@ -38,7 +38,7 @@ def test_energy_is_kept_without_friction_but_for_hits() -> None:
 def test_energy_books_balance_and_a_little_friction_takes_a_little() -> None:
     layout = de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008)
     smooth, hardly, rough = (
-        energies(Motion(layout, physics), de.simulate(layout, physics))
+        energies(Motion(layout, physics))
         for physics in (de.Physics(friction=mu, push=10.0) for mu in (0.0, 1e-3, 0.25))
     )
     for one in (smooth, hardly, rough):
@@ -55,7 +55,7 @@ def test_energy_books_balance_and_a_little_friction_takes_a_little() -> None:
 
 def test_first_hit_of_equal_dominoes_takes_half() -> None:
     wave = de.simulate(de.Layout.uniform(3, pitch=0.024), de.Physics(friction=0.0, push=8.0))
-    energy = energies(Motion(wave.layout, wave.physics), wave)
+    energy = energies(Motion(wave.layout, wave.physics))
     at = int(np.argmax(energy.hits > 0.0))
     assert energy.hits[at] == pytest.approx(energy.kinetic[at - 1] / 2.0, rel=1e-3)
 
