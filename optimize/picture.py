@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from domino_env.core.colours import OURS, UNIFORM
 from domino_env.core.plot_style import beside_line, clock, write_png
-from domino_env.view.beside_uniform import beside_uniform
+from domino_env.view.figures import beside_uniform
 from optimize.result import SearchResult
 
 

@@ -10,7 +10,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.baseline import UniformMark, gain
 from domino_env.scenes.scene import Scene
-from domino_env.view.shown import MadeForScene
+from domino_env.view.notebook import MadeForScene
 
 Trace = tuple[tuple[int, int, float, float], ...]
 

@@ -23,8 +23,8 @@ from domino_env.core.advice import Advice
 from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.view.animation import Runner, frames
-from domino_env.view.report.page import read_racers, write_report
-from domino_env.view.report.race import Racer
+from domino_env.view.race import Racer
+from domino_env.view.report import read_racers, write_report
 from domino_env.view.sound import Heard, clicks, listen, read_wav
 from domino_env.view.template import strips
 from optimize.comparison.page import _about

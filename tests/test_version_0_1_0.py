@@ -9,7 +9,7 @@ import pytest
 
 import domino_env as de
 from domino_env.physics.layout import Layout
-from domino_env.view.report.page import read_racers
+from domino_env.view.report import read_racers
 
 RUN = Path(__file__).parent / "data" / "version_0_1_0"
 

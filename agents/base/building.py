@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from domino_env import DominoChain, Layout, Scene, SceneDistribution, UniformMark, Wave
 from domino_env.scenes.baseline import gain
-from domino_env.view.shown import MadeForScene
+from domino_env.view.notebook import MadeForScene
 from optimize.compiling import compile_for
 
 Observation = NDArray[np.float32]

@@ -9,7 +9,7 @@ import numpy as np
 
 from domino_env.core.colours import GREEN, KNOWN, OURS, SKY, UNIFORM
 from domino_env.core.plot_style import LEGEND, clock, write_png
-from domino_env.view.beside_uniform import beside_uniform
+from domino_env.view.figures import beside_uniform
 from optimize.records.shipped import best_known
 
 if TYPE_CHECKING:

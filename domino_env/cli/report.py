@@ -24,8 +24,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, write the page."""
     from pathlib import Path
 
-    from domino_env.view.report.page import read_racers, write_report
-    from domino_env.view.report.race import headline
+    from domino_env.view.race import headline
+    from domino_env.view.report import read_racers, write_report
 
     paths = [Path(name) for name in arguments.paths]
     asked = asked_physics(arguments, *paths)

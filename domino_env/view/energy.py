@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -112,10 +113,10 @@ def _centres(layout: Layout, leans: Floats) -> Floats:
     return np.asarray(0.5 * (layout.height * np.cos(leans) + layout.thickness * np.sin(leans)))
 
 
-def _taken_by_flushes(motion: Motion, looks: Floats) -> Floats:
+def _taken_by_flushes(motion: Motion, looks: Any) -> Floats:
     """What face impacts have taken so far [J], at every look."""
-    tape = simulate(motion.layout, motion.physics, gradient=True).tape
-    tape = tape[tape["kind"] != FLIP]  # type: ignore[index]
+    tape: Any = simulate(motion.layout, motion.physics, gradient=True).tape
+    tape = tape[tape["kind"] != FLIP]
     at = np.flatnonzero((tape["kind"][:-1] == SWITCH) & tape["flushed"][:-1])
     leader, angle, before = (tape[name][at] for name in ("leader", "angle", "u"))
     after = tape["u"][at + 1]

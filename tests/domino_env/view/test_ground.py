@@ -76,10 +76,11 @@ def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
     for row in (FLAT, HARDLY):
         wave = de.simulate(row, PHYSICS)
         images = np.array([*frames([Runner("", wave)], 2.0, width=400)], dtype=float)
-        rects = re.findall(r'<rect x="[\d.]+" y="[\d.]+"', wave._repr_html_())
+        shapes = re.findall(r'<polygon points="[^"]+"', wave._repr_html_())
+        assert len(shapes) == 12
         energy = energies(Motion(row, PHYSICS))
         places = places_along(row)[-1]
-        looks.append((rects, images, energy.flushes[-1], energy.friction[-1], places))
+        looks.append((shapes, images, energy.flushes[-1], energy.friction[-1], places))
     flat, hardly = looks
     assert flat[0] == hardly[0]
     assert np.abs(flat[1] - hardly[1]).mean() < 0.5  # of 255
@@ -93,17 +94,15 @@ def test_a_row_says_how_its_ground_slopes() -> None:
 
 def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
     html = ROW._repr_html_()
-    path = re.search(r'<path d="M([^"]+)"', html)
-    assert path is not None
-    line = np.array([point.split() for point in path[1].split("L")], dtype=float)
-    turned = re.findall(r'x="([\d.]+)" y="(-?[\d.]+)" width="([\d.]+)" height="([\d.]+)"[^/]*rotate\((\S+) (\S+) (\S+)\)', html)  # fmt: skip  # noqa: E501
-    assert len(turned) == ROW.count
-    for x, y, wide, high, angle, foot, below in np.array(turned, dtype=float):
-        assert (x + wide, y + high) == pytest.approx((foot, below), abs=2e-3)
-        turn = np.radians(angle)
-        rear = foot - wide * np.cos(turn), below - wide * np.sin(turn)
-        for at, down in ((foot, below), rear):
-            assert np.interp(at, *line.T) == pytest.approx(down + 0.5, abs=0.02)
+    line, *dominoes = (
+        np.array([point.split(",") for point in points.split()], dtype=float)
+        for kind in ("polyline", "polygon")
+        for points in re.findall(rf'<{kind} points="([^"]+)"', html)
+    )
+    assert len(dominoes) == ROW.count
+    for corners in dominoes:
+        for x, y in corners[[0, 3]]:
+            assert np.interp(x, *line.T) == pytest.approx(y + 0.5, abs=0.01)
 
 
 def test_energy_over_hills_is_kept_but_for_hits() -> None:

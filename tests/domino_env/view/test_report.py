@@ -15,8 +15,8 @@ from hilly_rows import hilly_row
 import domino_env as de
 from domino_env.physics.motion import Motion
 from domino_env.view.energy import energies
-from domino_env.view.report.page import read_racers, write_report
-from domino_env.view.report.race import Racer, headline, race_data
+from domino_env.view.race import Racer, headline, race_data
+from domino_env.view.report import read_racers, write_report
 
 PHYSICS = de.Physics(push=8.0)
 RNG = np.random.default_rng(2)

@@ -58,7 +58,7 @@ def test_what_the_lines_say(shown) -> None:
 @pytest.mark.parametrize(("name", "dominoes"), [("layout", 12), ("dead", 30), ("result", 80)])
 def test_notebooks_draw_every_domino(shown, name: str, dominoes: int) -> None:
     html = shown[name]._repr_html_()
-    assert html.count("<rect") == dominoes
+    assert html.count("<polygon") == dominoes
     assert html.count('opacity="0.3"') == (29 if name == "dead" else 0)
     assert "&gt;" not in html
     assert repr(shown[name]) in html
@@ -66,7 +66,7 @@ def test_notebooks_draw_every_domino(shown, name: str, dominoes: int) -> None:
 
 def test_a_long_row_is_drawn_by_its_ends() -> None:
     html = de.Layout.uniform(100_000, pitch=0.02)._repr_html_()
-    assert 50 < html.count("<rect") < 300
+    assert 50 < html.count("<polygon") < 300
 
 
 @pytest.mark.parametrize("name", ["layout", "one domino", "wave", "dead", "result"])

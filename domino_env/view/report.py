@@ -1,16 +1,25 @@
-"""Race reading: rows from layout files and folders of runs, with what the folders tell of them."""
+"""Report: one page that plays layouts against each other, and shows why one wins.
+
+The page needs no network and no server: data, scripts and styles are inside it. Layouts come from
+files and folders of runs, with what the folders hold of them.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 import math
+import re
 from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
 from msgspec import Meta
 
+from domino_env.core.files import write_text
 from domino_env.core.models import Document, Number, model_of
 from domino_env.core.reading import decoded, naming, one_line, read_bytes, read_json, shown
 from domino_env.physics.layout import Layout
@@ -21,7 +30,7 @@ from domino_env.rigid.known import known_verification
 from domino_env.scenes.io.beside import common_scene, read_row
 from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
-from domino_env.view.report.race import Racer
+from domino_env.view.race import Racer, race_data
 
 MARK = "best uniform row"
 
@@ -44,19 +53,35 @@ class FloorDocument(Document):
 
 
 class VerificationDocument(Document):
-    """What is read of a run's verification.json; differences are judge over model - 1 [1].
-
-    Files of older versions know two places, hinged and free on a floor of friction 1.
-    """
+    """What is read of a run's verification.json; differences are judge over model - 1 [1]."""
 
     engine: str
     verdict: str
-    difference: Number | None = None
-    free_difference: Number | None = None
     model: Annotated[Times, Meta(description="when each domino is hit [s]")] = ()
-    hinged: Times = ()
-    free: Times = ()
     floors: tuple[FloorDocument, ...] = ()
+
+
+def write_report(racers: Sequence[Racer], title: str, path: Path) -> int:
+    """Write the page whole, and return its size [bytes]."""
+    assets = files("domino_env.view") / "assets"
+
+    def read(name: str) -> str:
+        return (assets / name).read_text("utf-8")
+
+    data = json.dumps(race_data(racers), allow_nan=False, separators=(",", ":"))
+    parts = {
+        "title": escape(title),
+        "styles": read("uPlot.min.css") + read("report.css"),
+        "licence": escape(read("uPlot.LICENSE")),
+        # "</script" would end the script early, "<!--" could keep it from ending
+        "data": data.replace("<", "\\u003c"),
+        "charts": read("uPlot.iife.min.js"),
+        "race": read("race.js"),
+    }
+    # in one go: a row may be called {{race}}
+    page = re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], read("report.html"))
+    write_text(path, page)
+    return len(page.encode())
 
 
 def read_racers(
@@ -190,17 +215,13 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
         return {"judge": known.judge, "verdict": known.verdict, "last": last}
     with naming(path):
         check = model_of(VerificationDocument, read_json(path))
-    floors = check.floors or (
-        FloorDocument(check.hinged, None, check.difference),
-        FloorDocument(check.free, 1.0, check.free_difference),
-    )
     told: dict[str, Any] = {
         "judge": one_line(check.engine, 1000),
         "verdict": one_line(check.verdict, 1000),
-        "last": [(in_words(one.floor), one.difference) for one in floors],
+        "last": [(in_words(one.floor), one.difference) for one in check.floors],
     }
-    # of an older version, or of another row: the verdict alone
-    if all(len(t) == layout.count for t in (check.model, *(one.arrivals for one in floors))):
+    # of another row: the verdict alone
+    if all(len(t) == layout.count for t in (check.model, *(one.arrivals for one in check.floors))):
         told["model"] = list(check.model)
-        told["times"] = [(in_words(one.floor), list(one.arrivals)) for one in floors]
+        told["times"] = [(in_words(one.floor), list(one.arrivals)) for one in check.floors]
     return told

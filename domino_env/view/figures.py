@@ -1,4 +1,4 @@
-"""Rows along their length: drawn to scale, and below them spacing, thickness and wave speed.
+"""Figures of layouts: drawn to scale, and below them spacing, thickness and wave speed.
 
 Inches on paper, millimetres along the row; over hills, everything stands at its horizontal place.
 """
@@ -15,12 +15,13 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from domino_env.core.colours import FAINT, INK, OURS, SOFT
+from domino_env.core.colours import FAINT, INK, OURS, SOFT, UNIFORM
 from domino_env.core.plot_style import HEAD, headings, new_figure, plain_numbers, style
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
 from domino_env.physics.wave import Wave
+from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
 from domino_env.view.ground import ground_line
 
@@ -131,6 +132,72 @@ def rows_picture(
     if last:
         last(_axes(figure, LEFT, FOOT, SPAN, PANEL))
     return figure
+
+
+def plot_layout(layout: Layout) -> Figure:
+    """Draw a row to scale, and its gaps along it."""
+    number, _, sizes = repr(layout)[len("Layout(") : -1].partition(": ")
+    return rows_picture([Shown(layout, None, "as it stands")], number, sizes)
+
+
+def plot_wave(wave: Wave) -> Figure:
+    """Draw the row of a wave to scale, and gaps and speed along it."""
+    physics, ended = wave.physics, wave.outcome.name.lower().replace("_", " ")
+    headline = f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else ended
+    subtitle = (
+        f"{wave.layout.count} dominoes, friction {physics.friction:g}, "
+        f"push {physics.push:g} rad/s, gravity {physics.gravity:g} m/s²"
+    )
+    return rows_picture([Shown(wave.layout, wave, "the row")], headline, subtitle)
+
+
+def beside_uniform(
+    scene: Scene,
+    layout: Layout,
+    wave: Wave,
+    score: float,
+    name: str,
+    last: Callable[[Axes], None] | None = None,
+) -> Figure:
+    """Draw a row and the best uniform one of its scene.
+
+    Parameters
+    ----------
+    scene
+        What it was made for.
+    layout
+        The row.
+    wave
+        Its wave.
+    score
+        What the scene gives for it.
+    name
+        What the row is called, such as by what it was found.
+    last
+        Draws how it was found, in a panel below.
+    """
+    mark = scene.uniform()
+    rows = [Shown(mark.layout, mark.wave, "best uniform pitch", UNIFORM), Shown(layout, wave, name)]
+    physics = scene.physics
+    subtitle = (
+        f"{scene.title} · {scene.count} dominoes, friction {physics.friction:g}, "
+        f"push {physics.push:g} rad/s"
+    )
+    return rows_picture(rows, _headline(scene, wave, score), subtitle, scene, last)
+
+
+def _headline(scene: Scene, wave: Wave, score: float) -> str:
+    mark = scene.uniform()
+    if score <= 0.0:
+        return f"{scene.name}: no row found that topples to the end"
+    if not scene.criterion.is_mean_speed:
+        found = scene.in_words(score, wave)
+        return f"{scene.name}: {found} (uniform: {scene.in_words(mark.score, mark.wave)})"
+    lead = gain(score, mark.score)
+    if lead is None:
+        return f"{scene.name}: {score:.4f} m/s, where no uniform pitch topples to the end"
+    compared = "faster" if lead >= 0.0 else "slower"
+    return f"{scene.name}: {score:.4f} m/s, {abs(lead):.2%} {compared} than the best uniform pitch"
 
 
 _Panel = Callable[[Axes, Sequence[Shown], _Window, Scene | None], None]

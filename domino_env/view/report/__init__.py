@@ -1,1 +1,0 @@
-"""One page that plays rows against each other."""
