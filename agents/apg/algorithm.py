@@ -26,7 +26,7 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents.apg.rows import Rows, lay, require_smooth
 from domino_env import Scene
-from domino_env.envs.observation import closeness, progress_entries
+from domino_env.envs.spaces import closeness
 
 RTOL = 1e-5  # of rows that are built while learning
 
@@ -71,8 +71,8 @@ class APG(OnPolicyAlgorithm):
         scenes = set(env.rows.scenes)
         for scene in scenes:
             require_smooth(scene)
-        last = self.observation_space.shape[0] - ground_of(env)  # type: ignore[index]
-        first = last - progress_entries() - features_of(env)
+        seen = env.rows.observation_layout
+        first, last = seen["placed"].start, seen.get("features", seen["near_end"]).stop
         start = np.mean([uniform_action(scene) for scene in scenes], axis=0)
         with torch.no_grad():
             weight = self._actor.mlp_extractor.policy_net[0].weight
@@ -138,32 +138,21 @@ def uniform_action(scene: Scene) -> list[float]:
     return actions
 
 
-def features_of(env: Any) -> int:
-    """Count the entries, behind those of progress, that tell which scene was drawn."""
-    drawn = env.rows.distribution
-    return 0 if drawn is None else len(drawn.features)
-
-
-def ground_of(env: Any) -> int:
-    """Count the entries, the last of an observation, that tell of the ground ahead."""
-    problems = env.rows._episodes.problems
-    return 0 if problems.like.ground is None else 2 * int(problems.window)
-
-
 def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
     """Scenes of R rows, and what the policy goes by while they are built.
 
     That is (R, P, O) for P pairs of the longest row, or (1, P, O) where all rows have one scene.
     """
-    size, features = env.observation_space.shape[0], features_of(env)
-    last = size - ground_of(env)
-    drawn = env.reset() if features else np.zeros((1, size), np.float32)
+    size, layout = env.observation_space.shape[0], env.rows.observation_layout
+    progress = slice(layout["placed"].start, layout["near_end"].stop)
+    features = layout.get("features")
+    drawn = np.zeros((1, size), np.float32) if features is None else env.reset()
     scenes = list(env.rows.scenes)
     seen = np.zeros((len(drawn), max(scene.count for scene in scenes) - 1, size), np.float32)
     for row, scene, observed in zip(seen, scenes, drawn, strict=False):
-        progress = progress_of_row(scene.count)
-        row[: len(progress), last - features - progress.shape[1] : last - features] = progress
-        row[:, last - features : last] = observed[last - features : last]
+        row[: scene.count - 1, progress] = progress_of_row(scene.count)
+        if features is not None:
+            row[:, features] = observed[features]
     return scenes, torch.from_numpy(seen)
 
 

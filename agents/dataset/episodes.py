@@ -18,7 +18,7 @@ import gymnasium
 import numpy as np
 
 from domino_env import Layout, Scene
-from domino_env.envs.chain_env import DominoChainVector
+from domino_env.envs.chain import DominoChainVector
 from domino_env.scenes.distribution import SceneDistribution
 
 QUALITIES = ("uniform", "noisy", "searched")

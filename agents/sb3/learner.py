@@ -11,12 +11,12 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.apg.algorithm import APG, features_of, ground_of
+from agents.apg.algorithm import APG
 from agents.base.arrays import read_weights
 from agents.base.building import Policy
 from agents.sb3.actor import acting, actor_of
 from agents.sb3.presets import Preset
-from agents.sb3.row_policy import RowPolicy
+from agents.sb3.row_policy import NEAR_END, RowPolicy
 from agents.sb3.side_by_side_ars import SideBySideARS
 from domino_env.core.files import write_bytes
 
@@ -68,11 +68,9 @@ def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorit
     )  # fmt: skip
     if algorithm in OF_ROWS:
         policy: Any = model.policy
-        policy.end, policy.pull, policy.features = (
-            plan.end,
-            plan.pull,
-            features_of(env) + ground_of(env),
-        )
+        policy.end, policy.pull = plan.end, plan.pull
+        layout = env.get_attr("observation_layout")[0]
+        policy.near_end = layout["near_end"].start + NEAR_END
     return model
 
 

@@ -16,9 +16,9 @@ import torch
 from stable_baselines3.common.distributions import DiagGaussianDistribution, Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from domino_env.envs.observation import SCALES
+from domino_env.envs.spaces import SCALES
 
-NEAR_END = SCALES.index(4.0) - len(SCALES)  # where is seen exp(-(dominoes to come) / 4)
+NEAR_END = SCALES.index(4.0)  # of the entries "near_end": exp(-(dominoes to come) / 4)
 
 
 class RowPolicy(ActorCriticPolicy):
@@ -32,24 +32,20 @@ class RowPolicy(ActorCriticPolicy):
         So many times larger it is at the end, where it stays below 1.
     pull
         This times half the mean squared excess of the means over [-1, 1] is added to the loss.
-    features
-        Entries at the end of an observation that tell of the scene: drawn, or the ground ahead.
+    near_end
+        Index of the entry exp(-(dominoes to come) / 4) in an observation.
     """
 
-    deviation, end, pull, features = 1.0, 1.0, 0.0, 0
-
-    @property
-    def _entry(self) -> list[int]:
-        return [NEAR_END - self.features]
+    deviation, end, pull, near_end = 1.0, 1.0, 0.0, 0
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
         """Note how near the end each row is; see `ActorCriticPolicy`."""
-        self._near = obs[:, self._entry]
+        self._near = obs[:, [self.near_end]]
         return super().extract_features(obs, features_extractor)
 
     def get_distribution(self, obs: Any) -> Distribution:
         """Note how near the end each row is; `extract_features` is not asked here."""
-        self._near = obs[:, self._entry]
+        self._near = obs[:, [self.near_end]]
         return super().get_distribution(obs)
 
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:

@@ -1,149 +1,246 @@
-"""What the vector environments share: seeds, masks, autoreset, infos of all rows in arrays."""
+"""Environments side by side, and a single one as a batch of one: seeds, masks, autoreset, infos."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, TypeAlias, TypeVar, cast
 
+import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.envs.base import (
-    RENDER_FPS,
-    Bools,
-    Episodes,
-    Floats,
-    Observations,
-    checked_actions,
-    checked_options,
-    checked_render_mode,
-    new_painter,
-)
+from domino_env import kernels
+from domino_env.core.checks import require
+from domino_env.core.types import Bools, Floats, Singles
+from domino_env.envs.episodes import EpisodeResults
+from domino_env.envs.rendering import FRAMES_A_SECOND, MODES, Renderer, Snapshot
+from domino_env.envs.sources import Generators, SceneSource
+from domino_env.envs.spaces import ObservationLayout, closeness
+from domino_env.physics.layout import Layout
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
-RENDER_MODES = ("rgb_array", "ansi")
+Indices = NDArray[np.intp]  # of environments
+Infos = dict[str, NDArray[Any]]
+T = TypeVar("T")
+OneOrEach: TypeAlias = Sequence[T | None] | T | None
+
+VECTOR_MODES = ("rgb_array", "ansi")
+RTOL = 1e-6
+WINDOW = 8
+LARGEST_RING = 1024  # dominoes remembered behind a front; the wave feels some thirty
 
 
-class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
-    """An environment of many rows, moved together; see `DominoChainVector`.
+class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
+    """B environments that are reset and stepped together; see `DominoChainVector`.
 
     Parameters
     ----------
     num_envs
-        B, the number of rows.
+        B, the number of environments.
+    scene
+        The scene, or what one is sampled from at every reset.
     render_mode
         None, "rgb_array" or "ansi".
+    rtol
+        Relative error allowed in the arrival times.
+    window
+        Number of gaps and thicknesses observed.
     autoreset_mode
         When the episode after an ended one begins.
+
+    Attributes
+    ----------
+    source
+        The scenes of episodes.
+    observation_layout
+        Where each part of an observation stands, by name.
     """
 
-    _episodes: Episodes
+    options: ClassVar[tuple[str, ...]] = ()  # of a reset, for a fixed scene
 
     def __init__(
         self,
         num_envs: int,
+        scene: str | Path | Scene | SceneDistribution,
         render_mode: str | None,
+        rtol: float,
+        window: int,
         autoreset_mode: str | AutoresetMode,
     ) -> None:
-        if not (isinstance(num_envs, int | np.integer) and num_envs >= 1):
-            raise ValueError(f"num_envs = {num_envs!r}: give the number of rows, 1 or more")
+        require("num_envs", num_envs, 1, whole=True)
         self.num_envs = int(num_envs)
-        self.render_mode = checked_render_mode(render_mode, RENDER_MODES)
+        self.render_mode = render_mode
+        self._renderer = Renderer(render_mode, VECTOR_MODES)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {
-            "render_modes": list(RENDER_MODES),
-            "render_fps": RENDER_FPS,
+            "render_modes": list(VECTOR_MODES),
+            "render_fps": FRAMES_A_SECOND,
             "autoreset_mode": self.autoreset_mode,
         }
-        self._over = np.zeros(self.num_envs, np.bool_)  # rows that the next step begins anew
+        self.source = SceneSource(scene, self.num_envs, rtol, window)
+        features = self.source.features.shape[1]
+        self.observation_layout = ObservationLayout(self.source.first, self.source.window, features)
+        self._batch = _new_batch(self.source, self.num_envs)
+        self._episodes = self._batch.episodes
+        # there is a scene before any reset
+        number = self.source.sample(np.random.default_rng(0))
+        self._which = np.full(self.num_envs, number)  # scene of each environment
+        self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
+        self._over = np.zeros(self.num_envs, np.bool_)  # episodes that the next step replaces
         self._begun = np.zeros(self.num_envs, np.bool_)
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
-        self._painter: Any = None
 
-    def _use(self, episodes: Episodes) -> None:
-        """Stand on these episodes, of which there are num_envs."""
-        self._episodes = episodes
-        self.single_action_space = episodes.actions
-        self.single_observation_space = episodes.observations
+    def _set_spaces(self, action: int, observation: Box) -> None:
+        """Set the spaces, for actions of so many numbers."""
+        self.single_action_space = Box(-1.0, 1.0, (action,), np.float32)
+        self.single_observation_space = observation
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        shape = (self.num_envs, *episodes.observations.shape)
-        self._observations: Observations = np.zeros(shape, np.float32)
+        self.observation_space = batch_space(observation, self.num_envs)
+        self._observations: Singles = np.zeros(self.observation_space.shape or (), np.float32)
 
     @property
     def scenes(self) -> tuple[Scene, ...]:
-        """What is built in each row."""
-        return tuple(self._episodes.scene(b) for b in range(self.num_envs))
+        """The scene of each environment."""
+        return tuple(self._scene(b) for b in range(self.num_envs))
 
     @property
     def scene(self) -> Scene:
-        """What is built in all rows.
+        """The scene of all environments.
 
         Raises
         ------
         AttributeError
-            Where rows have scenes of their own, which are drawn at their resets.
+            Where environments have scenes of their own, which are sampled at their resets.
         """
         if self.distribution is not None:
             raise AttributeError(
-                f"a scene of '{self.distribution.name}' is drawn for each row: ask for `scenes`"
+                f"a scene of '{self.distribution.name}' is drawn for each environment: ask for "
+                "`scenes`"
             )
-        return self._episodes.scene(0)
+        return self._scene(0)
 
     @property
     def distribution(self) -> SceneDistribution | None:
-        """What scenes are drawn from; None where there is but one."""
-        return self._episodes.problems.distribution
+        """The distribution that scenes are sampled from; None where the scene is fixed."""
+        return self.source.distribution
 
-    # beginning ------------------------------------------------------------------------------------
+    def _scene(self, env: int) -> Scene:
+        return cast("Scene", self.source.scenes[self._which[env]])
+
+    # reset ----------------------------------------------------------------------------------------
 
     def reset(
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Observations, dict[str, Any]]:
-        """Begin anew in all rows, or in those of a mask.
+    ) -> tuple[Singles, dict[str, Any]]:
+        """Begin episodes in all environments, or in those of a mask.
 
         Parameters
         ----------
         seed
-            A number (row i gets seed + i) or one for each row, of the generators that scenes are
-            drawn with; where the scene is fixed, nothing is random.
+            A number (environment i gets seed + i) or one for each environment, of the generators
+            that scenes and placement errors are sampled with.
         options
             What may be set:
 
-            - "reset_mask": (B,) booleans, which rows begin anew; the others stay as they are.
-            - what the class takes besides.
+            - "reset_mask": (B,) booleans, which environments are reset; the others stay as they
+              are.
+            - those of the class.
 
         Returns
         -------
         tuple
-            Observations (B, O) and infos, which hold the "scene" of each row if one was drawn.
+            Singles (B, O) and infos, which hold the "scene" of each environment if one was
+            sampled.
 
         Raises
         ------
         ValueError
-            For other options or seeds, for a layout that breaks the scene's rules or dies, and for
-            a scene of another kind than those drawn.
+            For other options or seeds, for a layout that breaks the scene's rules or whose wave
+            stops, and for a scene of another kind than those sampled.
         TypeError
             For a mask that is no array of booleans.
         """
-        given = {**checked_options(options, (*self._episodes.options, "reset_mask"))}
+        given = self.checked_options(options, "reset_mask")
         chosen = self._checked_mask(given.pop("reset_mask", None))
         for i, value in enumerate(self._checked_seeds(seed)):
             if chosen[i] and value is not None:
                 self._seeds[i], self._generators[i] = value, None
-        begun = self._episodes.reset(chosen, self._observations, self._generator, **given)
+        begun = self.begin(chosen, self._observations, self._generator, **given)
         self._over &= ~chosen
         self._begun |= chosen
         return self._observations.copy(), self._spread({}, begun, chosen)
+
+    @abstractmethod
+    def begin(
+        self,
+        chosen: Bools,
+        observations: Singles,
+        generators: Generators,
+        layout: OneOrEach[Layout] = None,
+        scene: OneOrEach[Scene] = None,
+    ) -> Infos:
+        """Begin episodes in the chosen environments.
+
+        Parameters
+        ----------
+        chosen
+            (B,) which environments.
+        observations
+            (B, O), written for those.
+        generators
+            Random generator of each environment, by its number.
+        layout
+            First dominoes of each environment, or of all, which stand already; None for the first
+            domino alone. Only where it is among `options`.
+        scene
+            Of each environment, or of all; None for a sampled one. Only where scenes are sampled.
+
+        Returns
+        -------
+        dict
+            Infos of the chosen environments, arrays in their order: "scene" where it was sampled.
+
+        Raises
+        ------
+        ValueError
+            Where `layout` breaks the scene's rules or its wave stops, and for a `scene` of another
+            kind than those sampled; every environment is then left as it was.
+        """
+
+    def _draw_errors(self, envs: Indices, generators: Generators) -> None:
+        """Sample the errors of the gaps to come, where the scene has placement errors."""
+        errors = self._batch.errors
+        if len(errors):
+            for env in envs.tolist():
+                scene = self._scene(env)
+                errors[env, : scene.count - 1] = scene.placement_errors(generators(env))
+
+    def checked_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:
+        """Return the options of a reset.
+
+        Raises
+        ------
+        ValueError
+            For an unknown one.
+        """
+        known = (*self.options, *("scene",) * (self.distribution is not None), *more)
+        for key in options or {}:
+            if key not in known:
+                allowed = ", ".join(known) or "none"
+                raise ValueError(f"unknown reset option '{key}': allowed: {allowed}")
+        return {**(options or {})}
 
     def _checked_mask(self, mask: object) -> Bools:
         if mask is None:
@@ -156,7 +253,9 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
                 f"options['reset_mask'] has shape {mask.shape}: expected ({self.num_envs},)"
             )
         if not mask.any():
-            raise ValueError("options['reset_mask'] chooses no row: at least one must be True")
+            raise ValueError(
+                "options['reset_mask'] chooses no environment: at least one must be True"
+            )
         return mask
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
@@ -167,20 +266,22 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         else:
             seeds = list(seed)
         if len(seeds) != self.num_envs:
-            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} rows: give one for each")
+            raise ValueError(
+                f"{len(seeds)} seeds for {self.num_envs} environments: give one for each"
+            )
         for value in seeds:
-            if value is not None and not (isinstance(value, int | np.integer) and value >= 0):
-                raise ValueError(f"seed = {value!r}: give whole numbers, 0 or more")
+            if value is not None:
+                require("seed", value, 0, whole=True)
         return seeds
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
-        """The seed of each row; None where it has none yet."""
+        """The seed of each environment; None where it has none yet."""
         return tuple(self._seeds)
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generator of each row: what its scenes are drawn with, if they are drawn."""
+        """The random generator of each environment."""
         return tuple(self._generator(i) for i in range(self.num_envs))
 
     def _generator(self, i: int) -> np.random.Generator:
@@ -190,10 +291,10 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             self._generators[i] = generator
         return generator
 
-    # stepping -------------------------------------------------------------------------------------
+    # step -----------------------------------------------------------------------------------------
 
-    def step(self, actions: ArrayLike) -> tuple[Observations, Floats, Bools, Bools, dict[str, Any]]:
-        """Take a step in every row.
+    def step(self, actions: ArrayLike) -> tuple[Singles, Floats, Bools, Bools, dict[str, Any]]:
+        """Take a step in every environment.
 
         Parameters
         ----------
@@ -203,7 +304,7 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         Returns
         -------
         tuple
-            Observations, rewards, terminated, truncated and infos, as of the class.
+            Singles, rewards, terminated, truncated and infos, as of the class.
 
         Raises
         ------
@@ -218,13 +319,13 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         renewed = self._over
         if self.autoreset_mode == AutoresetMode.DISABLED and renewed.any():
             raise ResetNeeded(
-                f"the episode of row {int(np.argmax(renewed))} is over: "
+                f"the episode of environment {int(np.argmax(renewed))} is over: "
                 'call reset(options={"reset_mask": …}) before the next step()'
             )
-        observations, rewards, ended, last = self._episodes.step(values)
+        observations, rewards, ended, last = self.advance(values)
         infos = self._spread({}, last, ended)
         if renewed.any():
-            begun = self._episodes.reset(renewed, observations, self._generator)
+            begun = self.begin(renewed, observations, self._generator)
             infos = self._spread(infos, begun, renewed)
         self._over = ended
         if last and self.autoreset_mode == AutoresetMode.SAME_STEP:
@@ -237,44 +338,309 @@ class RowVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
                 "final_info": infos,
                 "_final_info": ended.copy(),
             }
-            begun = self._episodes.reset(ended, observations, self._generator)
+            begun = self.begin(ended, observations, self._generator)
             infos = self._spread(infos, begun, ended)
             self._over = np.zeros(self.num_envs, np.bool_)
         self._observations[:] = observations
         return observations, rewards, ended.copy(), np.zeros(self.num_envs, np.bool_), infos
 
-    def _spread(
-        self, infos: dict[str, Any], values: dict[str, NDArray[Any]], rows: Bools
-    ) -> dict[str, Any]:
-        """Add infos of some rows, arrays in their order, to those in arrays of all rows."""
+    @abstractmethod
+    def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
+        """Take a step in every environment whose episode runs.
+
+        Parameters
+        ----------
+        actions
+            (B, A) in [-1, 1].
+
+        Returns
+        -------
+        observations : NDArray
+            (B, O); those of other environments are not set.
+        rewards : NDArray
+            (B,); 0 for other environments.
+        ended : NDArray
+            (B,) which episodes ended.
+        infos : dict
+            Infos of those, (E,) arrays in their order; empty if there are none.
+        """
+
+    def _end(self, envs: Indices) -> tuple[Floats, Infos]:
+        """The last rewards and the infos of the (E,) environments whose episodes have just ended.
+
+        Where the score is more than a speed, or a wave's own estimate exceeds the tolerance, the
+        layout is simulated as a whole: a chain that is built step by step cannot go back.
+        """
+        batch, episodes = self._batch, self._episodes[envs]
+        results = EpisodeResults(
+            scenes=[self._scene(env) for env in envs],
+            baseline=self.source.score[self._which[envs]],
+            rtol=self.source.rtol,
+            spacing=batch.spacing[envs],
+            thickness=batch.thickness[envs],
+            height=batch.height[envs] if len(batch.height) == self.num_envs else batch.height,
+            placed=episodes["placed"].tolist(),
+            outcome=episodes["outcome"],
+            reach=episodes["reach"],
+            score=episodes["score"],
+        )
+        if episodes["unsure"].any():
+            results.simulate(np.flatnonzero(episodes["unsure"]).tolist())
+            self._episodes["outcome"][envs] = results.outcome
+        infos = results.infos()
+        if self.distribution is not None:
+            infos["scene"] = objects(results.scenes)
+        self._waves[envs] = infos["wave"]
+        return results.returns - episodes["paid"], infos
+
+    def _spread(self, infos: dict[str, Any], values: Infos, envs: Bools) -> dict[str, Any]:
+        """Add infos of some environments, arrays in their order, to those in arrays of all."""
         for key, some in values.items():
             if key not in infos:
                 # of None, where they are objects
                 blank = np.empty if some.dtype == object else np.zeros
                 infos[key] = blank(self.num_envs, some.dtype)
                 infos[f"_{key}"] = np.zeros(self.num_envs, np.bool_)
-            infos[key][rows] = some
-            infos[f"_{key}"] |= rows
+            infos[key][envs] = some
+            infos[f"_{key}"] |= envs
         return infos
 
-    # looking --------------------------------------------------------------------------------------
+    # rendering ------------------------------------------------------------------------------------
+
+    def snapshot(self, env: int) -> Snapshot:
+        """Return the chain of an environment at its latest hit."""
+        batch, placed, wave = self._batch, int(self._episodes[env].placed), self._waves[env]
+        if wave is None:
+            hit, time, speed = placed + 1, batch.states[env].time, np.sqrt(batch.states[env].u)
+        else:
+            hit, time = wave.hit, wave.arrival_times[wave.hit - 1]
+            stopped = self._episodes[env].outcome != kernels.PROPAGATED
+            speed = 0.0 if stopped else wave.release_velocity[hit - 1]
+        return Snapshot(
+            spacing=batch.spacing[env, :placed].copy(),
+            thickness=batch.thickness[env, : placed + 1].copy(),
+            height=batch.height[env % len(batch.height), : placed + 1].copy(),
+            hit=hit,
+            time=float(time),
+            speed=float(speed),
+            uniform_speed=float(self.source.speed[self._which[env]]),
+            wave=wave,
+        )
 
     def render(self) -> tuple[Any, ...] | None:
-        """Draw a frame of every row at its latest hit."""
+        """Draw a frame of every environment at its latest hit."""
         if self.render_mode is None:
             return None
-        if self._painter is None:
-            self._painter = new_painter(self.render_mode)
-        rows = self._episodes
         return tuple(
-            self._painter.frame(rows.snapshot(b), rows.scene(b)) for b in range(self.num_envs)
+            self._renderer.frame(self.snapshot(b), self._scene(b)) for b in range(self.num_envs)
         )
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let go of what draws."""
-        if self._painter is not None:
-            self._painter.close()
-            self._painter = None
+        """Release what draws."""
+        self._renderer.close()
 
-    def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_painter": None}
+
+class DominoEnv(gymnasium.Env[Singles, Singles]):
+    """A single environment: a batch of one, with frames.
+
+    Parameters
+    ----------
+    vector
+        The batch of one.
+    render_mode
+        None, "rgb_array", "human" or "ansi".
+
+    Attributes
+    ----------
+    observation_layout
+        Where each part of an observation stands, by name.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": list(MODES),
+        "render_fps": FRAMES_A_SECOND,
+    }
+
+    def __init__(self, vector: DominoVectorEnv, render_mode: str | None) -> None:
+        self.render_mode = render_mode
+        self._renderer = Renderer(render_mode)
+        self._vector = vector
+        self._all = np.ones(1, np.bool_)
+        self._begun = self._over = False
+        self.observation_layout = vector.observation_layout
+        self.action_space = vector.single_action_space
+        self.observation_space = vector.single_observation_space
+
+    @property
+    def scene(self) -> Scene:
+        """The scene; where one is sampled at every reset, the latest."""
+        return self._vector.scenes[0]
+
+    @property
+    def distribution(self) -> SceneDistribution | None:
+        """The distribution that scenes are sampled from; None where the scene is fixed."""
+        return self._vector.distribution
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Singles, dict[str, Any]]:
+        """Begin an episode.
+
+        Parameters
+        ----------
+        seed
+            Of `np_random`, which scenes and placement errors are sampled with.
+        options
+            As of the class.
+
+        Returns
+        -------
+        tuple
+            The observation and an info, which holds the "scene" if one was sampled.
+
+        Raises
+        ------
+        ValueError
+            For other options, for a layout that breaks the scene's rules or whose wave stops, and
+            for a scene of another kind than those sampled.
+        """
+        super().reset(seed=seed)
+        given = self._vector.checked_options(options)
+        observations = np.empty(self._vector.observation_space.shape or (), np.float32)
+        infos = self._vector.begin(self._all, observations, lambda _: self.np_random, **given)
+        self._begun, self._over = True, False
+        if self.render_mode == "human":
+            self.render()
+        return observations[0], {key: values.item(0) for key, values in infos.items()}
+
+    def step(self, action: ArrayLike) -> tuple[Singles, float, bool, bool, dict[str, Any]]:
+        """Take a step.
+
+        Parameters
+        ----------
+        action
+            (A,) in [-1, 1], as of the class.
+
+        Returns
+        -------
+        tuple
+            Observation, reward, terminated, truncated and info, as of the class.
+
+        Raises
+        ------
+        ValueError
+            For an action of another shape or with entries that are not finite.
+        ResetNeeded
+            Before `reset`, and once the episode is over.
+        """
+        values = checked_actions(action, self.action_space)
+        if self._over or not self._begun:
+            raise ResetNeeded(
+                "the episode is over: call reset() before the next step()"
+                if self._over
+                else "call reset() before the first step()"
+            )
+        observations, rewards, ended, infos = self._vector.advance(values[None])
+        self._over = bool(ended[0])
+        if self.render_mode == "human":
+            self.render()
+        info = {key: values.item(0) for key, values in infos.items()}
+        return observations[0], float(rewards[0]), self._over, False, info
+
+    def snapshot(self) -> Snapshot:
+        """Return the chain at its latest hit."""
+        return self._vector.snapshot(0)
+
+    def render(self) -> NDArray[np.uint8] | str | None:
+        """Draw the chain at its latest hit: an image, a text, or None for a window."""
+        if self.render_mode is None:
+            gymnasium.logger.warn(
+                'render() shows nothing without a render mode: gymnasium.make(…, render_mode="…") '
+                f"with one of {', '.join(MODES)}"
+            )
+            return None
+        return self._renderer.frame(self.snapshot(), self.scene)
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._renderer.close()
+
+
+def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
+    """Return actions as float64.
+
+    Raises
+    ------
+    ValueError
+        For another shape than that of the space, and for entries that are not finite.
+    """
+    values = np.asarray(actions, dtype=np.float64)
+    if values.shape != space.shape:
+        raise ValueError(
+            f"action of shape {values.shape}: expected {space.shape}, entries from -1 to 1"
+        )
+    if not np.isfinite(values).all():
+        place = tuple(np.argwhere(~np.isfinite(values))[0])
+        where = ", ".join(str(i) for i in place)
+        raise ValueError(
+            f"action[{where}] = {values[place]}: every entry must be finite, from -1 to 1"
+        )
+    return values
+
+
+def objects(values: Iterable[Any]) -> NDArray[Any]:
+    """Return an array of objects of any kind."""
+    listed = list(values)
+    array = np.empty(len(listed), object)
+    array[:] = listed
+    return array
+
+
+def _new_batch(source: SceneSource, num_envs: int) -> kernels.Batch | kernels.HillBatch:
+    """Allocate the arrays of the environments."""
+    scene, longest = source.first, source.longest
+    kinds, stock = _kinds_to_choose(scene)
+    sampled = source.distribution
+    own_height = scene.growth is not None or (sampled is not None and "height" in sampled.features)
+    size = 2  # a power of two that holds the chain, or as much of it as is felt
+    while size < longest + 1 and size < LARGEST_RING:
+        size *= 2
+    link = kernels.LINK if scene.ground is None else kernels.HILL_LINK
+    batch = kernels.Batch(
+        rules=np.zeros(1 if sampled is None else num_envs, kernels.RULES),
+        features=np.zeros((num_envs, source.features.shape[1]), np.float32),
+        closeness=closeness(longest),
+        gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
+        kinds=kinds,
+        stock=stock,
+        left=np.tile(stock, (num_envs, 1)),
+        errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
+        rings=np.zeros((num_envs, size), link),
+        states=np.zeros(num_envs, kernels.STATE),
+        episodes=np.zeros(num_envs, kernels.EPISODE),
+        spacing=np.full((num_envs, longest - 1), scene.spacing[0]),
+        thickness=np.full((num_envs, longest), scene.first_thickness),
+        height=np.full((num_envs if own_height else 1, longest), scene.height),
+        density=np.full((1, longest), scene.density),
+    )
+    batch.rules[0] = source.rules[0]
+    if scene.ground is None:
+        return batch
+    _, tilt = scene.ground.lay(np.empty(0), batch.thickness[0, :1])
+    return kernels.HillBatch(
+        *batch,
+        rise=np.zeros((num_envs, longest - 1)),
+        tilt=np.full((num_envs, longest), tilt[0]),
+        places=np.zeros((num_envs, longest)),
+        curve=scene.ground.curve,
+    )
+
+
+def _kinds_to_choose(scene: Scene) -> tuple[Floats, Floats]:
+    """The thicknesses that dominoes may have [m], if only some, and how many of each."""
+    if scene.stock is not None:
+        box = scene.stock.without(scene.first_thickness)
+        order = np.argsort(box.thickness)
+        return np.array(box.thickness)[order], np.array(box.count, dtype=np.float64)[order]
+    kinds = np.array(scene.thickness_values or (), dtype=np.float64)
+    return kinds, np.full(len(kinds), np.inf)

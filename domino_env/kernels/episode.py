@@ -165,13 +165,17 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
 
 @entry_point
 def place_rows(first, last, batch, actions):
-    """Write whole rows first … last - 1, domino by domino, as actions (B, N-1, A) choose them."""
+    """Place all dominoes of those rows that run, as actions (B, N-1, A) choose them; none falls."""
     lent, actions = lend(batch), borrowed(actions)
     for b in range(first, last):
         rules, row, left, way = rules_of(lent, b), row_built(lent, b), lent.left[b], 0.0
+        episode = lent.episodes[b]
+        if episode.phase != RUNNING:
+            continue
         for k in range(len(left)):
             left[k] = lent.stock[k]
         for n in range(len(row.spacing)):
             choose(actions[b, n], rules, lent, left, n, way, row)
             put_down(rules, lent.errors, b, n, row.spacing)
             way += row.spacing[n] + row.thickness[n + 1]
+        episode.placed, episode.phase, episode.unsure = len(row.spacing), OVER, True

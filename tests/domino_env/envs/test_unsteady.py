@@ -8,7 +8,7 @@ import pytest
 from agents.base.building import HANDS, as_placed, build
 from agents.single.scripted import ScriptedPolicy, uniform
 from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, load_scene
-from domino_env.envs.base import RTOL
+from domino_env.envs.vector import RTOL
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.unsteady import LEAST_GAP
 

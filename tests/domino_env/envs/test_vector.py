@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import domino_env as de
 from domino_env import DominoChain, DominoChainVector, DominoLayout, DominoLayoutVector
-from domino_env.envs import endings
+from domino_env.envs import episodes
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives.robust import Placement
 from domino_env.scenes.objectives.tempo import Tempo
@@ -174,13 +174,13 @@ def test_no_row_is_simulated_twice(kind, number, monkeypatch):
     env.reset()
     calls = []
     for name in ("simulate", "simulate_batch"):
-        known = getattr(endings, name)
+        known = getattr(episodes, name)
 
         def counted(*arguments, known=known, **named):
             calls.append(known)
             return known(*arguments, **named)
 
-        monkeypatch.setattr(endings, name, counted)
+        monkeypatch.setattr(episodes, name, counted)
     ended = np.zeros(number, np.bool_)
     while not ended.any():
         _, _, ended, _, infos = env.step(np.zeros(env.action_space.shape))
@@ -283,7 +283,7 @@ def test_every_row_has_its_own_seed():
     env.reset(seed=20, options={"reset_mask": np.array([False, True, False])})
     assert env.np_random_seed == (1, 21, 2)
     for bad, words in (
-        ([1, 2], "2 seeds for 3 rows"),
+        ([1, 2], "2 seeds for 3 environments"),
         ([1, 2, -3], "seed = -3"),
         (-1, "seed = -1"),
     ):
@@ -366,12 +366,12 @@ def test_bad_use_is_told_what_is_wrong():
         ([True, False], TypeError, "is list: give a NumPy array"),
         (np.array([1, 0]), TypeError, "is int64: give a NumPy array"),
         (np.array([True]), ValueError, r"has shape \(1,\): expected \(2,\)"),
-        (np.zeros(2, np.bool_), ValueError, "chooses no row"),
+        (np.zeros(2, np.bool_), ValueError, "chooses no environment"),
     ):
         with pytest.raises(kind, match=words):
             env.reset(options={"reset_mask": mask})
     ended = np.zeros(2, np.bool_)
     while not ended.any():
         ended = env.step(np.array([[-1.0, 1.0], [0.5, -1.0]]))[2]
-    with pytest.raises(ResetNeeded, match=r"row \d is over: call reset"):
+    with pytest.raises(ResetNeeded, match=r"environment \d is over: call reset"):
         env.step(np.zeros((2, 2)))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.envs.chain_env import DominoChain, DominoChainVector
-from domino_env.envs.layout_env import DominoLayout, DominoLayoutVector
+from domino_env.envs.chain import DominoChain, DominoChainVector
+from domino_env.envs.layout import DominoLayout, DominoLayoutVector
 from domino_env.scenes import standing_mark
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.limits import Limits

@@ -1,50 +1,100 @@
-"""Render: the frames of the environments; loaded when one is asked for.
+"""Frames of the environments.
 
-An image (`rgb_array`), a window (`human`, needs pygame-ce) or a line of text (`ansi`) of the row at
-the latest hit, with the leans that the model gives it.
+An image (`rgb_array`), a window (`human`, needs pygame-ce) or a line of text (`ansi`) of the chain
+at the latest hit, with the leans that the model gives it.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.envs.snapshot import Snapshot
+from domino_env.core.brief import brief
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import lean_behind
+from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 
+MODES = ("rgb_array", "human", "ansi")
+FRAMES_A_SECOND = 20  # of a window, at most
 WIDTH, HEIGHT = 1200, 200
 TEXT_WIDTH = 100
-FRAMES_A_SECOND = 20  # of a window, at most
 
 
-class Painter:
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The chain placed so far and its wave at the instant of the latest hit.
+
+    Attributes
+    ----------
+    spacing
+        (n-1,) free gaps [m].
+    thickness, height
+        (n,) of the dominoes placed so far [m].
+    hit
+        Number of dominoes struck; the leader is domino hit - 1.
+    time
+        Of the latest hit [s].
+    speed
+        Angular velocity of the leader just after it was hit [rad/s]; 0 where the wave stopped.
+    uniform_speed
+        Mean speed of the scene's uniform baseline [m/s].
+    wave
+        The wave through these dominoes; None while it runs on.
+    """
+
+    spacing: Floats
+    thickness: Floats
+    height: Floats
+    hit: int
+    time: float
+    speed: float
+    uniform_speed: float
+    wave: Wave | None = None
+
+    __repr__ = brief
+
+
+class Renderer:
     """Draws the snapshots of one environment.
 
     Parameters
     ----------
     mode
-        "rgb_array", "human" or "ansi".
+        One of `allowed`, or None for no frames.
+    allowed
+        Modes that the environment has.
 
     Raises
     ------
-    ImportError
-        Where a window is asked for and cannot be opened; says what to install.
+    ValueError
+        For another mode.
     """
 
-    def __init__(self, mode: str) -> None:
+    def __init__(self, mode: str | None, allowed: tuple[str, ...] = MODES) -> None:
+        if mode is not None and mode not in allowed:
+            raise ValueError(f"render_mode = {mode!r}: choose None or one of {', '.join(allowed)}")
         self.mode = mode
-        self._window = _Window() if mode == "human" else None
+        self._window: _Window | None = None
         self._scale: Any = None
         self._scaled_to: Scene | None = None
 
     def frame(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.uint8] | str | None:
-        """Draw an image (H, W, 3), a text, or None for a window, which shows it."""
-        row = snapshot.spacing, snapshot.thickness, snapshot.height
-        layout = Layout(*row) if scene.ground is None else scene.ground.layout(*row)
+        """Draw an image (H, W, 3), a text, or None for a window, which shows it.
+
+        Raises
+        ------
+        ImportError
+            Where a window cannot be opened, with what to install.
+        """
+        if self.mode == "human" and self._window is None:
+            self._window = _Window()
+        parts = snapshot.spacing, snapshot.thickness, snapshot.height
+        layout = Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)
         leader = max(snapshot.hit - 1, 0)
         leans = lean_behind(layout, np.array([leader]), np.zeros(1))[0]
         if self.mode == "ansi":
@@ -53,23 +103,15 @@ class Painter:
         from domino_env.view.ground import relief
 
         if self._scaled_to is not scene:
-            length = scene.length or 1.1 * float(scene.uniform().layout.length)
             uniform = scene.uniform().layout
-            tallest, hills = float(uniform.height.max()), relief(uniform)
-            self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, hills)
+            length = scene.length or 1.1 * float(uniform.length)
+            tallest = float(uniform.height.max())
+            self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
         ghost = snapshot.uniform_speed * snapshot.time if snapshot.uniform_speed > 0.0 else None
-        image = np.asarray(
-            strip(
-                layout,
-                leans,
-                leader,
-                self._scale,
-                _line(snapshot, layout),
-                ghost,
-                ground=scene.ground,
-            )
-        )
+        line = _line(snapshot, layout)
+        drawn = strip(layout, leans, leader, self._scale, line, ghost, ground=scene.ground)
+        image = np.asarray(drawn)
         if self._window is None:
             return image.copy()
         self._window.show(image)
@@ -79,11 +121,15 @@ class Painter:
         """Close the window, if there is one."""
         if self._window is not None:
             self._window.close()
+            self._window = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_window": None}  # a copy opens a window of its own
 
     def _text(
         self, snapshot: Snapshot, layout: Layout, leader: int, leans: NDArray[np.float64]
     ) -> str:
-        """The row to scale in characters, a domino at least one, and what `_line` says."""
+        """The chain to scale in characters, at least one per domino, and `_line`."""
         cell = max(float(layout.length), 1e-9) / TEXT_WIDTH
         row, at = [], 0
         for i, x in enumerate(layout.positions):
@@ -95,7 +141,7 @@ class Painter:
 
 
 def _line(snapshot: Snapshot, layout: Layout) -> str:
-    """Time, place and speed, against uniform."""
+    """Time, place and speed, compared with the uniform baseline."""
     words = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} struck"
     if snapshot.time > 0.0 and snapshot.hit > 1:
         speed = float(layout.positions[snapshot.hit - 1]) / snapshot.time

@@ -1,22 +1,42 @@
-"""DominoChain-v0: a row of dominoes designed one domino at a time, alone or many at once."""
+"""DominoChain-v0: a layout chosen one domino at a time, alone or in a batch."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Any, ClassVar, cast
 
+import numpy as np
 from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
 
-from domino_env.envs.base import RTOL, WINDOW, Floats, RowEnv, loaded
-from domino_env.envs.episodes import ChainEpisodes
-from domino_env.envs.vector import RowVectorEnv
+from domino_env import kernels
+from domino_env.core.checks import require
+from domino_env.core.threads import share_rows
+from domino_env.core.types import Bools, Floats, Singles
+from domino_env.envs.sources import Generators
+from domino_env.envs.spaces import choices
+from domino_env.envs.vector import (
+    RTOL,
+    WINDOW,
+    DominoEnv,
+    DominoVectorEnv,
+    Indices,
+    Infos,
+    OneOrEach,
+    objects,
+)
 from domino_env.physics.layout import Layout
+from domino_env.physics.wave import simulate
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.specification import LENGTH_TOLERANCE
+
+PIECE = 128  # environments from which on it pays to wake another thread
 
 
-class DominoChain(RowEnv):
+class DominoChain(DominoEnv):
     """A row of dominoes, placed one by one while the wave runs through them.
 
     ## Description
@@ -141,7 +161,7 @@ class DominoChain(RowEnv):
         W, how many gaps and thicknesses are observed; at most N - 1.
     """
 
-    _episodes: ChainEpisodes
+    _vector: DominoChainVector
 
     def __init__(
         self,
@@ -151,17 +171,17 @@ class DominoChain(RowEnv):
         reference_speed: float | None = None,
         window: int = WINDOW,
     ) -> None:
-        super().__init__(render_mode)
-        self._use(ChainEpisodes(loaded(scene), 1, rtol, reference_speed, window))
+        vector = DominoChainVector(1, scene, None, rtol, reference_speed, window)
+        super().__init__(vector, render_mode)
 
     @property
     def reference_speed(self) -> float:
         """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
-        return cast("float", self._episodes.reference_speed)
+        return cast("float", self._vector.reference_speed)
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
-        self._episodes.reference_speed = speed
+        self._vector.reference_speed = speed
 
     def bounds_ahead(self) -> dict[str, tuple[float, float]]:
         """Return what the next action ranges over: {"spacing": (low, high), "thickness": …} [m].
@@ -169,10 +189,10 @@ class DominoChain(RowEnv):
         Where a length is to be met, the gap's bounds depend on the thickness that the same action
         chooses: they are given for the middle of its range.
         """
-        return self._episodes.bounds_ahead(0)
+        return self._vector.bounds_ahead(0)
 
 
-class DominoChainVector(RowVectorEnv):
+class DominoChainVector(DominoVectorEnv):
     """`DominoChain` times num_envs, bit for bit, with all rows moved by one compiled call a step.
 
     Actions (B, A), observations (B, O), rewards (B,) float64, as Gymnasium's vector environments
@@ -206,7 +226,7 @@ class DominoChainVector(RowVectorEnv):
         - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
     """
 
-    _episodes: ChainEpisodes
+    options: ClassVar[tuple[str, ...]] = ("layout",)
 
     def __init__(
         self,
@@ -218,28 +238,186 @@ class DominoChainVector(RowVectorEnv):
         window: int = WINDOW,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
-        super().__init__(num_envs, render_mode, autoreset_mode)
-        self._use(ChainEpisodes(loaded(scene), self.num_envs, rtol, reference_speed, window))
+        super().__init__(num_envs, scene, render_mode, rtol, window, autoreset_mode)
+        self._rules = self._batch.rules
+        self._reference: float | None = None  # of all episodes, where one is given
+        self._enter(np.arange(self.num_envs))
+        if reference_speed is not None:
+            self.reference_speed = reference_speed
+        self._set_spaces(choices(self.source.first), self.observation_layout.space)
 
     @property
     def reference_speed(self) -> float | Floats:
         """Speed that the rewards of single steps count against [m/s]; may be set at any time.
 
-        (B,) where each row has a scene of its own; what is set is that of all rows.
+        (B,) where each environment has a scene of its own; what is set holds for all of them.
         """
-        return self._episodes.reference_speed
+        speeds: Floats = self._rules["reference_speed"]
+        return float(speeds[0]) if len(speeds) == 1 else speeds.copy()
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
-        self._episodes.reference_speed = speed
+        baseline = self.source.speed[self._which[0]]
+        hint = f"the uniform baseline runs at {baseline:.6g} m/s"
+        require("reference_speed", speed, unit="m/s", above=0.0, hint=hint)
+        self._reference = float(speed)
+        self._rules["reference_speed"] = speed
 
-    def bounds_ahead(self, row: int) -> dict[str, tuple[float, float]]:
-        """Return what the next action of a row ranges over; see `DominoChain.bounds_ahead`."""
-        return self._episodes.bounds_ahead(row)
+    def begin(
+        self,
+        chosen: Bools,
+        observations: Singles,
+        generators: Generators,
+        layout: OneOrEach[Layout] = None,
+        scene: OneOrEach[Scene] = None,
+    ) -> Infos:
+        """Begin episodes in the chosen environments; see `DominoVectorEnv.begin`."""
+        envs, before = np.flatnonzero(chosen), self._which.copy()
+        if self.distribution is not None:
+            given = self._one_each(scene, Scene, "scenes to build in")
+            self._which[envs] = [
+                self.source.sample(generators(b))
+                if given is None or given[b] is None
+                else self.source.give(b, given[b])
+                for b in envs.tolist()
+            ]
+        layouts = self._one_each(layout, Layout, "layouts to start from") or []
+        starts = [(b, one) for b, one in enumerate(layouts) if chosen[b] and one is not None]
+        try:
+            for b, start in starts:
+                _require_start(start, self._scene(b), self.source.rtol)
+        except ValueError:
+            self._which = before
+            raise
+        self._enter(envs)
+        self._draw_errors(envs, generators)
+        batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
+        for b, start in starts:
+            placed[b] = start.count - 1
+            batch.spacing[b, : placed[b]] = start.spacing
+            batch.thickness[b, : start.count] = start.thickness
+            if self._scene(b).growth is not None:
+                batch.height[b, : start.count] = start.height
+        kernels.reset_rows(0, self.num_envs, batch, chosen, placed, observations)
+        self._waves[chosen] = None
+        if self.distribution is None:
+            return {}
+        return {"scene": objects(self._scene(b) for b in envs.tolist())}
+
+    def _one_each(self, given: Any, kind: type, what: str) -> list[Any] | None:
+        """One for each environment, where one for all or one for each is given."""
+        if given is None:
+            return None
+        each = [given] * self.num_envs if isinstance(given, kind | str) else list(given)
+        if len(each) != self.num_envs:
+            raise ValueError(
+                f"{len(each)} {what}: give one for all, or one for each of the {self.num_envs} "
+                "environments"
+            )
+        return each
+
+    def _enter(self, envs: Indices) -> None:
+        """Apply the scenes of environments from now on."""
+        batch, source, which = self._batch, self.source, self._which[envs]
+        if self.distribution is None:
+            return
+        _words(self._rules)[envs] = _words(source.rules)[which]
+        if self._reference is not None:
+            self._rules["reference_speed"][envs] = self._reference
+        batch.features[envs] = source.features[which]
+        batch.thickness[envs, 0] = source.first_thickness[which]
+        if len(batch.height) == self.num_envs:  # else all share one
+            batch.height[envs] = source.height[which, None]
+
+    def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
+        """Place a domino in every environment that runs; see `DominoVectorEnv.advance`."""
+        observations = np.empty(self._observations.shape, np.float32)
+        rewards = np.empty(self.num_envs)
+        ended = np.empty(self.num_envs, np.bool_)
+        share_rows(
+            kernels.step_rows, self.num_envs, PIECE,
+            self._batch, actions, observations, rewards, ended,
+        )  # fmt: skip
+        infos: Infos = {}
+        if np.count_nonzero(ended):
+            envs = np.flatnonzero(ended)
+            rewards[envs], infos = self._end(envs)
+        return observations, rewards, ended, infos
+
+    def bounds_ahead(self, env: int) -> dict[str, tuple[float, float]]:
+        """Return the bounds of an environment's next action; see `DominoChain.bounds_ahead`."""
+        episode, rules = self._episodes[env], self._rules[env % len(self._rules)]
+        pairs, way = int(rules.count) - 1 - int(episode.placed), episode.way
+        low, high = kernels.thickness_range(rules, pairs, way)
+        gaps = kernels.gap_range(rules, pairs, way, 0.5 * (low + high))
+        return {"spacing": (float(gaps[0]), float(gaps[1])), "thickness": (float(low), float(high))}
 
     def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
-        """Return actions (B, A) that place the next domino of every row as in its layout.
+        """Return actions (B, A) that place the next domino of every environment as in its layout.
 
-        Where the rules no longer leave its place, the nearest they do; 0 for rows that are over.
+        Where the rules no longer leave its place, the nearest they do; 0 where episodes are over.
         """
-        return self._episodes.actions_towards(layout)
+        layouts = self._one_each(layout, Layout, "layouts to build") or []
+        actions = np.zeros(self.action_space.shape or ())
+        for b in np.flatnonzero(self._episodes["phase"] == kernels.RUNNING):
+            actions[b] = self._action_towards(int(b), layouts[b])
+        return actions
+
+    def _action_towards(self, b: int, layout: Layout) -> list[float]:
+        scene, rules = self._scene(b), self._rules[b % len(self._rules)]
+        n, way = int(self._episodes[b].placed), self._episodes[b].way
+        left, tall = scene.count - 1 - n, layout.height
+        gap, thick = layout.spacing[n], layout.thickness[n + 1]
+        if scene.in_heights:
+            gap, thick = gap / min(tall[n], tall[n + 1]), thick / tall[n + 1]
+        action = []
+        bounds = kernels.thickness_range(rules, left, way)
+        placed = float(np.clip(thick, *bounds))
+        if scene.free_spacing:
+            low, high = kernels.gap_range(rules, left, way, placed)
+            if rules.largest_change > 0.0 and n > 0:
+                before, change = self._batch.spacing[b, n - 1], rules.largest_change
+                low, high = max(low, before - change), min(high, before + change)
+            action.append(_action_for(gap, low, high))
+        if scene.free_thickness:
+            action.append(_action_for(thick, *bounds))
+        if scene.growth is not None and scene.free_height:
+            action.append(_action_for(tall[n + 1] / tall[n], *scene.growth))
+        return action
+
+
+def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
+    """Raise ValueError for a layout that no episode in the scene can begin with."""
+    broken = replace(scene, count=layout.count, length=None).violations(layout)
+    if not broken and layout.count >= scene.count:
+        broken = [
+            f"it has {layout.count} dominoes: at least one of the scene's {scene.count} must "
+            "be left to place"
+        ]
+    if not broken and scene.length is not None:
+        pairs, left = scene.count - layout.count, scene.length - layout.length
+        least = pairs * (scene.spacing[0] + scene.thickness[0])
+        most = pairs * (scene.spacing[1] + scene.thickness[1])
+        if not least - LENGTH_TOLERANCE <= left <= most + LENGTH_TOLERANCE:
+            broken = [
+                f"it leaves {left:.6g} m of the length for {pairs} dominoes, which cover "
+                f"{least:.6g} to {most:.6g} m"
+            ]
+    if not broken and layout.count > 1:
+        wave = simulate(layout, scene.physics, rtol=rtol)
+        if wave.hit < layout.count or not np.isfinite(wave.release_velocity[-1]):
+            broken = [f"its wave stops: {wave.explanation}"]
+    if broken:
+        raise ValueError(f"the layout to start from: {'; '.join(broken)}")
+
+
+def _words(records: NDArray[np.record]) -> NDArray[np.uint64]:
+    """Return records (S,) as whole numbers (S, W), which are copied three times as fast."""
+    return records.view(np.uint64).reshape(len(records), -1)
+
+
+def _action_for(value: float, low: float, high: float) -> float:
+    """The action in [-1, 1] that stands for a value; where nothing can be chosen, 0."""
+    if not low < high:
+        return 0.0
+    return float(np.clip(2.0 * (value - low) / (high - low) - 1.0, -1.0, 1.0))

@@ -1,64 +1,66 @@
-"""The scenes that rows are built in: always the same one, or one drawn for every episode."""
+"""The scenes of episodes: always the same one, or one sampled at every reset."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env import kernels
+from domino_env.core.checks import require
+from domino_env.core.types import Floats
+from domino_env.envs.spaces import FEATURE_LIMIT, choices
 from domino_env.physics.wave import LOOSEST, TIGHTEST
-from domino_env.scenes.distribution import SceneDistribution
+from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.io.ranges import COUNT
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.unsteady import LEAST_GAP
 
-Floats = NDArray[np.float64]
-Generators = Callable[[int], np.random.Generator]  # of the row with this number
+Generators = Callable[[int], np.random.Generator]  # of an environment, by its number
 
-FEATURE_LIMIT = 3.0  # features of scenes beyond the ranges are cut off there
-ROOM = 2  # scenes that are given may have so many times the dominoes of the longest drawn
+ROOM = 2  # scenes that are given may have so many times the dominoes of the longest sampled
 
 
-class Problems:
-    """What rows may be built for: numbered scenes, as episodes in them need them.
+class SceneSource:
+    """Numbered scenes, with what episodes in them need.
 
     Parameters
     ----------
     scene
-        The one scene, or what one is drawn from at every reset.
-    rows
-        B, how many rows there are.
+        The one scene, or the distribution that one is sampled from at every reset; or the name or
+        path of either.
+    num_envs
+        B, the number of environments.
     rtol
         Relative error allowed in the arrival times.
     window
-        Gaps (and thicknesses) observed behind the front, at most.
+        Number of gaps (and thicknesses) observed, at most.
 
     Attributes
     ----------
     distribution
-        What is drawn from; None where the scene is fixed.
-    like
-        A scene of the kind.
+        The distribution; None where the scene is fixed.
+    first
+        The scene, or the first of the distribution.
     longest
-        Dominoes that there must be room for.
+        Largest number of dominoes of a scene.
     window
-        Gaps (and thicknesses) observed behind the front.
+        Number of gaps (and thicknesses) observed.
     scenes
-        Those of the pool, then a place for each row that is given a scene of its own.
+        Those of the pool, then one place for each environment that is given a scene of its own.
     rules
         (S,) RULES of each.
     features
-        (S, F) what is observed of each.
+        (S, F) observed numbers of each; F = 0 where the scene is fixed.
     first_thickness, height
         (S,) of the first domino of each [m].
     score, speed
-        (S,) of the best uniform row of each; the speed in m/s.
+        (S,) of the uniform baseline of each; the speed in m/s.
 
     Raises
     ------
@@ -68,23 +70,25 @@ class Problems:
     """
 
     def __init__(
-        self, scene: Scene | SceneDistribution, rows: int, rtol: float, window: int
+        self, scene: str | Path | Scene | SceneDistribution, num_envs: int, rtol: float, window: int
     ) -> None:
-        if not TIGHTEST <= rtol <= LOOSEST:
-            raise ValueError(f"rtol = {rtol}: choose a tolerance between {TIGHTEST} and {LOOSEST}")
-        self.rtol = rtol
+        require("rtol", rtol, TIGHTEST, LOOSEST)
+        require("window", window, 0, whole=True, hint="the number of dominoes observed")
+        if not isinstance(scene, Scene | SceneDistribution):
+            scene = load_any(scene)
+        self.rtol = float(rtol)
         self.distribution = scene if isinstance(scene, SceneDistribution) else None
-        self.like = scene.first if isinstance(scene, SceneDistribution) else scene
-        _require_choice(self.like)
-        count, drawn, features = self.like.count, 1, 0
+        self.first = scene.first if isinstance(scene, SceneDistribution) else scene
+        _require_choice(self.first)
+        count, sampled, features = self.first.count, 1, 0
         if isinstance(scene, SceneDistribution):
             _require_same_lists(scene)
             _require_flat(scene)
             self._pool = pool_of(scene)
-            drawn, features = len(self._pool), len(scene.features)
+            sampled, features = len(self._pool), len(scene.features)
             count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
-        self.drawn, self.window = drawn, min(window, count - 1)
-        places = drawn + rows * (self.distribution is not None)
+        self.sampled, self.window = sampled, min(int(window), count - 1)
+        places = sampled + num_envs * (self.distribution is not None)
         self.longest = count * (ROOM if self.distribution is not None else 1)
         self.scenes: list[Scene | None] = [None] * places
         self.rules = np.zeros(places, kernels.RULES)
@@ -94,23 +98,23 @@ class Problems:
         if isinstance(scene, Scene):
             self._keep(0, scene, np.empty(0))
 
-    def draw(self, generator: np.random.Generator) -> int:
-        """Draw the number of a scene; where it is fixed, nothing is drawn."""
+    def sample(self, generator: np.random.Generator) -> int:
+        """Return the number of a random scene; where it is fixed, nothing is random."""
         if self.distribution is None:
             return 0
-        i = int(self.drawn * generator.random())
+        i = int(self.sampled * generator.random())
         if self.scenes[i] is None:
             scene = self._pool.scene(i)
             self._keep(i, scene, self._pool.features[i], *self._pool.marks[i])
         return i
 
-    def give(self, row: int, scene: Scene) -> int:
-        """Take a scene for a row, if it is one of the kind that is drawn; returns its number.
+    def give(self, env: int, scene: Scene) -> int:
+        """Take a scene for an environment, and return its number.
 
         Raises
         ------
         ValueError
-            For a scene of another kind, or with too many dominoes.
+            For a scene of another kind than those sampled, or with too many dominoes.
         """
         assert self.distribution is not None
         if not isinstance(scene, Scene):
@@ -121,8 +125,8 @@ class Problems:
                 f"scene '{scene.name}' has {scene.count} dominoes: at most {self.longest}, "
                 f"{ROOM} times as many as '{self.distribution.name}' draws"
             )
-        self._keep(self.drawn + row, scene, self.distribution.scaled(numbers))
-        return self.drawn + row
+        self._keep(self.sampled + env, scene, self.distribution.scaled(numbers))
+        return self.sampled + env
 
     def _keep(
         self,
@@ -133,8 +137,8 @@ class Problems:
         speed: float | None = None,
     ) -> None:
         if score is None or speed is None:
-            mark = scene.uniform()
-            score, speed = mark.score, mark.wave.mean_speed
+            baseline = scene.uniform()
+            score, speed = baseline.score, baseline.wave.mean_speed
         self.scenes[i] = scene
         self.rules[i] = _rules_of(scene, self.rtol, self.window, speed)
         self.features[i] = np.minimum(np.maximum(features, -FEATURE_LIMIT), FEATURE_LIMIT)
@@ -152,18 +156,13 @@ class Problems:
 
 @lru_cache(maxsize=8)
 def pool_of(distribution: SceneDistribution) -> ScenePool:
-    """Give the pool that all environments of this process draw from."""
+    """Return the pool that all environments of this process sample from."""
     return ScenePool(distribution)
 
 
-def choices(scene: Scene) -> int:
-    """Count the free numbers of each domino that is placed."""
-    return int(scene.free_spacing) + int(scene.free_thickness) + int(scene.free_height)
-
-
 def _rules_of(scene: Scene, rtol: float, window: int, speed: float) -> tuple[Any, ...]:
-    """The fields of RULES of a scene, whose best uniform row has that speed [m/s]."""
-    # where even that dies, against something that falls freely
+    """The fields of RULES of a scene, whose uniform baseline has that speed [m/s]."""
+    # where even that stops, compare with free fall
     free = float(np.sqrt(scene.physics.gravity * scene.height))
     gap_low, gap_high = scene.spacing
     thick_low, thick_high = scene.thickness
@@ -196,7 +195,7 @@ def _rules_of(scene: Scene, rtol: float, window: int, speed: float) -> tuple[Any
 
 
 def _require_choice(scene: Scene) -> None:
-    """Refuse a scene that leaves nothing free, or whose rules cannot be kept domino by domino."""
+    """Reject a scene that leaves nothing free, or with rules that cannot be kept one by one."""
     if not choices(scene):
         raise ValueError(
             f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
@@ -211,7 +210,7 @@ def _require_choice(scene: Scene) -> None:
 
 
 def _require_flat(distribution: SceneDistribution) -> None:
-    """Refuse ground: what is observed of it is of one scene."""
+    """Reject ground: what is observed of it belongs to one scene."""
     if distribution.first.ground is not None:
         raise ValueError(
             f"'{distribution.name}' has ground that is not flat: environments know ground of one "
@@ -220,17 +219,17 @@ def _require_flat(distribution: SceneDistribution) -> None:
 
 
 def _require_same_lists(distribution: SceneDistribution) -> None:
-    """Refuse lists and boxes that are not the same in all scenes: rows share them."""
-    like, drawn = distribution.first, distribution.ranges
+    """Reject lists and a stock that differ between scenes: environments share them."""
+    first, sampled = distribution.first, distribution.ranges
     for rule, name, places in (
-        (like.spacing_values, "a list or steps of gaps", [("spacing", "min"), ("spacing", "max")]),
+        (first.spacing_values, "a list or steps of gaps", [("spacing", "min"), ("spacing", "max")]),
         (
-            like.thickness_values,
+            first.thickness_values,
             "a list, steps or a box of thicknesses",
             [("thickness", "min"), ("thickness", "max"), ("row", "first_thickness")],
         ),
     ):
-        varied = [".".join(place) for place in places if place in drawn]
+        varied = [".".join(place) for place in places if place in sampled]
         if rule is not None and varied:
             raise ValueError(
                 f"'{distribution.name}' has {name} and draws {', '.join(varied)}: leave one out"

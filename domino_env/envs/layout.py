@@ -1,0 +1,204 @@
+"""DominoLayout-v0: a whole layout as one action, alone or in a batch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode
+
+from domino_env import kernels
+from domino_env.core.threads import share_rows
+from domino_env.core.types import Bools, Floats, Singles
+from domino_env.envs.sources import Generators
+from domino_env.envs.spaces import choices
+from domino_env.envs.vector import (
+    RTOL,
+    DominoEnv,
+    DominoVectorEnv,
+    Infos,
+    OneOrEach,
+)
+from domino_env.physics.layout import Layout
+from domino_env.scenes.distribution import SceneDistribution
+from domino_env.scenes.scene import Scene
+
+PIECE = 16  # environments whose dominoes are placed by one thread, at least
+NEWTON, CLOSE = 5, 1e-15  # steps towards a shift, and how close they are likely to come [m]
+
+
+class DominoLayout(DominoEnv):
+    """A whole layout as one action: for bandits and black-box search.
+
+    ## Description
+    The same scenes and the same score as `DominoChain-v0`, one step an episode.
+
+    ## Action space
+    `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
+    thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
+    them free; -1 stands for the least, 1 for the largest value, beyond them the value is cut off.
+    Where the scene asks for a total length, the row is the nearest one (in metres) that has it;
+    other rules narrow the entries from the first domino to the last, as in `DominoChain-v0`.
+
+    ## Observation space
+    `Box(0, 1, (1,), float32)`: 0 before the row is placed, 1 after.
+
+    ## Rewards
+    100 (score / score of the best uniform row - 1), as the return of `DominoChain-v0`. On a floor
+    the row is toppled standing, which takes some 130 ms of one core with forty dominoes.
+
+    ## Starting state, episode end, info
+    Nothing stands but the first domino; every step ends its episode. `info` has `score`, `gain`,
+    `outcome`, `layout`, `wave`, as in `DominoChain-v0`.
+
+    ## Version history
+    - v0: first version.
+
+    Parameters
+    ----------
+    scene
+        As of `DominoChain`.
+    render_mode
+        As of `DominoChain`.
+    rtol
+        As of `DominoChain`.
+    """
+
+    def __init__(
+        self,
+        scene: str | Path | Scene | SceneDistribution = "sprint",
+        render_mode: str | None = None,
+        rtol: float = RTOL,
+    ) -> None:
+        super().__init__(DominoLayoutVector(1, scene, None, rtol), render_mode)
+
+
+class DominoLayoutVector(DominoVectorEnv):
+    """`DominoLayout` times num_envs, bit for bit, with all rows simulated as one batch.
+
+    Infos, seeds and the option "reset_mask" are those of `DominoChainVector`.
+
+    Parameters
+    ----------
+    num_envs
+        B, the number of rows.
+    scene
+        As of `DominoLayout`.
+    render_mode
+        None, "rgb_array" or "ansi".
+    rtol
+        As of `DominoLayout`.
+    autoreset_mode
+        As of `DominoChainVector`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: str | Path | Scene | SceneDistribution = "sprint",
+        render_mode: str | None = None,
+        rtol: float = RTOL,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+    ) -> None:
+        super().__init__(num_envs, scene, render_mode, rtol, 0, autoreset_mode)
+        if self.distribution is not None:
+            raise ValueError(
+                f"'{self.distribution.name}' draws a scene for every episode, and with the count "
+                "of its dominoes the length of an action would change: build it by DominoChain-v0"
+            )
+        first = self.source.first
+        self._batch.rules["length"] = 0.0  # the whole layout is moved to it
+        self._set_spaces(choices(first) * (first.count - 1), Box(0.0, 1.0, (1,), np.float32))
+
+    def begin(
+        self,
+        chosen: Bools,
+        observations: Singles,
+        generators: Generators,
+        layout: OneOrEach[Layout] = None,
+        scene: OneOrEach[Scene] = None,
+    ) -> Infos:
+        """Begin episodes in the chosen environments; see `DominoVectorEnv.begin`."""
+        self._episodes[chosen] = np.zeros(1, kernels.EPISODE)
+        self._episodes["phase"][chosen] = kernels.RUNNING
+        self._batch.states["u"][chosen] = self.scene.physics.push**2
+        self._batch.states["time"][chosen] = 0.0
+        self._waves[chosen] = None
+        self._draw_errors(np.flatnonzero(chosen), generators)
+        observations[chosen] = 0.0
+        return {}
+
+    def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
+        """Place all dominoes and let them fall; see `DominoVectorEnv.advance`."""
+        observations = np.ones(self._observations.shape, np.float32)
+        rewards, ended = np.zeros(self.num_envs), self._episodes["phase"] == kernels.RUNNING
+        envs = np.flatnonzero(ended)
+        if not len(envs):
+            return observations, rewards, ended, {}
+        each = actions.reshape(self.num_envs, choices(self.scene), -1).transpose(0, 2, 1)
+        share_rows(
+            kernels.place_rows, self.num_envs, PIECE, self._batch, np.ascontiguousarray(each)
+        )
+        if self.scene.length is not None:
+            self._meet_length(self.scene, self.scene.length)
+        rewards[envs], infos = self._end(envs)
+        return observations, rewards, ended, infos
+
+    def _meet_length(self, scene: Scene, length: float) -> None:
+        """Move the layouts to the nearest ones of a length."""
+        spacing, thickness, pairs = self._batch.spacing, self._batch.thickness, scene.count - 1
+        free = [(spacing, scene.spacing)] * scene.free_spacing
+        free += [(thickness[:, 1:], scene.thickness)] * scene.free_thickness
+        fixed = scene.spacing[0] * (not scene.free_spacing)
+        fixed += scene.thickness[0] * (not scene.free_thickness)
+        parts = [part for part, _ in free]
+        low, high = np.repeat([bounds for _, bounds in free], pairs, axis=0).T
+        met = nearest_with_sum(np.hstack(parts), low, high, length - pairs * fixed)
+        for part, values in zip(parts, np.split(met, len(parts), axis=1), strict=True):
+            part[:] = values
+
+
+def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
+    """Find the points of {low ≤ x ≤ high, Σ x = total} nearest to `values`.
+
+    The projection shifts all entries of a point alike and cuts them off at their bounds. Newton's
+    method comes close to the shift, and halving what is left finds it to rounding, which the
+    entries between their bounds then take up.
+
+    Parameters
+    ----------
+    values
+        (B, n).
+    low, high
+        (n,) bounds.
+    total
+        Of the entries of a point; between the sums of the bounds.
+    """
+
+    def shifted(shift: Floats) -> Floats:
+        return np.minimum(np.maximum(values + shift[:, None], low), high)
+
+    least, most = np.min(low - values, axis=1), np.max(high - values, axis=1)
+    shift = np.zeros(len(values))
+    for _ in range(NEWTON):
+        moved = shifted(shift)
+        free = np.add.reduce((moved > low) & (moved < high), axis=1, dtype=np.int64)
+        shift += (total - np.add.reduce(moved, axis=1)) / np.maximum(free, 1)
+    # the sum rises with the shift, rounded or not, so that it is found from any bounds around it
+    shift = np.minimum(np.maximum(shift, least), most)
+    below, above = np.maximum(shift - CLOSE, least), np.minimum(shift + CLOSE, most)
+    least = np.where(np.add.reduce(shifted(below), axis=1) < total, below, least)
+    most = np.where(np.add.reduce(shifted(above), axis=1) < total, most, above)
+    shift = np.full(len(values), np.nan)
+    for _ in range(200):
+        before, shift = shift, 0.5 * (least + most)
+        moved = shifted(shift)
+        if (shift == before).all():
+            break
+        short = np.add.reduce(moved, axis=1) < total
+        least, most = np.where(short, shift, least), np.where(short, most, shift)
+    free = (moved > low) & (moved < high)
+    rest = total - np.add.reduce(moved, axis=1)
+    moved += free * (rest / np.maximum(np.add.reduce(free, axis=1, dtype=np.int64), 1))[:, None]
+    return np.asarray(np.clip(moved, low, high))

@@ -1,0 +1,78 @@
+"""Names and bounds of the entries of observations, and the free numbers of an action."""
+
+from __future__ import annotations
+
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from domino_env import kernels
+from domino_env.scenes.scene import Scene
+
+SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] over which the ends of the chain are observed
+FEATURE_LIMIT = 3.0  # features of scenes beyond the ranges are cut off there
+
+
+class ObservationLayout(dict[str, slice]):
+    """Where each part of an observation stands, by name, in the order of the page.
+
+    Parts that a scene does not have are not among the names.
+
+    Parameters
+    ----------
+    scene
+        The scene, or one of those that are sampled.
+    window
+        Number of gaps (and thicknesses, growths, places ahead) observed.
+    features
+        Number of features of a sampled scene.
+
+    Attributes
+    ----------
+    space
+        Box(O,) of observations.
+    """
+
+    def __init__(self, scene: Scene, window: int, features: int) -> None:
+        course, grows = int(scene.length is not None), int(scene.free_height)
+        ahead = window * int(scene.ground is not None)
+        parts = {
+            "front": (1, 0.0, kernels.FRONT_LIMIT),
+            "lead": (1, -kernels.LEAD_LIMIT, kernels.LEAD_LIMIT),
+            "speed": (1, -1.0, kernels.SPEED_LIMIT),
+            "length_left": (course, 0.0, 1.0),
+            "pitch_left": (course, -1.0, 1.0),
+            "gaps": (window * scene.free_spacing, -1.0, 1.0),
+            "thicknesses": (window * scene.free_thickness, -1.0, 1.0),
+            "growths": (window * grows, -1.0, 1.0),
+            "height": (grows, 0.0, 1.0),
+            "stock": (0 if scene.stock is None else len(scene.stock.thickness), 0.0, 1.0),
+            "placed": (1, 0.0, 1.0),
+            "near_start": (len(SCALES), 0.0, 1.0),
+            "near_end": (len(SCALES), 0.0, 1.0),
+            "features": (features, -FEATURE_LIMIT, FEATURE_LIMIT),
+            "slopes": (ahead, -1.0, 1.0),
+            "rises": (ahead, -kernels.RISE_LIMIT, kernels.RISE_LIMIT),
+        }
+        super().__init__()
+        size = 0
+        for name, (entries, _, _) in parts.items():
+            if entries:
+                self[name] = slice(size, size + entries)
+                size += entries
+        low, high = (
+            np.concatenate([np.full(part[0], part[k], np.float32) for part in parts.values()])
+            for k in (1, 2)
+        )
+        self.space = Box(low, high, dtype=np.float32)
+
+
+def closeness(count: int) -> NDArray[np.float32]:
+    """Return (N, S) exp(-k / c) for 0 … N-1 dominoes between here and an end."""
+    away = np.arange(count)[:, None]
+    return np.asarray(np.exp(-away / np.array(SCALES)), dtype=np.float32)
+
+
+def choices(scene: Scene) -> int:
+    """Count the free numbers of each domino that is placed."""
+    return int(scene.free_spacing) + int(scene.free_thickness) + int(scene.free_height)
