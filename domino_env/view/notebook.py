@@ -84,12 +84,14 @@ def _drawing(layout: Layout, hit: int, colour: str, across: float, tall: float) 
     if last - first > across:
         half = 0.5 * (across - tall)
         windows = [(first, first + half), (last - half, last)]
-    parts = [_window(layout, hit, colour, *window) for window in windows]
+    parts = [_window(layout, hit, colour, *window, across) for window in windows]
     return f'<div style="margin:.4em 0;white-space:nowrap">{" … ".join(parts)}</div>'
 
 
-def _window(layout: Layout, hit: int, colour: str, low: float, high: float) -> str:
-    """A stretch of a row, in millimetres, from the top down."""
+def _window(layout: Layout, hit: int, colour: str, low: float, high: float, across: float) -> str:
+    """A stretch of a row, in millimetres, from the top down; of a drawing `across` [m] wide."""
+    share = (high - low) / across
+    wide = share * min(WIDEST, across * PIXELS)
     corners = outlines(layout, layout.tilt)
     x = corners[..., 0]
     inside = ((x.max(axis=1) > low) & (x.min(axis=1) < high)).nonzero()[0]
@@ -105,7 +107,7 @@ def _window(layout: Layout, hit: int, colour: str, low: float, high: float) -> s
     near = layout.is_flat | (abs(line[:, 0] - 0.5 * (low + high)) < high - low)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img" '
-        f'style="width:{min(WIDEST, round((high - low) * PIXELS))}px;max-width:100%">{shapes}'
+        f'style="width:{wide:.0f}px;max-width:{100.0 * share:.0f}%">{shapes}'
         f'<polyline points="{_points(line[near])}" fill="none" stroke="currentColor"/></svg>'
     )
 
