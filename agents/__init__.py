@@ -11,7 +11,7 @@ Importing this loads no torch; learning needs the extra: pip install "domino-cha
 
 import lazy_loader
 
-from domino_env.core.drawing import register as register_drawings
+from domino_env.core.results import register as register_drawings
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 register_drawings({"training": "agents.single.picture:picture"})

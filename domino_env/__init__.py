@@ -15,7 +15,7 @@ import sys
 
 import lazy_loader
 
-from domino_env.core.drawing import register as register_drawings
+from domino_env.core.results import register as register_drawings
 
 __version__ = "0.3.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from domino_env.core.drawing import draw
+from domino_env.core.results import draw
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.baseline import UniformMark, gain

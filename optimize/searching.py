@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from domino_env.core.provenance import versions
+from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.io.reading import load_scene

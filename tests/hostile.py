@@ -10,7 +10,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from domino_env.core.advice import Advice
+from domino_env.core.progress import Advice
 
 CORPUS = Path(__file__).parent / "data" / "hostile"
 

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 import domino_env as de
 from domino_env.cli.main import main
-from domino_env.core.advice import Advice
+from domino_env.core.progress import Advice
 from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.view.animation import Runner, frames

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.brief import brief
+from domino_env.core.results import brief
 
 Single = NDArray[np.float32]
 

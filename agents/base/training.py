@@ -23,7 +23,7 @@ from agents.base.run_files import (
 )
 from domino_env.core.files import write_text
 from domino_env.core.progress import progress_bar
-from domino_env.core.provenance import versions
+from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
 
 

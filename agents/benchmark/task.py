@@ -24,8 +24,8 @@ from agents.single.drawn import episode_of, gains_of_run, train_drawn
 from agents.single.scripted import SCRIPTED
 from agents.single.training import train
 from domino_env import Scene, SceneDistribution
-from domino_env.core.provenance import versions
 from domino_env.core.reading import read_json
+from domino_env.core.results import versions
 from domino_env.scenes.pool import load_test_set
 from optimize.compiling import compile_for
 from optimize.evaluator import Budget, Step

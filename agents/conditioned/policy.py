@@ -34,7 +34,7 @@ from agents.conditioned.observations import (
 )
 from agents.conditioned.polishing import polished, steps_of
 from domino_env import Layout, Scene, Wave, load_scene
-from domino_env.core.brief import brief
+from domino_env.core.results import brief
 from domino_env.view.notebook import MadeForScene
 from optimize.compiling import compile_for
 

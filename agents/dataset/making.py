@@ -14,7 +14,7 @@ from agents.dataset.episodes import NOISE, QUALITIES, write_episodes
 from agents.dataset.rows import STUDY, search_rows
 from domino_env import Scene
 from domino_env.core.files import require_none, write_text
-from domino_env.core.provenance import versions
+from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from optimize.studies import open_store

@@ -7,7 +7,7 @@ from typing import Any
 
 from agents.base.building import Built
 from agents.base.training import TrainingRun
-from domino_env.core.drawing import draw
+from domino_env.core.results import draw
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,7 @@ from importlib.metadata import entry_points
 from typing import Any, TextIO
 
 from domino_env import __version__
-from domino_env.core.advice import Advice
-from domino_env.core.progress import what_is_underway
+from domino_env.core.progress import Advice, what_is_underway
 from domino_env.core.reading import one_line
 
 NOTICE_AFTER = 2.0  # [s] of silence

@@ -1,8 +1,9 @@
-"""How far a long task is: a bar on a terminal, elsewhere a line now and then."""
+"""What a long task says meanwhile: how far it is, what it does, and advice."""
 
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -53,3 +54,12 @@ def underway(words: str) -> Iterator[None]:
 def what_is_underway() -> str | None:
     """What was last begun and is not done yet."""
     return _underway[-1] if _underway else None
+
+
+class Advice(UserWarning):
+    """A warning in a sentence that says what to do; commands print it as a line of their own."""
+
+
+def advise(sentence: str) -> None:
+    """Warn of what the caller of a public function may have got wrong."""
+    warnings.warn(sentence, Advice, stacklevel=3)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.brief import brief
+from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import lean_behind

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env import kernels
-from domino_env.core.brief import brief
+from domino_env.core.results import brief
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_row
 from domino_env.physics.rows import row_of

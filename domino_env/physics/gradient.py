@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.core.brief import brief
+from domino_env.core.results import brief
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics

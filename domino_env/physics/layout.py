@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from domino_env.core.drawing import draw
+from domino_env.core.results import draw
 from domino_env.physics import footing
 from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
 
@@ -302,7 +302,7 @@ class Layout:
     def _read(
         cls, path: str | Path, arguments: Callable[[Path], dict[str, Any]], width: float
     ) -> Layout:
-        from domino_env.core.advice import advise
+        from domino_env.core.progress import advise
         from domino_env.core.reading import naming, one_line
         from domino_env.physics.units import unit_slip
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.core.drawing import draw
+from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
 from domino_env.physics import footing
 from domino_env.physics.gradient import (

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.brief import brief
 from domino_env.core.files import write_text
+from domino_env.core.results import brief
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Wave, simulate

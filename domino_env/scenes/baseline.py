@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.brief import brief
-from domino_env.core.distinct import distinct_rows
+from domino_env.core.results import brief
+from domino_env.core.types import distinct_rows
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.shipped_marks import shipped_point

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.brief import brief
+from domino_env.core.results import brief
 from domino_env.physics import footing
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground

@@ -27,7 +27,7 @@ import math
 
 import numpy as np
 
-from domino_env.core.compiled import compiled
+from domino_env.core.threads import compiled
 
 # contacts of a domino: with the floor at its rear and front bottom edge and its front top edge,
 # its tip with the rear face of the next, the next one's rear bottom edge with its front face

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.brief import brief
+from domino_env.core.results import brief
 from domino_env.core.types import Floats, Ints
 from domino_env.kernels.slots import FLIP, SWITCH
 from domino_env.physics.layout import Layout

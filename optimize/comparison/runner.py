@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.brief import brief
+from domino_env.core.results import brief
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.methods.registry import METHODS, importable_name

@@ -18,7 +18,7 @@ from typing import Any
 import dask
 from distributed import Client, LocalCluster
 
-from domino_env.core.provenance import versions
+from domino_env.core.results import versions
 from optimize.executors.base import (
     ONE_THREAD,
     STRIKES,

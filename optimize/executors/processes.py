@@ -21,7 +21,7 @@ from multiprocessing import connection, get_context, parent_process
 from queue import LifoQueue
 from typing import Any
 
-from domino_env.core.advice import Advice
+from domino_env.core.progress import Advice
 from optimize.executors.base import (
     ONE_THREAD,
     STRIKES,

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.provenance import versions
+from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.scene import Scene

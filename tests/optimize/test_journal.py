@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.core.provenance import versions
+from domino_env.core.results import versions
 from optimize import METHODS, search
 from optimize.evaluator import Budget
 from optimize.journal import PAGE, Journal

@@ -13,7 +13,7 @@ from typing import Any
 import llvmlite.binding as llvm
 from numba.core import caching
 
-from domino_env.core.advice import Advice
+from domino_env.core.progress import Advice
 
 _FOLDER = Path(__file__).parents[1]
 STAMP = hashlib.sha256(

@@ -9,8 +9,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.advice import advise
 from domino_env.core.models import model_of
+from domino_env.core.progress import advise
 from domino_env.core.reading import naming, one_line, read_bytes, refuse
 from domino_env.physics.units import unit_slip
 from domino_env.scenes.io.clashes import first_clash

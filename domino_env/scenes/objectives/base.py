@@ -16,8 +16,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.brief import brief
 from domino_env.core.models import Table
+from domino_env.core.results import brief
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground
 from domino_env.physics.wave import Wave, WaveBatch

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from domino_env.core.compiled import compiled
+from domino_env.core.threads import compiled
 
 PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4  # as in `wave.Outcome`
 UNFINISHED = -1  # the evaluations allowed were used up

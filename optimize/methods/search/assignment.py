@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from domino_env.core.distinct import distinct_rows
+from domino_env.core.types import distinct_rows
 from optimize.constraints.stock import assign
 from optimize.evaluator import Budget
 from optimize.methods.gradient.local_search import Ascent, climb

@@ -34,7 +34,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from domino_env.core.distinct import distinct_rows
+from domino_env.core.types import distinct_rows
 from optimize.evaluator import Budget
 from optimize.methods.gradient import least_squares
 from optimize.methods.gradient.local_search import Refined, climbing

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from domino_env.core.advice import Advice
+from domino_env.core.progress import Advice
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 

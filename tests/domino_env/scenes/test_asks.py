@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import domino_env as de
-from domino_env.core.advice import Advice
+from domino_env.core.progress import Advice
 from domino_env.scenes.io.reading import parse_scene
 
 BASE = """

@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("distributed")
 
 from domino_env.cli.main import main
-from domino_env.core.provenance import versions
+from domino_env.core.results import versions
 from optimize import search
 from optimize.executors import ExecutorLost, open_executor
 from optimize.executors.cluster import DaskExecutor

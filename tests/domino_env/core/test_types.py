@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from domino_env.core.distinct import distinct_rows
+from domino_env.core.types import distinct_rows
 
 
 @pytest.mark.parametrize("seed", range(20))
