@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import logging
 import os
 import re
 import signal
@@ -19,10 +20,8 @@ from importlib.metadata import entry_points
 from typing import Any, TextIO
 
 from domino_env import __version__
-from domino_env.core.progress import Advice, what_is_underway
+from domino_env.core.progress import Advice
 from domino_env.core.reading import one_line
-
-NOTICE_AFTER = 2.0  # [s] of silence
 
 
 def parser() -> argparse.ArgumentParser:
@@ -50,9 +49,10 @@ def main(words: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a console that knows no µ shows another sign
             stream.reconfigure(errors="replace")
     arguments = parser().parse_args(words)
-    done = threading.Event()
-    threading.Thread(target=_explain_silence, args=[done], daemon=True).start()
     interruption = _Interruption()
+    notices, log = logging.StreamHandler(), logging.getLogger("domino_env")
+    log.addHandler(notices)
+    log.setLevel(logging.INFO)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("default", Advice)
@@ -81,7 +81,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"domino: interrupted ({type(error).__name__})", file=sys.stderr)
         return interruption.code
     finally:
-        done.set()
+        log.removeHandler(notices)
         interruption.undo()
 
 
@@ -126,28 +126,6 @@ class _Interruption:
     def undo(self) -> None:
         for number, before in self._before.items():
             signal.signal(number, before)
-
-
-def _explain_silence(done: threading.Event) -> None:
-    """Say, once, that kernels are compiled, and what else takes long before a bar moves."""
-    told: set[str] = set()
-    while not done.wait(NOTICE_AFTER):
-        words = what_is_underway()
-        if _compiles():
-            words = "compiling the simulator, once: some ten seconds"
-        if words and words not in told:
-            print(f"{words} ...", file=sys.stderr, flush=True)
-            told.add(words)
-
-
-def _compiles() -> bool:
-    """Whether a kernel was asked for that is not in the cache, and is not there yet."""
-    kernels = sys.modules.get("domino_env.kernels")
-    for kernel in list(vars(kernels).values()) if kernels else ():
-        told = getattr(kernel, "stats", None)  # where it is compiled code
-        if told and set(told.cache_misses) - set(kernel.signatures):
-            return True
-    return False
 
 
 if __name__ == "__main__":

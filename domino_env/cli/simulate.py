@@ -22,6 +22,15 @@ SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
 CSV_NAMES = (
     "number", "position", "arrival_time", "release_velocity", "impact_velocity", "stall_margin",
 )  # fmt: skip
+WAVE = (
+    "outcome explanation mean_speed hit toppled reach error_estimate converged flushes releases "
+    "largest_flush_loss"
+)
+DOMINOES = "arrival_times release_velocity impact_velocity stall_margin"
+STANDING = (
+    "floor_friction mean_speed hit toppled error_estimate converged arrival_times slid opened "
+    "opened_at"
+)
 MOST_LINES = 60  # of a table that is printed whole unasked
 ENDS = 10  # lines at both ends of a longer one
 OPEN = 1e-5  # [m] contacts that open by less are not worth a line
@@ -52,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
+    from domino_env.core.results import document
     from domino_env.core.tables import write_csv
     from domino_env.physics.wave import simulate
     from domino_env.standing.simulation import simulate_standing
@@ -66,10 +76,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.floor is not None:
         standing = simulate_standing(wave.layout, wave.physics, arguments.floor)
     if arguments.json:
-        document = _document(wave) | {"physics_from": asked.origin} | judged
+        told = document(wave, WAVE) | document(wave.physics, "friction gravity push")
+        told |= document(wave.layout, "positions") | document(wave, DOMINOES)
+        told |= {"physics_from": asked.origin} | judged
         if standing:
-            document["standing"] = _standing_document(standing)
-        print(json.dumps(document, indent=1, allow_nan=False))
+            told["standing"] = document(standing, STANDING)
+        print(json.dumps(told, indent=1, allow_nan=False))
         return 0
     print("\n".join(_table(wave, whole=arguments.all) + _verdict(wave) + [asked.line]))
     if scene:
@@ -187,51 +199,6 @@ def _standing(row: RigidWave, wave: Wave) -> list[str]:
         + ("" if row.converged else f", though {row.rtol:g} was asked for: the row is too delicate")
     )
     return lines
-
-
-def _standing_document(row: RigidWave) -> dict[str, object]:
-    """The rigid bodies as JSON; null where the wave did not come."""
-    return {
-        "floor_friction": row.floor_friction,
-        "mean_speed": row.mean_speed,
-        "hit": row.hit,
-        "toppled": row.toppled,
-        "error_estimate": row.error_estimate if math.isfinite(row.error_estimate) else None,
-        "converged": row.converged,
-        "arrival_times": [t if math.isfinite(t) else None for t in row.arrival_times.tolist()],
-        "slid": row.slid.tolist(),
-        "opened": row.opened.tolist(),
-        "opened_at": row.opened_at.tolist(),
-    }
-
-
-def _document(wave: Wave) -> dict[str, object]:
-    """The wave as JSON; null where the wave did not come."""
-
-    def cells(values: object) -> list[float | None]:
-        return [x if math.isfinite(x) else None for x in map(float, values)]  # type: ignore[call-overload]
-
-    return {
-        "outcome": wave.outcome.name,
-        "explanation": wave.explanation,
-        "mean_speed": wave.mean_speed,
-        "hit": wave.hit,
-        "toppled": wave.toppled,
-        "reach": wave.reach,
-        "error_estimate": wave.error_estimate,
-        "converged": wave.converged,
-        "flushes": wave.flushes,
-        "releases": wave.releases,
-        "largest_flush_loss": wave.largest_flush_loss,
-        "friction": wave.physics.friction,
-        "gravity": wave.physics.gravity,
-        "push": wave.physics.push,
-        "positions": cells(wave.layout.positions),
-        "arrival_times": cells(wave.arrival_times),
-        "release_velocity": cells(wave.release_velocity),
-        "impact_velocity": cells(wave.impact_velocity),
-        "stall_margin": cells(wave.stall_margin),
-    }
 
 
 def _csv_rows(wave: Wave) -> Iterator[list[float | None]]:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 EVERY = 30.0  # [s] between two lines where there is no terminal
 LINE = "{percentage:.0f} %, {n_fmt} of {total_fmt}{unit} in {elapsed}, {remaining} left{postfix}"
-
-_underway: list[str] = []
 
 
 def progress_bar(shown: bool | None, *, line: str = "", **looks: Any) -> Any:
@@ -41,19 +38,9 @@ def progress_bar(shown: bool | None, *, line: str = "", **looks: Any) -> Any:
     return Lines(mininterval=EVERY, maxinterval=EVERY, delay=EVERY, **looks)
 
 
-@contextmanager
-def underway(words: str) -> Iterator[None]:
-    """Note what is being done, so that a command can explain a silence; see `what_is_underway`."""
-    _underway.append(words)
-    try:
-        yield
-    finally:
-        _underway.remove(words)
-
-
-def what_is_underway() -> str | None:
-    """What was last begun and is not done yet."""
-    return _underway[-1] if _underway else None
+def notice(sentence: str) -> None:
+    """Log what is about to take long; commands print it as a line of their own."""
+    logging.getLogger("domino_env").info(sentence)
 
 
 class Advice(UserWarning):

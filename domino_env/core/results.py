@@ -7,8 +7,10 @@ are imported at the first call.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields
+from enum import Enum
 from typing import Any
 
 _HOMES: dict[str, str] = {}
@@ -43,6 +45,34 @@ def _short(value: Any) -> str:
         few = len(value) <= MOST_ITEMS
         return f"({', '.join(map(_short, value))})" if few else f"<{len(value)} items>"
     return repr(value)
+
+
+def document(value: Any, names: str) -> dict[str, Any]:
+    """Return the named fields of a result as JSON has them.
+
+    Parameters
+    ----------
+    value
+        A result.
+    names
+        Fields and properties, with spaces between.
+
+    Returns
+    -------
+    dict
+        Arrays as lists, enumerations by name, null for numbers that are not finite.
+    """
+    return {name: _plain(getattr(value, name)) for name in names.split()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Enum):
+        return value.name
+    if hasattr(value, "tolist"):  # of NumPy
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def versions() -> dict[str, str]:

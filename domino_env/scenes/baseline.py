@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.core.progress import notice
+from domino_env.core.reading import one_line
 from domino_env.core.results import brief
 from domino_env.core.types import distinct_rows
 from domino_env.physics.layout import Layout
@@ -26,6 +28,7 @@ FINEST_DRAWN = 1e-7  # the same where rows are drawn at random: the draws are wo
 LARGEST_LOOK = 1_100_000  # dominoes of a first look up to which all rows are toppled whole
 COARSELY, FINELY = 1e-8, 1e-12  # how steady the waves of heads are to be
 CLOSE = 1e-5  # [m] from where on finely
+LONG = 1000  # dominoes from which on this takes long
 SAME = 1e-9  # largest relative difference between a score by the head and that of the whole row
 
 
@@ -115,6 +118,8 @@ def best_point(scene: Specification) -> Floats:
     Long rows are scored by their heads, and the best of them is toppled whole; should it score
     otherwise then, as on ground that is not the same everywhere, all are toppled whole.
     """
+    if scene.count >= LONG:
+        notice(f"finding the best uniform row of '{one_line(scene.name, 40)}' ...")
     rows = _uniform_rows(scene)
     axes = _axes(rows, COARSE_2D if rows.drawn else GRID_2D)
     if scene.floor_friction is not None:

@@ -10,8 +10,6 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.progress import underway
-from domino_env.core.reading import one_line
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.baseline import UniformMark, best_uniform, gain, lead_in_words
@@ -256,7 +254,6 @@ class Scene(Specification):
 
 @lru_cache(maxsize=32)
 def _mark(scene: Scene, known: tuple[float, float] | None) -> UniformMark:
-    with underway(f"finding the best uniform row of '{one_line(scene.name, 40)}'"):
-        layout = best_uniform(scene, known)
+    layout = best_uniform(scene, known)
     wave = scene.simulate(layout)
     return UniformMark(layout, wave, scene.score(wave))

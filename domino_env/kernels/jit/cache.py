@@ -13,7 +13,7 @@ from typing import Any
 import llvmlite.binding as llvm
 from numba.core import caching
 
-from domino_env.core.progress import Advice
+from domino_env.core.progress import Advice, notice
 
 _FOLDER = Path(__file__).parents[1]
 STAMP = hashlib.sha256(
@@ -25,6 +25,7 @@ _BY_SYMBOL: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their compiled symbol
 
 
 _ADVISED: list[str] = []  # of folders that cannot be written; one line is enough
+_NOTICED: list[str] = []
 
 
 def use_cache(dispatcher: Any) -> None:
@@ -109,9 +110,13 @@ class _Cache(caching.FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
-            return super().load_overload(sig, target_context)
+            found = super().load_overload(sig, target_context)
         except OSError:  # somebody else's file, or none where a folder should be
-            return None
+            found = None
+        if found is None and not _NOTICED:
+            _NOTICED.append(self.cache_path)
+            notice("compiling the simulator, once: some ten seconds ...")
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:

@@ -9,14 +9,13 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import _explain_silence, main
-from domino_env.core.progress import underway
+from domino_env.cli.main import main
+from domino_env.core.progress import notice
 
 GAPS, THICKNESS = [0.018, 0.0205, 0.022, 0.016], [0.0075, 0.007, 0.0075, 0.0075, 0.0075]
 
@@ -266,25 +265,8 @@ def test_a_reader_that_has_enough_is_no_error(row: Path, tmp_path: Path) -> None
         assert running.wait() == 0
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_who_waits_for_the_compiler_is_told_and_nobody_else(capsys, monkeypatch, compiled) -> None:
-    """Whoever waits long for something else is told nothing of a compiler."""
-    asked = (int,)
-    kernel = SimpleNamespace(
-        stats=SimpleNamespace(cache_misses={asked: 1}), signatures=[asked] * compiled
-    )
-    monkeypatch.setitem(sys.modules, "domino_env.kernels", SimpleNamespace(solve_rows=kernel))
-    waits = iter([False, False, True])
-    done = SimpleNamespace(wait=lambda seconds: next(waits))
-    _explain_silence(done)
-    told = "" if compiled else "compiling the simulator, once: some ten seconds ...\n"
-    assert capsys.readouterr().err == told
-
-
-def test_a_long_search_for_the_uniform_row_is_told_of_once(capsys) -> None:
-    waits = iter([False, False, True])
-    with underway("finding the best uniform row of 'mine'"):
-        _explain_silence(SimpleNamespace(wait=lambda seconds: next(waits)))
-    assert capsys.readouterr().err == "finding the best uniform row of 'mine' ...\n"
-    _explain_silence(SimpleNamespace(wait=lambda seconds: True))
-    assert capsys.readouterr().err == ""
+def test_a_command_tells_what_takes_long(capsys, monkeypatch, row: Path) -> None:
+    monkeypatch.setattr("domino_env.cli.simulate.run", lambda _: notice("compiling ...") or 0)
+    assert main(["simulate", str(row)]) == 0
+    notice("nobody listens any more")
+    assert capsys.readouterr().err == "compiling ...\n"

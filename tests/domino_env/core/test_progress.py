@@ -24,12 +24,3 @@ def test_without_a_terminal_a_line_comes_now_and_then(
     for line in said:
         assert " of 12 dominoes in " in line
         assert "\r" not in line
-
-
-def test_what_is_underway_is_what_was_begun_last() -> None:
-    assert progress.what_is_underway() is None
-    with progress.underway("one"):
-        with progress.underway("two"):
-            assert progress.what_is_underway() == "two"
-        assert progress.what_is_underway() == "one"
-    assert progress.what_is_underway() is None
