@@ -12,7 +12,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.steady import smallest_push
 from domino_env.physics.wave import Outcome, Wave, simulate, simulate_batch
-from domino_env.validation.accuracy.many_digits import true_wave
+from domino_env.validation.precise import precise_wave
 
 STEPS = np.array([-2.0, -1.0, -0.5, 0.5, 1.0, 2.0])  # times the smallest step
 FINE, COARSE = (np.array([0, 1, -8, 8, -1, 0]) / 6.0, np.array([1, -8, 0, 0, 8, -1]) / 12.0)
@@ -118,7 +118,7 @@ def test_against_differences_of_sixty_digits(friction: float) -> None:
         for sign in (-1.0, 1.0):
             kept = parts[i]
             parts[i] = kept * (1.0 + sign * 1e-6)
-            times.append(true_wave(Layout(gaps, thick), physics).arrival_times[-1])
+            times.append(precise_wave(Layout(gaps, thick), physics).arrival_times[-1])
             places.append(parts[i])
             parts[i] = kept
         slope = float((times[1] - times[0]) / (places[1] - places[0]))
@@ -134,7 +134,7 @@ def test_near_a_stall_it_is_large_and_right(friction: float) -> None:
     assert wave.stall_margin.min() < 2e-6
     step = 1e-10 * least  # small against the excess
     times = [
-        true_wave(row, Physics(friction, 9.81, physics.push + sign * step)).arrival_times[-1]
+        precise_wave(row, Physics(friction, 9.81, physics.push + sign * step)).arrival_times[-1]
         for sign in (-1.0, 1.0)
     ]
     width = (physics.push + step) - (physics.push - step)

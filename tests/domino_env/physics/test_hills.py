@@ -11,8 +11,8 @@ from hilly_rows import hilly_row
 
 import domino_env as de
 from domino_env.physics.motion import Motion, outlines
-from domino_env.validation.accuracy.many_digits import true_wave
-from domino_env.validation.accuracy.steppers import step_row
+from domino_env.validation.ode import integrate
+from domino_env.validation.precise import precise_wave
 
 PARTS = ("spacing", "thickness", "height", "density", "rise", "tilt")
 STEPS = np.array([-2.0, -1.0, 1.0, 2.0])
@@ -93,7 +93,7 @@ def test_gradients_against_sixty_digits():
     ways = {n: size * rng.uniform(-1.0, 1.0, len(getattr(row, n))) for n, size in ways.items()}
     for sign in (-1.0, 1.0):
         parts = {n: getattr(row, n) + sign * way for n, way in ways.items()}
-        ends.append((parts, true_wave(de.Layout(**parts), physics).arrival_times[-1]))
+        ends.append((parts, precise_wave(de.Layout(**parts), physics).arrival_times[-1]))
     gradient = wave.gradient()
     exact = sum(float((ends[1][0][n] - ends[0][0][n]) @ getattr(gradient, n)) for n in ways)
     assert float(ends[1][1] - ends[0][1]) == pytest.approx(exact, rel=1e-9)
@@ -103,8 +103,8 @@ def test_gradients_against_sixty_digits():
 def test_steppers_and_sixty_digits_agree(method):
     row, physics = hilly_row(7, 4), de.Physics(0.25, push=12.0)
     wave = de.simulate(row, physics, rtol=1e-13)
-    assert true_wave(row, physics).relative_error(wave.arrival_times) < 2e-15
-    stepped = step_row(row, physics, method, 1e-4 if method == "rk4" else 1e-11)
+    assert precise_wave(row, physics).relative_error(wave.arrival_times) < 2e-15
+    stepped = integrate(row, physics, method, 1e-4 if method == "rk4" else 1e-11)
     np.testing.assert_allclose(stepped.arrival_times, wave.arrival_times, rtol=1e-9)
 
 

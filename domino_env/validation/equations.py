@@ -1,15 +1,14 @@
-"""The steppers of the field on the same equations, compiled: arithmetic only.
+"""Equations of motion in time for ODE solvers, and fixed steps, compiled: arithmetic only.
 
-Fixed steps in time: explicit Euler and classic Runge-Kutta (RK4) as Chapman's program takes them,
-a hit or switch falling on the first step past it; and RK4 with hits and switches located, which
-keeps its order four.  Their equations serve the adaptive steppers of SciPy too
-(`steppers.py`).
+Fixed steps: explicit Euler and classic Runge-Kutta (RK4) as Chapman's program takes them, a hit
+falling on the first step past it; and RK4 with hits located, which keeps its order four. The same
+equations serve the adaptive solvers of SciPy (`ode.py`).
 
 The right-hand side, for n the leader (symbols as in `domino_env.kernels`):
 
     α_n = (Σ w G - ω_n² Σ w I D) / Σ w I J          sums over the dominoes in contact, 0 … n
 
-Nothing is shared with the kernel: contact geometry is in metres and plain sines and cosines, the
+Nothing is shared with the kernels: contact geometry is in metres and plain sines and cosines, the
 whole stack is summed, and switches are watched in time.
 
 Source: Chapman, "The physics of toppling dominoes", eqs. 1-9; van Leeuwen 2004.
@@ -26,7 +25,7 @@ UNFINISHED = -1  # the evaluations allowed were used up
 
 TIP, CORNER = 0.0, 1.0
 TOGETHER = 1e-9  # [rad] links flush within this Δ switch in one impact
-EULER, RK4 = 0, 1
+EULER, RK4, LOCATED = 0, 1, 2
 
 # Columns of a row's table: one line a domino and its link to the next.  PITCH and RISE lead from
 # pivot to pivot, TILT is the lean at rest, with sine and cosine of that of the next.  DUE is the
@@ -309,61 +308,12 @@ def goal(rows, n):
 
 
 @compiled
-def to_the_step(rows, mu, gravity, push, h, rule, most, arrival):
-    """Topple a row in fixed steps; what happens in a step takes place at its end.
+def follow(rows, mu, gravity, push, h, rule, most, arrival):
+    """Follow a chain in fixed steps of h until its wave ends; arrival times go into `arrival`.
 
-    The next leader starts from its rest: what the last step had gone too far is lost, as in the
-    program of the article. Arrival times are written into `arrival`.
-
-    Returns
-    -------
-    int
-        The outcome.
-    int
-        Evaluations of the stack's acceleration.
-    """
-    angle, speed, now, n, back, used = rows[0, TILT], push, 0.0, 0, 0, 0
-    end, strikes = goal(rows, 0)
-    sums = stack(rows, n, back, angle, mu)
-    while used < most:
-        a = from_sums(sums, speed * speed, gravity)
-        if rule == EULER:
-            angle, speed = angle + h * speed, speed + h * a
-            used += 1
-        else:
-            angle, speed = rk4_step(rows, n, back, angle, speed, a, h, mu, gravity)
-            used += 4
-        now += h
-        if not speed > 0.0:
-            return (NO_RIGID_ANSWER if math.isnan(speed) else STALLED), used
-        sums = stack(rows, n, back, min(angle, end), mu)
-        if sums[3] <= 0.0:
-            keep, back = switch(rows, n, back, min(angle, end), mu, 0.0)
-            if not 0.0 < keep < np.inf:
-                return JAMMED, used
-            speed *= keep
-            sums = stack(rows, n, back, min(angle, end), mu)
-        if angle < end:
-            continue
-        if not strikes:
-            return (OUT_OF_REACH if n + 1 < len(rows) else PROPAGATED), used
-        keep = hit(rows, n, sums[0], mu)
-        arrival[n + 1] = now
-        if not 0.0 < keep < np.inf:
-            return JAMMED, used
-        n += 1
-        angle, speed = rows[n, TILT], speed * keep
-        end, strikes = goal(rows, n)
-        sums = stack(rows, n, back, angle, mu)
-    return UNFINISHED, used
-
-
-@compiled
-def located(rows, mu, gravity, push, h, most, arrival):
-    """Topple a row in RK4 steps of h that end exactly at hits and switches: order four.
-
-    The sums at the end of a step serve the start of the next. Arrival times are written into
-    `arrival`.
+    With the rule LOCATED steps end exactly at hits and changes of contact (order four). With the
+    others what happens in a step takes place at its end, and the next leader starts from its rest:
+    what the last step had gone too far is lost, as in the program of the article (order one).
 
     Returns
     -------
@@ -378,12 +328,15 @@ def located(rows, mu, gravity, push, h, most, arrival):
     while used < most:
         a = from_sums(sums, speed * speed, gravity)
         new, v, dt = end, speed, h
-        if angle + h * (speed + 0.5 * h * a) < end:  # the step is expected to end before the hit
+        used += 1
+        if rule == EULER:
+            new, v = angle + h * speed, speed + h * a
+        elif rule == RK4 or angle + h * (speed + 0.5 * h * a) < end:
             new, v = rk4_step(rows, n, back, angle, speed, a, h, mu, gravity)
-            used += 3
+            used += 3  # a step that is expected to end in a hit is not taken in time
         new_sums = stack(rows, n, back, min(new, end), mu)
-        due = new_sums[3] <= 1e-15
-        if due or new >= end:
+        due = new_sums[3] <= (1e-15 if rule == LOCATED else 0.0)
+        if rule == LOCATED and (due or new >= end):
             new = max(first_switch(rows, n, back, min(new, end)), angle) if due else end
             new_sums = stack(rows, n, back, new, mu)
             dt, v = rk4_to_angle(rows, n, back, angle, speed, a, new, new_sums, mu, gravity)
@@ -395,16 +348,16 @@ def located(rows, mu, gravity, push, h, most, arrival):
                     new, v = rk4_step(rows, n, back, angle, speed, a, h, mu, gravity)
                     new_sums = stack(rows, n, back, new, mu)
                     due = False
-        used += 1
         if not v > 0.0:
             return (NO_RIGID_ANSWER if math.isnan(v) else STALLED), used
         angle, speed, now, sums = new, v, now + dt, new_sums
         if due:
-            keep, back = switch(rows, n, back, angle, mu, TOGETHER)
+            slack = TOGETHER if rule == LOCATED else 0.0
+            keep, back = switch(rows, n, back, min(angle, end), mu, slack)
             if not 0.0 < keep < np.inf:
                 return JAMMED, used
             speed *= keep
-            sums = stack(rows, n, back, angle, mu)
+            sums = stack(rows, n, back, min(angle, end), mu)
             used += 1
         if angle < end:
             continue
@@ -418,5 +371,4 @@ def located(rows, mu, gravity, push, h, most, arrival):
         angle, speed = rows[n, TILT], speed * keep
         end, strikes = goal(rows, n)
         sums = stack(rows, n, back, angle, mu)
-        used += 1
     return UNFINISHED, used

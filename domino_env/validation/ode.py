@@ -1,11 +1,11 @@
-"""The steppers that our solver is compared with: one door to fixed and adaptive steps in time.
+"""ODE solvers of the field on the equations of motion, with fixed and adaptive steps in time.
 
-All of them solve the equations of `equations.py`: every contact state, flushes as impacts,
-friction, unequal dominoes.  They differ in how they move through time:
+All of them solve the equations of `equations.py`: every state of contact, face impacts, friction,
+unequal dominoes. They differ in how they move through time:
 
-    euler      explicit Euler, hits and switches at the end of the step that passed them
+    euler      explicit Euler, hits at the end of the step that passed them
     rk4-step   classic Runge-Kutta, the same; both are of order one for that
-    rk4        classic Runge-Kutta with hits and switches located: order four, our best stepper
+    rk4        classic Runge-Kutta with hits located: order four
     RK45, DOP853, Radau, LSODA   SciPy's solve_ivp with events
 """
 
@@ -15,23 +15,21 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome
-from domino_env.validation.accuracy import equations as eq
+from domino_env.validation import equations as eq
 
-Floats = NDArray[np.float64]
-
-FIXED = ("euler", "rk4-step", "rk4")
+FIXED = {"euler": eq.EULER, "rk4-step": eq.RK4, "rk4": eq.LOCATED}
 ADAPTIVE = ("RK45", "DOP853", "Radau", "LSODA")
 
 
 @dataclass(frozen=True, eq=False)
 class SteppedWave:
-    """A wave as a stepper sees it.
+    """A wave as an ODE solver computes it.
 
     Attributes
     ----------
@@ -48,17 +46,15 @@ class SteppedWave:
     evaluations: int
 
 
-def step_row(
+def integrate(
     layout: Layout, physics: Physics, method: str, setting: float, most: int = 10**9
 ) -> SteppedWave:
-    """Topple a row with a stepper.
+    """Simulate a layout with an ODE solver.
 
     Parameters
     ----------
-    layout
-        What stands.
-    physics
-        What makes it fall.
+    layout, physics
+        As of `simulate`.
     method
         One of `FIXED` or `ADAPTIVE`.
     setting
@@ -71,20 +67,17 @@ def step_row(
     ValueError
         For an unknown method, or a setting that is not positive and finite.
     """
-    if method not in FIXED + ADAPTIVE:
-        raise ValueError(f"method = {method!r}: choose one of {', '.join(FIXED + ADAPTIVE)}")
+    if method not in (*FIXED, *ADAPTIVE):
+        raise ValueError(f"method = {method!r}: choose one of {', '.join((*FIXED, *ADAPTIVE))}")
     if not 0.0 < setting < math.inf:
         raise ValueError(f"setting = {setting}: a step [s] or tolerance, positive and finite")
-    row = layout.spacing, layout.thickness, layout.height, layout.density
-    rows = eq.table(*row, layout.rise, layout.tilt)
+    sizes = layout.spacing, layout.thickness, layout.height, layout.density
+    rows = eq.table(*sizes, layout.rise, layout.tilt)
     arrival = np.full(layout.count, np.inf)
     arrival[0] = 0.0
-    given = (rows, physics.friction, physics.gravity, physics.push, setting)
-    if method == "rk4":
-        code, used = eq.located(*given, most, arrival)
-    elif method in FIXED:
-        rule = eq.EULER if method == "euler" else eq.RK4
-        code, used = eq.to_the_step(*given, rule, most, arrival)
+    if method in FIXED:
+        numbers = physics.friction, physics.gravity, physics.push, setting
+        code, used = eq.follow(rows, *numbers, FIXED[method], most, arrival)
     else:
         code, used = _adaptive(rows, physics, method, setting, most, arrival)
     outcome = None if code == eq.UNFINISHED else Outcome(code)
@@ -98,7 +91,7 @@ class _SpentError(Exception):
 def _adaptive(
     rows: Floats, physics: Physics, method: str, rtol: float, most: int, arrival: Floats
 ) -> tuple[int, int]:
-    """Topple a row by solve_ivp, one call from event to event; return (outcome, evaluations).
+    """Simulate by solve_ivp, one call from event to event; return (outcome, evaluations).
 
     Events end a call: the leader reaches the next domino (or tips), a link switches, the leader
     stops.

@@ -1,4 +1,4 @@
-"""The steppers meet our solver's answer, each at its own order, and end as it ends."""
+"""ODE solvers meet the simulator, each at its own order, and end as it ends."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, simulate
-from domino_env.validation.accuracy.measurement import error_of
-from domino_env.validation.accuracy.steppers import ADAPTIVE, FIXED, step_row
+from domino_env.validation.edge_cases import error_of
+from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
 
 
 def _unequal() -> Layout:
@@ -37,7 +37,7 @@ ROWS = {
 def _error(name: str, method: str, setting: float) -> float:
     layout, physics = ROWS[name]
     exact = simulate(layout, physics, rtol=1e-13)
-    stepped = step_row(layout, physics, method, setting)
+    stepped = integrate(layout, physics, method, setting)
     assert stepped.outcome == exact.outcome
     return error_of(stepped.arrival_times, exact.arrival_times)
 
@@ -86,7 +86,7 @@ def test_euler_at_a_tenth_of_a_millisecond_errs_as_the_seed_does(
 ) -> None:
     # exact are 59.87, 37.23, 26.26
     row, physics = Layout.uniform(100, pitch=pitch), Physics(0.25, 9.8, 5.0 * math.pi)
-    times = step_row(row, physics, "euler", 1e-4).arrival_times
+    times = integrate(row, physics, "euler", 1e-4).arrival_times
     assert 40.0 / (times[99] - times[59]) == pytest.approx(frequency, abs=0.1)
 
 
@@ -106,7 +106,7 @@ def test_a_wave_ends_for_the_same_reason(name: str, method: str) -> None:
     layout, physics = DEAD[name]
     wave = simulate(layout, physics)
     setting = 1e-4 if method in FIXED else 1e-8
-    stepped = step_row(layout, physics, method, setting)
+    stepped = integrate(layout, physics, method, setting)
     assert stepped.outcome == wave.outcome
     np.testing.assert_array_equal(
         np.isfinite(stepped.arrival_times), np.isfinite(wave.arrival_times)
@@ -116,7 +116,7 @@ def test_a_wave_ends_for_the_same_reason(name: str, method: str) -> None:
 @pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
 def test_the_evaluations_allowed_are_kept(method: str) -> None:
     setting = 1e-5 if method in FIXED else 1e-8
-    stepped = step_row(*ROWS["uniform"], method, setting, most=100)
+    stepped = integrate(*ROWS["uniform"], method, setting, most=100)
     assert stepped.outcome is None
     assert 0 < stepped.evaluations < 400
 
@@ -124,7 +124,7 @@ def test_the_evaluations_allowed_are_kept(method: str) -> None:
 def test_what_cannot_be_stepped_is_refused() -> None:
     row, physics = ROWS["uniform"]
     with pytest.raises(ValueError, match="choose one of euler, rk4-step, rk4, RK45"):
-        step_row(row, physics, "heun", 1e-3)
+        integrate(row, physics, "heun", 1e-3)
     for bad in (0.0, -1e-3, math.inf, math.nan):
         with pytest.raises(ValueError, match="positive and finite"):
-            step_row(row, physics, "rk4", bad)
+            integrate(row, physics, "rk4", bad)

@@ -1,0 +1,253 @@
+"""Error against run time: the ODE solvers of the field and the simulator on the same layouts.
+
+The error of a run is the largest |t_k / exact t_k - 1| over the arrival times, exact being the
+simulator at its tightest tolerance (which the tests compare with a hundred digits). Run times are
+the best of repeated calls on one core, after a first one.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import astuple, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from domino_env.core.tables import csv_table
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import TIGHTEST, Outcome, Wave, simulate
+from domino_env.scenes.scene import Scene
+from domino_env.validation.edge_cases import TIP, error_of
+from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
+
+Progress = Callable[[str], object]
+
+SIMULATE = "simulate"
+SOLVERS = (SIMULATE, *FIXED, *ADAPTIVE)
+LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)  # errors at which run times are compared
+TURNS = 3  # after the first
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A layout to measure on.
+
+    Attributes
+    ----------
+    name
+        For tables and files.
+    title
+        What makes it worth measuring on.
+    layout, physics
+        As of `simulate`.
+    """
+
+    name: str
+    title: str
+    layout: Layout
+    physics: Physics
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One run.
+
+    Attributes
+    ----------
+    example
+        Name of the example.
+    solver
+        One of `SOLVERS`.
+    setting
+        Step [s] or relative tolerance.
+    error
+        Largest relative error of the arrival times; inf where the wave ended otherwise than the
+        exact one.
+    estimate
+        Error estimate of the simulator; nan for ODE solvers, which have none.
+    seconds
+        Run time of one call, the best of several.
+    evaluations
+        Of the stack's acceleration; 0 for the simulator, which has none.
+    outcome
+        Name of the wave's `Outcome`; UNFINISHED where a solver did not get there.
+    """
+
+    example: str
+    solver: str
+    setting: float
+    error: float
+    estimate: float
+    seconds: float
+    evaluations: int
+    outcome: str
+
+
+def standard_examples() -> list[Example]:
+    """List a classic layout, a random one with face impacts, one near a stall and a stiff one."""
+    random = np.random.default_rng(3).uniform(0.002, 0.040, 39)
+    tight = Layout([0.02, 0.012, 0.004, *[0.015] * 36], 0.0075)
+    near, stiff = Physics(push=TIP / math.sqrt(1.0 - 1e-3)), Physics(0.6, 9.81, 200.0)
+    classic = Physics(0.25, 9.8, 5.0 * math.pi)
+    return [
+        Example(
+            "classic", "100 equal dominoes, pitch 16 mm", Layout.uniform(100, pitch=0.016), classic
+        ),
+        Example(
+            "face-impacts", "40 dominoes at random gaps of 2 to 40 mm", Layout(random, 0.0075),
+            Physics(),
+        ),
+        Example("near-stall", "40 dominoes; the first keeps a thousandth of its ω²", tight, near),
+        Example(
+            "stiff", "60 equal dominoes, gaps of 1.5 mm, friction 0.6",
+            Layout.uniform(60, spacing=0.0015), stiff,
+        ),
+    ]  # fmt: skip
+
+
+def scene_examples(scene: Scene) -> list[Example]:
+    """List the uniform baseline of a scene and, where gaps are free, a random layout."""
+    uniform = scene.uniform().layout
+    found = [Example("uniform", f"{scene.name}: uniform baseline", uniform, scene.physics)]
+    rng = np.random.default_rng(0)
+    for _ in range(200 if scene.free_spacing and scene.length is None else 0):
+        gaps = rng.uniform(*scene.spacing, scene.count - 1)
+        thick = rng.uniform(*scene.thickness, scene.count - 1) if scene.free_thickness else None
+        layout = scene.layout(gaps, thick)
+        if simulate(layout, scene.physics, rtol=1e-6).outcome == Outcome.PROPAGATED:
+            title = f"{scene.name}: a random layout"
+            return [*found, Example("random", title, layout, scene.physics)]
+    return found
+
+
+def settings(solver: str, example: Example, quick: bool = False) -> tuple[float, ...]:
+    """List the steps or tolerances of a solver, coarse to fine.
+
+    Steps are 0.1 ms times powers of two for a standard domino on Earth, in units of √(L/g) for
+    others.
+    """
+    if solver == SIMULATE:
+        return tuple(10.0**-p for p in ((3, 6, 9, 12) if quick else range(3, 13)))
+    if solver in ADAPTIVE:
+        return tuple(10.0**-p for p in ((4, 8) if quick else range(3, 14)))
+    swing = math.sqrt(float(example.layout.height.min()) / example.physics.gravity)
+    unit = 1e-4 * swing / math.sqrt(0.048 / 9.81)
+    return tuple(unit * 2.0**k for k in (range(4, 0, -1) if quick else range(6, -12, -1)))
+
+
+def measure(
+    examples: Iterable[Example],
+    budget: float = 3.0,
+    quick: bool = False,
+    progress: Progress = lambda line: None,
+) -> Iterator[Measurement]:
+    """Measure every solver on every example.
+
+    Parameters
+    ----------
+    examples
+        What is simulated.
+    budget
+        Time for one solver on one example [s]; finer settings that would not fit are left out.
+    quick
+        Few settings, each measured once.
+    progress
+        Called with a line of text before every run.
+
+    Notes
+    -----
+    What is quick is measured again in later turns, as other programs may keep the machine busy for
+    a while.
+    """
+    for example in examples:
+        exact = simulate(example.layout, example.physics, rtol=TIGHTEST)
+        for solver in SOLVERS:
+            if solver != SIMULATE:  # compile
+                integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
+            growth = 2.2 if solver in FIXED else 4.0  # how much longer the next setting may take
+            found: dict[float, Measurement] = {}
+            for setting in settings(solver, example, quick):
+                progress(f"{example.name}: {solver} at {setting:.3g}")
+                one = found[setting] = _measured(example, exact, solver, setting)
+                if sum(m.seconds for m in found.values()) + growth * one.seconds > budget:
+                    break
+            for _ in range(0 if quick else TURNS):
+                for setting, one in found.items():
+                    if one.seconds < 0.2:
+                        again = _measured(example, exact, solver, setting)
+                        found[setting] = min(one, again, key=lambda m: m.seconds)
+            yield from found.values()
+
+
+def _measured(example: Example, exact: Wave, solver: str, setting: float) -> Measurement:
+    """One setting: the best of as many runs as fit into 10 ms."""
+    seconds: list[float] = []
+    estimate, evaluations = math.nan, 0
+    outcome: Outcome | None
+    while sum(seconds) < 0.01:
+        began = time.process_time()  # whatever else the machine does
+        if solver == SIMULATE:
+            wave = simulate(example.layout, example.physics, rtol=setting)
+            outcome, times, estimate = wave.outcome, wave.arrival_times, wave.error_estimate
+        else:
+            stepped = integrate(example.layout, example.physics, solver, setting)
+            outcome, times = stepped.outcome, stepped.arrival_times
+            evaluations = stepped.evaluations
+        seconds.append(time.process_time() - began)
+    error = error_of(times, exact.arrival_times) if outcome == exact.outcome else math.inf
+    name = "UNFINISHED" if outcome is None else outcome.name
+    return Measurement(
+        example.name, solver, setting, error, estimate, min(seconds), evaluations, name
+    )
+
+
+def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
+    """Return the seconds of the fastest way to an error of `level`; nan where no run came so close.
+
+    Between the settings measured, along the line in the logarithms.
+    """
+    points = sorted((m.seconds, m.error) for m in runs if math.isfinite(m.error))
+    before = (math.nan, 0.0)
+    for seconds, error in points:
+        if error <= level:
+            if before[1] <= level or error <= 0.0:
+                return seconds
+            share = math.log(before[1] / level) / math.log(before[1] / error)
+            return float(before[0] * (seconds / before[0]) ** share)
+        before = seconds, error
+    return math.nan
+
+
+def compare(measurements: Sequence[Measurement]) -> list[str]:
+    """Tabulate the run time to each level of error, and how many times that of `simulate` it is."""
+    lines = []
+    for example in dict.fromkeys(m.example for m in measurements):
+        lines += ["", f"{example}: seconds to an error of (times those of simulate)"]
+        lines.append(f"{'':10}" + "".join(f"{level:>22.0e}" for level in LEVELS))
+        runs = [m for m in measurements if m.example == example]
+        for solver in SOLVERS:
+            mine = [m for m in runs if m.solver == solver]
+            cells = []
+            for level in LEVELS:
+                seconds = time_to_reach(mine, level)
+                first = time_to_reach([m for m in runs if m.solver == SIMULATE], level)
+                floor = min((m.error for m in mine), default=math.inf)
+                reached = f"{seconds:.2e} ({seconds / first:.0f})"
+                cells.append(f"ends at {floor:.0e}" if math.isnan(seconds) else reached)
+            lines.append(f"{solver:10}" + "".join(f"{cell:>22}" for cell in cells))
+    return lines
+
+
+def as_csv(records: Sequence[Any]) -> str:
+    """Write measurements or answers as a table in CSV; SI units, empty where there is no number."""
+
+    def cell(value: object) -> object:
+        if isinstance(value, float):
+            return f"{value:.6g}" if math.isfinite(value) else ""
+        return str(value).lower() if isinstance(value, bool) else value
+
+    names = [field.name for field in fields(records[0])]
+    return csv_table(names, (map(cell, astuple(one)) for one in records))

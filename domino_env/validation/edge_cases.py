@@ -1,0 +1,378 @@
+"""Edge cases: layouts at the limits of what can be simulated, and how well each is answered.
+
+Each case is a layout that someone, or an optimiser, could hand in. The answer has to be right
+within its own error estimate and the tolerance, or an outcome that says why there is none.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from domino_env.core.tables import text_table
+from domino_env.core.types import Floats
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import TIGHTEST, Outcome, Wave, simulate
+from domino_env.validation.precise import reference_waves, write_reference
+
+H, D = 0.048, 0.0075  # height and thickness of the standard domino [m]
+TIP = math.sqrt(3.0 * 9.81 / (H * H + D * D) * (math.hypot(H, D) - H))  # just tips it [rad/s]
+RTOL = 1e-8  # at which the cases are examined
+UNDECIDED = 1e-9  # stall margins below this leave it to rounding whether a wave stalls
+SIMILAR = 1e-12  # dimensionless answers of similar layouts agree to this
+RUNS, STALLS, FAR, JAMS = (
+    Outcome.PROPAGATED, Outcome.STALLED, Outcome.OUT_OF_REACH, Outcome.JAMMED,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeCase:
+    """One layout at a limit.
+
+    Attributes
+    ----------
+    group
+        What is extreme.
+    name
+        How much.
+    layout, physics
+        As of `simulate`.
+    expected
+        Outcomes that are right where the case is built for some; empty where another solution has
+        to tell.
+    """
+
+    group: str
+    name: str
+    layout: Layout
+    physics: Physics
+    expected: tuple[Outcome, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.group}: {self.name}"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How one edge case is answered.
+
+    Attributes
+    ----------
+    group, name
+        The case.
+    outcome
+        Name of the wave's `Outcome`.
+    error
+        True relative error of the arrival times.
+    estimate
+        The wave's own.
+    converged
+        As `Wave.converged`.
+    against
+        "many digits", "tightest run" or "similar layout": what the error was taken against.
+    seconds
+        Run time.
+    faults
+        All that is not as it should be; empty where the answer is right.
+    """
+
+    group: str
+    name: str
+    outcome: str
+    error: float
+    estimate: float
+    converged: bool
+    against: str
+    seconds: float
+    faults: str
+
+
+def edge_cases(longest: int = 1_000_000) -> Iterator[EdgeCase]:
+    """Yield all cases, group by group; the longest layouts have so many dominoes."""
+    yield from short_cases()
+    for mu in (0.25, 0.0):
+        yield from _gaps(mu)
+        yield from _shapes(mu)
+        yield from _uneven_ground(mu)
+        for times in (1.0 + 1e-9, 1.001, 1.5, 10.0, 100.0, 1000.0):
+            layout, name = Layout.uniform(30, spacing=0.016), f"{times:.10g} times what tips one"
+            physics = Physics(mu, push=TIP * times)
+            yield EdgeCase("push", f"μ = {mu:g}, {name}", layout, physics, (RUNS, STALLS))
+    yield from _friction()
+    yield from _face_impacts()
+    for factor in (1.05, 1.2, 1.4, 1.5, 1.53, 1.54, 1.55, 1.6, 2.0, 1 / 1.05):
+        scale = factor ** np.arange(16)
+        layout = Layout(0.6 * H * scale[:-1], D * scale, height=H * scale)
+        name, physics = f"factor {factor:.4g}", Physics(push=30.0)
+        yield EdgeCase("growing heights", name, layout, physics, (RUNS, STALLS))
+    gaps = np.random.default_rng(1).uniform(0.010, 0.025, longest - 1)
+    uniform = Layout.uniform(longest, pitch=0.016)
+    yield EdgeCase("long", f"{longest} equal dominoes", uniform, Physics())
+    yield EdgeCase("long", f"{longest} at random gaps", Layout(gaps, D), Physics())
+
+
+def short_cases() -> Iterator[EdgeCase]:
+    """Yield the layouts whose arrival times are stored to many digits."""
+    tight = Layout([0.02, 0.012, 0.004, 0.015], D)
+    for mu in (0.25, 0.0):
+        for power in (1, 3, 6, 9, 12, 14):
+            physics = Physics(mu, push=TIP / math.sqrt(1.0 - 10.0**-power))
+            expected = (RUNS,) if power < 13 else (RUNS, STALLS)
+            name = f"μ = {mu:g}, u dips to 1e-{power}"
+            yield EdgeCase("near stall", name, tight, physics, expected)
+        for sign in (1, -1):
+            for power in (3, 6, 9, 12):
+                name = f"μ = {mu:g}, what tips one times 1 {'+-'[sign < 0]} 1e-{power}"
+                physics = Physics(mu, push=TIP * (1 + sign * 10.0**-power))
+                ends = RUNS if sign > 0 else STALLS
+                yield EdgeCase("smallest push", name, tight, physics, (ends,))
+        high = Layout([0.02, 0.012, 0.02], D, rise=[0.0199, 0.0119, -0.0035])
+        hard = {
+            "nearly stairs": (high, 20.0),
+            "nearly touching": (Layout([1e-6 * H, 0.015], D), 30.0),
+            "nearly out of reach": (Layout([H * (1.0 - 1e-6), 0.015], D), 30.0),
+            "one face impact": (Layout([0.005, 0.02, 0.025], D), 8.0),
+            "two in one face impact": (Layout([0.004, 0.004, 0.034], D), 12.0),
+            "contacts open": (Layout([0.044, 0.042, 0.02], 0.01), 10.0),
+            "dies in a tight gap": (Layout.uniform(3, spacing=0.002), 2.9),
+            "out of reach": (Layout([0.02, 0.05], D), 8.0),
+        }
+        for name, (layout, push) in hard.items():
+            yield EdgeCase("short", f"μ = {mu:g}, {name}", layout, Physics(mu, push=push))
+    jam = Physics(7.0, push=50.0)
+    yield EdgeCase("short", "jams", Layout.uniform(3, spacing=0.012), jam, (JAMS,))
+    rng = np.random.default_rng(25)
+    for k in range(15):
+        mu, count = (0.0, 0.25, 0.6)[k % 3], 3 + k % 3
+        gaps, thick = rng.uniform(0.006, 0.035, count - 1), rng.uniform(0.004, 0.01, count)
+        height, density = rng.uniform(0.0475, 0.0485, count), 10.0 ** rng.uniform(2.5, 3.5, count)
+        uneven = rng.uniform(-0.05, 0.05, count) * (k % 2)
+        rise = -(gaps + thick[1:]) * np.sin(0.5 * (uneven[1:] + uneven[:-1]))
+        layout = Layout(gaps, thick, height, density=density, rise=rise, tilt=uneven)
+        ground = "uneven ground" if k % 2 else "flat"
+        yield EdgeCase("short", f"random {k}, {ground}, μ = {mu:g}", layout, Physics(mu, push=15.0))
+
+
+def _gaps(mu: float) -> Iterator[EdgeCase]:
+    """Gaps of next to nothing, and gaps that the top edge only just bridges or does not."""
+    group = "near touching"
+    for power in (2, 4, 6, 8):
+        gap, gaps = 10.0**-power * H, np.full(19, 0.015)
+        gaps[9] = gap
+        for name, layout, push in (
+            ("one gap", Layout(gaps, D), 30.0),
+            ("d/L = 0.001, all gaps", Layout.uniform(20, spacing=gap, thickness=0.001 * H), 1e3),
+            ("all gaps", Layout.uniform(20, spacing=gap), 1e4),
+        ):
+            physics = Physics(mu if name == "one gap" else min(mu, 0.1), push=push)
+            yield EdgeCase(group, f"μ = {mu:g}, {name} 1e-{power} of the height", layout, physics)
+    downhill = Layout.uniform(20, spacing=1e-4 * H, slope=0.1)
+    yield EdgeCase(group, f"μ = {mu:g}, gaps of 1e-4 downhill", downhill, Physics(mu, push=20.0))
+    gaps = np.full(11, 0.015)
+    for power in (2, 4, 6, 8, 10, 12):
+        gaps[5] = H * (1.0 - 10.0**-power)
+        one, all_of_them = Layout(gaps, D), Layout.uniform(12, spacing=gaps[5])
+        for name, layout in (("one gap", one), ("all gaps", all_of_them)):
+            name = f"μ = {mu:g}, {name} 1 - s/L = 1e-{power}"
+            yield EdgeCase("out of reach", name, layout, Physics(mu))
+    for gap in (H, np.nextafter(H, 1.0), 2.0 * H):
+        gaps[5] = gap
+        name = f"μ = {mu:g}, s - L = {gap - H:.1e} m"
+        yield EdgeCase("out of reach", name, Layout(gaps, D), Physics(mu), (FAR,))
+
+
+def _shapes(mu: float) -> Iterator[EdgeCase]:
+    """Dominoes from razor blades to cubes, and neighbours that differ a thousandfold."""
+    for a in (1e-6, 1e-4, 1e-2, 0.1, 0.3, 0.6, 1.0):
+        for share in (0.3, 0.8):
+            name = f"d/L = {a:g}, s/L = {share:g}, μ = {mu:g}"
+            layout = Layout.uniform(20, spacing=share * H, thickness=a * H)
+            yield EdgeCase("slenderness", name, layout, Physics(mu, push=60.0))
+    gaps, group = np.full(19, 0.02), "unequal neighbours"
+    for many in (10.0, 100.0, 1000.0):
+        other = np.where(np.arange(20) % 2, many, 1.0)
+        for name, layout, push in (
+            ("thickness, thin first", Layout(gaps, D / 100.0 * other), 200.0),
+            ("thickness, thick first", Layout(gaps, D / 100.0 * many / other), 200.0),
+            ("density", Layout(gaps, D, density=1040.0 * other), 50.0),
+        ):
+            physics = Physics(mu, push=push)
+            yield EdgeCase(group, f"μ = {mu:g}, 1 : {many:g} in {name}", layout, physics)
+
+
+def _uneven_ground(mu: float) -> Iterator[EdgeCase]:
+    """Ground that could hardly be steeper, more crooked or more stepped."""
+    steepest, waves = math.atan(D / H), 0.12 * np.cos(1.6 * np.arange(20))
+    rise = -0.0275 * np.sin(0.5 * (waves[1:] + waves[:-1]))
+    turn = math.asin(0.01 / H) * (1.0 - 1e-6)  # the first all but leans on the second
+    for name, layout in {
+        "0.9999 of too steep down": Layout.uniform(20, spacing=0.015, slope=0.9999 * steepest),
+        "0.9999 of too steep up": Layout.uniform(20, spacing=0.015, slope=-0.9999 * steepest),
+        "crest after hollow": Layout(np.full(19, 0.02), D, rise=rise, tilt=waves),
+        "tops all but touch": Layout([0.01, 0.015], D, rise=0.0019, tilt=[turn / 2, -turn / 2, 0]),
+    }.items():
+        yield EdgeCase("uneven ground", f"μ = {mu:g}, {name}", layout, Physics(mu, push=20.0))
+
+
+def _friction() -> Iterator[EdgeCase]:
+    """Friction up to where the stack passes no push on, and past it."""
+    layout = Layout.uniform(20, spacing=0.012)
+    for mu in (0.5, 1.0, 2.0, 4.0, 6.0, 6.2, 6.19, 6.3, 8.0, 20.0, 1e3, 1e6):
+        yield EdgeCase("friction", f"μ = {mu:g}, gap 12 mm", layout, Physics(mu, push=100.0))
+    # at the first hit domino 1 is driven by B = L cos Δ - μ d, which vanishes at this friction
+    edge, layout = math.sqrt(H * H - 0.012**2) / D, Layout.uniform(5, spacing=0.012)
+    for off in (-1e-3, -1e-6, -1e-9, -1e-12, 0.0, 1e-12, 1e-6):
+        name, physics = f"jams at μ* = {edge:.4f}: {off:g} off", Physics(edge * (1 + off), push=100)
+        yield EdgeCase("friction", name, layout, physics, (JAMS,) if off > 0 else (JAMS, STALLS))
+
+
+def _face_impacts() -> Iterator[EdgeCase]:
+    """Face impacts one by one, many at once, and one after another within a hair."""
+    for name, gaps in {
+        "at every contact": np.linspace(0.004, 0.036, 30),
+        "twelve at once": np.concatenate([np.full(12, 0.005), np.full(8, 0.030)]),
+        "clusters of three": np.tile([0.003, 0.003, 0.003, 0.034], 8),
+    }.items():
+        for mu in (0.25, 0.6, 0.0):
+            physics = Physics(mu, push=12.0)
+            yield EdgeCase("face impacts", f"μ = {mu:g}, {name}", Layout(gaps, D), physics)
+    for power in (4, 6, 7, 8, 8.5, 9, 10, 12, 15):
+        for sign, way in ((1, "growing"), (-1, "shrinking")):
+            graded = 0.005 * (1.0 + sign * 10.0**-power * np.arange(12))
+            layout = Layout(np.concatenate([graded, np.full(8, 0.030)]), D)
+            name = f"gaps {way} by 1e-{power:g} each"
+            yield EdgeCase("face impacts close together", name, layout, Physics())
+
+
+# How the cases are answered -----------------------------------------------------------------------
+
+
+def error_of(arrival_times: Floats, exact: Floats) -> float:
+    """Return the largest relative error; inf where other dominoes are hit."""
+    struck = np.isfinite(exact)
+    if not np.array_equal(np.isfinite(arrival_times), struck):
+        return math.inf
+    struck[0] = False  # the push is the zero of time
+    return float(np.max(np.abs(arrival_times[struck] / exact[struck] - 1.0), initial=0.0))
+
+
+def examine(case: EdgeCase, rtol: float = RTOL) -> Answer:
+    """Compare a wave with the stored solution to many digits, or with the tightest run."""
+    began = time.perf_counter()
+    wave = simulate(case.layout, case.physics, rtol=rtol)
+    seconds = time.perf_counter() - began
+    lowest = float(np.nanmin(wave.stall_margin))
+    if (true := reference_waves().get(str(case))) is not None:
+        error, right, slack = true.relative_error(wave.arrival_times), true.outcome, 4e-16
+        against, lowest = "many digits", min(lowest, true.lowest)
+    else:
+        tight = simulate(case.layout, case.physics, rtol=TIGHTEST)
+        error, right = error_of(wave.arrival_times, tight.arrival_times), tight.outcome
+        against, lowest = "tightest run", min(lowest, float(np.nanmin(tight.stall_margin)))
+        slack = tight.error_estimate
+    faults = inconsistencies(wave)
+    if case.expected and wave.outcome not in case.expected:
+        faults.append(f"expected {' or '.join(one.name for one in case.expected)}")
+    if wave.outcome == right or lowest >= UNDECIDED:
+        if wave.outcome != right:
+            faults.append(f"outcome {right.name} by {against}")
+        if error > wave.error_estimate + slack:
+            faults.append(f"error {error:.1e} above its estimate")
+        if wave.converged and error > rtol + slack:
+            faults.append(f"error {error:.1e} above the tolerance {rtol:g}")
+    return _answer(case.group, case.name, wave, error, against, seconds, faults)
+
+
+def _answer(
+    group: str, name: str, wave: Wave, error: float, against: str, seconds: float, faults: list[str]
+) -> Answer:
+    estimate, converged, told = wave.error_estimate, wave.converged, "; ".join(faults)
+    return Answer(
+        group, name, wave.outcome.name, error, estimate, converged, against, seconds, told
+    )
+
+
+def inconsistencies(wave: Wave) -> list[str]:
+    """List what is wrong with a wave whatever the truth."""
+    times, struck = wave.arrival_times, np.isfinite(wave.arrival_times)
+    moving = wave.release_velocity[struck][:-1]
+    checks = {
+        "arrival times do not grow": np.all(np.diff(times[struck]) > 0.0)
+        and not np.isnan(times).any(),
+        f"hit is {wave.hit}, {struck.sum()} arrival times are finite": struck.sum() == wave.hit,
+        f"error estimate {wave.error_estimate}": wave.error_estimate >= 0.0
+        and (wave.error_estimate < math.inf or not wave.converged),
+        "a leading domino has no velocity": np.all(moving > 0.0),
+        f"reach {wave.reach} of a wave that {wave.outcome.name}": (wave.outcome == RUNS)
+        == (wave.reach == 1.0),
+    }
+    return [fault for fault, right in checks.items() if not right]
+
+
+def similar_layouts() -> Iterator[Answer]:
+    """Examine one random layout from micrometres to kilometres, under gravity 1e-6 to 1e3.
+
+    Times in units of √(L/g) are the same for all; densities may be anything, too.
+    """
+    rng = np.random.default_rng(5)
+    gaps, thick = rng.uniform(0.05, 0.8, 29), rng.uniform(0.1, 0.25, 30)
+
+    def scaled(mu: float, size: float, gravity: float, density: float) -> tuple[Floats, Wave]:
+        swing = math.sqrt(size / gravity)
+        layout = Layout(gaps * size, thick * size, size, 0.5 * size, density)
+        wave = simulate(layout, Physics(mu, gravity, push=1.5 / swing), rtol=1e-13)
+        return wave.arrival_times / swing, wave
+
+    for mu in (0.25, 0.0):
+        unit, _ = scaled(mu, 1.0, 1.0, 1000.0)
+        for size in (1e-6, 1e-3, 0.048, 1.0, 1e3):
+            for gravity in (1e-6, 9.81, 1e3):
+                times, wave = scaled(mu, size, gravity, 1.0 / size)
+                error = error_of(times, unit)
+                faults = inconsistencies(wave)
+                if not error <= SIMILAR:
+                    faults.append(f"{error:.1e} from the same layout of another size")
+                name = f"μ = {mu:g}, L = {size:g} m, g = {gravity:g} m/s²"
+                yield _answer(
+                    "sizes and gravity", name, wave, error, "similar layout", wave.run_time, faults
+                )
+
+
+def stability(
+    quick: bool = False, progress: Callable[[str], object] = lambda line: None
+) -> Iterator[Answer]:
+    """Examine every edge case, then one layout at many sizes.
+
+    Parameters
+    ----------
+    quick
+        Long layouts are shortened.
+    progress
+        Called with a line before every case.
+    """
+    for case in edge_cases(10_000 if quick else 1_000_000):
+        progress(str(case))
+        yield examine(case)
+    yield from similar_layouts()
+
+
+def stability_table(answers: Sequence[Answer]) -> list[str]:
+    """Tabulate the answers, each with its faults."""
+    names = ("group", "case", "outcome", "error", "estimate", "converged", "against", "faults")
+    rows = [
+        (
+            one.group, one.name, one.outcome, f"{one.error:.1e}", f"{one.estimate:.1e}",
+            "yes" if one.converged else "no", one.against, one.faults,
+        )
+        for one in answers
+    ]  # fmt: skip
+    return text_table(names, rows, right=("error", "estimate"))
+
+
+if __name__ == "__main__":
+    write_reference({str(case): (case.layout, case.physics) for case in short_cases()})

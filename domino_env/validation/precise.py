@@ -1,0 +1,395 @@
+"""Multi-precision solution of short layouts: the reference for every other way of solving.
+
+Written from the bodies, not from the formulas of the simulator: contact points and arms are
+vectors, ratios of velocities are differences of positions, forces and impulses follow from one
+dense linear solve of Newton's and Euler's equations, and friction opposes the sliding that the
+positions show. In an interval u = ω² of the leader obeys u' = 2P + 2Qu in its angle, solved by
+Gauss-Legendre collocation on panels that are halved until the halves agree with the whole. The
+result is good to about 18 digits where u does not dip.
+
+`REFERENCE` holds the waves of `edge_cases.short_cases`, written by
+``python -m domino_env.validation.edge_cases`` (mpmath needed, three minutes).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from domino_env.core.files import write_text
+from domino_env.core.reading import read_json
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import Outcome
+
+try:
+    import mpmath as mp
+except ImportError:  # stored reference times need no mpmath
+    if not TYPE_CHECKING:
+        mp = None
+
+Number = Any  # mpmath's, which has no types
+Pair = tuple[Number, Number]
+Angles = dict[int, Number]
+Floats = NDArray[np.float64]
+
+REFERENCE = Path(__file__).with_name("reference.json")
+DIGITS = 100  # carried along; 60 do where no gap is nearly out of reach
+KEPT = 30  # digits of an arrival time that are stored
+NODES = 24
+U_ERROR, TIME_ERROR = 1e-24, 1e-18  # relative, in an interval
+DEPTH = 40  # halvings of a panel at most
+TOGETHER = 1e-9  # [rad] contacts that close within this do so in one impact
+
+
+@dataclass(frozen=True)
+class PreciseWave:
+    """Arrival times to many digits, and why the wave ended.
+
+    Attributes
+    ----------
+    outcome
+        As `Wave.outcome`.
+    arrival_times
+        Of the dominoes that are hit [s].
+    flushes
+        Contacts that turned from the tip to the face.
+    lowest
+        The smallest u over its value at release that was met, over all intervals.
+    """
+
+    outcome: Outcome
+    arrival_times: tuple[Fraction, ...]
+    flushes: int
+    lowest: float
+
+    def relative_error(self, arrival_times: Floats) -> float:
+        """Return the largest |t_k / true t_k - 1| over the dominoes hit; inf where others are."""
+        struck = np.flatnonzero(np.isfinite(arrival_times))
+        if len(struck) != len(self.arrival_times):
+            return float("inf")
+        pairs = zip(arrival_times[struck][1:].tolist(), self.arrival_times[1:], strict=True)
+        return float(max((abs(Fraction(t) / true - 1) for t, true in pairs), default=0))
+
+
+def precise_wave(layout: Layout, physics: Physics) -> PreciseWave:
+    """Solve for the wave of a layout whose numbers are taken to be exact.
+
+    Takes seconds for half a dozen dominoes.
+
+    Parameters
+    ----------
+    layout, physics
+        As of `simulate`.
+
+    Raises
+    ------
+    ImportError
+        mpmath is missing.
+    """
+    if mp is None:
+        raise ImportError("multi-precision arithmetic needs mpmath: pip install mpmath")
+    with mp.workdps(DIGITS):
+        return _Chain(layout, physics).topple()
+
+
+class _StallsError(Exception):
+    """The leader stops."""
+
+
+class _Chain:
+    def __init__(self, layout: Layout, physics: Physics) -> None:
+        def exact(values: Floats) -> list[Number]:
+            return [mp.mpf(float(x)) for x in values]
+
+        self.nudge = mp.mpf(10) ** -(DIGITS // 4)  # [rad] of differences: they err by its square
+        self.count = layout.count
+        self.height, self.thick = exact(layout.height), exact(layout.thickness)
+        self.gap, density = exact(layout.spacing), exact(layout.density)
+        self.tilt, self.rise = exact(layout.tilt), exact(layout.rise)
+        self.mu, self.g = mp.mpf(physics.friction), mp.mpf(physics.gravity)
+        self.push = mp.mpf(physics.push)
+        sizes = list(zip(density, self.height, self.thick, strict=True))
+        self.mass = [r * h * d for r, h, d in sizes]
+        self.inertia = [r * h * d * (h * h + d * d) / 3 for r, h, d in sizes]
+        self.on_face = [False] * self.count
+        self.back = 0  # the last domino still in contact
+        self.flushes = 0
+        self.least = mp.mpf(1)  # u met in the present interval
+
+    # positions --------------------------------------------------------------------------------
+    def shift(self, i: int) -> Pair:
+        """From pivot i to pivot i+1: upright to the rear face of i+1 lies the gap before it."""
+        slope, e = self.tilt[i + 1], self.rise[i]
+        way = self.gap[i] + self.thick[i + 1] + e * mp.sin(slope)
+        return way / mp.cos(slope), e
+
+    def angles(self, n: int, angle: Number, last: int) -> Angles:
+        """Angles of dominoes n … last where n leads."""
+        lean = {n: angle}
+        for i in range(n - 1, last - 1, -1):
+            (p, e), d, b = self.shift(i), self.thick[i + 1], lean[i + 1]
+            if self.on_face[i]:
+                lean[i] = mp.atan2(p - d * mp.cos(b), e + d * mp.sin(b))
+            else:
+                lean[i] = b + mp.asin((p * mp.cos(b) - e * mp.sin(b) - d) / self.height[i])
+        return lean
+
+    def motion(self, n: int, angle: Number) -> tuple[Angles, Angles, Angles]:
+        """Angles, their first and their second derivatives by the leader's."""
+        here, less, more = (self.angles(n, angle + k * self.nudge, self.back) for k in (0, -1, 1))
+        rate = {i: (more[i] - less[i]) / (2 * self.nudge) for i in here}
+        bend = {i: (more[i] - 2 * here[i] + less[i]) / self.nudge**2 for i in here}
+        return here, rate, bend
+
+    # forces -----------------------------------------------------------------------------------
+    def arms(self, i: int, lean: Angles, rate: Angles) -> Pair:
+        """Clockwise torque of the contact force per unit of normal force, on i and on i+1."""
+        a, b = lean[i], lean[i + 1]
+        shift = self.shift(i)
+        if self.on_face[i]:
+            at_next = -self.thick[i + 1] * mp.cos(b), self.thick[i + 1] * mp.sin(b)
+            at_i = at_next[0] + shift[0], at_next[1] + shift[1]
+            normal, along = (mp.cos(a), -mp.sin(a)), (mp.sin(a), mp.cos(a))
+        else:
+            at_i = self.height[i] * mp.sin(a), self.height[i] * mp.cos(a)
+            at_next = at_i[0] - shift[0], at_i[1] - shift[1]
+            normal, along = (mp.cos(b), -mp.sin(b)), (mp.sin(b), mp.cos(b))
+
+        def torque(place: Pair, force: Pair) -> Number:
+            return place[1] * force[0] - place[0] * force[1]
+
+        # a point at `place` moves with ω (y, -x), along the face as fast as its torque arm is long
+        sliding = rate[i] * torque(at_i, along) - rate[i + 1] * torque(at_next, along)
+        rub = self.mu * mp.sign(sliding)
+        force = normal[0] + rub * along[0], normal[1] + rub * along[1]
+        return torque(at_i, force), torque(at_next, force)
+
+    def solve(self, n: int, lean: Angles, rate: Angles, rhs: Angles, sliding: Angles) -> Number:
+        """Find the leader's x with I_k J_k x = rhs_k + torques of the contacts.
+
+        sliding: rates of motion that friction opposes.
+        """
+        size = n + 1 - self.back
+        matrix, column = mp.zeros(size), mp.zeros(size, 1)
+        for row, k in enumerate(range(self.back, n + 1)):
+            matrix[row, 0], column[row] = self.inertia[k] * rate[k], rhs[k]
+            if k < n:
+                on_i, on_next = self.arms(k, lean, sliding)
+                matrix[row, row + 1], matrix[row + 1, row + 1] = on_i, -on_next
+        return mp.lu_solve(matrix, column)[0]
+
+    def forces(self, n: int, angle: Number) -> Pair:
+        """P and Q of u' = 2P + 2Qu."""
+        lean, rate, bend = self.motion(n, angle)
+        weight = {
+            k: self.mass[k] * self.g / 2
+            * (self.height[k] * mp.sin(lean[k]) - self.thick[k] * mp.cos(lean[k]))
+            for k in lean
+        }  # fmt: skip
+        speed = {k: -self.inertia[k] * bend[k] for k in lean}
+        return self.solve(n, lean, rate, weight, rate), self.solve(n, lean, rate, speed, rate)
+
+    # one interval between hits ----------------------------------------------------------------
+    def panel(self, n: int, a: Number, b: Number, u: Number) -> tuple[list[Number], Number]:
+        """Find u at the nodes and at b, by collocation."""
+        x, w, running = _rule()
+        h = b - a
+        p, q = zip(*(self.forces(n, a + h * xi) for xi in x), strict=True)
+        matrix = mp.eye(NODES) - 2 * h * running * mp.diag(q)
+        at = mp.lu_solve(matrix, u * mp.ones(NODES, 1) + 2 * h * running * mp.matrix(p))
+        return list(at), u + 2 * h * sum(w[k] * (p[k] + q[k] * at[k]) for k in range(NODES))
+
+    def interval(
+        self, n: int, a: Number, b: Number, u: Number, depth: int = 0
+    ) -> tuple[Number, Number]:
+        """Find u at b and the time, on halves where those do not agree with the whole."""
+        whole, end = self.panel(n, a, b, u)
+        middle = (a + b) / 2
+        first, half = self.panel(n, a, middle, u)
+        second, last = self.panel(n, middle, b, half)
+        error = max(abs(last - end), abs(_interpolated(whole, mp.mpf("0.5")) - half))
+        if error <= U_ERROR * u or depth == DEPTH:
+            times = [
+                (middle - a) * self.time(part, mp.mpf(0), mp.mpf(1)) for part in (first, second)
+            ]
+            self.least = min(self.least, last)
+            if last <= 0:
+                raise _StallsError
+            return last, sum(times)
+        half, early = self.interval(n, a, middle, u, depth + 1)
+        last, late = self.interval(n, middle, b, half, depth + 1)
+        return last, early + late
+
+    def time(self, u: list[Number], a: Number, b: Number) -> Number:
+        """∫ dx/√u from a to b in [0, 1], for u given at the nodes."""
+        x, w, _ = _rule()
+
+        def integral(low: Number, high: Number) -> Number:
+            values = [_interpolated(u, low + (high - low) * xi) for xi in x]
+            if min(values) <= 0:
+                raise _StallsError
+            self.least = min(self.least, *values)
+            return (high - low) * sum(wi / mp.sqrt(v) for wi, v in zip(w, values, strict=True))
+
+        middle = (a + b) / 2
+        halves = integral(a, middle) + integral(middle, b)
+        if abs(halves - integral(a, b)) <= TIME_ERROR * halves:
+            return halves
+        return self.time(u, a, middle) + self.time(u, middle, b)
+
+    # changes of contact -----------------------------------------------------------------------
+    def due(self, i: int) -> tuple[Number, bool]:
+        """Angle of i+1 at which contact i changes, and whether to the face; else it opens."""
+        length, (p, e), d = self.height[i], self.shift(i), self.thick[i + 1]
+        far, up = mp.sqrt(p * p + e * e), mp.atan2(e, p)  # of pivot i+1, seen from pivot i
+        if not self.on_face[i] and far * far - d * d < length * length:
+            return mp.acos(d / far) - up, True
+        cosine = (far * far + d * d - length * length) / (2 * far * d)
+        return (mp.acos(cosine) - up if cosine > -1 else mp.inf), False
+
+    def next_change(self, n: int, a: Number, b: Number) -> Number | None:
+        """The leader's least angle in (a, b] at which a contact changes."""
+        lean = self.angles(n, b, self.back)
+        found = None
+        for i in range(n - 1, self.back - 1, -1):
+            goal, _ = self.due(i)
+            if lean[i + 1] < goal - mp.mpf(10) ** -40:
+                continue
+            low, high = a, b  # bisection: nothing smooth is asked of the chain of contacts
+            for _ in range(200):
+                middle = (low + high) / 2
+                over = self.angles(n, middle, i + 1)[i + 1] >= goal
+                low, high = (low, middle) if over else (middle, high)
+            found = high if found is None else min(found, high)
+        return found
+
+    def change(self, n: int, angle: Number, u: Number) -> Number | None:
+        """Change the contacts that are due, all face impacts together; u after it, None: jam."""
+        lean, rate, _ = self.motion(n, angle)
+        flushed = self.flushes
+        for i in range(n - 1, self.back - 1, -1):
+            goal, to_face = self.due(i)
+            if not to_face and lean[i + 1] >= goal - mp.mpf(10) ** -30:
+                self.back = i + 1
+                break
+            if to_face and abs(lean[i] - lean[i + 1]) <= TOGETHER:
+                self.on_face[i] = True
+                self.flushes += 1
+        if self.flushes == flushed:
+            return u
+        _, new_rate, _ = self.motion(n, angle)
+        before = {k: self.inertia[k] * rate[k] for k in new_rate}
+        # all behind a face impact is stopped: during the impact it still slides as it did before
+        ratio = self.solve(n, lean, new_rate, before, rate)
+        return u * ratio * ratio if ratio > 0 else None
+
+    # the chain --------------------------------------------------------------------------------
+    def topple(self) -> PreciseWave:
+        u, now, times, lowest = self.push**2, mp.mpf(0), [Fraction(0)], mp.mpf(1)
+
+        def ended(outcome: Outcome) -> PreciseWave:
+            return PreciseWave(outcome, tuple(times), self.flushes, float(lowest))
+
+        for n in range(self.count):
+            hits = n + 1 < self.count and self.gap[n] < self.height[n]
+            if hits:
+                b = self.tilt[n + 1] + mp.asin(self.gap[n] / self.height[n])
+            else:
+                b = mp.atan(self.thick[n] / self.height[n])
+            a, released = self.tilt[n], u
+            while a < b:
+                end = self.next_change(n, a, b) or b
+                if end > a:
+                    self.least = u
+                    try:
+                        u, spent = self.interval(n, a, end, u)
+                    except _StallsError:
+                        return ended(Outcome.STALLED)
+                    now += spent
+                    lowest = min(lowest, self.least / released)
+                a = end
+                if end < b or self.next_change(n, a - self.nudge, b) is not None:
+                    after = self.change(n, end, u)
+                    if after is None:
+                        return ended(Outcome.JAMMED)
+                    u = after
+            if not hits:
+                return ended(Outcome.PROPAGATED if n + 1 == self.count else Outcome.OUT_OF_REACH)
+            times.append(Fraction(mp.nstr(now, mp.mp.dps)))
+            lean, rate, _ = self.motion(n + 1, self.tilt[n + 1])
+            before = {k: self.inertia[k] * rate[k] * (k <= n) for k in lean}
+            ratio = self.solve(n + 1, lean, rate, before, rate)
+            if not 0 < ratio < 1:
+                return ended(Outcome.JAMMED)
+            u *= (ratio / rate[n]) ** 2  # the leader hit as fast as it turns in the new stack
+        raise AssertionError("a wave ends with the last domino")
+
+
+@cache
+def reference_waves() -> dict[str, PreciseWave]:
+    """Return the stored waves of `edge_cases.short_cases`, by group and name."""
+    return {
+        name: PreciseWave(
+            Outcome[one["outcome"]], tuple(map(Fraction, one["arrival_times"])), one["flushes"],
+            one["lowest"],
+        )
+        for name, one in read_json(REFERENCE).items()
+    }  # fmt: skip
+
+
+def _stored(layout: Layout, physics: Physics) -> dict[str, object]:
+    wave = precise_wave(layout, physics)
+    with mp.workdps(KEPT):
+        times = [mp.nstr(mp.mpf(t.numerator) / t.denominator, KEPT) for t in wave.arrival_times]
+    return {
+        "outcome": wave.outcome.name,
+        "flushes": wave.flushes,
+        "lowest": wave.lowest,
+        "arrival_times": times,
+    }
+
+
+def write_reference(cases: Mapping[str, tuple[Layout, Physics]]) -> None:
+    """Solve all cases, by name, and store the waves."""
+    with ProcessPoolExecutor() as pool:
+        jobs = {name: pool.submit(_stored, *case) for name, case in cases.items()}
+        waves = {name: job.result() for name, job in jobs.items()}
+    write_text(REFERENCE, json.dumps(waves, indent=1, ensure_ascii=False) + "\n")
+
+
+@cache
+def _rule() -> tuple[list[Number], list[Number], Number]:
+    """Gauss-Legendre on [0, 1]: nodes, weights, and the matrix of integrals from 0 to each node."""
+    with mp.workdps(2 * DIGITS):
+        nodes, weights = mp.gauss_quadrature(NODES, "legendre")
+        nodes = [(x + 1) / 2 for x in nodes]
+        powers = mp.matrix([[x**m for m in range(NODES)] for x in nodes])
+        areas = mp.matrix([[x ** (m + 1) / (m + 1) for m in range(NODES)] for x in nodes])
+        return nodes, [w / 2 for w in weights], areas * mp.inverse(powers)
+
+
+@cache
+def _barycentric() -> list[Number]:
+    """Weights of the polynomial through values at the nodes."""
+    nodes = _rule()[0]
+    with mp.workdps(2 * DIGITS):
+        return [1 / mp.fprod(x - y for y in nodes if y != x) for x in nodes]
+
+
+def _interpolated(values: list[Number], x: Number) -> Number:
+    """Value at x of the polynomial through values at the nodes."""
+    nodes = _rule()[0]
+    if x in nodes:
+        return values[nodes.index(x)]
+    parts = [w / (x - node) for w, node in zip(_barycentric(), nodes, strict=True)]
+    return mp.fdot(parts, values) / mp.fsum(parts)
