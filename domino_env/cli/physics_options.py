@@ -91,8 +91,6 @@ def asked_physics(arguments: argparse.Namespace, *paths: str | Path) -> Asked:
     ValueError
         For a scene that cannot be read, and for rows that lie beside different ones.
     """
-    from dataclasses import replace
-
     from domino_env.physics.physics import Physics
     from domino_env.scenes.io.beside import common_scene
     from domino_env.scenes.io.reading import load_scene
@@ -100,5 +98,5 @@ def asked_physics(arguments: argparse.Namespace, *paths: str | Path) -> Asked:
     scene = load_scene(arguments.scene) if arguments.scene else common_scene(paths)
     given = {name: getattr(arguments, name) for name in NUMBERS}
     given = {name: value for name, value in given.items() if value is not None}
-    physics = replace(scene.physics if scene else Physics(), **given)
+    physics = (scene.physics if scene else Physics()).replace(**given)
     return Asked(scene, physics, tuple(given), beside=not arguments.scene)

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import difflib
 import re
-from typing import Annotated, Any, NoReturn, TypeVar
+from functools import cache
+from typing import Annotated, Any, NoReturn, Self, TypeVar
 
 import msgspec
+import numpy as np
 from msgspec import Meta, inspect
 
 from domino_env.core.checks import range_in_words
@@ -21,6 +23,8 @@ SMALLEST, LARGEST = 1e-9, 1e9  # of every size in a file, SI: products of four s
 
 Size = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
 """A size, more than 0, SI units."""
+Part = Annotated[float, Meta(ge=0, le=LARGEST)]
+"""0 or more, as small as it likes: nothing is divided by it."""
 Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 """A finite number."""
 
@@ -32,6 +36,30 @@ _FIELD = re.compile(r"(?:missing required|unknown) field `(.*)`", re.DOTALL)
 
 class Table(msgspec.Struct, forbid_unknown_fields=True):
     """A table of a file, in which unknown keys are refused; fields that are None are not there."""
+
+
+class Value(Table, frozen=True):  # type: ignore[misc]
+    """A frozen table whose constructor checks as `model_of` does, and takes NumPy's numbers too."""
+
+    def __post_init__(self) -> None:
+        for name, told, kind in _annotated(type(self)):
+            plain = msgspec.to_builtins(getattr(self, name), enc_hook=_from_numpy)
+            msgspec.structs.force_setattr(self, name, model_of(kind, plain, told))
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed."""
+        return msgspec.structs.replace(self, **changes)
+
+
+@cache
+def _annotated(kind: type[Value]) -> list[tuple[str, str, Any]]:
+    return [(f.name, f.encode_name, f.type) for f in msgspec.structs.fields(kind)]
+
+
+def _from_numpy(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise NotImplementedError
 
 
 class Document(msgspec.Struct):
@@ -65,7 +93,8 @@ def _refuse(error: msgspec.ValidationError, kind: Any, document: Any, where: str
     found = _PLACE.fullmatch(str(error))
     said, path = (found["said"], found["path"]) if found else (str(error), "")
     steps = [key or int(index) for key, index in _STEP.findall(path)]
-    value, type_, meaning = document, inspect.type_info(kind), ""
+    type_ = inspect.type_info(kind)
+    value, meaning = document, _plain(type_)[1]
     for step in steps:
         value = value[step]
         type_, meaning = _inside(type_, step, meaning)

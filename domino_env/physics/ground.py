@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Annotated, ClassVar
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
+from domino_env.core.models import Number, Value
 from domino_env.core.threads import share_pieces
 from domino_env.physics.gradient import Gradient, HillGradient, Laid
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 
 Floats = NDArray[np.float64]
-Points = tuple[tuple[float, float], ...]
 
 MOST_BULGE = 1e-4  # [m] of the ground under a base, over or under the chord
 STEEPEST = 45.0  # [°]
 MOST_POINTS = 10_000
 
 
-@dataclass(frozen=True)
-class Ground:
+class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
     """What a row stands on: an even slope, or a smooth curve through points.
 
     The pivot of the first domino, its front bottom edge, stands at x = 0. Every domino stands on
@@ -51,22 +50,36 @@ class Ground:
     de Boor, C. (1978). A practical guide to splines. Springer: chapter IV, natural splines.
     """
 
-    slope: float | None = None
-    profile: Sequence[Sequence[float]] | None = None
+    slope: Annotated[
+        Annotated[float, Meta(ge=-STEEPEST, le=STEEPEST)] | None,
+        Meta(description="of an even slope, positive downhill [degrees]"),
+    ] = None
+    profile: Annotated[
+        Annotated[
+            tuple[Annotated[tuple[Number, ...], Meta(min_length=2, max_length=2)], ...],
+            Meta(min_length=2, max_length=MOST_POINTS),
+        ]
+        | None,
+        Meta(
+            description="points [x, y] of a smooth curve, x rising from point to point [m]; the "
+            "first domino's front stands at x = 0, and beyond its ends the ground goes on straight"
+        ),
+    ] = None
+
+    SCHEMA: ClassVar = {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]}
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if (self.slope is None) == (self.profile is None):
             raise ValueError("give either slope [°] or profile, a list of points [x, y] [m]")
-        if self.slope is not None:
-            if not abs(self.slope) <= STEEPEST:
+        for i, ((a, _), (b, _)) in enumerate(pairwise(self.profile or ())):
+            if not b > a:
                 raise ValueError(
-                    f"slope = {self.slope}°: give a number from -{STEEPEST:g} to {STEEPEST:g}"
+                    f"profile[{i + 1}] lies at x = {b:g} m and the point before at {a:g} m: x "
+                    "rises from point to point"
                 )
-            object.__setattr__(self, "slope", float(self.slope))
-            return
-        object.__setattr__(self, "profile", _checked_points(self.profile))
         place, steepest = self.steepest
-        if not steepest <= math.tan(math.radians(STEEPEST)):
+        if self.profile is not None and steepest > math.tan(math.radians(STEEPEST)):
             raise ValueError(
                 f"profile slopes by {math.degrees(math.atan(steepest)):.3g}° near x = {place:.4g} "
                 f"m: at most {STEEPEST:g}°; points that lie further apart are less steep"
@@ -238,9 +251,6 @@ class Ground:
             return np.asarray((3.0 * c[0] * t + 2.0 * c[1]) * t + c[2])
         return np.asarray(6.0 * c[0] * t + 2.0 * c[1])
 
-    def __getstate__(self) -> dict[str, object]:
-        return {"slope": self.slope, "profile": self.profile}  # the curve is found anew
-
 
 def _rows(array: ArrayLike, axes: int = 1) -> Floats:
     """A read-only view with an axis of rows, as the compiled functions take it."""
@@ -248,22 +258,3 @@ def _rows(array: ArrayLike, axes: int = 1) -> Floats:
     view = np.atleast_2d(array).view() if axes else array.view()
     view.flags.writeable = False
     return view
-
-
-def _checked_points(points: object) -> Points:
-    """The points of a profile as tuples; refused where they are none."""
-    array = np.asarray(points, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != 2 or not 2 <= len(array) <= MOST_POINTS:
-        raise ValueError(
-            f"profile has shape {array.shape}: give 2 to {MOST_POINTS:,} points [x, y] in metres"
-        )
-    if not np.isfinite(array).all():
-        i = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise ValueError(f"profile[{i}] = {array[i].tolist()}: must be finite")
-    for i, (a, b) in enumerate(pairwise(array[:, 0])):
-        if not b > a:
-            raise ValueError(
-                f"profile[{i + 1}] lies at x = {b:g} m and the point before at {a:g} m: x rises "
-                "from point to point"
-            )
-    return tuple((float(x), float(y)) for x, y in array)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
-from domino_env.core.checks import require
+from msgspec import Meta
+
+from domino_env.core.models import Part, Size, Value
 from domino_env.physics.layout import Layout
 
 
-@dataclass(frozen=True)
-class Physics:
+class Physics(Value, frozen=True):  # type: ignore[misc]
     """Gravity, friction and push.
 
     Parameters
@@ -27,16 +28,9 @@ class Physics:
         For a number that is not finite or out of its range; says the value and what to do.
     """
 
-    friction: float = 0.25
-    gravity: float = 9.81
-    push: float = 8.0
-
-    def __post_init__(self) -> None:
-        require("friction", self.friction, 0.0, hint="0 leaves it out")
-        require("gravity", self.gravity, above=0.0, unit="m/s²", hint="9.81 on Earth")
-        require("push", self.push, above=0.0, unit="rad/s", hint="nothing falls unpushed")
-        for name in ("friction", "gravity", "push"):
-            object.__setattr__(self, name, float(getattr(self, name)))
+    friction: Annotated[Part, Meta(description="coefficient between dominoes; 0 for none")] = 0.25
+    gravity: Annotated[Size, Meta(description="[m/s²]; 9.81 on Earth")] = 9.81
+    push: Annotated[Size, Meta(description="angular velocity of domino 0 at first [rad/s]")] = 8.0
 
 
 def require_row(layout: object, physics: object) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
+from domino_env.core.models import Value
 from domino_env.scenes.waves import Waves
 
 Floats = NDArray[np.float64]
@@ -17,8 +19,7 @@ CLOSE_LOOK = 1e-9
 HAIR = 1e-6
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(Value, frozen=True):  # type: ignore[misc]
     """What a design must not lean on.
 
     Parameters
@@ -34,14 +35,19 @@ class Limits:
         With the value and what is allowed.
     """
 
-    stall_margin: float | None = None
-    flush_loss: float | None = None
+    stall_margin: Annotated[
+        Annotated[float, Meta(ge=0, lt=1)] | None, Meta(description="of all falls, at least")
+    ] = None
+    flush_loss: Annotated[
+        Annotated[float, Meta(ge=0, le=1)] | None, Meta(description="of all flushes, at most")
+    ] = None
+
+    SCHEMA: ClassVar = {"minProperties": 1}
 
     def __post_init__(self) -> None:
-        if self.stall_margin is not None and not 0.0 <= self.stall_margin < 1.0:
-            raise ValueError(f"stall_margin = {self.stall_margin}: give a part, 0 to below 1")
-        if self.flush_loss is not None and not 0.0 <= self.flush_loss <= 1.0:
-            raise ValueError(f"flush_loss = {self.flush_loss}: give a part, 0 to 1")
+        super().__post_init__()
+        if self.stall_margin is None and self.flush_loss is None:
+            raise ValueError("the table is empty; it holds stall_margin, flush_loss")
 
     def excess(self, waves: Waves) -> Floats:
         """Return (B,) by how much the limits are broken, both parts added; 0 where kept."""

@@ -67,7 +67,7 @@ class Specification:
                 f"scene '{self.name}': objective = {self.objective!r}: choose "
                 f"{', '.join(OBJECTIVES)}"
             )
-        needed = OBJECTIVES[self.objective].needs_settings
+        needed = OBJECTIVES[self.objective].table or NoneType
         if not isinstance(self.settings, needed):
             raise ValueError(
                 f"scene '{self.name}': settings = {self.settings!r}: objective = "

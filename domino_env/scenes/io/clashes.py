@@ -118,7 +118,7 @@ def _clashes_of_first(asked: SceneFile) -> Iterator[str]:
                 "of the others is free"
             )
     if asked.stock is not None:
-        box = asked.stock.stock()
+        box = asked.stock
         if sum(box.count) < row.count:
             yield (
                 f"stock.count adds up to {sum(box.count)} dominoes: row.count = {row.count} "
@@ -157,7 +157,7 @@ def _clashes_of_length(asked: SceneFile) -> Iterator[str]:
         (thin, thick), _ = asked.thickness_allowed()
         least, most = pairs * (low + thin), pairs * (high + thick)
     else:
-        box = asked.stock.stock()
+        box = asked.stock
         if sum(box.count) != count:
             yield (
                 f"stock.count adds up to {sum(box.count)}: with row.length, give exactly "

@@ -13,19 +13,17 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 from msgspec import Meta
 
-from domino_env.core.models import LARGEST, Size, Table
-from domino_env.physics.ground import MOST_POINTS, STEEPEST, Ground
+from domino_env.core.models import LARGEST, Part, Size, Table
+from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.stock import Stock
+from domino_env.scenes.stock import MOST_DOMINOES, Stock
 
 Bounds = tuple[float, float]
 Values = tuple[float, ...]
 
-MOST_DOMINOES = 100_000  # the best uniform row takes some 3 ms a domino
-MOST_KINDS = 1_000  # of dominoes in a stock
 MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the best uniform row
 ALIKE = 1e-8  # [m] values closer than this are the same
 
@@ -37,12 +35,6 @@ if TYPE_CHECKING:
     Objective = str
 else:
     Objective = Literal[tuple(OBJECTIVES)]
-
-Part = Annotated[float, Meta(ge=0, le=LARGEST)]
-"""0 or more, as small as it likes: nothing is divided by it."""
-Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
-Number = Annotated[int, Meta(ge=0, le=MOST_DOMINOES)]
-_PHYSICS = Physics()
 
 
 class RowTable(Table):
@@ -139,24 +131,6 @@ class ThicknessTable(RangeTable):
     """The thickness of all dominoes but the first."""
 
 
-class StockTable(Table):
-    """The box that all dominoes are taken from, the first among them."""
-
-    thickness: Annotated[
-        list[Size], Meta(min_length=1, max_length=MOST_KINDS, description="the kinds [m]")
-    ]
-    count: Annotated[
-        list[Number], Meta(max_length=MOST_KINDS, description="how many there are of each")
-    ]
-
-    def __post_init__(self) -> None:
-        self.stock()
-
-    def stock(self) -> Stock:
-        """What lies in the box."""
-        return Stock(tuple(self.thickness), tuple(self.count))
-
-
 class GrowthTable(Table, kw_only=True):
     """The height of a domino over that of the one before."""
 
@@ -168,16 +142,9 @@ class GrowthTable(Table, kw_only=True):
             raise ValueError(f"min = {self.min} is more than max = {self.max}")
 
 
-class PhysicsTable(Table):
+class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
     """What makes the row fall."""
 
-    friction: Annotated[Part, Meta(description="coefficient between dominoes; 0 for none")] = (
-        _PHYSICS.friction
-    )
-    gravity: Annotated[Size, Meta(description="[m/s²]")] = _PHYSICS.gravity
-    push: Annotated[Size, Meta(description="angular velocity of domino 0 at first [rad/s]")] = (
-        _PHYSICS.push
-    )
     floor_friction: Annotated[
         Part | None,
         Meta(
@@ -187,58 +154,12 @@ class PhysicsTable(Table):
     ] = None
 
 
-class GroundTable(Table):
-    """What the row stands on: an even slope, or a smooth curve; flat ground without it."""
-
-    slope: Annotated[
-        Annotated[float, Meta(ge=-STEEPEST, le=STEEPEST)] | None,
-        Meta(description="of an even slope, positive downhill [degrees]"),
-    ] = None
-    profile: Annotated[
-        Annotated[
-            list[Annotated[list[Coordinate], Meta(min_length=2, max_length=2)]],
-            Meta(min_length=2, max_length=MOST_POINTS),
-        ]
-        | None,
-        Meta(
-            description="points [x, y] of a smooth curve, x rising from point to point [m]; the "
-            "first domino's front stands at x = 0, and beyond its ends the ground goes on straight"
-        ),
-    ] = None
-
-    SCHEMA: ClassVar = {"oneOf": [{"required": ["slope"]}, {"required": ["profile"]}]}
-
-    def __post_init__(self) -> None:
-        self.ground()
-
-    def ground(self) -> Ground:
-        """Give the ground."""
-        return Ground(self.slope, self.profile)
-
-
 class PlacementTable(Table):
     """The hand that builds row after row in the environments, which is unsteady."""
 
     deviation: Annotated[
         float, Meta(ge=0, le=LARGEST, description="standard deviation of each gap's error [m]")
     ]
-
-
-class LimitsTable(Table):
-    """What a design must not lean on."""
-
-    stall_margin: Annotated[
-        Annotated[float, Meta(ge=0, lt=1)] | None, Meta(description="of all falls, at least")
-    ] = None
-    flush_loss: Annotated[
-        Annotated[float, Meta(ge=0, le=1)] | None, Meta(description="of all flushes, at most")
-    ] = None
-
-    SCHEMA: ClassVar = {"minProperties": 1}
-
-    def __post_init__(self) -> None:
-        if self.stall_margin is None and self.flush_loss is None:
-            raise ValueError("the table is empty; it holds stall_margin, flush_loss")
 
 
 class SceneTables(Table, kw_only=True):
@@ -259,11 +180,11 @@ class SceneTables(Table, kw_only=True):
     row: RowTable
     spacing: SpacingTable
     thickness: ThicknessTable | None = None
-    stock: Annotated[StockTable | None, Meta(description="instead of thickness")] = None
+    stock: Annotated[Stock | None, Meta(description="instead of thickness")] = None
     growth: GrowthTable | None = None
-    ground: GroundTable | None = None
+    ground: Ground | None = None
     physics: PhysicsTable
-    limits: LimitsTable | None = None
+    limits: Limits | None = None
     placement: PlacementTable | None = None
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["thickness"]}, {"required": ["stock"]}]}
@@ -279,13 +200,7 @@ class SceneTables(Table, kw_only=True):
 
     def settings(self, objective: str) -> Any:
         """Give what the table of an objective says; None where it is not there."""
-        table = getattr(self, objective, None) if OBJECTIVES[objective].table else None
-        return None if table is None else table.settings()
-
-    def limits_asked(self) -> Limits | None:
-        """What the wave must keep."""
-        told = self.limits
-        return Limits(told.stall_margin, told.flush_loss) if told else None
+        return getattr(self, objective, None) if OBJECTIVES[objective].table else None
 
     def first_thickness(self) -> float:
         """Of domino 0 [m]: as thick as all the others, where it is not given."""
@@ -300,7 +215,7 @@ class SceneTables(Table, kw_only=True):
         if self.thickness is not None:
             return self.thickness.allowed()
         assert self.stock is not None
-        rest = self.stock.stock().without(self.first_thickness()).dominoes
+        rest = self.stock.without(self.first_thickness()).dominoes
         values = tuple(sorted({float(d) for d in rest}))
         return (values[0], values[-1]), values
 

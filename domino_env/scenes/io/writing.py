@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from typing import Any
 
 import msgspec
@@ -29,23 +28,18 @@ def document_of(scene: Specification) -> dict[str, Any]:
     }
     if scene.stock is None:
         found["thickness"] = _range(scene.thickness, scene.thickness_values) | {"of": of}
-    else:
-        found["stock"] = {"thickness": scene.stock.thickness, "count": scene.stock.count}
     if scene.growth is not None:
         found["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
-    parts = {"ground": scene.ground, "physics": scene.physics, "limits": scene.limits}
+    parts = {
+        "stock": scene.stock, "ground": scene.ground, "physics": scene.physics,
+        "limits": scene.limits, scene.objective: scene.settings,
+    }  # fmt: skip
     for name, held in parts.items():
         if held is not None:
-            found[name] = asdict(held)
+            found[name] = msgspec.to_builtins(held)
     found["physics"]["floor_friction"] = scene.floor_friction
     if scene.placement_deviation:
         found["placement"] = {"deviation": scene.placement_deviation}
-    table = scene.criterion.table
-    if table is not None:
-        found[scene.objective] = {
-            field.encode_name: getattr(scene.settings, field.name)
-            for field in msgspec.structs.fields(table)
-        }
     for key, table in found.items():
         if isinstance(table, dict):
             found[key] = {k: _as_lists(v) for k, v in table.items() if v is not None}

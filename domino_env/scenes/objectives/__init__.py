@@ -6,9 +6,9 @@ Every module of this folder is looked through, so that a new objective is one fi
 from importlib import import_module
 from pkgutil import iter_modules
 
-from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient, Settings
+from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
 
-__all__ = ["OBJECTIVES", "Evaluation", "Objective", "ScoreGradient", "Settings"]
+__all__ = ["OBJECTIVES", "Evaluation", "Objective", "ScoreGradient"]
 
 
 def _found() -> dict[str, type[Objective]]:

@@ -10,13 +10,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from types import NoneType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.models import Table
+from domino_env.core.models import Value
 from domino_env.core.results import brief
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground
@@ -107,14 +106,6 @@ class Evaluation:
         return (self.score < 0.0) | (self.reach < 1.0)
 
 
-class Settings(Table):
-    """The table of an objective in a scene's file, named as the objective."""
-
-    def settings(self) -> Any:
-        """Give the value that a scene holds, its fields named as those of the table."""
-        raise NotImplementedError
-
-
 @dataclass(frozen=True)
 class Objective(ABC):
     """What counts in a scene.
@@ -139,10 +130,8 @@ class Objective(ABC):
     """How scene files call it."""
     unit: ClassVar[str] = ""
     """Of a success's score."""
-    needs_settings: ClassVar[type] = NoneType
-    """What `settings` is."""
-    table: ClassVar[type[Settings] | None] = None
-    """The table of its name in a scene's file; None where it has none."""
+    table: ClassVar[type[Value] | None] = None
+    """Type of `settings`, the table of its name in a scene's file; None where it has none."""
     failure: ClassVar[str] = "no success"
     """In words, what a wave that dies has reached."""
     rewards_speed: ClassVar[bool] = False

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
 
-from domino_env.core.models import LARGEST
+from domino_env.core.models import Part, Value
 from domino_env.physics.wave import Wave
-from domino_env.scenes.objectives.base import Evaluation, Objective, Settings
+from domino_env.scenes.objectives.base import Evaluation, Objective
 from domino_env.scenes.objectives.speed import speed_gradient
 from domino_env.scenes.unsteady import placed
 from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
@@ -22,8 +22,7 @@ LARGEST_DRAWS = 100_000
 MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
 
 
-@dataclass(frozen=True)
-class Placement:
+class Placement(Value, frozen=True):  # type: ignore[misc]
     """Every free gap is off by a normal error; what counts is a low quantile of the speed.
 
     Parameters
@@ -43,31 +42,16 @@ class Placement:
         With the value and what is allowed.
     """
 
-    deviation: float
-    quantile: float = 0.05
-    draws: int = 256
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.deviation < np.inf:
-            raise ValueError(f"deviation = {self.deviation}: give 0 or more [m]")
-        if not 0.0 < self.quantile <= 1.0:
-            raise ValueError(f"quantile = {self.quantile}: give a part, more than 0 and at most 1")
-        if not 1 <= self.draws <= LARGEST_DRAWS:
-            raise ValueError(f"draws = {self.draws}: give a number from 1 to {LARGEST_DRAWS}")
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}: give a whole number, 0 or more")
-
-    @cached_property
-    def _errors(self) -> dict[int, Floats]:
-        return {}
+    deviation: Annotated[Part, Meta(description="standard deviation of each gap's error [m]")]
+    quantile: Annotated[
+        float, Meta(gt=0, le=1, description="the part of the draws that may be slower")
+    ] = 0.05
+    draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="rows that are drawn")] = 256
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
 
     def errors(self, pairs: int) -> Floats:
-        """Draw (draws, pairs) what is added to the gaps [m]; once for each length of a row."""
-        if pairs not in self._errors:
-            random = np.random.default_rng(self.seed)
-            self._errors[pairs] = self.deviation * random.standard_normal((self.draws, pairs))
-        return self._errors[pairs]
+        """Return (draws, pairs) what is added to the gaps [m]."""
+        return _errors(self, pairs)
 
     def rows(self, spacing: Floats) -> Floats:
         """Return (B · draws, N-1) the gaps as they are placed, all draws of a row together [m]."""
@@ -84,21 +68,13 @@ class Placement:
         return np.argsort(speeds, axis=1, kind="stable")[:, self.rank]
 
 
-class RobustTable(Settings):
-    """The placement errors of the objective "robust"."""
-
-    deviation: Annotated[
-        float, Meta(ge=0, le=LARGEST, description="standard deviation of each gap's error [m]")
-    ]
-    quantile: Annotated[
-        float, Meta(gt=0, le=1, description="the part of the draws that may be slower")
-    ] = 0.05
-    draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="rows that are drawn")] = 256
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
-
-    def settings(self) -> Placement:
-        """Give the errors."""
-        return Placement(self.deviation, self.quantile, self.draws, self.seed)
+@lru_cache(8)
+def _errors(placement: Placement, pairs: int) -> Floats:
+    """Draw the errors, once for each length of a layout."""
+    random = np.random.default_rng(placement.seed)
+    found = placement.deviation * random.standard_normal((placement.draws, pairs))
+    found.flags.writeable = False
+    return found
 
 
 @dataclass(frozen=True)
@@ -109,8 +85,7 @@ class Robust(Objective):
 
     name: ClassVar[str] = "robust"
     unit: ClassVar[str] = "m/s"
-    needs_settings: ClassVar[type] = Placement
-    table: ClassVar[type[Settings] | None] = RobustTable
+    table: ClassVar[type[Value] | None] = Placement
     failure: ClassVar[str] = "no speed"
     rewards_speed: ClassVar[bool] = True
     simulates_anew: ClassVar[bool] = True

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
 
-from domino_env.core.models import Size
+from domino_env.core.models import Size, Value
 from domino_env.physics.wave import Outcome, Wave, simulate
-from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient, Settings
+from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
 
 TOLERANCE = 1e-3  # [s]
 
 
-@dataclass(frozen=True)
-class Tempo:
+class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type: ignore[misc]
     """When each domino is to be hit.
 
     Give either `first` and `last`, between which the frequency rises (or falls) evenly from
@@ -41,30 +41,31 @@ class Tempo:
         For anything that is no schedule; says what to give.
     """
 
-    first: float | None = None
-    last: float | None = None
-    times: tuple[float, ...] | None = None
-    tolerance: float = TOLERANCE
+    first: Annotated[
+        Size | None, Meta(description="frequency between dominoes 0 and 1 [hits/s]")
+    ] = None
+    last: Annotated[Size | None, Meta(description="frequency between the last two [hits/s]")] = None
+    times: Annotated[
+        tuple[Size, ...] | None,
+        Meta(description="instead: when dominoes 1, 2, … are to be hit [s]"),
+    ] = None
+    tolerance: Annotated[
+        Size, Meta(description="root-mean-square error that halves the score [s]")
+    ] = TOLERANCE
+
+    SCHEMA: ClassVar = {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]}
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         rates = self.first, self.last
-        if (self.times is None) == (rates == (None, None)):
+        if (self.times is None) == (rates == (None, None)) or (self.times and any(rates)):
             raise ValueError("give either from and to [hits/s], or times [s]")
-        if self.times is None:
-            for name, rate in zip(("from", "to"), rates, strict=True):
-                if rate is None or not 0.0 < rate < np.inf:
-                    raise ValueError(f"{name} = {rate}: give a frequency of more than 0 [hits/s]")
-        else:
-            object.__setattr__(self, "times", tuple(float(t) for t in self.times))
-            steps = np.diff(self.times, prepend=0.0)
-            if not (np.isfinite(steps).all() and (steps > 0.0).all()):
-                i = int(np.argmin(np.isfinite(steps) & (steps > 0.0)))
-                raise ValueError(
-                    f"times[{i}] = {self.times[i]} s: times rise from domino to domino, the first "
-                    "is more than 0"
-                )
-        if not 0.0 < self.tolerance < np.inf:
-            raise ValueError(f"tolerance = {self.tolerance}: give a time of more than 0 [s]")
+        if self.times is None and None in rates:
+            name = "from" if self.first is None else "to"
+            raise ValueError(f"{name} is missing: give a frequency of more than 0 [hits/s]")
+        for i, (a, b) in enumerate(pairwise(self.times or ()), 1):
+            if not b > a:
+                raise ValueError(f"times[{i}] = {b} s: times rise from domino to domino")
 
     def schedule(self, count: int) -> Floats:
         """Return (N-1,) when dominoes 1 … N-1 of a row of `count` are to be hit [s].
@@ -102,31 +103,6 @@ class Tempo:
         return np.concatenate([np.zeros((len(late), 1)), by_time], axis=1)
 
 
-class TempoTable(Settings, rename={"first": "from", "last": "to"}):
-    """The schedule of the objective "tempo"."""
-
-    first: Annotated[
-        Size | None, Meta(description="frequency between dominoes 0 and 1 [hits/s]")
-    ] = None
-    last: Annotated[Size | None, Meta(description="frequency between the last two [hits/s]")] = None
-    times: Annotated[
-        list[Size] | None, Meta(description="instead: when dominoes 1, 2, … are to be hit [s]")
-    ] = None
-    tolerance: Annotated[
-        Size, Meta(description="root-mean-square error that halves the score [s]")
-    ] = TOLERANCE
-
-    SCHEMA: ClassVar = {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]}
-
-    def __post_init__(self) -> None:
-        self.settings()
-
-    def settings(self) -> Tempo:
-        """Give the schedule."""
-        times = None if self.times is None else tuple(self.times)
-        return Tempo(self.first, self.last, times, self.tolerance)
-
-
 @dataclass(frozen=True)
 class InTempo(Objective):
     """How closely the arrival times follow a schedule, see `Tempo` [1]."""
@@ -134,8 +110,7 @@ class InTempo(Objective):
     settings: Tempo
 
     name: ClassVar[str] = "tempo"
-    needs_settings: ClassVar[type] = Tempo
-    table: ClassVar[type[Settings] | None] = TempoTable
+    table: ClassVar[type[Value] | None] = Tempo
     needs_arrivals: ClassVar[bool] = True
 
     def success(self, waves: Waves) -> Floats:

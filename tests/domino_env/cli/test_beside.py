@@ -16,7 +16,7 @@ GAPS = "spacing_mm,thickness_mm\n15,7.5\n16,7.5\n15,7.5\n15,7.5\n,7.5\n"  # says
 def mars(tmp_path: Path) -> Path:
     """A layout in the folder of a run on Mars, of dominoes 40 mm wide."""
     sprint = de.load_scene("sprint")
-    physics = replace(sprint.physics, gravity=3.71)
+    physics = sprint.physics.replace(gravity=3.71)
     scene = replace(sprint, name="mars", physics=physics, count=5, width=0.04)
     folder = tmp_path / "mars"
     folder.mkdir()

@@ -166,8 +166,8 @@ def test_json_for_other_programs(capsys, row: Path) -> None:
 @pytest.mark.parametrize(("words", "message"), [
     (["nothing.csv"], "No such file or directory: 'nothing.csv'"),
     (["row.xls"], "row.xls: a layout is a .csv or .json file, not '.xls'"),
-    (["ROW", "--friction", "-1"], "friction = -1.0: give a finite number, at least 0"),
-    (["ROW", "--push", "nan"], "push = nan rad/s: give a finite number"),
+    (["ROW", "--friction", "-1"], "friction = -1.0: give a finite number from 0"),
+    (["ROW", "--push", "nan"], "push = nan: give a finite number"),
     (["ROW", "--rtol", "1"], "rtol = 1.0: choose a tolerance between"),
     (["ROW", "--scene", "sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
     (["BAD"], "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),

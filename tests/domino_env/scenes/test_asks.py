@@ -110,7 +110,7 @@ BAD = [
     ({"top": "objective = 'tempo'", "tempo": "from = 0\nto = 2"}, "tempo.from = 0: give a finite"),
     ({"top": "objective = 'tempo'", "tempo": "times = [0.1, 0.2]"},
      "tempo.times has 2 entries: a row of 8 dominoes needs one for each but the first, 7"),
-    ({"top": "objective = 'tempo'", "tempo": "from = 1"}, "tempo.to = None"),
+    ({"top": "objective = 'tempo'", "tempo": "from = 1"}, "tempo.to is missing"),
     ({"top": "objective = 'robust'"}, "the table [robust] is missing"),
     ({"top": "objective = 'robust'", "robust": "draws = 9"}, "robust.deviation is missing"),
     ({"top": "objective = 'robust'", "robust": "deviation = 1e-3\ndraws = 0"},

@@ -68,7 +68,7 @@ def test_numbers_are_read_off_the_scenes_that_are_made_of_them():
         assert np.abs(small.scaled(numbers)).max() <= 1.0 + 1e-9
     np.testing.assert_allclose(np.abs(small.scaled(np.array([low, high]))), 1.0)
     assert small == small_scenes()
-    far = replace(scene, physics=replace(scene.physics, friction=0.7))
+    far = replace(scene, physics=scene.physics.replace(friction=0.7))
     assert small.outside(far) == ("friction 0.7 is outside 0 to 0.4",)
 
 

@@ -113,7 +113,7 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
     point = (("physics.friction", 0.1), ("row.count", 8), ("thickness.fixed", 0.006))
     found = scene_at(base, point)
     expected = replace(
-        base, physics=replace(base.physics, friction=0.1), count=8, thickness=(0.006, 0.006)
+        base, physics=base.physics.replace(friction=0.1), count=8, thickness=(0.006, 0.006)
     )
     assert found.to_toml() == expected.to_toml()
     robust = scene_at(base, (("objective", "robust"), ("robust.deviation", 0.001)))
