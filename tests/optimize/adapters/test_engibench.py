@@ -5,6 +5,7 @@ from __future__ import annotations
 import typing
 from dataclasses import asdict
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -30,7 +31,7 @@ def test_the_class_is_as_engibench_wants_its_problems() -> None:
     assert isinstance(problem.design_space, spaces.Box)
     assert problem.objectives == (("mean_speed", ObjectiveDirection.MAXIMIZE),)
     assert problem.conditions_keys == ["friction", "gravity", "push"]
-    assert asdict(problem.conditions) == asdict(problem.scene.physics)
+    assert asdict(problem.conditions) == msgspec.structs.asdict(problem.scene.physics)
     assert problem.dataset_id
     with pytest.raises(ValueError, match="no published data set"):
         _ = problem.dataset
