@@ -298,7 +298,7 @@ class DominoChainVector(DominoVectorEnv):
             batch.thickness[b, : start.count] = start.thickness
             if self._scene(b).growth is not None:
                 batch.height[b, : start.count] = start.height
-        kernels.reset_rows(0, self.num_envs, batch, chosen, placed, observations)
+        kernels.reset_batch(0, self.num_envs, batch, chosen, placed, observations)
         self._waves[chosen] = None
         if self.distribution is None:
             return {}
@@ -335,7 +335,7 @@ class DominoChainVector(DominoVectorEnv):
         rewards = np.empty(self.num_envs)
         ended = np.empty(self.num_envs, np.bool_)
         share_rows(
-            kernels.step_rows, self.num_envs, PIECE,
+            kernels.step_batch, self.num_envs, PIECE,
             self._batch, actions, observations, rewards, ended,
         )  # fmt: skip
         infos: Infos = {}
@@ -346,11 +346,8 @@ class DominoChainVector(DominoVectorEnv):
 
     def bounds_ahead(self, env: int) -> dict[str, tuple[float, float]]:
         """Return the bounds of an environment's next action; see `DominoChain.bounds_ahead`."""
-        episode, rules = self._episodes[env], self._rules[env % len(self._rules)]
-        pairs, way = int(rules.count) - 1 - int(episode.placed), episode.way
-        low, high = kernels.thickness_range(rules, pairs, way)
-        gaps = kernels.gap_range(rules, pairs, way, 0.5 * (low + high))
-        return {"spacing": (float(gaps[0]), float(gaps[1])), "thickness": (float(low), float(high))}
+        low, high, thin, thick = kernels.bounds_ahead(self._batch, env)
+        return {"spacing": (low, high), "thickness": (thin, thick)}
 
     def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
         """Return actions (B, A) that place the next domino of every environment as in its layout.
@@ -358,32 +355,13 @@ class DominoChainVector(DominoVectorEnv):
         Where the rules no longer leave its place, the nearest they do; 0 where episodes are over.
         """
         layouts = self._one_each(layout, Layout, "layouts to build") or []
+        wanted = np.zeros((self.num_envs, 4))
+        for b, (n, one) in enumerate(zip(self._episodes["placed"], layouts, strict=True)):
+            if n < one.count - 1:
+                wanted[b] = one.spacing[n], one.thickness[n + 1], *one.height[n : n + 2]
         actions = np.zeros(self.action_space.shape or ())
-        for b in np.flatnonzero(self._episodes["phase"] == kernels.RUNNING):
-            actions[b] = self._action_towards(int(b), layouts[b])
+        kernels.aim_batch(0, self.num_envs, self._batch, wanted, actions)
         return actions
-
-    def _action_towards(self, b: int, layout: Layout) -> list[float]:
-        scene, rules = self._scene(b), self._rules[b % len(self._rules)]
-        n, way = int(self._episodes[b].placed), self._episodes[b].way
-        left, tall = scene.count - 1 - n, layout.height
-        gap, thick = layout.spacing[n], layout.thickness[n + 1]
-        if scene.in_heights:
-            gap, thick = gap / min(tall[n], tall[n + 1]), thick / tall[n + 1]
-        action = []
-        bounds = kernels.thickness_range(rules, left, way)
-        placed = float(np.clip(thick, *bounds))
-        if scene.free_spacing:
-            low, high = kernels.gap_range(rules, left, way, placed)
-            if rules.largest_change > 0.0 and n > 0:
-                before, change = self._batch.spacing[b, n - 1], rules.largest_change
-                low, high = max(low, before - change), min(high, before + change)
-            action.append(_action_for(gap, low, high))
-        if scene.free_thickness:
-            action.append(_action_for(thick, *bounds))
-        if scene.growth is not None and scene.free_height:
-            action.append(_action_for(tall[n + 1] / tall[n], *scene.growth))
-        return action
 
 
 def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
@@ -414,10 +392,3 @@ def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
 def _words(records: NDArray[np.record]) -> NDArray[np.uint64]:
     """Return records (S,) as whole numbers (S, W), which are copied three times as fast."""
     return records.view(np.uint64).reshape(len(records), -1)
-
-
-def _action_for(value: float, low: float, high: float) -> float:
-    """The action in [-1, 1] that stands for a value; where nothing can be chosen, 0."""
-    if not low < high:
-        return 0.0
-    return float(np.clip(2.0 * (value - low) / (high - low) - 1.0, -1.0, 1.0))

@@ -137,9 +137,8 @@ class DominoLayoutVector(DominoVectorEnv):
         if not len(envs):
             return observations, rewards, ended, {}
         each = actions.reshape(self.num_envs, choices(self.scene), -1).transpose(0, 2, 1)
-        share_rows(
-            kernels.place_rows, self.num_envs, PIECE, self._batch, np.ascontiguousarray(each)
-        )
+        each = np.ascontiguousarray(each)
+        share_rows(kernels.place_batch, self.num_envs, PIECE, self._batch, ended, each)
         if self.scene.length is not None:
             self._meet_length(self.scene, self.scene.length)
         rewards[envs], infos = self._end(envs)

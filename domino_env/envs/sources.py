@@ -140,7 +140,7 @@ class SceneSource:
             baseline = scene.uniform()
             score, speed = baseline.score, baseline.wave.mean_speed
         self.scenes[i] = scene
-        self.rules[i] = _rules_of(scene, self.rtol, self.window, speed)
+        self.rules[i] = _rules_of(scene, self.rtol, speed)
         self.features[i] = np.minimum(np.maximum(features, -FEATURE_LIMIT), FEATURE_LIMIT)
         self.first_thickness[i], self.height[i] = scene.first_thickness, scene.height
         self.score[i], self.speed[i] = score, speed
@@ -160,7 +160,7 @@ def pool_of(distribution: SceneDistribution) -> ScenePool:
     return ScenePool(distribution)
 
 
-def _rules_of(scene: Scene, rtol: float, window: int, speed: float) -> tuple[Any, ...]:
+def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
     """The fields of RULES of a scene, whose uniform baseline has that speed [m/s]."""
     # where even that stops, compare with free fall
     free = float(np.sqrt(scene.physics.gravity * scene.height))
@@ -184,12 +184,10 @@ def _rules_of(scene: Scene, rtol: float, window: int, speed: float) -> tuple[Any
         "growth_low": growth_low,
         "growth_high": growth_high,
         "unit": scene.height,
-        "window": window,
         "grows": scene.growth is not None,
         "in_heights": scene.in_heights,
-        "pays": float(scene.criterion.rewards_speed),
+        "reward_scale": float(scene.criterion.rewards_speed),
         "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
-        "has_stock": scene.stock is not None,
     }
     return tuple(values[name] for name in kernels.RULES.names or ())
 

@@ -31,6 +31,8 @@ class ObservationLayout(dict[str, slice]):
     ----------
     space
         Box(O,) of observations.
+    starts
+        (1,) the same as an OBSERVATION for the kernels.
     """
 
     def __init__(self, scene: Scene, window: int, features: int) -> None:
@@ -55,10 +57,13 @@ class ObservationLayout(dict[str, slice]):
             "rises": (ahead, -kernels.RISE_LIMIT, kernels.RISE_LIMIT),
         }
         super().__init__()
+        self.starts = np.full(1, -1, kernels.OBSERVATION)
+        self.starts["window"] = window
         size = 0
         for name, (entries, _, _) in parts.items():
             if entries:
                 self[name] = slice(size, size + entries)
+                self.starts[name] = size
                 size += entries
         low, high = (
             np.concatenate([np.full(part[0], part[k], np.float32) for part in parts.values()])

@@ -88,7 +88,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self.source = SceneSource(scene, self.num_envs, rtol, window)
         features = self.source.features.shape[1]
         self.observation_layout = ObservationLayout(self.source.first, self.source.window, features)
-        self._batch = _new_batch(self.source, self.num_envs)
+        self._batch = _new_batch(self.source, self.observation_layout, self.num_envs)
         self._episodes = self._batch.episodes
         # there is a scene before any reset
         number = self.source.sample(np.random.default_rng(0))
@@ -596,7 +596,9 @@ def objects(values: Iterable[Any]) -> NDArray[Any]:
     return array
 
 
-def _new_batch(source: SceneSource, num_envs: int) -> kernels.Batch | kernels.HillBatch:
+def _new_batch(
+    source: SceneSource, layout: ObservationLayout, num_envs: int
+) -> kernels.Batch | kernels.HillBatch:
     """Allocate the arrays of the environments."""
     scene, longest = source.first, source.longest
     kinds, stock = _kinds_to_choose(scene)
@@ -608,6 +610,7 @@ def _new_batch(source: SceneSource, num_envs: int) -> kernels.Batch | kernels.Hi
     link = kernels.LINK if scene.ground is None else kernels.HILL_LINK
     batch = kernels.Batch(
         rules=np.zeros(1 if sampled is None else num_envs, kernels.RULES),
+        parts=layout.starts,
         features=np.zeros((num_envs, source.features.shape[1]), np.float32),
         closeness=closeness(longest),
         gap_values=np.array(scene.spacing_values or (), dtype=np.float64),

@@ -19,7 +19,7 @@ in that angle, so a fall, a flush and a hit are affine maps of u, and nothing is
     endless     rows that repeat a pattern for ever
     motion      a chain that is watched
     forces      what happens between the dominoes
-    batch, choice, observation, episode    the environments' step
+    step        one step of the environments
     records, tape    what is kept of a chain
     adjoint     the same, backwards
     ground      what differs over ground that is not flat
@@ -34,15 +34,11 @@ eqs. 1-3, 7-9, restated for unequal dominoes.
 from domino_env.kernels import ground
 from domino_env.kernels.adjoint.chain import pull, pull_rows
 from domino_env.kernels.adjoint.slots import WHOLE
-from domino_env.kernels.batch import EPISODE, RULES, RUNNING, Batch, HillBatch
 from domino_env.kernels.chain import compose_row, solve_rows
-from domino_env.kernels.choice import gap_range, thickness_range
 from domino_env.kernels.endless import period_falls
-from domino_env.kernels.episode import place_rows, reset_rows, step_rows
 from domino_env.kernels.forces import LOADS, diagnose_chain
 from domino_env.kernels.ground.placing import follow_rows, lay_rows
 from domino_env.kernels.motion import watch_chain
-from domino_env.kernels.observation import FRONT_LIMIT, LEAD_LIMIT, RISE_LIMIT, SPEED_LIMIT
 from domino_env.kernels.slots import (
     ARRIVAL,
     EVENT,
@@ -63,6 +59,22 @@ from domino_env.kernels.slots import (
     Row,
     Summary,
 )
+from domino_env.kernels.step.batch import EPISODE, RULES, RUNNING, Batch, HillBatch
+from domino_env.kernels.step.environment import (
+    aim_batch,
+    bounds_ahead,
+    place_back,
+    place_batch,
+    reset_batch,
+    step_batch,
+)
+from domino_env.kernels.step.observation import (
+    FRONT_LIMIT,
+    LEAD_LIMIT,
+    OBSERVATION,
+    RISE_LIMIT,
+    SPEED_LIMIT,
+)
 
 __all__ = [
     "ARRIVAL",
@@ -76,6 +88,7 @@ __all__ = [
     "LINK",
     "LOADS",
     "NO_RIGID_ANSWER",
+    "OBSERVATION",
     "OUT_OF_REACH",
     "PROPAGATED",
     "RING_ROWS",
@@ -94,19 +107,20 @@ __all__ = [
     "HillRow",
     "Row",
     "Summary",
+    "aim_batch",
+    "bounds_ahead",
     "compose_row",
     "diagnose_chain",
     "follow_rows",
-    "gap_range",
     "ground",
     "lay_rows",
     "period_falls",
-    "place_rows",
+    "place_back",
+    "place_batch",
     "pull",
     "pull_rows",
-    "reset_rows",
+    "reset_batch",
     "solve_rows",
-    "step_rows",
-    "thickness_range",
+    "step_batch",
     "watch_chain",
 ]

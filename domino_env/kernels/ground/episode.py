@@ -2,23 +2,24 @@
 
 import math
 
-from domino_env.kernels import batch as batches
-from domino_env.kernels import episode, observation
-from domino_env.kernels.batch import HillBatch, rules_of
 from domino_env.kernels.ground.links import rise_of
 from domino_env.kernels.ground.placing import at as ground_at
 from domino_env.kernels.ground.placing import next_place, piece_at
 from domino_env.kernels.jit import always_inline, borrowed, internal, overload
 from domino_env.kernels.slots import Curve, HillRow
+from domino_env.kernels.step import batch as batches
+from domino_env.kernels.step import environment, observation
+from domino_env.kernels.step.batch import HillBatch, rules_of
 
 
-@overload(episode.lend)
+@overload(environment.lend)
 @always_inline
 def lend(batch):
     """The same batch without reference counts."""
     curve = batch.curve
     return HillBatch(
         borrowed(batch.rules),
+        borrowed(batch.parts),
         borrowed(batch.features),
         borrowed(batch.closeness),
         borrowed(batch.gap_values),
@@ -56,14 +57,14 @@ def row_built(batch, b):
     )
 
 
-@overload(episode.pitch_of)
+@overload(environment.pitch_of)
 @always_inline
 def pitch_of(row, n):
     """From pivot n to the next [m]."""
     return math.hypot(row.spacing[n] + row.thickness[n + 1], rise_of(row, n, n + 1))
 
 
-@overload(episode.stand_next)
+@overload(environment.stand_next)
 @internal
 def stand_next(batch, b, row, n):
     """Stand domino n+1 behind gap n on the ground: its tilt, its rise, its place."""
@@ -82,25 +83,23 @@ def stand_next(batch, b, row, n):
 
 @overload(observation.observe_ground)
 @internal
-def observe_ground(batch, b, observed, at):
+def observe_ground(batch, b, observed):
     """Slope and rise of the next places, a mean pitch apart each: `window` of both.
 
     Slopes count downhill, in slopes that tip the thinnest domino; rises over the last pivot, in
     heights.
     """
-    rules, curve = rules_of(batch, b), batch.curve
+    rules, curve, part = rules_of(batch, b), batch.curve, batch.parts[0]
     unit = rules.unit if rules.in_heights else 1.0
     pitch = 0.5 * unit * (rules.gap_low + rules.gap_high + rules.thick_low + rules.thick_high)
     steepest = unit * rules.thick_low / rules.unit
     x = batch.places[b, batch.episodes[b].placed]
     k = piece_at(curve, x, 0)
     here, _ = ground_at(curve, x, k)
-    for j in range(rules.window):
+    for j in range(part.window):
         x += pitch
         k = piece_at(curve, x, k)
         height, slope = ground_at(curve, x, k)
         rise = (height - here) / rules.unit
-        observed[at + j] = min(max(-slope / steepest, -1.0), 1.0)
-        observed[at + rules.window + j] = min(
-            max(rise, -observation.RISE_LIMIT), observation.RISE_LIMIT
-        )
+        observed[part.slopes + j] = min(max(-slope / steepest, -1.0), 1.0)
+        observed[part.rises + j] = min(max(rise, -observation.RISE_LIMIT), observation.RISE_LIMIT)

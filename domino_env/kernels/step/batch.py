@@ -1,4 +1,4 @@
-"""Rows that are built at once: their rules, their episodes, and their arrays."""
+"""A batch of environments: rules, episodes and arrays."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from domino_env.kernels.slots import Curve, Row, record_type
 
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
 
-RULES = record_type(  # of a scene: one that all rows share, or each row's own
+RULES = record_type(  # of a scene: one that all environments share, or each its own
     count=int,  # of dominoes
     friction=float,
     gravity=float,
@@ -23,53 +23,53 @@ RULES = record_type(  # of a scene: one that all rows share, or each row's own
     thick_low=float,
     thick_high=float,
     largest_change=float,  # of a gap from the one before, 0 where it is free
-    least_placed=float,  # gap that an unsteady hand leaves [m]
+    least_placed=float,  # gap that placement errors leave [m]
     growth_low=float,
     growth_high=float,
     unit=float,  # the height that rewards and observations are scaled by [m]
-    window=int,  # dominoes observed
     grows=np.bool_,
     in_heights=np.bool_,
-    pays=float,  # 1 where single steps are paid, else 0
+    reward_scale=float,  # 1 where single steps are paid, else 0
     score_is_speed=np.bool_,  # and so known at once
-    has_stock=np.bool_,
 )
-EPISODE = record_type(  # what a row remembers between two steps, besides its ring and its state
-    way=float,  # the last pivot [m]
+EPISODE = record_type(  # what is kept between two steps, besides the ring and the state
+    way=float,  # first pivot to last [m]
     paid=float,  # sum of the rewards; what was given at reset counts as paid
-    reach=float,  # and once it is over: how far it came, its score and why it ended
+    reach=float,  # and once it is over: how far the wave came, the score and why it ended
     score=float,
     placed=int,  # dominoes after the first
     phase=int,
     outcome=int,
-    unsure=np.bool_,  # whether the score has to be worked out anew, from the whole row
+    unsure=np.bool_,  # whether the score has to be computed from the layout as a whole
 )
 
 
 class Batch(NamedTuple):
-    """B rows that are built at once: what they share, and the arrays that they live in."""
+    """B environments: what they share, and their arrays."""
 
-    rules: NDArray[np.record]  # (1,) RULES, or (B,) where each row has its own scene
+    rules: NDArray[np.record]  # (1,) RULES, or (B,) where each has its own scene
+    parts: NDArray[np.record]  # (1,) OBSERVATION
     features: NDArray[np.float32]  # (B, F) of the scene, to be observed; F = 0 where it is fixed
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c), k dominoes away from an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or none
     kinds: NDArray[np.float64]  # (K,) the only thicknesses allowed, or none
     stock: NDArray[np.float64]  # (K,) how many there are of each
-    left: NDArray[np.float64]  # (B, K) how many of them each row has left
-    errors: NDArray[np.float64]  # (B, N-1) of an unsteady hand, added to the gaps [m]; or (0, N-1)
+    left: NDArray[np.float64]  # (B, K) how many of them each has left
+    errors: NDArray[np.float64]  # (B, N-1) placement errors, added to the gaps [m]; or (0, N-1)
     rings: NDArray[np.record]  # (B, …) LINK
     states: NDArray[np.record]  # (B,) STATE
     episodes: NDArray[np.record]  # (B,) EPISODE
     spacing: NDArray[np.float64]  # (B, N-1) [m]
     thickness: NDArray[np.float64]  # (B, N) [m]
-    height: NDArray[np.float64]  # (1, N), or (B, N) where rows differ [m]
-    density: NDArray[np.float64]  # (1, N) [kg/m³]; N is the count of the longest row
+    height: NDArray[np.float64]  # (1, N), or (B, N) where they differ [m]
+    density: NDArray[np.float64]  # (1, N) [kg/m³]; N is the largest count
 
 
 class HillBatch(NamedTuple):
     """The same over hills: what the rows stand on, and where."""
 
     rules: NDArray[np.record]
+    parts: NDArray[np.record]
     features: NDArray[np.float32]
     closeness: NDArray[np.float32]
     gap_values: NDArray[np.float64]
@@ -92,14 +92,14 @@ class HillBatch(NamedTuple):
 
 @always_inline
 def rules_of(batch, b):
-    """The rules of row b."""
+    """Return the rules of environment b."""
     return batch.rules[b if len(batch.rules) > 1 else 0]
 
 
 @overloaded
 @always_inline
 def row_built(batch, b):
-    """Row b, as long as its scene has it."""
+    """Return the row of environment b, as long as its scene has it."""
     count = rules_of(batch, b).count
     height, density = b if len(batch.height) > 1 else 0, b if len(batch.density) > 1 else 0
     return Row(

@@ -1,10 +1,8 @@
-"""The environments' step: one domino placed, one fall, for all rows of a batch in one call."""
+"""The environments' step: one domino placed, one fall, for a whole batch in one call."""
 
 import numpy as np
 
-from domino_env.kernels.batch import OVER, RUNNING, Batch, row_built, rules_of
 from domino_env.kernels.chain import prepare
-from domino_env.kernels.choice import choose, nearest_left, put_down
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import open_chain
 from domino_env.kernels.jit import (
@@ -15,14 +13,24 @@ from domino_env.kernels.jit import (
     keep_alive,
     overloaded,
 )
-from domino_env.kernels.observation import observe
 from domino_env.kernels.slots import EVENT, LANES, OUT_OF_REACH, PROPAGATED
+from domino_env.kernels.step.action import (
+    aim,
+    choose,
+    choose_back,
+    gap_bounds,
+    nearest_left,
+    put_down,
+    thickness_bounds,
+)
+from domino_env.kernels.step.batch import OVER, RUNNING, Batch, row_built, rules_of
+from domino_env.kernels.step.observation import observe
 from domino_env.kernels.uniform import is_uniform
 
 
 @internal
 def close_episode(rules, state, episode, n, outcome, row):
-    """The wave has run through or died under leader n: what the row scores."""
+    """Write score and outcome of a wave that has completed, or stopped under leader n."""
     count = len(row.thickness)
     episode.phase, episode.outcome = OVER, outcome
     episode.unsure = not rules.score_is_speed
@@ -41,20 +49,22 @@ def close_episode(rules, state, episode, n, outcome, row):
 @overloaded
 @always_inline
 def pitch_of(row, n):
-    """From pivot n to the next [m]."""
+    """Return the distance from pivot n to the next [m]."""
     return row.spacing[n] + row.thickness[n + 1]
 
 
 @overloaded
 @always_inline
 def stand_next(batch, b, row, n):
-    """Stand domino n+1 behind gap n; on flat ground nothing else is to be said of it."""
+    """Stand domino n+1 behind gap n; on flat ground it has no rise and no tilt."""
 
 
 @always_inline
 def place_next(rules, lanes, ring, state, episode, row, untaped):
-    """Let the leader fall on the domino just written in the row; returns the lead gained over a
-    wave at the reference speed, in heights."""
+    """Let the leader fall onto the domino just written in the row.
+
+    Returns the lead gained over a wave at the reference speed, in heights.
+    """
     mask, count = len(ring) - 1, len(row.thickness)
     first = episode.placed
     pitch = pitch_of(row, first)
@@ -82,9 +92,10 @@ def place_next(rules, lanes, ring, state, episode, row, untaped):
 @overloaded
 @always_inline
 def lend(batch):
-    """The same batch without reference counts."""
+    """Return the same batch without reference counts."""
     return Batch(
         borrowed(batch.rules),
+        borrowed(batch.parts),
         borrowed(batch.features),
         borrowed(batch.closeness),
         borrowed(batch.gap_values),
@@ -103,10 +114,10 @@ def lend(batch):
 
 
 @entry_point
-def reset_rows(first, last, batch, chosen, given, observations):
-    """Begin anew in the rows that are chosen, with the first `given` gaps as they are written.
+def reset_batch(first, last, batch, chosen, given, observations):
+    """Begin episodes in the chosen environments, with the first `given` gaps as they are written.
 
-    A row whose wave does not get past what is given is OVER afterwards.
+    An episode whose wave does not get past what is given is OVER afterwards.
     """
     lanes, untaped = np.zeros(LANES), np.empty(0, EVENT)
     for b in range(first, last):
@@ -125,19 +136,19 @@ def reset_rows(first, last, batch, chosen, given, observations):
                 left[nearest_left(batch.kinds, left, row.thickness[i + 1])] -= 1.0
             stand_next(batch, b, row, i)
             lead = place_next(rules, lanes, ring, state, episode, row, untaped)
-            episode.paid += lead * rules.pays
+            episode.paid += lead * rules.reward_scale
             if episode.phase == OVER:
                 break
         observe(batch, b, row, observations[b])
 
 
 @entry_point
-def step_rows(first, last, batch, actions, observations, rewards, ended):
-    """One step of those rows first … last - 1 that run.
+def step_batch(first, last, batch, actions, observations, rewards, ended):
+    """Take one step in those environments first … last - 1 that run.
 
-    actions: (B, A).  Written are observations (B, O), rewards (B,) and ended (B,); of rows that are
-    over, only rewards (0) and ended (False).  The last reward of an episode follows from its score,
-    and is left at 0.
+    actions: (B, A).  Written are observations (B, O), rewards (B,) and ended (B,); where an episode
+    is over, only rewards (0) and ended (False).  The last reward of an episode follows from its
+    score, and is left at 0.
     """
     own_lanes, own_tape = np.zeros(LANES), np.empty(0, EVENT)
     lanes, untaped = borrowed(own_lanes), borrowed(own_tape)
@@ -156,7 +167,7 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
         if episode.phase == OVER:
             ended[b] = True
         else:
-            rewards[b] = lead * rules.pays
+            rewards[b] = lead * rules.reward_scale
             episode.paid += rewards[b]
         observe(lent, b, row, observations[b])
     keep_alive(own_lanes)
@@ -164,18 +175,61 @@ def step_rows(first, last, batch, actions, observations, rewards, ended):
 
 
 @entry_point
-def place_rows(first, last, batch, actions):
-    """Place all dominoes of those rows that run, as actions (B, N-1, A) choose them; none falls."""
+def place_batch(first, last, batch, chosen, actions):
+    """Place all dominoes of the chosen environments, by actions (B, N-1, A); none falls yet."""
     lent, actions = lend(batch), borrowed(actions)
     for b in range(first, last):
-        rules, row, left, way = rules_of(lent, b), row_built(lent, b), lent.left[b], 0.0
-        episode = lent.episodes[b]
-        if episode.phase != RUNNING:
+        if not chosen[b]:
             continue
+        rules, row, left, way = rules_of(lent, b), row_built(lent, b), lent.left[b], 0.0
         for k in range(len(left)):
             left[k] = lent.stock[k]
         for n in range(len(row.spacing)):
             choose(actions[b, n], rules, lent, left, n, way, row)
             put_down(rules, lent.errors, b, n, row.spacing)
             way += row.spacing[n] + row.thickness[n + 1]
+        episode = lent.episodes[b]
         episode.placed, episode.phase, episode.unsure = len(row.spacing), OVER, True
+
+
+@entry_point
+def place_back(first, last, batch, actions, bars, action_bars):
+    """Write derivatives by the actions (B, N-1, A) of layouts that `place_batch` has written.
+
+    bars: (B, N-1, 3) by each gap, and by thickness and height of the domino behind it.
+    """
+    lent, actions, carried = lend(batch), borrowed(actions), np.zeros(3)
+    ways = np.zeros(actions.shape[1] + 1)
+    for b in range(first, last):
+        rules, row = rules_of(lent, b), row_built(lent, b)
+        pairs = len(row.spacing)
+        for n in range(pairs):
+            ways[n + 1] = ways[n] + (row.spacing[n] + row.thickness[n + 1])
+        carried[:] = 0.0
+        for n in range(pairs - 1, -1, -1):
+            choose_back(
+                actions[b, n], rules, n, ways[n], row, bars[b, n], carried, action_bars[b, n]
+            )
+
+
+@entry_point
+def aim_batch(first, last, batch, wanted, actions):
+    """Write the actions (B, A) that come nearest to the wanted dominoes, where episodes run.
+
+    wanted: (B, 4) gap, thickness, and the heights of the domino before and of this one [m].
+    """
+    for b in range(first, last):
+        episode = batch.episodes[b]
+        if episode.phase == RUNNING:
+            spacing = row_built(batch, b).spacing
+            aim(rules_of(batch, b), spacing, episode.placed, episode.way, wanted[b], actions[b])
+
+
+@entry_point
+def bounds_ahead(batch, b):
+    """Return the bounds of the next gap and thickness; of the gap for the middle thickness."""
+    rules, episode, spacing = rules_of(batch, b), batch.episodes[b], row_built(batch, b).spacing
+    n, way = episode.placed, episode.way
+    thin, thick = thickness_bounds(rules, len(spacing) - n, way)
+    low, high = gap_bounds(rules, spacing, n, way, 0.5 * (thin + thick))
+    return low, high, thin, thick

@@ -1,0 +1,223 @@
+"""Actions: numbers in [-1, 1] and the gap, thickness and growth of the next domino.
+
+An action stands for values between the bounds that the rules still leave. The mapping exists
+forwards (`choose`), inverted (`aim`) and backwards (`choose_back`, for gradients).
+"""
+
+import numpy as np
+
+from domino_env.kernels.jit import always_inline, internal
+
+
+@always_inline
+def between(action, low, high):
+    """Return the value that an action in [-1, 1] stands for; beyond them, the nearer bound."""
+    value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
+    return min(max(value, low), high)
+
+
+@always_inline
+def action_for(value, low, high):
+    """Return the action that stands for a value or the nearer bound; 0 for equal bounds."""
+    if not low < high:
+        return 0.0
+    return min(max(2.0 * (value - low) / (high - low) - 1.0, -1.0), 1.0)
+
+
+@always_inline
+def reachable(low, high, least, most):
+    """Return [low, high] narrowed to [least, most]; a single value where rounding leaves none."""
+    new_low, new_high = max(low, least), min(high, most)
+    if new_low > new_high:
+        middle = min(max(0.5 * (least + most), low), high)
+        return middle, middle
+    return new_low, new_high
+
+
+@always_inline
+def pitch_bounds(rules, pairs_left, way):
+    """Return the pitches of this pair from which the course length can still be met."""
+    low = rules.gap_low + rules.thick_low
+    high = rules.gap_high + rules.thick_high
+    left, after = rules.length - way, pairs_left - 1
+    return left - after * high, left - after * low
+
+
+@always_inline
+def thickness_bounds(rules, pairs_left, way):
+    """Return the bounds of the next domino's thickness: some gap must still fit its pitch."""
+    low, high = rules.thick_low, rules.thick_high
+    if rules.length > 0.0:
+        least, most = pitch_bounds(rules, pairs_left, way)
+        return reachable(low, high, least - rules.gap_high, most - rules.gap_low)
+    return low, high
+
+
+@always_inline
+def gap_bounds(rules, spacing, n, way, thickness):
+    """Return the bounds of gap n, once the thickness of the domino behind it is chosen."""
+    low, high = rules.gap_low, rules.gap_high
+    if rules.length > 0.0:
+        least, most = pitch_bounds(rules, len(spacing) - n, way)
+        low, high = reachable(low, high, least - thickness, most - thickness)
+    if rules.largest_change > 0.0 and n > 0:
+        before, change = spacing[n - 1], rules.largest_change
+        low, high = max(low, before - change), min(high, before + change)
+    return low, high
+
+
+@internal
+def nearest_left(kinds, left, thickness):
+    """Return which of the kinds that are still in the stock comes nearest."""
+    best, away = 0, np.inf
+    for k in range(len(kinds)):
+        if left[k] > 0.0 and abs(kinds[k] - thickness) < away:
+            best, away = k, abs(kinds[k] - thickness)
+    return best
+
+
+@internal
+def nearest_within(values, low, high, gap):
+    """Return the value of a list nearest to a gap among those in [low, high]."""
+    best, away = gap, np.inf
+    for value in values:
+        if low - 1e-12 <= value <= high + 1e-12 and abs(value - gap) < away:
+            best, away = value, abs(value - gap)
+    return best
+
+
+@always_inline
+def choose(action, rules, batch, left, n, way, row):
+    """Write what an action stands for into a row: gap n, thickness (and height) of domino n+1.
+
+    rules: of the row.  batch: with the only gaps and thicknesses allowed, if any.
+    left: (K,) how many there still are of each kind of domino.
+    """
+    spacing, height = row.spacing, row.height
+    column = len(action) - 1
+    behind = height[n]
+    if rules.grows:
+        growth = rules.growth_low
+        if rules.growth_low < rules.growth_high:
+            growth = between(action[column], rules.growth_low, rules.growth_high)
+            column -= 1
+        height[n + 1] = behind * growth
+    ahead = height[n + 1]
+    thick = rules.thick_low
+    if rules.thick_low < rules.thick_high:
+        low, high = thickness_bounds(rules, len(spacing) - n, way)
+        thick = between(action[column], low, high)
+        if len(batch.kinds) > 0:
+            k = nearest_left(batch.kinds, left, thick)
+            left[k] -= 1.0
+            thick = batch.kinds[k]
+    gap = rules.gap_low
+    if rules.gap_low < rules.gap_high:
+        low, high = gap_bounds(rules, spacing, n, way, thick)
+        gap = between(action[0], low, high)
+        if len(batch.gap_values) > 0:
+            gap = nearest_within(batch.gap_values, low, high, gap)
+    if rules.in_heights:
+        thick *= ahead
+        gap *= min(behind, ahead)
+    spacing[n], row.thickness[n + 1] = gap, thick
+
+
+@always_inline
+def put_down(rules, errors, b, n, spacing):
+    """Add the placement error to gap n, where there are errors."""
+    if len(errors) > 0:
+        spacing[n] = max(spacing[n] + errors[b, n], rules.least_placed)
+
+
+@always_inline
+def aim(rules, spacing, n, way, wanted, action):
+    """Write the action that comes nearest to a wanted domino behind gap n.
+
+    wanted: gap, thickness, and the heights of the domino before and of this one [m].
+    """
+    gap, thick, behind, ahead = wanted[0], wanted[1], wanted[2], wanted[3]
+    if rules.in_heights:
+        gap, thick = gap / min(behind, ahead), thick / ahead
+    column = len(action) - 1
+    if rules.growth_low < rules.growth_high:
+        action[column] = action_for(ahead / behind, rules.growth_low, rules.growth_high)
+        column -= 1
+    low, high = thickness_bounds(rules, len(spacing) - n, way)
+    if rules.thick_low < rules.thick_high:
+        action[column] = action_for(thick, low, high)
+    if rules.gap_low < rules.gap_high:
+        low, high = gap_bounds(rules, spacing, n, way, min(max(thick, low), high))
+        action[0] = action_for(gap, low, high)
+
+
+@always_inline
+def between_back(action, low, high, bar):
+    """Return the derivatives of `between` by action, low and high, times a bar."""
+    part = 0.5 * (min(max(action, -1.0), 1.0) + 1.0)
+    return 0.5 * (high - low) * bar, (1.0 - part) * bar, part * bar
+
+
+@always_inline
+def reachable_back(low, high, least, most, low_bar, high_bar):
+    """Return the derivative of `reachable` by a shift of least and most together, times bars."""
+    if max(low, least) > min(high, most):
+        return low_bar + high_bar if low < 0.5 * (least + most) < high else 0.0
+    return (low_bar if least > low else 0.0) + (high_bar if most < high else 0.0)
+
+
+@internal
+def choose_back(action, rules, n, way, row, bars, carried, action_bar):
+    """Write the derivatives by an action, of what has those by gap n and domino n+1.
+
+    bars: by gap, thickness and height, as if nothing else followed from them.
+    carried: by the way, by gap n and by the height of domino n+1, from what lies ahead; afterwards
+    by the way, by gap n-1 and by the height of domino n.
+    Beyond [-1, 1] the derivatives are those at the nearer end.  Lists and stocks have none.
+    """
+    spacing, column = row.spacing, len(action) - 1
+    behind, ahead = row.height[n], row.height[n + 1]
+    gap, thick = spacing[n], row.thickness[n + 1]
+    way_bar, height_bar = carried[0], bars[2] + carried[2]
+    gap_bar, thick_bar = bars[0] + way_bar + carried[1], bars[1] + way_bar
+    before_bar, behind_bar = 0.0, 0.0
+    if rules.in_heights:
+        least = min(behind, ahead)
+        gap, thick = gap / least, thick / ahead
+        if behind <= ahead:
+            behind_bar += gap * gap_bar
+        else:
+            height_bar += gap * gap_bar
+        height_bar += thick * thick_bar
+        gap_bar, thick_bar = least * gap_bar, ahead * thick_bar
+    pitch_low, pitch_high = pitch_bounds(rules, len(spacing) - n, way)
+    free_growth = int(rules.growth_low < rules.growth_high)
+    if rules.gap_low < rules.gap_high:
+        low, high = gap_bounds(rules, spacing, n, way, thick)
+        action_bar[0], low_bar, high_bar = between_back(action[0], low, high, gap_bar)
+        if rules.length > 0.0:
+            moved = reachable_back(
+                rules.gap_low, rules.gap_high, pitch_low - thick, pitch_high - thick,
+                low_bar, high_bar,
+            )  # fmt: skip
+            way_bar -= moved
+            thick_bar -= moved
+        if rules.largest_change > 0.0 and n > 0:
+            before_bar += low_bar if low > rules.gap_low else 0.0
+            before_bar += high_bar if high < rules.gap_high else 0.0
+    if rules.thick_low < rules.thick_high:
+        low, high = thickness_bounds(rules, len(spacing) - n, way)
+        k = column - free_growth
+        action_bar[k], low_bar, high_bar = between_back(action[k], low, high, thick_bar)
+        if rules.length > 0.0:
+            way_bar -= reachable_back(
+                rules.thick_low, rules.thick_high,
+                pitch_low - rules.gap_high, pitch_high - rules.gap_low, low_bar, high_bar,
+            )  # fmt: skip
+    if rules.grows:
+        behind_bar += ahead / behind * height_bar
+        if free_growth:
+            action_bar[column], _, _ = between_back(
+                action[column], rules.growth_low, rules.growth_high, behind * height_bar
+            )
+    carried[0], carried[1], carried[2] = way_bar, before_bar, behind_bar
