@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-import math
+import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from hypothesis import settings
 from hypothesis import strategies as st
 
 from domino_env.core.progress import Advice
 
 CORPUS = Path(__file__).parent / "data" / "hostile"
+EXAMPLES = os.environ.get("FUZZ_EXAMPLES", "60")
+FUZZ = settings(
+    max_examples=int(EXAMPLES), derandomize="FUZZ_EXAMPLES" not in os.environ, deadline=None
+)
 
 TRICKS = [
     b"\0", b"\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\n", b'"', b'"""', b",", b";", b"\t",
@@ -81,17 +86,3 @@ def complaint(said: str, path: Path | None) -> str | None:
     if path is not None and str(path) not in said:
         return "it does not name the file"
     return None
-
-
-def numbers_in(value: Any) -> list[float]:
-    """All floats of a nested value."""
-    if isinstance(value, dict):
-        return [x for one in value.values() for x in numbers_in(one)]
-    if isinstance(value, list | tuple):
-        return [x for one in value for x in numbers_in(one)]
-    return [value] if isinstance(value, float) else []
-
-
-def all_finite(value: Any) -> bool:
-    """Whether none of them is infinite or nan."""
-    return all(math.isfinite(x) for x in numbers_in(value))
