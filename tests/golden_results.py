@@ -338,7 +338,7 @@ def trainings(found: Digests) -> None:
         for algorithm, steps in TRAINED.items():
             home = Path(folder) / algorithm
             run = train(de.load_scene(scene), algorithm, steps=steps, seed=0, folder=home)
-            found.add(f"{algorithm}, row", parts(run.built.layout, LAYOUT), run.built.score)
+            found.add(f"{algorithm}, row", parts(run.rollout.layout, LAYOUT), run.rollout.score)
             with np.load(home / "policy.npz") as weights:
                 found.add(f"{algorithm}, best weights", dict(weights))
             state = torch.load(home / "checkpoint.pt", weights_only=True)

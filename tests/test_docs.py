@@ -17,7 +17,7 @@ from optimize.records.shipped import best_known
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
 OPTIMISERS = ROOT / "docs" / "your-own-optimiser.md"  # of packages that need not be there
-DATASET = ROOT / "docs" / "dataset.md"  # the same, and writes: tests/agents/dataset
+DATASET = ROOT / "docs" / "dataset.md"  # the same, and writes: tests/agents/test_dataset.py
 SECTIONS = [s for s in OPTIMISERS.read_text("utf-8").split("\n## ") if "```python" in s]
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import domino_env as de
-from agents.sb3.presets import Preset, preset
+from agents.algorithms import Hyperparameters, hyperparameters
 from domino_env.cli.main import main, parser
 from domino_env.view.sound import clicks, write_wav
 
@@ -68,9 +68,10 @@ CHEAPER = {
 TOO_LONG = {"domino accuracy --stability"}  # minutes
 
 
-def small_preset(algorithm: str, episode: int) -> Preset:
-    """One that learns for a second."""
-    return replace(preset(algorithm, episode), rows=2, steps=4 * episode)
+def few_steps(algorithm: str, episode: int, *, drawn: bool = False) -> Hyperparameters:
+    """Hyperparameters that learn for a second."""
+    plan = hyperparameters(algorithm, episode, drawn=drawn)
+    return replace(plan, rows=2, steps=4 * episode)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +80,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("desk")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("agents.single.training.preset", small_preset)
+        patch.setattr("agents.training.hyperparameters", few_steps)
         assert run("domino optimize sprint --evaluations 50") == 0
         assert run("domino train sprint --algorithm apg") == 0
     shutil.copy(ROOT / "domino_env" / "scenes" / "shipped" / "gentle.toml", folder / "my-row.toml")
@@ -97,7 +98,7 @@ def run(line: str) -> int:
 @pytest.mark.parametrize("line", LINES)
 def test_its_commands_run_as_typed(line: str, desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(desk)
-    monkeypatch.setattr("agents.single.training.preset", small_preset)
+    monkeypatch.setattr("agents.training.hyperparameters", few_steps)
     if line not in TOO_LONG:
         assert run(f"{line} {CHEAPER.get(line, '')}") == 0
 

@@ -12,9 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.evaluation.searched import searched_scores
-from agents.single.drawn import DIED
-from agents.single.scripted import SCRIPTED
+from agents.evaluation import STOPPED, searched_scores
+from agents.scripted import SCRIPTED
 from domino_env import Scene, SceneDistribution
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import document_of_text
@@ -102,4 +101,4 @@ def known_gain(distribution: SceneDistribution) -> float:
 
 
 def _gain(gain: float | None) -> float:
-    return DIED if gain is None else max(float(gain), DIED)
+    return STOPPED if gain is None else max(float(gain), STOPPED)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from agents.algorithms import ALGORITHMS
 from agents.benchmark.many import problem_of
 from agents.benchmark.picture import draw_curves, draw_reached
 from agents.benchmark.results import SECONDS, STEPS, Benchmark
 from agents.benchmark.statistics import Estimate
-from agents.sb3.presets import ALGORITHMS
 from domino_env import SceneDistribution
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from agents.algorithms import ALGORITHMS
 from agents.benchmark.results import TARGETS, Benchmark
-from agents.sb3.presets import ALGORITHMS
 from domino_env.core.colours import KNOWN, UNIFORM
 from domino_env.core.plot_style import (
     LEGEND,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.algorithms import ALGORITHMS
 from agents.benchmark.many import known_gain, problem_of
 from agents.benchmark.statistics import (
     Estimate,
@@ -15,7 +16,6 @@ from agents.benchmark.statistics import (
     middle_mean,
     performance_profile,
 )
-from agents.sb3.presets import ALGORITHMS
 from domino_env import SceneDistribution
 from optimize.records.shipped import best_known
 from optimize.studies.running import Failure

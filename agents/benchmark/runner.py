@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from agents.algorithms import ALGORITHMS
 from agents.benchmark.results import Benchmark, best_scores
 from agents.benchmark.task import BenchmarkTask
-from agents.sb3.presets import ALGORITHMS
-from agents.single.scripted import SCRIPTED
+from agents.scripted import SCRIPTED
 from domino_env import Scene, SceneDistribution
 from domino_env.scenes.distribution import load_any
 from optimize.methods import registry

@@ -5,25 +5,22 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from agents.base.building import Built
-from agents.base.run_files import CONFIG, PROGRESS, SUMMARY, is_finished
-from agents.base.training import TrainingRun
+from agents.algorithms import ALGORITHMS, Hyperparameters, hyperparameters
 from agents.benchmark.many import problem_of, scripted_in, searched_in
-from agents.evaluation.one_scene import evaluate
-from agents.sb3.presets import ALGORITHMS, Preset, preset
-from agents.single.drawn import episode_of, gains_of_run, train_drawn
-from agents.single.scripted import SCRIPTED
-from agents.single.training import train
-from domino_env import Scene, SceneDistribution
+from agents.evaluation import evaluate, gains_of
+from agents.policy import CONFIG, PROGRESS, SUMMARY, ScenePolicy, summary_of
+from agents.rollout import Rollout
+from agents.scripted import SCRIPTED
+from agents.training import episode_of, train
+from domino_env import SceneDistribution
 from domino_env.core.reading import read_json
 from domino_env.core.results import versions
 from domino_env.scenes.pool import load_test_set
@@ -61,13 +58,11 @@ class BenchmarkTask(Task):
         return self.method in ALGORITHMS
 
     @property
-    def plan(self) -> Preset:
+    def plan(self) -> Hyperparameters:
         """Preset of a training, with its steps."""
         problem = problem_of(self.scene)
-        if isinstance(problem, Scene):
-            plan = preset(self.method, problem.count - 1)
-        else:
-            plan = preset(self.method, episode_of(problem), drawn=True)
+        drawn = isinstance(problem, SceneDistribution)
+        plan = hyperparameters(self.method, episode_of(problem), drawn=drawn)
         return plan if self.steps is None else replace(plan, steps=min(plan.steps, self.steps))
 
     @property
@@ -75,8 +70,8 @@ class BenchmarkTask(Task):
         """A digest of all that decides the result; of a training, the preset too."""
         decisive = [self.scene, self.method, self.seed]
         if self.trains:
-            defaults = {field.name: field.default for field in fields(Preset)}
-            plan = self.plan.to_dict().items()
+            defaults = {field.name: field.default for field in fields(Hyperparameters)}
+            plan = asdict(self.plan).items()
             decisive += [sorted((k, v) for k, v in plan if v != defaults[k])]
         elif self.method not in SCRIPTED:
             decisive += [self.seconds]
@@ -108,7 +103,7 @@ class BenchmarkTask(Task):
             return self._in_many(problem)
         compile_for(problem, gradients=True, episodes=True)  # before any clock
         if self.trains:
-            steps = self._train(train)
+            steps = self._train()
             return self._result(evaluate(self.folder, problem), steps, curve(self.folder))
         if self.method in SCRIPTED:
             began = time.process_time()
@@ -116,14 +111,12 @@ class BenchmarkTask(Task):
             return self._result(built, 1, [(1, 1, time.process_time() - began, built.score)])
         return self.searched(time.process_time, watch, progress)
 
-    def _train(self, train: Callable[..., TrainingRun]) -> int:
+    def _train(self) -> int:
         """Train what is not trained yet, and give the dominoes that were placed."""
         folder = self.folder
-        if not is_finished(folder):
+        summary = summary_of(folder) if (folder / SUMMARY).exists() else None
+        if summary is None or not summary.finished:
             begun = (folder / CONFIG).exists()
-            if begun and self.method == "ars":  # keeps nothing to go on from, and takes seconds
-                shutil.rmtree(folder)
-                begun = False
             import_module("torch._dynamo")  # as the first optimiser would, on the clock
             done = train(
                 problem_of(self.scene), self.method, None, self.seed, folder,
@@ -138,9 +131,11 @@ class BenchmarkTask(Task):
         tests = load_test_set(distribution.name)
         compile_for(tests[0], gradients=True, episodes=True)
         if self.trains:
-            self._train(train_drawn)
+            self._train()
             trace = curve(self.folder)
-            score = float(np.median(gains_of_run(self.folder, tests)))
+            score = float(
+                np.median(gains_of(ScenePolicy.load(self.folder).policy, distribution, tests))
+            )
         elif self.method in SCRIPTED:
             trace, score = scripted_in(self.method, tests)
         else:
@@ -169,7 +164,7 @@ class BenchmarkTask(Task):
             scene=self.scene,
         )
 
-    def _result(self, built: Built, evaluations: int, trace: list[Step]) -> TaskResult:
+    def _result(self, built: Rollout, evaluations: int, trace: list[Step]) -> TaskResult:
         return TaskResult(
             key=self.key,
             scene_name=built.scene.name,

@@ -50,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run what is missing, write the page, print its summary."""
+    from agents.algorithms import ALGORITHMS
     from agents.benchmark.page import FILES, summary, write
     from agents.benchmark.runner import (
         RIVALS,
@@ -58,7 +59,6 @@ def run(arguments: argparse.Namespace) -> int:
         collected,
         run_benchmark,
     )
-    from agents.sb3.presets import ALGORITHMS
     from domino_env.core.files import require_room
 
     chosen = [*ALGORITHMS, *RIVALS]

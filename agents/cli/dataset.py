@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Make it, and say where it is."""
-    from agents.dataset.making import make_dataset
+    from agents.dataset import make_dataset
 
     require_executor(arguments)
     with asked_executor(arguments) as executor:

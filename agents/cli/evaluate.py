@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from agents.base.building import Built
-    from agents.conditioned.policy import ConditionedPolicy
-    from agents.single.policy import ScenePolicy
+    from agents.designer.policy import ConditionedPolicy
+    from agents.policy import ScenePolicy
+    from agents.rollout import Rollout
 
 SUMMARY = "what a trained agent, or a scripted policy, builds"
 
@@ -50,11 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Build, and say what came of it."""
-    from agents.conditioned.features import outside
-    from agents.conditioned.policy import ConditionedPolicy
-    from agents.evaluation.one_scene import load_policy
-    from agents.single.policy import ScenePolicy
-    from agents.single.scripted import ScriptedPolicy
+    from agents.designer.features import outside
+    from agents.designer.policy import ConditionedPolicy
+    from agents.evaluation import load_policy
+    from agents.policy import ScenePolicy
+    from agents.scripted import ScriptedPolicy
     from domino_env import SceneDistribution, load_scene
 
     policy = load_policy(arguments.agent, trust=arguments.trust)
@@ -87,8 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _evaluate_scenes(policy: ConditionedPolicy | ScenePolicy, arguments: argparse.Namespace) -> int:
     """Its rows in many random scenes, as a table."""
-    from agents.evaluation.many_scenes import evaluate_scenes, scenes_of
-    from agents.evaluation.searched import searched_scores
+    from agents.evaluation import evaluate_scenes, scenes_of, searched_scores
 
     number, seed = arguments.scenes, arguments.seed
     given = arguments.of or getattr(policy, "scene", None) or "varied"
@@ -107,7 +106,7 @@ def _evaluate_scenes(policy: ConditionedPolicy | ScenePolicy, arguments: argpars
     return 0
 
 
-def sentence(built: Built) -> str:
+def sentence(built: Rollout) -> str:
     """Say score, gain over uniform, gap to the best known."""
     from domino_env.scenes.baseline import gain, lead_in_words
     from optimize.records.shipped import best_known

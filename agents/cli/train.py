@@ -21,24 +21,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Train, and say what came of it."""
-    from agents.base.training import TrainingRun
+    """Train, and describe the result."""
     from agents.cli.evaluate import sentence
-    from agents.single.drawn import train_drawn
-    from agents.single.training import train
-    from domino_env import SceneDistribution
-    from domino_env.scenes.distribution import load_any
+    from agents.training import train
 
-    given = (
+    done = train(
         arguments.scene, arguments.algorithm, arguments.steps, arguments.seed, arguments.out,
+        resume=arguments.resume, progress=None,
     )  # fmt: skip
-    done: TrainingRun
-    if isinstance(load_any(arguments.scene), SceneDistribution):
-        done = train_drawn(*given, resume=arguments.resume, progress=None)
+    if done.rollout is None:
         print(f"median gain over the best uniform rows of some scenes: {done.curve[-1][3]:+.2%}")
     else:
-        done = train(*given, resume=arguments.resume, progress=None)
-        print(sentence(done.built))
+        print(sentence(done.rollout))
     print(
         f"{'interrupted after ' if done.interrupted else ''}{done.steps:,} dominoes placed in "
         f"{done.seconds:.0f} s, written to {done.folder}"

@@ -1,7 +1,11 @@
-"""Learner: an algorithm of stable-baselines3 set up by its preset, and its weights."""
+"""Learner: an algorithm of stable-baselines3 in its environment, with what is set along the way."""
 
 from __future__ import annotations
 
+import random
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,103 +13,211 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.algorithms import Hyperparameters
 from agents.apg.algorithm import APG
-from agents.base.arrays import read_weights
-from agents.base.building import Policy
-from agents.sb3.actor import acting, actor_of
-from agents.sb3.presets import Preset
+from agents.network import Policy, acting, actor_of
 from agents.sb3.row_policy import NEAR_END, RowPolicy
 from agents.sb3.side_by_side_ars import SideBySideARS
+from agents.sb3.vec_env import DominoVecEnv
+from domino_env import Scene, SceneDistribution
 from domino_env.core.files import write_bytes
+from domino_env.core.reading import naming
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "apg": APG,
     "ppo": PPO,
     "ars": SideBySideARS,
 }
+OF_ROWS = ("apg", "ppo")  # with a `RowPolicy`, whose deviation is a hyperparameter
 
 
-OF_ROWS = ("apg", "ppo")  # with a `RowPolicy`, whose deviation a preset says
+class Learner:
+    """A learner with its environment; it leaves torch with one thread.
 
-
-def learner(algorithm: str, plan: Preset, env: VecEnv, seed: int) -> BaseAlgorithm:
-    """Make a new learner; it leaves torch with one thread, for more only slow such small networks.
+    More threads only slow such small networks down.
 
     Parameters
     ----------
+    target
+        The scene, or the distribution that scenes are drawn from.
     algorithm
         One of `CLASSES`.
-    plan
-        Hyperparameters.
-    env
-        What it learns in.
+    hyperparameters
+        Of the algorithm.
     seed
         Of all its randomness.
     """
+
+    def __init__(
+        self,
+        target: Scene | SceneDistribution,
+        algorithm: str,
+        hyperparameters: Hyperparameters,
+        seed: int,
+    ) -> None:
+        self.hyperparameters = hyperparameters
+        self.env = DominoVecEnv(target, hyperparameters.rows)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
+            self.model: Any = model_of(algorithm, hyperparameters, self.env, seed)
+        self.model.set_logger(Logger(folder=None, output_formats=[]))
+
+    @property
+    def steps(self) -> int:
+        """Dominoes placed so far."""
+        return int(self.model.num_timesteps)
+
+    @property
+    def reference_speed(self) -> float:
+        """Speed that single steps are rewarded against [m/s]; 0 where scenes are sampled."""
+        fixed = self.env.rows.distribution is None
+        return float(self.env.rows.reference_speed) if fixed else 0.0
+
+    @reference_speed.setter
+    def reference_speed(self, speed: float) -> None:
+        if self.env.rows.distribution is None:
+            self.env.rows.reference_speed = speed
+
+    def learn(
+        self, steps: int, between_updates: Callable[[], None], after_step: Callable[[Any], None]
+    ) -> None:
+        """Take more steps.
+
+        Parameters
+        ----------
+        steps
+            Dominoes to place.
+        between_updates
+            Called before each rollout.
+        after_step
+            Called with the infos of all environments after each of their steps.
+        """
+
+        class Callback(BaseCallback):
+            def _on_rollout_start(self) -> None:
+                between_updates()
+
+            def _on_step(self) -> bool:
+                after_step(self.locals.get("infos", ()))
+                return True
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            self.model.learn(steps, callback=Callback(), reset_num_timesteps=False)
+
+    def adapt(self, done: float, best_score: float) -> None:
+        """Set what changes along the way: deviation of the actions, and reference speed.
+
+        Parameters
+        ----------
+        done
+            Part of the training that is done, 0 to 1.
+        best_score
+            Of the best layout so far.
+        """
+        if isinstance(self.model.policy, RowPolicy):
+            self.model.policy.deviation = self.hyperparameters.deviation(done)
+        if self.hyperparameters.follow:
+            self.env.follow(best_score)
+
+    def policy(self) -> Policy:
+        """Return the policy as it is now, without noise."""
+        return acting(actor_of(weights(self.model.policy)))
+
+    def save(self, path: Path) -> None:
+        """Write the weights of the policy as plain arrays."""
+        arrays = weights(self.model.policy)
+        write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
+
+    def write_checkpoint(self, path: Path, progress: dict[str, Any]) -> None:
+        """Write weights, optimiser and counters, with the progress of the training beside them."""
+        state = {
+            "parameters": self.model.get_parameters(),
+            "steps": self.model.num_timesteps,
+            "updates": getattr(self.model, "_n_updates", 0),
+            "progress": progress,
+        }
+        write_bytes(path, lambda file: torch.save(state, file))
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Return to the weights, optimiser and counters of a checkpoint."""
+        self.model.set_parameters(state["parameters"], exact_match=True, device="cpu")
+        self.model.num_timesteps = int(state["steps"])
+        self.model._n_updates = int(state["updates"])
+        if hasattr(self.model, "weights"):  # of ARS, which loads its policy from them
+            parameters = self.model.policy.parameters()
+            self.model.weights = torch.nn.utils.parameters_to_vector(parameters).detach()
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """Read plain numbers and tensors; no pickled code is run.
+
+    Raises
+    ------
+    ValueError
+        Where the file is damaged or no checkpoint.
+    """
+    with naming(path):
+        try:
+            state: dict[str, Any] = torch.load(path, weights_only=True, map_location="cpu")
+        except Exception as error:  # the unpickler raises whatever the bytes lead it to
+            raise ValueError(f"not a checkpoint, or damaged: {error}") from None
+    return state
+
+
+def model_of(
+    algorithm: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int
+) -> BaseAlgorithm:
+    """Make the algorithm of stable-baselines3; arguments as of `Learner`."""
     torch.set_num_threads(1)
-    options = dict(plan.options)
+    options = dict(hyperparameters.options)
+    first, last = hyperparameters.rate, hyperparameters.last_rate
 
     def rate(left: float) -> float:
         # the last rollout may go beyond the plan: a rate below the last would turn negative there
-        return plan.rate * (plan.last_rate + (1.0 - plan.last_rate) * max(left, 0.0))
+        return first * (last + (1.0 - last) * max(left, 0.0))
 
-    net = [plan.width] * plan.depth
-    policy_options: dict[str, Any] = {"net_arch": net}
+    policy_options: dict[str, Any] = {}
+    kind: Any = "LinearPolicy"
     if algorithm in OF_ROWS:
-        policy_options["activation_fn"] = torch.nn.Tanh
+        kind = RowPolicy
+        net = [hyperparameters.width] * hyperparameters.depth
+        policy_options = {"net_arch": net, "activation_fn": torch.nn.Tanh}
     if algorithm == "apg":
-        policy_options["optimizer_kwargs"] = {"eps": 1e-8}  # slopes become small in the end
+        policy_options["optimizer_kwargs"] = {"eps": 1e-8}  # gradients become small in the end
     if algorithm == "ars":
-        policy_options = {}
         spread = options.get("delta_std", 0.05)
-        options["delta_std"] = lambda left: spread * rate(left) / plan.rate
-    kind: Any = "LinearPolicy" if algorithm == "ars" else RowPolicy
+        options["delta_std"] = lambda left: spread * rate(left) / first
     model = CLASSES[algorithm](
         kind, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed, device="cpu",
         verbose=0, **options,
     )  # fmt: skip
     if algorithm in OF_ROWS:
         policy: Any = model.policy
-        policy.end, policy.pull = plan.end, plan.pull
+        policy.end, policy.pull = hyperparameters.end, hyperparameters.pull
         layout = env.get_attr("observation_layout")[0]
         policy.near_end = layout["near_end"].start + NEAR_END
     return model
 
 
-def set_deviation(model: BaseAlgorithm, deviation: float) -> None:
-    """Set the standard deviation of the actions of APG and PPO, which do not learn it."""
-    if isinstance(model.policy, RowPolicy):
-        model.policy.deviation = deviation
-
-
-def policy_of(model: BaseAlgorithm) -> Policy:
-    """Give the policy as it is now, without noise."""
-    if isinstance(model.policy, RowPolicy):
-        return acting(actor_of(weights(model.policy)))
-    return lambda observation: model.predict(observation, deterministic=True)[0]
-
-
 def weights(policy: torch.nn.Module) -> dict[str, Any]:
-    """Give a policy's weights as plain arrays, by name."""
+    """Return the weights of a policy as plain arrays, by name."""
     return {name: value.detach().numpy() for name, value in policy.state_dict().items()}
 
 
-def save_weights(policy: torch.nn.Module, path: Path) -> None:
-    """Write a policy's weights as plain arrays."""
-    arrays = weights(policy)
-    write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
-
-
-def load_weights(policy: torch.nn.Module, path: Path) -> None:
-    """Read a policy's weights; nothing in the file is run.
-
-    Raises
-    ------
-    ValueError
-        Where they do not fit.
-    """
-    kinds = {name: (value.shape, value.dtype) for name, value in weights(policy).items()}
-    arrays = read_weights(path, kinds)
-    policy.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
+@contextmanager
+def random_state_restored() -> Iterator[None]:
+    """Restore the global random state, from which the learners draw, and the threads of torch."""
+    python, legacy = random.getstate(), np.random.get_state()  # noqa: NPY002
+    generator, threads = torch.get_rng_state(), torch.get_num_threads()
+    try:
+        yield
+    finally:
+        random.setstate(python)
+        np.random.set_state(legacy)  # noqa: NPY002
+        torch.set_rng_state(generator)
+        torch.set_num_threads(threads)

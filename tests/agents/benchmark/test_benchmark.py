@@ -18,7 +18,8 @@ from agents.benchmark.results import SECONDS, STEPS, Benchmark
 from agents.benchmark.runner import FEW, SHORT, benchmark_tasks, run_benchmark
 from agents.benchmark.statistics import interquartile_mean, performance_profile
 from agents.benchmark.task import BenchmarkTask
-from agents.single.drawn import DIED, gains_of_run
+from agents.evaluation import STOPPED, gains_of
+from agents.policy import ScenePolicy
 from domino_env.cli.main import main
 from optimize.studies import DEFAULT_STORE, open_store
 from optimize.studies.task import TaskResult
@@ -126,11 +127,13 @@ def test_where_scenes_are_drawn_the_median_gain_in_the_test_set_counts(
     assert [t.name for t in tasks][-1] == "scenes = varied, ars, seed 1"  # searches run once
     learned, searched, plain = (task.run() for task in tasks[:3])
     assert (plain.score, plain.uniform_score) == (0.0, 0.0)
-    gains = gains_of_run(tasks[0].folder, three)
+    gains = gains_of(
+        ScenePolicy.load(tasks[0].folder).policy, de.load_distribution("varied"), three
+    )
     assert learned.score == np.median(gains)
     again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one
     assert gains.tolist() == pytest.approx(
-        [DIED if gain is None else gain for gain in again], abs=1e-6
+        [STOPPED if gain is None else gain for gain in again], abs=1e-6
     )
     assert searched.trace[-1][3] == pytest.approx(searched.score, abs=1e-6)
     page = benchmark_page(run_benchmark([KnownTask(*astuple(tasks[0]))]), "")

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.base.building import HANDS, as_placed, build
-from agents.single.scripted import ScriptedPolicy, uniform
+from agents.rollout import EVALUATION_SEEDS, as_placed, build
+from agents.scripted import ScriptedPolicy, uniform
 from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, load_scene
 from domino_env.envs.vector import RTOL
 from domino_env.scenes.io.reading import parse_scene
@@ -62,7 +62,7 @@ def test_rows_are_compared_by_their_means_over_the_same_errors():
     assert planned.gain == pytest.approx(0.0, abs=1e-12)
     assert (
         planned.score
-        == SCENE.score_placed(planned.layout, range(HANDS)).mean()
+        == SCENE.score_placed(planned.layout, range(EVALUATION_SEEDS)).mean()
         < steady.score(planned.layout)
     )
     with pytest.raises(ValueError, match="greedy tries each domino in a copy"):

@@ -1,1 +1,0 @@
-"""What every training and every policy here shares."""

@@ -1,1 +1,0 @@
-"""Policies for many scenes: they read the scene and place a row at once."""

@@ -1,0 +1,331 @@
+"""Datasets: scenes with the layouts that search found for them, and episodes that build these.
+
+References
+----------
+Younis, O. G., et al. (2024). Minari. The Farama Foundation, doi:10.5281/zenodo.13767625.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from domino_env import DominoChainVector, Layout, Scene, SceneDistribution
+from domino_env.core.checks import require
+from domino_env.core.files import require_none, write_text
+from domino_env.core.results import versions
+from domino_env.core.tables import markdown_table
+from domino_env.scenes.distribution import load_distribution
+from optimize.studies import open_store
+from optimize.studies.export import export_study
+from optimize.studies.progress import TaskLines
+from optimize.studies.running import run_tasks
+from optimize.studies.task import Task, TaskResult, layout_of
+
+STORE, ROWS, EPISODES, CARD = "rows.sqlite", "rows.parquet", "episodes", "README.md"
+SCENES, EVALUATIONS = 5000, 600
+QUALITIES = ("uniform", "noisy", "searched")
+NOISE = 0.1  # standard deviation of the actions of "noisy" rows, of which each is from -1 to 1
+STUDY = "rows"  # in the store of a dataset
+
+
+def make_dataset(
+    folder: str | Path,
+    distribution: str | Path = "varied",
+    scenes: int = SCENES,
+    seed: int = 0,
+    evaluations: int = EVALUATIONS,
+    executor: Executor | None = None,
+    *,
+    noise: float = NOISE,
+    progress: bool | None = False,
+) -> Path:
+    """Draw scenes, search a row for each, build episodes of them, and write it all down.
+
+    What was searched is kept at once: the same call goes on where one was stopped. Scene i does not
+    depend on how many there are.
+
+    Parameters
+    ----------
+    folder
+        Where all of it is written.
+    distribution
+        What scenes are drawn from: the name of one that ships, or a file.
+    scenes
+        How many.
+    seed
+        Of the draws, the searches and the noise.
+    evaluations
+        Of each search.
+    executor
+        Who searches; None: this process.
+    noise
+        Of the actions of the noisy episodes, each from -1 to 1: a standard deviation.
+    progress
+        Whether to show how far it is; None: on a terminal.
+
+    Returns
+    -------
+    Path
+        The card.
+
+    Raises
+    ------
+    ValueError
+        For numbers that make no sense, and a folder that holds another dataset.
+    ImportError
+        Where the extra "minari" is missing, before anything is searched.
+    """
+    require("scenes", scenes, 1, whole=True)
+    require("evaluations", evaluations, 1, whole=True)
+    require("seed", seed, 0, whole=True)
+    require("noise", noise, 0.0, 1.0)
+    for package in ("pyarrow", "minari"):
+        if find_spec(package) is None:
+            raise ImportError(
+                f"a dataset needs {package}, of the extra 'minari': pip install "
+                '"domino-chains[minari]"'
+            )
+    home, drawn = Path(folder), load_distribution(distribution)
+    require_none(home, (CARD, EPISODES))
+    home.mkdir(parents=True, exist_ok=True)
+    chosen = [draw(drawn, seed, i) for i in range(scenes)]
+    settings = {"distribution": drawn.name, "ranges": repr(drawn.ranges)}
+    found = search_rows(
+        chosen, evaluations, seed, home / STORE, settings, executor, progress=progress
+    )
+    export_study(open_store(home / STORE).study(STUDY), home / ROWS)
+    rows = [layout_of(scene, row) for scene, row in zip(chosen, found, strict=True)]
+    partial = home / f"{EPISODES}.partial"
+    shutil.rmtree(partial, ignore_errors=True)
+    returns = write_episodes(partial, drawn, chosen, rows, seed, noise)
+    partial.rename(home / EPISODES)
+    write_text(home / CARD, _card(drawn, found, returns, seed, evaluations, noise))
+    return home / CARD
+
+
+def draw(distribution: SceneDistribution, seed: int, number: int) -> Scene:
+    """Draw the scene of a number in the dataset of a seed."""
+    rng = np.random.default_rng([seed, number])
+    return distribution.sample(rng, f"{distribution.name}-{number}")
+
+
+def _card(
+    drawn: SceneDistribution,
+    found: Sequence[TaskResult],
+    returns: dict[str, float],
+    seed: int,
+    evaluations: int,
+    noise: float,
+) -> str:
+    """Say what the dataset is, with what stands in it."""
+    gains = np.array([row.score / row.uniform_score - 1.0 for row in found])
+    table = markdown_table(
+        ("episodes", "how they are built", "mean return"),
+        [
+            (f"`{drawn.name}/{quality}-v0`", how, f"{returns[quality]:.2f}")
+            for quality, how in zip(
+                QUALITIES,
+                (
+                    "the best uniform row",
+                    f"the searched row, normal noise of {noise:g} on each action (from -1 to 1)",
+                    "the searched row",
+                ),
+                strict=True,
+            )
+        ],
+    )
+    lines = [
+        f"# {len(found)} scenes of `{drawn.name}`, with searched rows and episodes",
+        "",
+        f"{drawn.title}. Drawn: {', '.join(drawn.features)}.",
+        "",
+        f"`{ROWS}` has a line for each scene: `scene` is its text as a file of domino-chains, "
+        "`spacing` and `thickness` the best row that `auto` found in "
+        f"{evaluations} evaluations [m], `score` its mean speed and `uniform_score` that of the "
+        "best uniform row [m/s]. The column `label.scene` numbers the scenes; the lines stand in "
+        "the order in which the searches ended.",
+        "",
+        f"The rows gain {np.median(gains):.2%} over the best uniform one in the median, "
+        f"{np.quantile(gains, 0.1):.2%} in the tenth percentile. They are what a short search "
+        "finds, not the best there is.",
+        "",
+        f"`{EPISODES}/` holds the same scenes as episodes of `DominoChain-v0` in Minari's format, "
+        "episode i being that of scene i (`MINARI_DATASETS_PATH`). A return is a hundred times "
+        "the gain over the best uniform row, to rounding of single precision.",
+        "",
+        *table,
+        "",
+        "Made by",
+        "",
+        f"    domino dataset FOLDER --of {drawn.name} --scenes {len(found)} --seed {seed} "
+        f"--search {evaluations} --noise {noise:g}",
+        "",
+        "with " + ", ".join(f"{name} {number}" for name, number in versions().items()) + ".",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def search_rows(
+    scenes: Sequence[Scene],
+    evaluations: int,
+    seed: int,
+    store: Path,
+    settings: dict[str, Any],
+    executor: Executor | None = None,
+    *,
+    progress: bool | None = False,
+) -> list[TaskResult]:
+    """Search a row for each scene, with `auto`; what the store has is not searched again.
+
+    Parameters
+    ----------
+    scenes
+        All different; a store that was begun with fewer of them goes on with more.
+    evaluations, seed
+        Of each search.
+    store
+        SQLite file, begun where there is none.
+    settings
+        What decides the scenes but for their number, as JSON can say it.
+    executor
+        Who searches; None: this process.
+    progress
+        Whether to show how far it is; None: on a terminal.
+
+    Returns
+    -------
+    list of TaskResult
+        One for each scene, in their order; the label "scene" is its number.
+
+    Raises
+    ------
+    ValueError
+        For a store with rows of other settings, and where a search failed.
+    """
+    asked = {**settings, "evaluations": evaluations, "seed": seed}
+    study = open_store(store).begin(STUDY, "dataset", asked)
+    tasks = [
+        Task.of(scene, "auto", seed, evaluations, labels=(("scene", i),))
+        for i, scene in enumerate(scenes)
+    ]
+    lines = TaskLines(len(tasks), "rows", shown=progress)
+    found: dict[str, TaskResult] = {}
+    failures = run_tasks(
+        tasks, executor, study, lambda task, row: found.update({task.key: row}), lines
+    )
+    if failures:
+        raise ValueError(f"{len(failures)} searches failed, the first: {failures[0].reason}")
+    return [found[task.key] for task in tasks]
+
+
+def build_episode(
+    env: DominoChainVector, scene: Scene, layout: Layout, noise: float, rng: np.random.Generator
+) -> dict[str, list[Any]]:
+    """Build a row domino by domino, and record it.
+
+    Parameters
+    ----------
+    env
+        Of one row, of the distribution that the scene is from.
+    scene
+        What is built.
+    layout
+        The row that is built but for the noise.
+    noise
+        Standard deviation of what is added to each action.
+    rng
+        Draws it.
+
+    Returns
+    -------
+    dict
+        "observations", one more than "actions", "rewards", "terminations", "truncations".
+    """
+    observation, _ = env.reset(options={"scene": scene})
+    names = ("actions", "rewards", "terminations", "truncations")
+    found: dict[str, list[Any]] = {"observations": [observation[0]], **{name: [] for name in names}}
+    while not any(found["terminations"][-1:]):
+        action = env.actions_towards(layout)[0]
+        action = np.clip(action + noise * rng.standard_normal(action.shape), -1.0, 1.0)
+        placed = action.astype(np.float32)
+        after, reward, ended, cut, _ = env.step(placed[None])
+        found["observations"].append(after[0])
+        for name, value in zip(names, (placed, reward[0], ended[0], cut[0]), strict=True):
+            found[name].append(value)
+    return found
+
+
+def write_episodes(
+    folder: Path,
+    distribution: SceneDistribution,
+    scenes: Sequence[Scene],
+    rows: Sequence[Layout],
+    seed: int,
+    noise: float = NOISE,
+) -> dict[str, float]:
+    """Write a Minari dataset of each quality, an episode for each scene in the order of these.
+
+    Parameters
+    ----------
+    folder
+        To be given to Minari as `MINARI_DATASETS_PATH`; must hold none of these datasets yet.
+    distribution
+        What the scenes were drawn from.
+    scenes, rows
+        The scenes and the rows that search found for them.
+    seed
+        Of the noise.
+    noise
+        Of the actions of "noisy", see `build_episode`.
+
+    Returns
+    -------
+    dict
+        Mean return of each quality.
+    """
+    from minari import create_dataset_from_buffers
+    from minari.data_collector import EpisodeBuffer
+
+    env = DominoChainVector(1, distribution)
+    returns = {}
+    made = gymnasium.make("DominoChain-v0", scene=distribution.name)
+    for quality in QUALITIES:
+        buffers = []
+        for i, (scene, row) in enumerate(zip(scenes, rows, strict=True)):
+            target = scene.uniform().layout if quality == "uniform" else row
+            error = noise if quality == "noisy" else 0.0
+            rng = np.random.default_rng([seed, i])
+            buffers.append(EpisodeBuffer(id=i, **build_episode(env, scene, target, error, rng)))
+        returns[quality] = float(np.mean([np.sum(buffer.rewards) for buffer in buffers]))
+        with minari_folder(folder), warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # no e-mail address is known
+            create_dataset_from_buffers(
+                f"{distribution.name}/{quality}-v0", buffers, env=made, data_format="arrow",
+                algorithm_name=quality, author="domino-chains", description=distribution.title,
+            )  # fmt: skip
+    return returns
+
+
+@contextmanager
+def minari_folder(folder: Path) -> Iterator[None]:
+    """Let Minari find its datasets in a folder."""
+    name, before = "MINARI_DATASETS_PATH", os.environ.get("MINARI_DATASETS_PATH")
+    os.environ[name] = str(folder.resolve())  # Minari repeats what is relative
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before

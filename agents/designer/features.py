@@ -1,0 +1,145 @@
+"""Features of a scene, and what the designer's networks observe.
+
+The speed of a layout of given gaps and thicknesses depends on the features alone. Lengths count in
+heights h of a domino and times in √(h/g): a scene and its enlargement have the same features, as
+they are the same (lengths × k, push / √k). Density and width cancel where all dominoes are equally
+high.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from domino_env import Scene
+from domino_env.core.types import Floats
+from domino_env.scenes.distribution import load_distribution
+
+FEATURES = (
+    "friction", "push", "count", "least gap", "largest gap", "first thickness", "least thickness",
+    "largest thickness", "pitch",
+)  # fmt: skip
+"""The last is the length per pair of dominoes, 0 where the scene asks for none."""
+
+PLANS = 13  # 0 … 12 tight gaps
+SCALES = (1.0, 2.0, 4.0, 8.0, 16.0)  # [dominoes] over which the ends of a layout have an effect
+LOW = np.array([0.0, 0.2, 15.0, 0.02, 0.4, 0.08, 0.08, 1.0])  # scaled to -1, HIGH to 1
+HIGH = np.array([0.5, 1.4, 80.0, 0.2, 0.95, 0.25, 0.25, 5.0])
+BY_LOGARITHM = np.array([False, True, True, True, True, False, False, True])
+SCENE = len(LOW) + 3  # entries that describe the scene
+SIZE = SCENE + 5 + 2 * len(SCALES)  # entries of an observation
+
+
+def features_of(scene: Scene) -> Floats:
+    """Give the `FEATURES` of a scene, (9,)."""
+    h, gravity = scene.height, scene.physics.gravity
+    unit = 1.0 if scene.in_heights else h
+    pitch = 0.0 if scene.length is None else scene.length / (scene.count - 1) / h
+    return np.array([
+        scene.physics.friction, scene.physics.push * np.sqrt(h / gravity), scene.count,
+        scene.spacing[0] / unit, scene.spacing[1] / unit, scene.first_thickness / h,
+        scene.thickness[0] / unit, scene.thickness[1] / unit, pitch,
+    ])  # fmt: skip
+
+
+_distribution = lru_cache(load_distribution)
+
+
+def outside(scene: Scene) -> tuple[str, ...]:
+    """List in what a scene differs from those that the policy was trained on; empty if in nothing.
+
+    These are drawn from "varied", "varied-thickness" and "varied-course", at any size.
+    """
+    free, course = scene.free_thickness, scene.length is not None
+    if free and course:
+        return ("free thickness over a given length",)
+    drawn = _distribution("varied-thickness" if free else "varied-course" if course else "varied")
+    known = dict(zip(FEATURES, features_of(scene), strict=True))
+    known["length"] = known["pitch"] * (scene.count - 1)
+    if not free:
+        known["thickness"] = known["least thickness"]
+    return tuple(
+        f"{name} {known[name]:.4g} is outside {one.min:.4g} to {one.max:.4g}"
+        for name, one in zip(drawn.features, drawn.ranges.values(), strict=True)
+        if not one.min * (1.0 - 1e-9) <= known[name] <= one.max * (1.0 + 1e-9)
+    )
+
+
+def require_kind(scene: Scene) -> None:
+    """Raise ValueError for a scene that asks for something else than fast rows."""
+    other = []
+    if scene.floor_friction is not None:
+        other.append("its rows stand on a floor")
+    elif not scene.criterion.is_mean_speed:
+        other.append(f"its objective is {scene.objective}")
+    if not scene.free_spacing:
+        other.append("its gaps are not free")
+    if scene.ground is not None:
+        other.append("its ground is not flat")
+    if scene.stock is not None or scene.thickness_values is not None or scene.growth is not None:
+        other.append("its dominoes are from a stock or list, or grow")
+    if scene.spacing_values is not None or scene.largest_change is not None:
+        other.append("its gaps are listed or tied to each other")
+    if scene.limits is not None:
+        other.append("it limits the wave")
+    if scene.count < 4:
+        other.append(f"it has {scene.count} dominoes")
+    if other:
+        raise ValueError(
+            f"scene '{scene.name}': {', '.join(other)}; this policy was trained on fast rows of 4 "
+            "or more dominoes of one height with free gaps, and thickness and length if asked "
+            "for: search this one with `domino optimize`"
+        )
+
+
+def plans_of(count: int) -> int:
+    """Count the plans there are for a row of `count` dominoes: at most half of it is tight."""
+    return min(PLANS, count // 2)
+
+
+def scaled(features: Floats) -> Floats:
+    """Describe scenes to a network by numbers of about -1 to 1.
+
+    Parameters
+    ----------
+    features
+        (…, 9) of scenes, see `FEATURES`.
+
+    Returns
+    -------
+    NDArray
+        (…, SCENE): friction, push, count, bounds of the gap, first thickness, least thickness,
+        largest over least; whether a length is asked for, where its pitch lies between the
+        smallest and the largest that the bounds allow, and the logarithm of the mean gap that it
+        leaves between the thinnest dominoes (these two 0 where none is).
+    """
+    values = np.asarray(features, dtype=np.float64)
+    least, largest, thin, thick, pitch = (values[..., i] for i in (3, 4, 6, 7, 8))
+    plain = np.concatenate([values[..., :7], (thick / thin)[..., None]], axis=-1)
+    low, high = (np.where(BY_LOGARITHM, np.log(np.maximum(x, 1e-3)), x) for x in (LOW, HIGH))
+    plain = np.where(BY_LOGARITHM, np.log(np.maximum(plain, 1e-9)), plain)
+    asked = pitch > 0.0
+    place = (pitch - least - thin) / (largest + thick - least - thin)
+    mean = np.log(np.where(asked, np.maximum(pitch - thin, least), 1.0))
+    course = [asked, np.where(asked, 2.0 * place - 1.0, 0.0), np.where(asked, mean + 1.0, 0.0)]
+    described = [2.0 * (plain - low) / (high - low) - 1.0, np.stack(course, axis=-1)]
+    return np.concatenate(described, axis=-1)
+
+
+def observations(features: Floats, plans: Floats) -> Floats:
+    """Make the observations at each gap under each of K plans, (K (N-1), SIZE)."""
+    pairs = int(features[2]) - 1
+    k = np.asarray(plans, dtype=np.float64)
+    at = np.broadcast_to(np.arange(pairs, dtype=np.float64), (len(k), pairs))
+    left = np.maximum(pairs - 1 - k[:, None] - at, 0.0)  # gaps before the tight ones begin
+    parts = np.empty((len(k), pairs, SIZE))
+    parts[..., :SCENE] = scaled(features)
+    c = SCENE
+    parts[..., c] = 2.0 * at / (pairs - 1) - 1.0
+    parts[..., c + 1], parts[..., c + 2] = np.log1p(at) / 2.0 - 1.0, np.log1p(left) / 2.0 - 1.0
+    parts[..., c + 3], parts[..., c + 4] = k[:, None] / 6.0 - 1.0, np.exp(-k / 2.0)[:, None]
+    for j, scale in enumerate(SCALES):
+        parts[..., c + 5 + 2 * j] = np.exp(-at / scale)
+        parts[..., c + 6 + 2 * j] = np.exp(-left / scale)
+    return parts.reshape(-1, SIZE)

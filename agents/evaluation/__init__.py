@@ -1,1 +1,0 @@
-"""Evaluation: what a trained or scripted policy builds, in one scene or in many."""

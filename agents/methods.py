@@ -1,0 +1,163 @@
+"""Learners as methods of a search, on its budget and clock.
+
+Named in the entry-point group `domino.methods`. A learner begins anew in each search; every layout
+that it builds while it learns is an evaluation, and so is the one that it builds without noise now
+and then. Loading this takes the seconds that torch takes to load, before the clock of a search
+begins, and raises ImportError, with what to install, where the extra "rl" is missing.
+"""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from agents.algorithms import Hyperparameters, hyperparameters, require_learning
+
+require_learning()
+
+from agents.rollout import build, completed  # noqa: E402
+from agents.sb3.learner import Learner, random_state_restored  # noqa: E402
+from domino_env.core.types import Floats, Ints  # noqa: E402
+from domino_env.physics.wave import Outcome  # noqa: E402
+from domino_env.scenes.objectives import Evaluation  # noqa: E402
+from optimize.evaluator import Budget, BudgetSpent  # noqa: E402
+
+EVALUATIONS = 50  # layouts built without noise in a whole search
+GENERATIONS = 8  # generations of layouts that a budget of evaluations is to last for
+
+
+def apg(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with analytic policy gradients.
+
+    References
+    ----------
+    Freeman, C. D., et al. (2021). Brax: a differentiable physics engine for large scale rigid body
+    simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281.
+    """
+    learn("apg", budget, rng)
+
+
+def ppo(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with proximal policy optimisation.
+
+    References
+    ----------
+    Schulman, J., et al. (2017). Proximal policy optimization algorithms. arXiv:1707.06347.
+    """
+    learn("ppo", budget, rng)
+
+
+def ars(budget: Budget, rng: np.random.Generator) -> None:
+    """Search with augmented random search over linear policies.
+
+    References
+    ----------
+    Mania, H., Guy, A., Recht, B. (2018). Simple random search provides a competitive approach to
+    reinforcement learning. arXiv:1803.07055.
+    """
+    learn("ars", budget, rng)
+
+
+def learn(algorithm: str, budget: Budget, rng: np.random.Generator) -> None:
+    """Train until the budget is spent.
+
+    Bitwise reproducible under a budget of evaluations. Layouts are built side by side, and all that
+    are under way could still be paid for; a rest smaller than that is left.
+
+    Parameters
+    ----------
+    algorithm
+        One of `agents.algorithms.ALGORITHMS`.
+    budget
+        Of the search.
+    rng
+        Of all randomness.
+    """
+    plan = _within(hyperparameters(algorithm, budget.problem.scene.count - 1), budget)
+    with random_state_restored(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        _Learning(algorithm, plan, budget, int(rng.integers(2**31))).run()
+
+
+def _within(plan: Hyperparameters, budget: Budget) -> Hyperparameters:
+    """Reduce the environments where a budget of evaluations would not last."""
+    if budget.evaluations is None:
+        return plan
+    rows = int(min(plan.rows, max(budget.evaluations // GENERATIONS, 1)))
+    options = dict(plan.options)
+    if "n_steps" in options:  # batches of the same part of a rollout
+        options["batch_size"] = max(options["batch_size"] * rows // plan.rows, 2)
+    if "n_delta" in options:  # of ARS: two environments each
+        options["n_delta"] = max(min(options["n_delta"], rows // 2), 1)
+        options["n_top"] = min(options["n_top"], options["n_delta"])
+    return replace(plan, rows=rows, options=options)
+
+
+class _Learning:
+    """A learner while it spends the budget of a search."""
+
+    def __init__(self, algorithm: str, plan: Hyperparameters, budget: Budget, seed: int) -> None:
+        self.plan, self.budget, self.problem = plan, budget, budget.problem
+        self.learner = Learner(self.problem.scene, algorithm, plan, seed)
+        self.next_evaluation = 0.0
+
+    def run(self) -> None:
+        """Learn, then evaluate the policy if that can be paid for."""
+        model = self.learner.model
+        # all schedules follow the part of the budget that is spent, not the steps taken
+        model._update_current_progress_remaining = self._progress
+        optimizer = getattr(model.policy, "optimizer", None)  # ARS has none
+        if optimizer is not None:
+            optimizer.register_step_pre_hook(lambda *_: self.budget.require_more())
+        with suppress(BudgetSpent):
+            self.learner.learn(10**12, self.between_updates, self.after_step)
+        self._evaluate()
+
+    def _progress(self, steps: int, total: int) -> None:
+        self.learner.model._current_progress_remaining = 1.0 - self.budget.part
+
+    def between_updates(self) -> None:
+        """Evaluate now and then, and set what changes along the way."""
+        if self.budget.part >= self.next_evaluation and self.budget.left > self.plan.rows:
+            self._evaluate()
+            self.next_evaluation += 1.0 / EVALUATIONS
+        self.learner.adapt(self.budget.part, self.budget.best_score)
+
+    def after_step(self, infos: Any) -> None:
+        """Count the layouts that are complete; stop where those to come could not be paid for."""
+        ended = [info for info in infos if "score" in info]
+        if ended:
+            scores = np.array([info["score"] for info in ended])
+            reach = np.array([_reach(info) for info in ended])
+            self._note([info["layout"] for info in ended], scores, reach)
+            if self.budget.left < self.plan.rows:
+                raise BudgetSpent
+        self.budget.require_more()
+
+    def _evaluate(self) -> None:
+        """Evaluate a layout that is built without noise."""
+        if self.budget.left >= 1:
+            learner = self.learner
+            built = build(learner.policy(), self.problem.scene, learner.reference_speed)
+            self._note([built.layout], np.array([built.score]), np.array([built.wave.reach]))
+
+    def _note(self, layouts: Any, scores: Floats, reach: Floats) -> None:
+        dominoes = self.problem.dominoes  # of all the layouts that a score takes, at most
+        falls: Ints = np.ceil(reach * dominoes).astype(np.int64)
+
+        def design(i: int) -> Floats:
+            vector: Floats = self.problem.design(completed(layouts[i], self.problem.scene))
+            return vector
+
+        self.budget.note(Evaluation(scores, reach, falls), design)
+
+
+def _reach(info: dict[str, Any]) -> float:
+    """Return how far the wave of a layout came, looked up where the info does not hold it."""
+    if "reach" in info:
+        return float(info["reach"])
+    return 1.0 if info["outcome"] == Outcome.PROPAGATED else float(info["wave"].reach)

@@ -1,0 +1,134 @@
+"""Rollouts: the layout that a policy builds for a scene, and its score."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from agents.network import Policy
+from domino_env import DominoChain, Layout, Scene, SceneDistribution, UniformMark, Wave
+from domino_env.scenes.baseline import gain
+from domino_env.view.notebook import MadeForScene
+from optimize.compiling import compile_for
+
+EVALUATION_SEEDS = 64  # of placement noise: seeds 0, 1, …
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout(MadeForScene):
+    """A layout that a policy built, beside the best uniform one.
+
+    Attributes
+    ----------
+    scene
+        The scene that it was built for.
+    layout
+        The layout.
+    wave
+        Its wave, simulated closely.
+    score
+        Its score; under placement noise the mean over `EVALUATION_SEEDS` rollouts, of which this
+        is the first.
+    uniform
+        The uniform baseline; under placement noise with its mean score over the same seeds.
+    seconds
+        Time that building took, without the simulation of the baseline.
+    """
+
+    scene: Scene
+    layout: Layout
+    wave: Wave
+    score: float
+    uniform: UniformMark
+    seconds: float
+
+    @property
+    def gain(self) -> float | None:
+        """Score over the uniform one, minus 1; None where one of the two waves stops."""
+        return gain(self.score, self.uniform.score)
+
+    def __repr__(self) -> str:
+        return f"Rollout({self.scene.name}: {self.scene.against_uniform(self.score, self.wave)})"
+
+
+def build(
+    policy: Policy,
+    scene: Scene,
+    reference_speed: float | None = None,
+    *,
+    distribution: SceneDistribution | None = None,
+) -> Rollout:
+    """Let a policy build one layout, domino by domino.
+
+    A layout whose wave stops on the way is completed with copies of the domino placed last; its
+    score is that of the wave that stopped.
+
+    Parameters
+    ----------
+    policy
+        Maps an observation to an action.
+    scene
+        The scene to build for.
+    reference_speed
+        Speed that single steps are rewarded against [m/s]; None for that of the uniform baseline.
+    distribution
+        The scene distribution that the policy was trained on, if any: the policy then observes the
+        features of the scene.
+    """
+    uniform = scene.uniform()
+    compile_for(scene, episodes=True)
+    env = DominoChain(distribution or scene, reference_speed=reference_speed)
+    options = None if distribution is None else {"scene": scene}
+    began = time.perf_counter()
+    layout = completed(_last_info(env, policy, 0, options)["layout"], scene)
+    seconds = time.perf_counter() - began
+    wave = scene.simulate(layout)
+    score = scene.score(wave)
+    if scene.placement_deviation:
+        seeds = range(1, EVALUATION_SEEDS)
+        others = [_last_info(env, policy, seed, options)["score"] for seed in seeds]
+        score, uniform = float(np.mean([score, *others])), _uniform_as_placed(scene)
+    return Rollout(scene, layout, wave, score, uniform, seconds)
+
+
+def _last_info(
+    env: DominoChain, policy: Policy, seed: int, options: dict[str, Any] | None
+) -> dict[str, Any]:
+    observation, _ = env.reset(seed=seed, options=options)
+    terminated, info = False, dict[str, Any]()
+    while not terminated:
+        observation, _, terminated, _, info = env.step(policy(observation))
+    return info
+
+
+def as_placed(rollout: Rollout) -> Rollout:
+    """Return a layout that was planned beforehand with its mean score under placement noise."""
+    scene = rollout.scene
+    if not scene.placement_deviation:
+        return rollout
+    score = float(scene.score_placed(rollout.layout, range(EVALUATION_SEEDS)).mean())
+    return replace(rollout, score=score, uniform=_uniform_as_placed(scene))
+
+
+def _uniform_as_placed(scene: Scene) -> UniformMark:
+    mark = scene.uniform()
+    return replace(
+        mark, score=float(scene.score_placed(mark.layout, range(EVALUATION_SEEDS)).mean())
+    )
+
+
+def completed(layout: Layout, scene: Scene) -> Layout:
+    """Complete a layout to all dominoes with copies of the last one and its gap."""
+    missing = scene.count - layout.count
+    if missing == 0:
+        return layout
+    return Layout(
+        np.concatenate([layout.spacing, np.full(missing, layout.spacing[-1])]),
+        np.concatenate([layout.thickness, np.full(missing, layout.thickness[-1])]),
+        scene.height,
+        layout.width,
+        scene.density,
+    )

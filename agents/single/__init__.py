@@ -1,1 +1,0 @@
-"""Policies for one scene: they build in the environment, domino by domino."""

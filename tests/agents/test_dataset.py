@@ -1,0 +1,61 @@
+"""Datasets: what is written is what was searched and built, and goes on where it was stopped."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from agents import dataset
+from domino_env.cli.main import main
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "dataset.md"
+
+
+def test_rows_and_episodes_are_those_of_the_scenes_and_a_stopped_one_goes_on(
+    tmp_path: Path, monkeypatch, capsys
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    minari = pytest.importorskip("minari")
+    searched = dataset.search_rows
+
+    def stops(scenes: list[de.Scene], *given: object, **options: object) -> None:
+        searched(scenes[:2], *given, **options)
+        raise KeyboardInterrupt
+
+    words = ["dataset", str(tmp_path), "--of", "varied-course", "--scenes", "3", "--search", "30"]
+    with monkeypatch.context() as patched:
+        patched.setattr(dataset, "search_rows", stops)
+        assert main(words) != 0
+    assert main(words) == 0
+    assert "3 scenes of `varied-course`" in capsys.readouterr().out
+    table = parquet.read_table(tmp_path / dataset.ROWS).to_pylist()
+    assert [row["label.scene"] for row in table] == [0, 1, 2]
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / dataset.EPISODES))
+    returns = {}
+    for quality in ("uniform", "noisy", "searched"):
+        data = minari.load_dataset(f"varied-course/{quality}-v0")
+        assert data.recover_environment().spec.kwargs == {"scene": "varied-course"}
+        returns[quality] = [np.sum(one.rewards) for one in data.iterate_episodes()]
+    for i, row in enumerate(table):
+        gain = 100.0 * (row["score"] / row["uniform_score"] - 1.0)
+        assert returns["searched"][i] == pytest.approx(gain, abs=1e-2)
+        assert returns["uniform"][i] == pytest.approx(0.0, abs=1e-2)
+        assert returns["noisy"][i] != pytest.approx(gain, abs=1e-3)
+    assert main(words) != 0  # another one is not written over it
+    assert "README.md already" in capsys.readouterr().err
+
+
+def test_behaviour_cloning_runs_as_the_page_has_it(tmp_path: Path, monkeypatch, capsys) -> None:
+    for package in ("minari", "torch", "pyarrow"):
+        pytest.importorskip(package)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", "")
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    exec(compile(code, PAGE.name, "exec"), {})
+    told = capsys.readouterr().out
+    assert told.count("% over the best uniform row") == 3
+    assert "nan" not in told

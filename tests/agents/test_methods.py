@@ -1,0 +1,149 @@
+"""Learners and trained agents as methods of a search: budgets, clocks, repeatability."""
+
+from __future__ import annotations
+
+import json
+import random
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+import torch
+
+import domino_env as de
+from agents import evaluate
+from agents.policy import POLICIES
+from agents.sb3.side_by_side_ars import SideBySideARS
+from agents.sb3.vec_env import DominoVecEnv
+from domino_env.scenes.objectives import Evaluation
+from optimize import METHODS, Problem, search
+from optimize.evaluator import Budget
+from optimize.methods.registry import load, of_others
+from optimize.recorder import Recorder
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
+
+LEARNED = ("apg", "ppo", "ars")
+
+
+@pytest.fixture(scope="module")
+def small():
+    return replace(de.load_scene("sprint"), name="small", count=7)
+
+
+@pytest.mark.parametrize("method", LEARNED)
+def test_a_learner_keeps_a_budget_and_repeats_to_the_bit(small, method: str) -> None:
+    budget = 400
+    random.seed(1)
+    np.random.seed(2)  # noqa: NPY002
+    torch.manual_seed(3)
+    before = random.getstate(), np.random.get_state()[1].tolist(), torch.get_rng_state()  # noqa: NPY002
+    counted = []
+    one, two = (
+        search(small, method, budget=budget, seed=5, watch=lambda m: counted.append(m.left))
+        for _ in range(2)
+    )
+    assert before[0] == random.getstate()
+    assert before[1] == np.random.get_state()[1].tolist()  # noqa: NPY002
+    assert torch.equal(before[2], torch.get_rng_state())
+    assert 0.7 * budget < one.evaluations <= budget
+    assert min(counted) >= 0
+    assert one.evaluations == two.evaluations
+    assert np.array_equal(one.layout.spacing, two.layout.spacing)
+    assert [t[3] for t in one.trace] == [t[3] for t in two.trace]
+    assert small.violations(one.layout) == []
+    assert one.falls > one.evaluations
+    assert one.score == pytest.approx(one.trace[-1][3], rel=1e-5)
+
+
+def test_even_one_row_is_a_budget_and_no_time_is_a_clock(small) -> None:
+    assert search(small, "ppo", budget=1).evaluations == 1
+    assert search(small, "ars", seconds=1e-9).evaluations >= 1
+
+
+def test_a_clock_ends_a_training(small) -> None:
+    assert search(small, "ppo", seconds=1.0).seconds < 30.0  # its preset would take minutes
+
+
+def test_a_trained_agent_builds_at_once_and_its_training_counts(tmp_path: Path) -> None:
+    scene = de.load_scene("sprint")
+    built = evaluate("sprint", scene)
+    found = search(scene, "agent:sprint", seconds=5.0)
+    assert found.evaluations == 1
+    assert found.score == built.score
+    assert search(scene, "agent:designer", seconds=5.0).score == evaluate("designer", scene).score
+    home = POLICIES / "sprint"
+    for name in ("scene.toml", "config.json", "policy.npz", "policy.json"):
+        (tmp_path / name).write_bytes((home / name).read_bytes())
+    (tmp_path / "summary.json").write_text(json.dumps({"seconds": 321.0}))
+    found = search(scene, f"agent:{tmp_path}", seconds=5.0)
+    assert found.score == built.score
+    assert all(seconds > 321.0 for _, _, seconds, _ in found.trace)
+
+
+def test_what_is_no_method_is_told(tmp_path: Path) -> None:
+    for name in ("agent:", "agent:nowhere", f"agent:{tmp_path}"):
+        with pytest.raises(ValueError, match="holds no policy"):
+            load(name)
+    for name in ("agent", "ppo:x", "cma:x", "pppo"):
+        with pytest.raises(ValueError, match="there is no method"):
+            load(name)
+    assert set(LEARNED) <= set(of_others())
+    assert not set(LEARNED) & set(METHODS)
+
+
+def test_without_the_extra_it_is_said_what_to_install() -> None:
+    code = (
+        "import sys; sys.modules['sb3_contrib'] = None\n"
+        "import importlib.util as u; find = u.find_spec\n"
+        "u.find_spec = lambda name, *a: None if name == 'sb3_contrib' else find(name, *a)\n"
+        "from optimize.methods.registry import load\n"
+        "load('agent:sprint')\n"
+        "assert 'torch' not in sys.modules\n"
+        "try:\n    load('ppo')\nexcept ImportError as error:\n    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 'pip install "domino-chains[rl]"' in done.stdout
+
+
+def test_rows_from_elsewhere_are_counted_and_not_beyond_the_budget(small) -> None:
+    problem = Problem(small)
+    budget = Budget(Recorder(problem), evaluations=5)
+    designs = np.random.default_rng(0).random((4, problem.dimension))
+    found = Problem(small).evaluate(designs)
+    scores = found.score
+    asked = []
+    budget.note(found, lambda i: asked.append(i) or designs[i])
+    assert asked == [int(np.argmax(scores))]
+    assert (budget.left, budget.spent, budget.best_score) == (1.0, 4, scores.max())
+    assert budget.falls == found.falls.sum()
+    with pytest.raises(ValueError, match="2 rows are noted, where 1 are left"):
+        budget.note(Evaluation(scores[:2], found.reach[:2], found.falls[:2]), lambda i: designs[i])
+    budget.already_spent(100.0)
+    assert budget.elapsed > 100.0
+
+
+def test_candidates_side_by_side_return_what_each_does_alone(small) -> None:
+    env = DominoVecEnv(small, 4)
+    model = SideBySideARS("LinearPolicy", env, n_delta=3, n_top=2, seed=0)
+    weights = 0.3 * torch.randn(6, model.n_params, generator=torch.Generator().manual_seed(1))
+    model._setup_learn(100)
+
+    class Quiet:
+        def __getattr__(self, name):
+            return lambda *_: True
+
+    found = model.evaluate_candidates(weights, Quiet(), None).numpy()
+    single = DominoVecEnv(small, 1)
+    for i in range(6):
+        model.policy.load_from_vector(weights[i])
+        seen, total, over = single.reset(), 0.0, False
+        while not over:
+            seen, paid, (over,), _ = single.step(model.predict(seen, deterministic=True)[0])
+            total += float(paid[0])
+        assert found[i] == pytest.approx(total, rel=1e-4, abs=1e-4)

@@ -1,0 +1,116 @@
+"""Policies without torch: the network in NumPy, the policies that ship, files that do not fit."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from agents import evaluate
+from agents.cards import MARKED, SETS, card_of, figures
+from agents.network import acting, actor_of, read_arrays
+from agents.policy import DESIGNER, POLICIES, shipped
+
+SPRINT = POLICIES / "sprint"
+FIRST, LAST = "mlp_extractor.policy_net.0.weight", "action_net.bias"
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_a_policy_that_ships_builds_what_it_reports(name: str) -> None:
+    built = evaluate(name)
+    reported = json.loads((POLICIES / name / "policy.json").read_text("utf-8"))
+    assert built.score == pytest.approx(reported["score"], rel=1e-6)
+    assert built.gain is not None
+    assert built.gain > 0.03
+    assert built.scene.violations(built.layout) == []
+
+
+@pytest.mark.parametrize("name", [*shipped(), DESIGNER])
+def test_every_policy_that_ships_is_small_and_has_a_card_with_its_figures(name: str) -> None:
+    assert sum(file.stat().st_size for file in (POLICIES / name).iterdir()) < 1_000_000
+    card = card_of(name).read_text("utf-8")
+    for part in ("**Scene", "**Seed", "**Score", "**Limits.**", "**Train it again.**"):
+        assert part in card
+    (table,) = MARKED.findall(card)
+    if name == DESIGNER:
+        assert table.count("| design |") == len(SETS)
+    else:
+        assert table.strip() == figures(name)
+
+
+def test_the_network_does_what_torch_does() -> None:
+    torch = pytest.importorskip("torch")
+    arrays = read_arrays(SPRINT / "policy.npz")
+    network, rng = acting(actor_of(arrays)), np.random.default_rng(0)
+    linear, tanh = torch.nn.functional.linear, torch.tanh
+    for _ in range(20):
+        observation = rng.standard_normal(arrays[FIRST].shape[1]).astype(np.float32)
+        values = torch.from_numpy(observation)
+        for layer in ("mlp_extractor.policy_net.0.", "mlp_extractor.policy_net.2.", "action_net."):
+            weight, bias = (torch.from_numpy(arrays[layer + name]) for name in ("weight", "bias"))
+            values = linear(values if layer.endswith("0.") else tanh(values), weight, bias)
+        wanted = values.clamp(-1.0, 1.0).numpy()
+        assert network(observation) == pytest.approx(wanted, abs=2e-6)
+
+
+def test_evaluating_and_designing_need_no_torch(tmp_path: Path) -> None:
+    script = (
+        "import sys\n"
+        "for name in ('torch', 'stable_baselines3', 'sb3_contrib'): sys.modules[name] = None\n"
+        "from domino_env.cli.main import main\n"
+        "assert main(['evaluate', 'sprint']) == 0\n"
+        "sys.exit(main(['evaluate', 'designer', '--scene', 'sprint', '--layout', 'row.csv']))"
+    )
+    subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True)
+    assert de.Layout.from_csv(tmp_path / "row.csv").count == 40
+
+
+@pytest.mark.parametrize("name", ["sprint", DESIGNER])
+def test_weights_that_do_not_fit_are_refused(tmp_path: Path, name: str) -> None:
+    folder = shutil.copytree(POLICIES / name, tmp_path / name)
+    path, good = folder / "policy.npz", read_arrays(POLICIES / name / "policy.npz")
+    first, last = (FIRST, LAST) if name == "sprint" else ("row_0_weight", "plan_1_bias")
+    for key, value in (
+        (first, good[first][:, :-1]),
+        (first, np.full_like(good[first], np.nan)),
+        (last, np.zeros(99, np.float32)),
+        (last, None),
+        (last, good[last].astype(float)),
+        (last, np.array(["a", "b"])),
+        (last, np.array([print], dtype=object)),  # needs a pickle
+    ):
+        np.savez(path, **{k: v for k, v in (good | {key: value}).items() if v is not None})
+        with pytest.raises(ValueError, match=r"policy\.npz: (it does not hold|not an archive)"):
+            evaluate(folder, "sprint")
+    whole = (POLICIES / name / "policy.npz").read_bytes()
+    torn = whole[: len(whole) // 2] + bytes(40) + whole[len(whole) // 2 + 40 :]
+    for data in (b"", b"not an archive", whole[:2000], whole[2000:], torn):
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match=r"policy\.npz: not an archive"):
+            evaluate(folder, "sprint")
+
+
+def test_a_policy_of_another_scene_is_refused() -> None:
+    with pytest.raises(ValueError, match="choose a scene with the same things left free"):
+        evaluate("sprint", "sprint-thickness")
+    rougher = replace(de.load_scene("sprint"), name="rougher", physics=de.Physics(0.3, push=8.0))
+    assert evaluate("sprint", rougher).score > 0.0
+    with pytest.raises(ValueError, match=r"ships: .*sprint"):
+        evaluate("nothing-of-that-name")
+
+
+def test_an_archive_is_opened_only_where_it_is_trusted(tmp_path: Path) -> None:
+    path = tmp_path / "agent.zip"
+    path.write_bytes(b"PK")
+    with pytest.raises(ValueError, match="runs code that it holds: say --trust"):
+        evaluate(path, "sprint")
+    pytest.importorskip("stable_baselines3")
+    with pytest.raises(ValueError, match="is no archive of"):
+        evaluate(path, "sprint", trust=True)
