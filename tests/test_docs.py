@@ -1,6 +1,5 @@
 """The documentation: its examples run, its pictures are there."""
 
-import dataclasses
 import re
 import warnings
 from pathlib import Path
@@ -10,7 +9,6 @@ from xml.etree import ElementTree
 import pytest
 from threadpoolctl import threadpool_limits
 
-import domino_env as de
 from optimize.methods.registry import METHODS
 from optimize.records.shipped import best_known
 
@@ -59,20 +57,6 @@ def test_a_scene_has_a_page_with_its_row_drawn_and_numbers_from_the_data(pages: 
     assert (ROOT / "domino_env" / "scenes" / "shipped" / "course.toml").read_text(
         "utf-8"
     ).rstrip() in text
-
-
-def test_long_rows_are_drawn_by_their_ends(pages: ModuleType) -> None:
-    scene = dataclasses.replace(de.load_scene("sprint"), count=200)
-    drawn = pages.drawing(scene.layout(0.012), scene)
-    assert drawn.count("<polygon") == 2 * pages.ENDS
-    assert f"{200 - 2 * pages.ENDS} more" in drawn
-
-
-def test_every_key_of_a_scene_s_file_is_explained(pages: ModuleType) -> None:
-    lines = pages.keys()
-    assert "| [row] | `count` | number of dominoes |  |" in lines
-    assert any(line.startswith("| [tempo] | `tolerance` | ") for line in lines)
-    assert all(line.split(" | ")[2].strip() for line in lines)
 
 
 def test_every_method_has_a_section(pages: ModuleType) -> None:

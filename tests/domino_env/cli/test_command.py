@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -81,24 +80,6 @@ def test_of_a_long_row_the_two_ends_are_printed(capsys, tmp_path: Path) -> None:
     assert len(whole) == 2 + 5000 + 5
 
 
-def test_a_long_row_s_pitch_is_not_worked_out_for_each_line(capsys, monkeypatch, tmp_path) -> None:
-    path = tmp_path / "long.csv"
-    de.Layout.uniform(200, pitch=0.024).to_csv(path)
-    worked_out, pitch = [], de.Layout.pitch.func
-    monkeypatch.setattr(
-        de.Layout, "pitch", property(lambda row: worked_out.append(1) or pitch(row))
-    )
-    said(capsys, "simulate", path, "--all", "--csv", tmp_path / "table.csv")
-    assert len(worked_out) < 10
-
-
-def test_physics_from_the_command_line(capsys, row: Path) -> None:
-    text = said(capsys, "simulate", row, "--friction", 0, "--gravity", 1.62, "--push", 2)
-    wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(0.0, 1.62, 2.0))
-    assert f"mean speed {wave.mean_speed:.6f} m/s" in text
-    assert "push 2" in text
-
-
 def test_a_wave_that_dies_is_a_result(capsys, row: Path) -> None:
     text = said(capsys, "simulate", row, "--push", 1.5)
     assert "STALLED: the wave stalled" in text
@@ -115,30 +96,11 @@ def test_a_layout_of_a_scene_is_scored_against_the_mark(capsys, tmp_path: Path) 
     assert f"score {score:.6f} on 'sprint', {score / mark - 1:+.2%} against the best" in text
 
 
-def test_a_scene_of_one_s_own_and_a_wave_that_dies_in_it(capsys, tmp_path: Path) -> None:
-    scene = de.load_scene("gentle")
-    (tmp_path / "mine.toml").write_text(scene.to_toml().replace('"gentle"', '"mine"'))
-    scene.layout(0.003, 0.014).to_csv(tmp_path / "row.csv")
-    text = said(capsys, "simulate", tmp_path / "row.csv", "--scene", tmp_path / "mine.toml")
-    assert "score -" in text
-    assert "on 'mine', below zero for a wave that dies" in text
-    assert "%" not in text.splitlines()[-1]  # no speed, no gain
-
-
 def test_broken_rules_are_told_instead_of_a_score(capsys, row: Path, tmp_path: Path) -> None:
     text = said(capsys, "simulate", row, "--scene", "sprint", "--push", 9)
     assert "not a layout of scene 'sprint': 5 dominoes stand where the scene asks for 40" in text
     assert "not a layout of scene 'sprint': friction, gravity or push differ" in text
     assert "score" not in text
-
-
-def test_millimetres_taken_for_metres_are_noticed(capsys, tmp_path: Path) -> None:
-    (tmp_path / "row.csv").write_text("spacing,thickness\n18,7.5\n,7.5\n")
-    assert main(["simulate", str(tmp_path / "row.csv")]) == 0
-    said = capsys.readouterr()
-    assert "OUT_OF_REACH" in said.out
-    assert said.err.startswith(f"domino: {tmp_path / 'row.csv'}: a domino is 7.5 m thick, and the")
-    assert said.err.count("\n") == 1
 
 
 def test_the_table_for_other_programs(capsys, row: Path, tmp_path: Path) -> None:
@@ -211,14 +173,6 @@ def test_an_interruption_is_one_whatever_a_library_makes_of_it(
     assert capsys.readouterr().err.startswith("domino: interrupted" if becomes else "")
 
 
-def test_a_console_that_knows_few_signs_gets_all_the_rest(row: Path) -> None:
-    command = [sys.executable, "-m", "domino_env", "simulate", str(row)]
-    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
-    done = subprocess.run(command, capture_output=True, check=False, env=environment)
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert b"gravity 9.81 m/s?, push 8 rad/s" in done.stdout
-
-
 def test_a_disk_that_is_full_is_named_by_the_file_asked_for(
     capsys, monkeypatch, row: Path, tmp_path: Path
 ) -> None:
@@ -229,13 +183,6 @@ def test_a_disk_that_is_full_is_named_by_the_file_asked_for(
     table = tmp_path / "table.csv"
     assert main(["simulate", str(row), "--csv", str(table)]) == 2
     assert capsys.readouterr().err == f"domino: No space left on device: '{table}'\n"
-
-
-def test_wrong_usage_ends_with_status_2(capsys) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["simulate", "row.csv", "--frictoin", "1"])
-    assert ended.value.code == 2
-    assert "unrecognized arguments" in capsys.readouterr().err
 
 
 def test_the_program_itself(row: Path) -> None:

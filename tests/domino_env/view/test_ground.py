@@ -1,15 +1,12 @@
 """Rows over ground that is not flat, in all that draws them."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hilly_rows import hilly_row
-from PIL import Image
 
 import domino_env as de
-from domino_env.cli.main import main
 from domino_env.physics.motion import Motion, lean_behind, outlines
 from domino_env.view.animation import Runner, frames
 from domino_env.view.drawing import PAPER, Scale, strip
@@ -87,11 +84,6 @@ def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
     assert flat[2:] == pytest.approx(hardly[2:], rel=1e-6)
 
 
-def test_a_row_says_how_its_ground_slopes() -> None:
-    assert repr(de.Layout.uniform(5, pitch=0.02, slope=np.radians(-4.0))).endswith("sloping -4°)")
-    assert "48 mm high, ground sloping -6.875 to 6.875°)" in repr(wheel())
-
-
 def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
     html = ROW._repr_html_()
     line, *dominoes = (
@@ -115,23 +107,8 @@ def test_energy_over_hills_is_kept_but_for_hits() -> None:
     account = energies(Motion(ROW, hilly.physics))
     smooth = de.simulate(ROW, de.Physics(0.0, push=14.0))
     given = energies(Motion(ROW, smooth.physics))
-    # found in quite another way where there is friction: as what jumps beyond its rate
     assert given.flushes[-1] > 1e-3 * given.released[-1]
     assert account.flushes[-1] == pytest.approx(given.flushes[-1], rel=0.05)
-
-
-def test_every_command_that_shows_a_row_knows_hills(tmp_path: Path) -> None:
-    row, page = tmp_path / "hills.csv", tmp_path / "page.html"
-    ROW.to_csv(row)
-    gif, png, pdf, wav = (str(tmp_path / f"hills.{end}") for end in ("gif", "png", "pdf", "wav"))
-    assert main(["render", str(row), "--gif", gif, "--rate", "2", "--width", "300"]) == 0
-    assert main(["render", str(row), "--png", png, "--moments", "2", "--width", "300"]) == 0
-    with Image.open(png) as picture:
-        assert (picture.width, picture.height) >= (300, 2 * 100)
-    assert main(["report", str(row), "--html", str(page)]) == 0
-    assert main(["template", str(row), "--pdf", pdf]) == 0
-    assert main(["click", str(row), "--wav", wav]) == 0
-    assert '"tilt":' in page.read_text("utf-8")
 
 
 def test_ahead_of_a_row_that_is_being_built_the_ground_goes_on() -> None:

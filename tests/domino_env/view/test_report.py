@@ -5,7 +5,6 @@ import json
 import shutil
 import time
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +25,6 @@ ROWS = [
 ]
 
 
-def test_energy_is_kept_without_friction_but_for_hits() -> None:
-    wave = de.simulate(de.Layout.uniform(12, pitch=0.024), de.Physics(friction=0.0, push=8.0))
-    energy = energies(Motion(wave.layout, wave.physics))
-    given = energy.released.max()
-    assert np.abs(energy.flushes).max() < 1e-4 * given
-    assert np.all(energy.friction == 0.0)
-    assert np.all(np.diff(energy.hits) >= 0.0)
-
-
 def test_energy_books_balance_and_a_little_friction_takes_a_little() -> None:
     layout = de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008)
     smooth, hardly, rough = (
@@ -46,7 +36,7 @@ def test_energy_books_balance_and_a_little_friction_takes_a_little() -> None:
         np.testing.assert_allclose(one.pushed + one.released, spent, rtol=1e-12)
     given = smooth.released[-1]
     assert smooth.flushes[-1] > 0.02 * given  # a row that has some to lose
-    # found in quite another way where there is friction: as what jumps beyond its rate
+    # found in another way where there is friction: from the recorded face impacts
     assert hardly.flushes[-1] == pytest.approx(smooth.flushes[-1], rel=0.02)
     assert hardly.hits[-1] == pytest.approx(smooth.hits[-1], rel=0.005)
     assert 0.0 < hardly.friction[-1] < 0.01 * given < rough.friction[-1]
@@ -81,23 +71,6 @@ def test_headline_follows_the_score_where_speed_is_not_what_counts() -> None:
     assert "breaks a limit" in headline([judged[0], broken])["why"]
 
 
-def test_page_of_a_hundred_dominoes_is_small(tmp_path: Path) -> None:
-    layout = de.Layout(np.random.default_rng(0).uniform(0.01, 0.02, 99), 0.0075)
-    rows = tuple(Racer(str(k), de.simulate(layout, PHYSICS)) for k in range(3))
-    assert write_report(rows, "</script><b>&", tmp_path / "page.html") < 2_000_000
-    text = (tmp_path / "page.html").read_text("utf-8")
-    assert "<title>&lt;/script&gt;" in text
-    assert "src=" not in text.replace("{{", "")
-
-
-def test_row_that_dies_and_names_that_break_scripts(tmp_path: Path) -> None:
-    dead = Racer("</script>", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
-    write_report([dead], "t", tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text("utf-8")
-    inside = text.split('id="data">')[1].split("</script>")[0]
-    assert json.loads(inside)["rows"][0]["arrivals"][-1] is None
-
-
 def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
     scene = de.load_scene("sprint")
     run = tmp_path / "one"
@@ -126,30 +99,6 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
         read_racers([run, other / "layout.csv"])
     with pytest.raises(ValueError, match="nothing to race"):
         race_data([])
-
-
-def test_every_look_at_the_leader_is_one() -> None:
-    """Those at the hits as well: leans grow from one look to the next."""
-    for row in race_data(ROWS)["rows"]:
-        for fall in row["falls"]:
-            assert (np.diff(fall) > 0.0).all()
-
-
-def test_kinetic_energies_are_averaged_over_each_fall() -> None:
-    rows = race_data(ROWS)["rows"]
-    for row in rows:
-        middles, means = row["kinetic"]
-        ends = [*row["arrivals"], row["energy"]["time"][-1]]
-        falls = [(a, b) for a, b in pairwise(ends) if b > a]
-        assert len(middles) == len(falls) >= 18
-        for (a, b), middle, mean in zip(falls, middles, means, strict=True):
-            assert a < middle < b
-            inside = [
-                e
-                for t, e in zip(row["energy"]["time"], row["energy"]["kinetic"], strict=True)
-                if a < t < b
-            ]
-            assert min(inside) <= mean <= max(inside)
 
 
 def test_rows_are_called_after_what_made_them_and_bring_their_curves(tmp_path: Path) -> None:
@@ -206,23 +155,16 @@ def test_page_loads_in_silence_and_asks_nobody(browser) -> None:
     assert len(browser.find_elements("css selector", ".uplot canvas")) == 6
 
 
-def test_dominoes_lean_on_the_page_as_in_the_model(browser) -> None:
-    for k, one in enumerate(ROWS):
+def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path: Path) -> None:
+    first = browser.current_url
+    racers = [*ROWS, Racer("hills", de.simulate(hilly_row(3, 14), de.Physics(push=14.0)))]
+    write_report(racers, "test", tmp_path / "page.html")
+    browser.get((tmp_path / "page.html").as_uri())
+    for k, one in enumerate(racers):
         motion = Motion(one.wave.layout, one.wave.physics)
         for t in np.linspace(0.0, motion.end, 23):
             page = browser.execute_script(f"return race.leans(race.rows[{k}], {float(t)!r})")
             np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
-
-
-def test_dominoes_stand_and_lean_on_hills_as_in_the_model(browser, tmp_path: Path) -> None:
-    first = browser.current_url
-    row = hilly_row(3, 14)
-    wave, motion = de.simulate(row, de.Physics(push=14.0)), Motion(row, de.Physics(push=14.0))
-    write_report([Racer("hills", wave)], "test", tmp_path / "page.html")
-    browser.get((tmp_path / "page.html").as_uri())
-    for t in np.linspace(0.0, motion.end, 23):
-        page = browser.execute_script(f"return race.leans(race.rows[0], {float(t)!r})")
-        np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
     assert browser.get_log("browser") == []
     browser.get(first)
 
@@ -268,23 +210,6 @@ def test_page_fits_a_phone_and_follows_the_front(browser) -> None:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
-def test_page_goes_dark_and_prints_light(browser) -> None:
-    def paper() -> str:
-        style = "return getComputedStyle(document.body).backgroundColor"
-        return browser.execute_script(style)
-
-    dark = [{"name": "prefers-color-scheme", "value": "dark"}]
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": dark})
-    try:
-        assert paper() != "rgb(255, 255, 255)"
-        browser.execute_script("window.dispatchEvent(new Event('beforeprint'))")
-        assert paper() == "rgb(255, 255, 255)"
-        browser.execute_script("window.dispatchEvent(new Event('afterprint'))")
-        assert paper() != "rgb(255, 255, 255)"
-    finally:
-        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
-
-
 def test_numbers_can_be_read_instead_of_seen(browser) -> None:
     browser.execute_script("document.getElementById('numbers').open = true")
     time.sleep(0.1)
@@ -293,19 +218,6 @@ def test_numbers_can_be_read_instead_of_seen(browser) -> None:
     assert lines[3].text.split()[1] == f"{ROWS[0].wave.layout.spacing[3] * 1e3:.2f}"
     for chart in browser.find_elements("css selector", "figure > div[role=img]"):
         assert ": from " in chart.get_attribute("aria-label")
-
-
-def test_swatches_are_pieces_of_their_lines(browser) -> None:
-    markers = browser.find_elements("css selector", "#gaps .u-marker")
-    drawn = [marker.value_of_css_property("background-image") for marker in markers]
-    assert len(set(drawn[-2:])) == 2
-    assert "stroke-dasharray%3D%22%22" in drawn[-2]  # unbroken
-    assert "stroke-dasharray%3D%227%204%22" in drawn[-1]
-
-
-def test_nothing_is_said_of_flushes_that_were_not(browser) -> None:
-    notes = [note.text for note in browser.find_elements("css selector", "#notes li")]
-    assert ["flush" in note for note in notes] == [one.wave.flushes > 0 for one in ROWS]
 
 
 def test_pointing_at_a_domino_tells_its_numbers(browser) -> None:

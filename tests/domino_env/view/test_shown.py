@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import pydoc
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -74,15 +70,3 @@ def test_figures_are_drawn_when_asked(shown, name: str) -> None:
     figure = shown[name].plot()
     assert isinstance(figure, Figure)
     assert figure._repr_png_().startswith(b"\x89PNG")
-
-
-def test_looking_at_a_row_loads_no_matplotlib() -> None:
-    script = (
-        "import sys, domino_env as de; layout = de.Layout.uniform(3, pitch=0.02); "
-        "repr(layout), layout._repr_html_(); assert 'matplotlib' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", script], check=True)
-
-
-def test_help_knows_an_environment_after_the_import() -> None:
-    assert "## Action space" in pydoc.render_doc("domino_env.DominoChain")

@@ -52,13 +52,6 @@ def test_strips_of_a_sheet_do_not_touch_and_a_page_says_what_to_do(tmp_path: Pat
     assert len(strips(de.Layout(LAYOUT.spacing, 0.0075, width=0.1))) == len(plan)
 
 
-def test_same_row_gives_same_file(tmp_path: Path) -> None:
-    files = [tmp_path / "a.pdf", tmp_path / "b.pdf"]
-    for file in files:
-        assert write_template(LAYOUT, file) == strips(LAYOUT)[-1].sheet
-    assert files[0].read_bytes() == files[1].read_bytes()
-
-
 def test_unknown_paper_and_giants_are_refused() -> None:
     with pytest.raises(ValueError, match="known are a4, letter"):
         strips(LAYOUT, "b5")
