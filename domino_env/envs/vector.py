@@ -607,7 +607,7 @@ def _new_batch(
     size = 2  # a power of two that holds the chain, or as much of it as is felt
     while size < longest + 1 and size < LARGEST_RING:
         size *= 2
-    link = kernels.LINK if scene.ground is None else kernels.HILL_LINK
+    link = kernels.LINK if scene.ground is None else kernels.UNEVEN_LINK
     batch = kernels.Batch(
         rules=np.zeros(1 if sampled is None else num_envs, kernels.RULES),
         parts=layout.starts,

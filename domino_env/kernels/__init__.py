@@ -22,7 +22,7 @@ in that angle, so a fall, a flush and a hit are affine maps of u, and nothing is
     step        one step of the environments
     records, tape    what is kept of a chain
     adjoint     the same, backwards
-    ground      what differs over ground that is not flat
+    ground      dominoes placed along curved ground
     jit         how all of it is compiled and cached
 
 This face offers what Python calls, and only that.
@@ -43,7 +43,6 @@ from domino_env.kernels.slots import (
     ARRIVAL,
     EVENT,
     FALL,
-    HILL_LINK,
     JAMMED,
     LINK,
     NO_RIGID_ANSWER,
@@ -54,8 +53,8 @@ from domino_env.kernels.slots import (
     STALLED,
     STATE,
     SUMMARY,
+    UNEVEN_LINK,
     Curve,
-    HillRow,
     Row,
     Summary,
 )
@@ -82,7 +81,6 @@ __all__ = [
     "EVENT",
     "FALL",
     "FRONT_LIMIT",
-    "HILL_LINK",
     "JAMMED",
     "LEAD_LIMIT",
     "LINK",
@@ -100,11 +98,11 @@ __all__ = [
     "STALLED",
     "STATE",
     "SUMMARY",
+    "UNEVEN_LINK",
     "WHOLE",
     "Batch",
     "Curve",
     "HillBatch",
-    "HillRow",
     "Row",
     "Summary",
     "aim_batch",

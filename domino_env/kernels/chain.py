@@ -12,7 +12,7 @@ from domino_env.kernels.jit import (
     internal,
     keep_alive,
     noinline,
-    overloaded,
+    select,
 )
 from domino_env.kernels.links import join, new_ring
 from domino_env.kernels.records import blank, record, summarise
@@ -116,7 +116,6 @@ def solve(row, mu, gravity, push, rtol, lanes, ring, state, deep, arrivals, tape
     return result
 
 
-@overloaded
 @always_inline
 def row_of(rows, b):
     """Row b of a batch; where all have the same height or density, it stands there once."""
@@ -125,6 +124,8 @@ def row_of(rows, b):
         rows.thickness[b],
         rows.height[b if len(rows.height) > 1 else 0],
         rows.density[b if len(rows.density) > 1 else 0],
+        select(rows.rise, b),
+        select(rows.tilt, b),
     )
 
 

@@ -13,7 +13,7 @@ from domino_env.kernels.interval import (
     compose,
     ride,
 )
-from domino_env.kernels.jit import always_inline, internal, noinline, overloaded
+from domino_env.kernels.jit import always_inline, internal, leaf, noinline
 from domino_env.kernels.links import can_flush
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.slots import (
@@ -23,6 +23,8 @@ from domino_env.kernels.slots import (
     PROPAGATED,
     STALLED,
     SUM_M,
+    rise_of,
+    turn_of,
 )
 from domino_env.kernels.stack import TO_HIT, TO_SWITCH, UNWATCHED, spread, sweep
 from domino_env.kernels.switch import switch, switch_angle, switch_guess
@@ -133,36 +135,35 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
     return PROPAGATED
 
 
-@overloaded
-@always_inline
+@leaf
 def hit_ratio(leader):
     """Ω of the leader at the instant at which it hits the next: how its J continues."""
-    return 1.0
+    return 1.0 - rise_of(leader) / math.sqrt(leader.rest * (1.0 + leader.s_l))
 
 
-@overloaded
 @always_inline
 def hit(leader, struck, mu, state):
-    """The leader, at its hitting angle, strikes the next: Chapman, eqs. 8-9, with friction."""
+    """The leader, at its hitting angle, strikes the next: Chapman, eqs. 8-9, with friction.
+
+    It turns on Ω_n times as fast as the next.
+    """
     s_l, d_l = leader.s_l, leader.d_l
     cd = math.sqrt(leader.rest * (1.0 + s_l))
-    m = state.m_end * (cd - mu * d_l) / (cd + mu * s_l)
+    m = state.m_end * (cd - rise_of(leader) - mu * d_l) / (cd + mu * s_l)
     if not m > 0.0:
         return JAMMED
-    keep = m / (m + struck.inertia)
-    slow_down(state, keep)
+    slow_down(state, m / (m * hit_ratio(leader) + struck.inertia))
     state.u_error += (4.0 * EPS + 2.0 * state.cut) * state.u
     state.u_round += 4.0 * EPS * state.u
     return PROPAGATED
 
 
-@overloaded
 @always_inline
 def fall_angle(leader, strikes):
     """Angle at which the leader hits the next, or, where there is none in reach, tips over."""
     if strikes:
         s_l = leader.s_l
-        return math.atan2(s_l, math.sqrt(leader.rest * (1.0 + s_l)))
+        return math.atan2(s_l, math.sqrt(leader.rest * (1.0 + s_l))) - turn_of(leader)
     return math.atan(leader.slender)
 
 

@@ -8,8 +8,8 @@ from domino_env.kernels.chain import ring_size
 from domino_env.kernels.contact import link_at, pose
 from domino_env.kernels.fall import close_fall, fall, fall_angle, hit_ratio
 from domino_env.kernels.front import begin_fall, lengthen_tail, open_chain, place
-from domino_env.kernels.jit import always_inline, entry_point, internal, keep_alive, overloaded
-from domino_env.kernels.links import new_ring, past_flush
+from domino_env.kernels.jit import always_inline, entry_point, internal, keep_alive
+from domino_env.kernels.links import at_or_zero, new_ring, past_flush
 from domino_env.kernels.slots import (
     CORNER,
     EVENT,
@@ -21,6 +21,7 @@ from domino_env.kernels.slots import (
     TIP,
     TOGETHER,
     record_type,
+    rise_of,
 )
 
 DEEPEST = 400  # dominoes behind the leader whose forces are followed
@@ -48,43 +49,42 @@ GEOMETRY = record_type(  # of each domino at one instant
 )
 
 
-@overloaded
 @always_inline
 def upright(row, i, s, c):
-    """sin and cos of the lean of domino i from the vertical; over hills it stands at a slope."""
-    return s, c
+    """sin and cos of the lean of domino i from the vertical."""
+    sine, cosine = math.sin(at_or_zero(row.tilt, i)), math.cos(at_or_zero(row.tilt, i))
+    return s * cosine + c * sine, c * cosine - s * sine
 
 
-@overloaded
 @always_inline
 def to_ground(row, i, x, z):
     """A force along the ground under domino i, and upright to it."""
-    return x, z
+    sine, cosine = math.sin(at_or_zero(row.tilt, i)), math.cos(at_or_zero(row.tilt, i))
+    return x * cosine - z * sine, x * sine + z * cosine
 
 
-@overloaded
 @always_inline
 def mass_of(row, domino, i):
     """Mass of domino i, per unit of width."""
-    return 2.0 * domino.half_weight / row.height[i]
+    s, c = upright(row, i, 0.0, 1.0)
+    return 2.0 * domino.half_weight / (row.height[i] * c + row.thickness[i] * s)
 
 
-@overloaded
 @always_inline
 def tip_ratio(link, s, v):
     """Ω of a tip whose faces are flush."""
-    return 1.0 - link.p_l * s
+    return 1.0 - link.p_l * s - rise_of(link) * (1.0 - v)
 
 
-@overloaded
 @always_inline
 def arm_behind(link, s, v, mu):
     """A over the height of the domino behind."""
+    e = rise_of(link)
     if link.contact == TIP:
-        sd = link.s_l - link.p_l * v
-        cd = math.sqrt(max((1.0 + sd) * (link.rest + link.p_l * v), TINY))
-        return cd + mu * sd
-    return math.sqrt(link.s_l**2 + 2.0 * link.p_l * link.d_l * v)
+        lost = link.p_l * v + e * s
+        sd = link.s_l - lost
+        return math.sqrt(max((1.0 + sd) * (link.rest + lost), TINY)) + mu * sd
+    return math.sqrt(link.s_l**2 + 2.0 * link.p_l * link.d_l * v + e * (e + 2.0 * link.d_l * s))
 
 
 @internal

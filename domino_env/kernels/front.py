@@ -2,9 +2,9 @@
 
 import math
 
-from domino_env.kernels.jit import always_inline, internal, overloaded
+from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.links import join, most_passed_on, stand
-from domino_env.kernels.slots import EPS
+from domino_env.kernels.slots import EPS, is_uneven
 
 
 @always_inline
@@ -55,11 +55,14 @@ def lengthen_tail(ring, mask, n):
         ring[n & mask].tail = ring[n & mask].inertia + most_passed_on(behind) * behind.tail
 
 
-@overloaded
 @always_inline
 def grain(leader, mu, depth):
-    """By how many roundings of a leader's torque an interval may be off."""
-    return 8.0
+    """By how many roundings of a leader's torque an interval may be off.
+
+    Without friction u is a difference of energies.  On uneven ground a lean is not small where a
+    gap is, and each link passes its rounding to all behind it.
+    """
+    return 8.0 + 8.0 * depth if is_uneven(leader) and mu == 0.0 else 8.0
 
 
 @always_inline

@@ -14,8 +14,8 @@ in units of L_i, which the names p_l, s_l, d_l recall):
 1 - cos θ stands in for cos θ throughout: with it no difference of nearly equal numbers is left
 when gaps are tiny or nearly out of reach.
 
-Over hills θ counts from each domino's own stand, and what a link is made of is seen upright from
-the stand of i+1:
+On uneven ground θ counts from each domino's own stand, and what a link is made of is seen upright
+from the stand of i+1:
 
     e_i        how much higher pivot i+1 is than pivot i, upright to the ground under i+1
     β_i        slope of the ground under i less that under i+1: θ_i counts from β_i in that view
@@ -25,6 +25,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
+
+from domino_env.kernels.jit import has_field, optional_field
 
 
 def record_type(
@@ -72,14 +74,19 @@ LINK = record_type(
     contact=int,
     noted=int,  # 1 if the tape knows that the link turned corner
 )
-HILL_LINK = record_type(  # of rows over hills; half_weight and slender are then those to the slope
+UNEVEN_LINK = record_type(  # on uneven ground; half_weight and slender are then those to the slope
     LINK,
     rise_l=float,  # e of the link, seen upright from the stand of i+1
-    pace=float,  # dΔ/d(1 - cos θ_{i+1}) where it goes flush
+    pace=float,  # dΔ/d(1 - cos θ_{i+1}) where it goes flush, beyond p
     turn=float,  # β, its sine and 1 - cosine
     turn_s=float,
     turn_v=float,
 )
+
+
+rise_of, pace_of, turn_of = (optional_field(name) for name in ("rise_l", "pace", "turn"))
+turn_s_of, turn_v_of = (optional_field(name) for name in ("turn_s", "turn_v"))
+is_uneven = has_field("rise_l")
 
 
 class Shape(NamedTuple):
@@ -89,18 +96,10 @@ class Shape(NamedTuple):
     s_l: float
     rest: float
     d_l: float
-
-
-class HillShape(NamedTuple):
-    """The same over hills."""
-
-    p_l: float
-    s_l: float
-    rest: float
-    d_l: float
     rise_l: float
     turn_s: float
     turn_v: float
+    uneven: bool
 
 
 # --- The state of a chain between two falls -------------------------------------------------------
@@ -196,12 +195,17 @@ TOGETHER = 1e-9  # links flush within this Δ [rad] switch in one impact
 
 
 class Row(NamedTuple):
-    """What a chain of N dominoes is made of [m, kg/m³]."""
+    """What a chain of N dominoes is made of; many chains have one more axis in front.
 
-    spacing: NDArray[np.float64]
-    thickness: NDArray[np.float64]
-    height: NDArray[np.float64]
-    density: NDArray[np.float64]
+    On flat ground rise and tilt are None.
+    """
+
+    spacing: NDArray[np.float64]  # (N-1,) [m]
+    thickness: NDArray[np.float64]  # (N,) [m]
+    height: NDArray[np.float64]  # (N,) [m]
+    density: NDArray[np.float64]  # (N,) [kg/m³]
+    rise: NDArray[np.float64] | None = None  # (N-1,) of the next pivot over this one [m]
+    tilt: NDArray[np.float64] | None = None  # (N,) slope under each domino, positive downhill [rad]
 
 
 class Curve(NamedTuple):
@@ -213,14 +217,3 @@ class Curve(NamedTuple):
     knots: NDArray[np.float64]  # (K,)
     starts: NDArray[np.float64]  # (K+1,)
     pieces: NDArray[np.float64]  # (K+1, 4)
-
-
-class HillRow(NamedTuple):
-    """The same over hills [rad]: next pivot over this one, and the slope under each domino."""
-
-    spacing: NDArray[np.float64]
-    thickness: NDArray[np.float64]
-    height: NDArray[np.float64]
-    density: NDArray[np.float64]
-    rise: NDArray[np.float64]
-    tilt: NDArray[np.float64]

@@ -3,31 +3,33 @@
 from domino_env.kernels.fall import close_fall, fall, fall_angle
 from domino_env.kernels.front import begin_fall
 from domino_env.kernels.interval import CREEP, DEAD, FINE, ROUGH, affine_map, ride
-from domino_env.kernels.jit import always_inline, internal, noinline, overloaded
+from domino_env.kernels.jit import always_inline, internal, noinline
+from domino_env.kernels.links import at_or_zero, step_of
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import record
-from domino_env.kernels.slots import JAC, MAP_U, PROPAGATED, STALLED, WGT
+from domino_env.kernels.slots import JAC, MAP_U, PROPAGATED, STALLED, WGT, is_uneven
 from domino_env.kernels.stack import lead, lean, lean_free, spread, tail_size
 from domino_env.kernels.tape import note_hit, note_ride
 
 
-@overloaded
 @internal
 def is_uniform(row):
-    """Whether one stack serves every fall: all parts equal, and no link ever switches."""
-    return equal_parts(row.spacing, row.thickness, row.height, row.density)
+    """Whether one stack serves every fall: all parts equal, and no link ever switches.
 
-
-@internal
-def equal_parts(spacing, thickness, height, density):
-    """`is_uniform` on flat ground."""
+    The ground is flat or an even slope.
+    """
+    spacing, thickness, height, density = row.spacing, row.thickness, row.height, row.density
     s, d, length = spacing[0], thickness[0], height[0]
-    if s * (s + 2.0 * d) > length * length or s >= length:
+    if s * (s + 2.0 * d) > length * length or s >= length or step_of(row, 0, 1) != 0.0:
         return False
     for i in range(1, len(thickness)):
         if thickness[i] != d or height[i] != length or density[i] != density[0]:
             return False
         if i < len(spacing) and spacing[i] != s:
+            return False
+        if at_or_zero(row.tilt, i) != at_or_zero(row.tilt, 0):
+            return False
+        if at_or_zero(row.rise, i - 1) != at_or_zero(row.rise, 0):
             return False
     return True
 
@@ -49,11 +51,10 @@ def uniform_order(lanes, domino, count, b, mu, gravity, tol):
     return -1
 
 
-@overloaded
 @always_inline
 def finer_rule(domino, k, missed):
     """The rule after one that did not resolve the time, for so many falls on end."""
-    return k
+    return min(k + 1, len(ORDERS) - 1) if is_uneven(domino) and missed > 1 else k
 
 
 @noinline

@@ -13,7 +13,7 @@ from domino_env.core.results import brief
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.rows import Row, bars_of, row_of
+from domino_env.physics.rows import bars_of, row_of
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +40,12 @@ class Gradient:
         [s²/m]
     push
         [s/rad]
+    rise
+        (N-1,) [1/m]; the next pivot rises with all after it, and the gaps stay. None on flat
+        ground.
+    tilt
+        (N,) [1/rad]; the ground under one domino turns about its pivot, and the gaps stay. None on
+        flat ground.
 
     Notes
     -----
@@ -55,35 +61,19 @@ class Gradient:
     friction: float | Floats
     gravity: float | Floats
     push: float | Floats
+    rise: Floats | None = None
+    tilt: Floats | None = None
     __repr__ = brief
 
     def scaled(self, factor: float) -> Gradient:
         """Return the gradient of `factor` times the number."""
-        return type(self)(*(getattr(self, part.name) * factor for part in fields(self)))
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        return replace(self, **{k: x * factor for k, x in parts.items() if x is not None})
 
 
-@dataclass(frozen=True, eq=False)
-class HillGradient(Gradient):
-    """Derivatives over hills: the ground has some too.
-
-    Attributes
-    ----------
-    rise
-        (N-1,) [1/m]; the next pivot rises with all after it, and the gaps stay.
-    tilt
-        (N,) [1/rad]; the ground under one domino turns about its pivot, and the gaps stay.
-    """
-
-    rise: Floats
-    tilt: Floats
-
-    __repr__ = brief
-
-
-def gradient_of(bars: Row, friction: Any, gravity: Any, push: Any) -> Gradient:
+def gradient_of(bars: kernels.Row, friction: Any, gravity: Any, push: Any) -> Gradient:
     """Return the gradient that the kernels wrote, of one row or of many."""
-    parts = *bars[:4], friction, gravity, push
-    return HillGradient(*parts, *bars[4:]) if len(bars) > 4 else Gradient(*parts)
+    return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
 
 Tape = NDArray[np.record]
@@ -155,24 +145,28 @@ class Laid(Protocol):
         """(…, N) [rad]."""
 
 
-def longer_over_hills(found: HillGradient, row: Laid, weight: float | Floats) -> HillGradient:
-    """Return a gradient and `weight` times that of the length, over hills.
+def longer(found: Gradient, row: Laid, weight: float | Floats) -> Gradient:
+    """Return a gradient plus `weight` times that of the length.
 
     Parameters
     ----------
     found
-        The gradient, of a row over hills or of many.
+        The gradient, of a row or of many.
     row
         The row, or these.
     weight
         Of the length; of many rows (B, 1).
     """
+    thickness = found.thickness.copy()
+    if found.rise is None or found.tilt is None:
+        thickness[..., 1:] += weight
+        return replace(found, spacing=found.spacing + weight, thickness=thickness)
     told = row.spacing, row.thickness, row.rise, row.tilt
     ahead, pitch = row.tilt[..., 1:], row.spacing + row.thickness[..., 1:]
     step, whole = footing.steps(*told), footing.pitches(*told)
     share, up = weight * pitch / whole, weight * step / whole
     tan, sec = np.tan(ahead), 1.0 / np.cos(ahead)
-    thickness, tilt = found.thickness.copy(), found.tilt.copy()
+    tilt = found.tilt.copy()
     thickness[..., 1:] += share + up * tan
     tilt[..., 1:] += up * (pitch * sec + row.rise * tan) * sec
     return replace(

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env import kernels
 from domino_env.core.models import Number, Value
 from domino_env.core.threads import share_pieces
-from domino_env.physics.gradient import Gradient, HillGradient, Laid
+from domino_env.physics.gradient import Gradient, Laid
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 
@@ -211,7 +211,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         row
             That row as it was laid, or those.
         """
-        if not isinstance(found, HillGradient):
+        if found.rise is None or found.tilt is None:
             return found  # on flat ground nothing changes
         spacing, thickness = found.spacing.copy(), found.thickness.copy()
         if self.slope is not None:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env import kernels
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_row
-from domino_env.physics.rows import Row, row_of
+from domino_env.physics.rows import row_of
 from domino_env.physics.standard import DENSITY, HEIGHT
 from domino_env.physics.wave import Outcome
 
@@ -113,14 +113,11 @@ def steady_wave(
     if np.any(gaps >= tall):
         j = int(np.argmax(gaps >= tall))
         return _none(f"gap {j} of the pattern, {gaps[j]} m, is out of reach", scalar, len(thick))
-    pattern: Row = kernels.Row(gaps, thick, tall, rho)
-    if slope != 0.0:
-        tilt = np.full(len(thick), float(slope))
-        pattern = kernels.HillRow(gaps, thick, tall, rho, rise, tilt)
-    return _fixed_point(pattern, physics, rtol, scalar)
+    ground = (rise, np.full(len(thick), float(slope))) if slope != 0.0 else ()
+    return _fixed_point(kernels.Row(gaps, thick, tall, rho, *ground), physics, rtol, scalar)
 
 
-def _fixed_point(pattern: Row, physics: Physics, rtol: float, scalar: bool) -> SteadyWave:
+def _fixed_point(pattern: kernels.Row, physics: Physics, rtol: float, scalar: bool) -> SteadyWave:
     gaps, thick = pattern.spacing, pattern.thickness
     falls = np.zeros(len(thick), kernels.FALL)
     ring_rows = 512

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,15 +16,14 @@ from domino_env.core.threads import share_pieces
 from domino_env.physics import footing
 from domino_env.physics.gradient import (
     Gradient,
-    HillGradient,
     gradient_of,
-    longer_over_hills,
+    longer,
     pull,
     room_for,
 )
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_row
-from domino_env.physics.rows import Row, bars_of, batch_of
+from domino_env.physics.rows import bars_of, batch_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -202,11 +201,7 @@ class Wave:
             raise ValueError(f"there is no speed to differentiate: {self.explanation}")
         bar[-1] = -self.mean_speed / total
         found = self.pullback(bar)
-        if isinstance(found, HillGradient):
-            return longer_over_hills(found, self.layout, 1.0 / total)
-        spacing, thickness = found.spacing + 1.0 / total, found.thickness.copy()
-        thickness[1:] += 1.0 / total  # the way from the first pivot to the last grows too
-        return replace(found, spacing=spacing, thickness=thickness)
+        return longer(found, self.layout, 1.0 / total)  # the way from first pivot to last grows too
 
     @property
     def mean_speed(self) -> float:
@@ -431,10 +426,10 @@ def simulate_batch(
         )
     total = summaries["total_time"]
     # summed as Layout.length sums it, so that speeds agree to the last bit
-    if isinstance(rows, kernels.HillRow):
-        pitches = footing.pitches(rows.spacing, rows.thickness, rows.rise, rows.tilt)
-    else:
+    if rows.rise is None or rows.tilt is None:
         pitches = rows.spacing + rows.thickness[:, 1:]
+    else:
+        pitches = footing.pitches(rows.spacing, rows.thickness, rows.rise, rows.tilt)
     way = np.cumsum(pitches, axis=1)[:, -1] if count > 1 else np.zeros(number)
     speed = np.where(np.isfinite(total) & (total > 0.0), way / np.maximum(total, 1e-300), 0.0)
     empty = np.empty((number, 0))
@@ -477,7 +472,7 @@ def _checked_batch(
     density: ArrayLike,
     rise: ArrayLike,
     tilt: ArrayLike,
-) -> Row:
+) -> kernels.Row:
     """The arrays of a batch as the kernels take them; all that cannot stand is refused."""
     s = np.ascontiguousarray(spacing, dtype=np.float64)
     if s.ndim != 2:
@@ -508,7 +503,7 @@ def _checked_batch(
         if found := footing.trouble(s, d, length, e, slope):
             raise ValueError(f"layout {found[0][0]}: {found[1]}")
         arrays = (np.ascontiguousarray(a) for a in (s, d, length, rho, e, slope))
-        return kernels.HillRow(*(_read_only(array) for array in arrays))
+        return kernels.Row(*(_read_only(array) for array in arrays))
     if np.any(length[:, 1:] != length[:, :-1]) and count > 1:
         tall, short = length[:, :-1], length[:, 1:]
         low = (s >= tall) | (tall**2 - s**2 <= short**2 * (1.0 + 1e-12))

@@ -13,8 +13,10 @@ from domino_env.kernels.adjoint.slots import (
     PART_HALF,
     PART_INERTIA,
     PART_PITCH,
+    PART_RISE,
     PART_SLENDER,
     PART_THICK,
+    PART_TURN,
     PARTS,
 )
 from domino_env.kernels.adjoint.stack import mass_back
@@ -22,8 +24,8 @@ from domino_env.kernels.adjoint.switch import flush_back, hit_back, switch_back
 from domino_env.kernels.adjoint.uniform import SHARED, fall_back, forget, room_for_table
 from domino_env.kernels.chain import ring_size, row_of, solve
 from domino_env.kernels.fall import fall_angle
-from domino_env.kernels.jit import entry_point, internal, keep_alive, noinline, overloaded
-from domino_env.kernels.links import join, new_ring, stand
+from domino_env.kernels.jit import entry_point, internal, keep_alive, noinline
+from domino_env.kernels.links import at_or_zero, join, new_ring, stand
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 from domino_env.kernels.slots import (
@@ -39,6 +41,8 @@ from domino_env.kernels.slots import (
     STATE,
     SWITCH,
     TIP,
+    is_uneven,
+    turn_of,
 )
 from domino_env.kernels.uniform import is_uniform
 
@@ -69,7 +73,7 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
             struck, low = tape[edge_row].leader, tape[edge_row].low
             b = fall_angle(ring[struck], True)
             x_bar = mass_back(lanes, bars, trail, ring, struck, low, b, m_bar, mu, parts, whole)
-            hit_angle_back(ring[struck], math.cos(b), x_bar, parts[struck])
+            hit_angle_back(ring[struck], math.cos(b + turn_of(ring[struck])), x_bar, parts[struck])
             m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
         if kind == FLIP:
             ring[n].contact = TIP
@@ -117,16 +121,38 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
     return u_bar
 
 
-@overloaded
+@internal
+def stands_back(row, ring, parts, bar, tilt):
+    """From the bars of bodies on their slopes to those of the slopes and of upright bodies."""
+    if tilt is None:
+        return
+    count = len(tilt)
+    bar.tilt[:] = 0.0
+    for i in range(count):
+        slender, domino = row.thickness[i] / row.height[i], ring[i]
+        s, c = math.sin(tilt[i]), math.cos(tilt[i])
+        half_bar, slender_bar = parts[i, PART_HALF], parts[i, PART_SLENDER]
+        half = 0.5 * row.density[i] * row.height[i] * row.height[i] * row.thickness[i]
+        turned = 1.0 + domino.slender * domino.slender  # of tan(φ - α)
+        bar.tilt[i] += half * (slender * c - s) * half_bar - turned * slender_bar
+        parts[i, PART_HALF] = (c + slender * s) * half_bar
+        parts[i, PART_SLENDER] = turned / (1.0 + slender * slender) * slender_bar
+        parts[i, PART_SLENDER] += half * s * half_bar
+        if i + 1 < count:
+            bar.tilt[i] += parts[i, PART_TURN]
+    for i in range(count - 1):
+        e_bar = parts[i, PART_RISE] / row.height[i]
+        tan, sec = math.tan(tilt[i + 1]), 1.0 / math.cos(tilt[i + 1])
+        pitch, rise = row.spacing[i] + row.thickness[i + 1], row.rise[i]
+        bar.rise[i] = sec * e_bar
+        bar.tilt[i + 1] += (pitch * sec + rise * tan) * sec * e_bar - parts[i, PART_TURN]
+        parts[i, PART_PITCH] += tan * parts[i, PART_RISE]
+
+
 @internal
 def bodies_back(row, ring, parts, bar):
     """From the bars of links and bodies to those of all that the row is made of."""
-    bodies_flat(row, ring, parts, bar)
-
-
-@internal
-def bodies_flat(row, ring, parts, bar):
-    """`bodies_back` on flat ground: to those of spacing, thickness, height and density."""
+    stands_back(row, ring, parts, bar, row.tilt)
     count = len(row.thickness)
     bar.thickness[:] = 0.0
     bar.height[:] = 0.0
@@ -152,6 +178,9 @@ def bodies_flat(row, ring, parts, bar):
             bar.spacing[i] = (p_bar + s_bar) / length
             bar.thickness[i + 1] += (p_bar + d_bar) / length
             bar.height[i] -= (link.p_l * p_bar + link.s_l * s_bar + link.d_l * d_bar) / length
+            if is_uneven(link):
+                upright = at_or_zero(row.rise, i) / math.cos(at_or_zero(row.tilt, i + 1))
+                bar.height[i] -= upright * parts[i, PART_RISE] / (length * length)
 
 
 @noinline
@@ -189,6 +218,15 @@ def pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
     keep_alive(ring)
 
 
+@internal
+def clear(bar, tilt):
+    """Set all bars of a row to zero."""
+    bar.spacing[:] = bar.thickness[:] = bar.height[:] = bar.density[:] = 0.0
+    if tilt is not None:
+        bar.rise[:] = 0.0
+        tilt[:] = 0.0
+
+
 @entry_point
 def pull(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
     """`pull_bars`, for Python."""
@@ -221,8 +259,7 @@ def pull_rows(first, last, rows, mu, gravity, push, rtol, summaries, bars, whole
             used = state.taped
             pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, wholes[b])
         else:
-            for array in bar:
-                array[:] = 0.0
+            clear(bar, bar.tilt)
             wholes[b].friction = wholes[b].gravity = wholes[b].push = 0.0
     keep_alive(own_state)
     keep_alive(ring)

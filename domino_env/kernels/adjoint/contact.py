@@ -2,37 +2,53 @@
 
 import math
 
-from domino_env.kernels.adjoint.slots import PART_GAP, PART_PITCH, PART_THICK, ShapeBar
+from domino_env.kernels.adjoint.slots import (
+    PART_GAP,
+    PART_PITCH,
+    PART_RISE,
+    PART_THICK,
+    PART_TURN,
+    ShapeBar,
+)
 from domino_env.kernels.contact import shape_of
-from domino_env.kernels.jit import always_inline, internal, overloaded
-from domino_env.kernels.slots import TINY, TIP
+from domino_env.kernels.jit import always_inline, internal, leaf
+from domino_env.kernels.slots import TINY, TIP, is_uneven, rise_of
 
 
-@overloaded
-@internal
+@leaf
 def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """`tip` in reverse: bars of s, v, the link, μ; and Ω, Ψ, B/A again."""
-    p_l, s_l, rest, d_l = shape
-    sd = s_l - p_l * v
-    cd2 = (1.0 + sd) * (rest + p_l * v)
+    p_l, s_l, rest, d_l, e, turn_s, turn_v, _ = shape
+    lost = p_l * v + e * s
+    sd = s_l - lost
+    cd2 = (1.0 + sd) * (rest + lost)
     cd = math.sqrt(cd2 if cd2 > TINY else TINY)
     arm = cd + mu * sd
     r = 1.0 / (cd * arm)
     inv_cd, inv_arm = r * arm, r * cd
     c = 1.0 - v
-    c_i = c * cd - s * sd
-    pull = p_l * inv_cd
-    omega = 1.0 - pull * s
-    ratio = (cd - p_l * s - mu * d_l) * inv_arm
-    bracket = c_i + s * sd * omega
-    psi = -pull * inv_cd * bracket
+    c_0, s_0 = c * cd - s * sd, s * cd + c * sd
+    pull, rise = p_l * inv_cd, e * inv_cd
+    omega = 1.0 - (pull * s + rise * c)
+    ratio = (cd - p_l * s - e * c - mu * d_l) * inv_arm
+    bracket, by_rise = c_0 + s * sd * omega, s_0 - c * sd * omega
+    psi = -pull * inv_cd * bracket + rise * inv_cd * by_rise
+    # the turn
+    s_i = s_0 - (s_0 * turn_v + c_0 * turn_s)
+    c_i = c_0 - c_0 * turn_v + s_0 * turn_s
+    turn_bar = -c_i * s_bar - s_i * v_bar
+    s0_bar = s_bar - s_bar * turn_v - v_bar * turn_s
+    c0_bar = v_bar * turn_v - v_bar - s_bar * turn_s
     # psi
-    q = -pull * inv_cd * psi_bar
+    q, f = -pull * inv_cd * psi_bar, rise * inv_cd * psi_bar
     cd_bar = -2.0 * psi * inv_cd * psi_bar
     p_bar = -inv_cd * inv_cd * bracket * psi_bar
-    ci_bar = q - v_bar
-    omega_bar += q * s * sd
-    back_s, sd_bar = q * sd * omega, q * s * omega
+    e_bar = inv_cd * inv_cd * by_rise * psi_bar
+    c0_bar += q
+    s0_bar += f
+    omega_bar += q * s * sd - f * c * sd
+    back_s, sd_bar = q * sd * omega, q * s * omega - f * c * omega
+    c_bar = -f * sd * omega
     # ratio
     top_bar = ratio_bar * inv_arm
     arm_bar = -ratio * top_bar
@@ -43,62 +59,82 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     # omega
     q = omega_bar * inv_cd
     p_bar -= s * (top_bar + q)
+    e_bar -= c * (top_bar + q)
     back_s -= p_l * (top_bar + q)
-    cd_bar += pull * s * q
+    c_bar -= e * (top_bar + q)
+    cd_bar += pull * s * q + rise * c * q
     # lean of the domino behind
-    back_s += cd * s_bar - sd * ci_bar
-    c_bar = sd * s_bar + cd * ci_bar
-    cd_bar += s * s_bar + c * ci_bar
-    sd_bar += c * s_bar - s * ci_bar
+    back_s += cd * s0_bar - sd * c0_bar
+    c_bar += sd * s0_bar + cd * c0_bar
+    cd_bar += s * s0_bar + c * c0_bar
+    sd_bar += c * s0_bar - s * c0_bar
     # contact
     sd_bar -= sd * inv_cd * cd_bar
     p_bar -= v * sd_bar
-    back_v = -c_bar - p_l * sd_bar
-    return back_s, back_v, ShapeBar(p_bar, sd_bar, d_bar), mu_bar, omega, psi, ratio
+    e_bar -= s * sd_bar
+    back_s -= e * sd_bar
+    shape_bar = ShapeBar(p_bar, sd_bar, d_bar, e_bar, turn_bar)
+    return back_s, -c_bar - p_l * sd_bar, shape_bar, mu_bar, omega, psi, ratio
 
 
-@overloaded
-@internal
+@leaf
 def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """`corner` in reverse; the same seven."""
-    p_l, s_l, _, d_l = shape
-    r2 = s_l * s_l + 2.0 * p_l * d_l * v
+    p_l, s_l, _, d_l, e, turn_s, turn_v, _ = shape
+    r2 = s_l * s_l + 2.0 * p_l * d_l * v + e * (e + 2.0 * d_l * s)
     inv_r2 = 1.0 / r2
     inv_r1 = math.sqrt(inv_r2)
-    lift = p_l * v - s_l
-    slide = lift - mu * p_l * s
+    lift, c = p_l * v + e * s - s_l, 1.0 - v
+    slide = lift - mu * p_l * s - mu * e * c
     omega, ratio = d_l * lift * inv_r2, d_l * slide * inv_r2
-    x = s_l + d_l * v
+    x, y = s_l + d_l * v, d_l * s + e
     fourth = inv_r2 * inv_r2
-    psi = p_l * d_l * s * s_l * (p_l + d_l) * fourth
+    far = s_l * (p_l + d_l) + e * e
+    bend = p_l * d_l * s * s_l * (p_l + d_l) + e * d_l * (p_l * s * e + c * far)
+    psi = bend * fourth
+    # the turn
+    s_0, c_0 = x * inv_r1, y * inv_r1
+    s_i = s_0 - (s_0 * turn_v + c_0 * turn_s)
+    c_i = c_0 - c_0 * turn_v + s_0 * turn_s
+    turn_bar = -c_i * s_bar - s_i * v_bar
+    s0_bar = s_bar - s_bar * turn_v - v_bar * turn_s
+    c0_bar = v_bar * turn_v - v_bar - s_bar * turn_s
     # psi
     q = psi_bar * fourth
     r2_bar = -(2.0 * psi * psi_bar + omega * omega_bar + ratio * ratio_bar) * inv_r2
-    back_s = p_l * d_l * s_l * (p_l + d_l) * q
-    p_bar = d_l * s * s_l * (2.0 * p_l + d_l) * q
-    d_bar = p_l * s * s_l * (p_l + 2.0 * d_l) * q
-    gap_bar = p_l * d_l * s * (p_l + d_l) * q
+    back_s = p_l * d_l * s_l * (p_l + d_l) * q + e * d_l * p_l * e * q
+    p_bar = d_l * s * s_l * (2.0 * p_l + d_l) * q + e * d_l * (s * e + c * s_l) * q
+    d_bar = p_l * s * s_l * (p_l + 2.0 * d_l) * q + e * (p_l * s * e + c * (far + d_l * s_l)) * q
+    gap_bar = p_l * d_l * s * (p_l + d_l) * q + e * d_l * c * (p_l + d_l) * q
+    e_bar = d_l * (2.0 * p_l * s * e + c * (far + 2.0 * e * e)) * q
+    c_bar = e * d_l * far * q
     # omega and ratio
     o, f = omega_bar * inv_r2, ratio_bar * inv_r2
     d_bar += lift * o + slide * f
     p_bar += d_l * (v * (o + f) - mu * s * f)
+    e_bar += d_l * (s * (o + f) - mu * c * f)
     back_v = d_l * p_l * (o + f)
     gap_bar -= d_l * (o + f)
-    back_s -= d_l * mu * p_l * f
-    mu_bar = -d_l * p_l * s * f
-    # lean of the domino behind: sin = x / r1, cos = d s / r1
-    x_bar, c_bar = s_bar * inv_r1, -v_bar * inv_r1
+    back_s -= d_l * mu * p_l * f - e * d_l * (o + f)
+    c_bar -= e * d_l * mu * f
+    mu_bar = -d_l * p_l * s * f - e * d_l * c * f
+    # lean of the domino behind: sin = x / r1, cos = y / r1
+    x_bar, y_bar = s0_bar * inv_r1, c0_bar * inv_r1
     gap_bar += x_bar
-    d_bar += v * x_bar + s * c_bar
+    d_bar += v * x_bar + s * y_bar
+    e_bar += y_bar
     back_v += d_l * x_bar
-    back_s += d_l * c_bar
-    r2_bar -= 0.5 * (x * x_bar + d_l * s * c_bar) * inv_r2
+    back_s += d_l * y_bar
+    r2_bar -= 0.5 * (x * x_bar + d_l * s * y_bar + e * y_bar) * inv_r2
     # contact
     gap_bar += 2.0 * s_l * r2_bar
     p_bar += 2.0 * d_l * v * r2_bar
-    d_bar += 2.0 * p_l * v * r2_bar
+    d_bar += 2.0 * p_l * v * r2_bar + 2.0 * e * s * r2_bar
+    e_bar += 2.0 * y * r2_bar
     back_v += 2.0 * p_l * d_l * r2_bar
-    return back_s, back_v, ShapeBar(p_bar, gap_bar, d_bar), mu_bar, omega, psi, ratio
+    back_s += 2.0 * e * d_l * r2_bar
+    shape_bar = ShapeBar(p_bar, gap_bar, d_bar, e_bar, turn_bar)
+    return back_s, back_v - c_bar, shape_bar, mu_bar, omega, psi, ratio
 
 
 @internal
@@ -109,30 +145,49 @@ def link_back_at(link, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     return corner_back(s, v, shape_of(link), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
 
 
-@overloaded
 @always_inline
 def add_shape(parts, shape_bar):
     """Add the bars of a link to those of its parts."""
     parts[PART_PITCH] += shape_bar.pitch
     parts[PART_GAP] += shape_bar.gap
     parts[PART_THICK] += shape_bar.thick
+    parts[PART_RISE] += shape_bar.rise
+    parts[PART_TURN] += shape_bar.turn
 
 
-@overloaded
 @always_inline
 def due_back(link, flushed, due_bar, parts):
-    """What a link waits for, in reverse."""
-    if flushed:  # s / p
-        parts[PART_GAP] += due_bar / link.p_l
-        parts[PART_PITCH] -= due_bar * link.s_l / (link.p_l * link.p_l)
-    else:  # (1 - s²) / 2pd
-        parts[PART_GAP] -= due_bar * link.s_l / (link.p_l * link.d_l)
-        parts[PART_PITCH] -= due_bar * link.v_release / link.p_l
-        parts[PART_THICK] -= due_bar * link.v_release / link.d_l
+    """What a link waits for, in reverse: s = p v + e sin θ, or √R = L."""
+    v, p, e, d = link.v_flush if flushed else link.v_release, link.p_l, rise_of(link), link.d_l
+    if e == 0.0:
+        if flushed:  # s / p
+            parts[PART_GAP] += due_bar / p
+            parts[PART_PITCH] -= due_bar * link.s_l / (p * p)
+        else:  # (1 - s²) / 2pd
+            parts[PART_GAP] -= due_bar * link.s_l / (p * d)
+            parts[PART_PITCH] -= due_bar * v / p
+            parts[PART_THICK] -= due_bar * v / d
+    if not is_uneven(link):
+        return
+    s = math.sqrt(v * (2.0 - v))
+    q = p * s + e * (1.0 - v)
+    if flushed:
+        x = due_bar * s / q
+        if e != 0.0:
+            parts[PART_GAP] += x
+            parts[PART_PITCH] -= v * x
+        parts[PART_RISE] -= s * x
+    else:
+        x = due_bar * s / (d * q)
+        if e != 0.0:
+            parts[PART_GAP] -= link.s_l * x
+            parts[PART_PITCH] -= d * v * x
+            parts[PART_THICK] -= (p * v + e * s) * x
+        parts[PART_RISE] -= (e + d * s) * x
 
 
-@overloaded
 @always_inline
 def hit_angle_back(link, cosine, x_bar, parts):
-    """The angle of a hit in reverse: sin θ = s."""
+    """The angle of a hit in reverse: sin(θ + β) = s, with its cosine."""
     parts[PART_GAP] += x_bar / cosine
+    parts[PART_TURN] -= x_bar

@@ -10,12 +10,12 @@ B_SIN, B_VER, B_WGT, B_JAC, B_DRV = 0 * PITCH, 1 * PITCH, 2 * PITCH, 3 * PITCH, 
 SEED_M, SEED_G, SEED_D, B_MU = 5 * PITCH, 6 * PITCH, 7 * PITCH, 8 * PITCH
 B_PITCH, B_GAP, B_THICK = 9 * PITCH, 10 * PITCH, 11 * PITCH  # of p, s, d of the link
 B_INERTIA, B_HALF, B_SLENDER = 12 * PITCH, 13 * PITCH, 14 * PITCH
-B_RISE, B_TURN = 15 * PITCH, 16 * PITCH  # of e and β, over hills
+B_RISE, B_TURN = 15 * PITCH, 16 * PITCH  # of e and β, on uneven ground
 BARS = 17 * PITCH
 
 # What is gathered of each domino: bars of p, s, d of its link (units of L_i), of its inertia, half
-# weight and slenderness; over hills of e and β too. A plain array, so that sums over many dominoes
-# vectorise.
+# weight and slenderness; on uneven ground of e and β too. A plain array, so that sums over many
+# dominoes vectorise.
 PART_PITCH, PART_GAP, PART_THICK, PART_INERTIA, PART_HALF, PART_SLENDER = range(6)
 PART_RISE, PART_TURN = 6, 7
 PARTS = 8  # on flat ground two are unused
@@ -23,14 +23,6 @@ PARTS = 8  # on flat ground two are unused
 
 class ShapeBar(NamedTuple):
     """Bars of what a contact needs of its link."""
-
-    pitch: float
-    gap: float
-    thick: float
-
-
-class HillShapeBar(NamedTuple):
-    """The same over hills."""
 
     pitch: float
     gap: float

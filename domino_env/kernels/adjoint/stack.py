@@ -9,24 +9,23 @@ from domino_env.kernels.adjoint.slots import (
     B_JAC,
     B_MU,
     B_PITCH,
+    B_RISE,
     B_SIN,
     B_SLENDER,
     B_THICK,
+    B_TURN,
     B_VER,
     B_WGT,
-    PART_GAP,
-    PART_HALF,
-    PART_INERTIA,
-    PART_PITCH,
-    PART_SLENDER,
-    PART_THICK,
+    PART_RISE,
+    PART_TURN,
     PARTS,
     SEED_D,
     SEED_G,
     SEED_M,
+    ShapeBar,
 )
 from domino_env.kernels.contact import pose, shape_of
-from domino_env.kernels.jit import always_inline, internal, overloaded
+from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.quadrature import ORDERS, PLACES
 from domino_env.kernels.slots import (
     DRV,
@@ -39,29 +38,26 @@ from domino_env.kernels.slots import (
     TIP,
     VER,
     WGT,
+    is_uneven,
 )
 from domino_env.kernels.stack import lead, lean, lean_free
 
 
-@overloaded
 @always_inline
-def keep_shape(bars, j, shape_bar):
+def keep_shape(bars, j, link, shape_bar):
     """Write the bars of a link into its lane."""
-    bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = shape_bar
+    bars[B_PITCH + j] = shape_bar.pitch
+    bars[B_GAP + j] = shape_bar.gap
+    bars[B_THICK + j] = shape_bar.thick
+    if is_uneven(link):
+        bars[B_RISE + j] = shape_bar.rise
+        bars[B_TURN + j] = shape_bar.turn
 
 
-@overloaded
-@always_inline
-def no_shape(bars, j, domino):
-    """The leader has no link."""
-    bars[B_PITCH + j], bars[B_GAP + j], bars[B_THICK + j] = 0.0, 0.0, 0.0
-
-
-@overloaded
 @always_inline
 def parts_of(link):
     """How many parts there are bars of."""
-    return 6
+    return PARTS if is_uneven(link) else PARTS - 2
 
 
 @always_inline
@@ -95,7 +91,7 @@ def lean_back(bars, above, here, count, link, mu, at_tip):
         bars[B_JAC + j] = jac_bar * omega + 2.0 * drv_bar * psi * jac
         bars[B_DRV + j] = drv_bar * omega
         bars[B_MU + j] += mu_bar
-        keep_shape(bars, j, shape_bar)
+        keep_shape(bars, j, link, shape_bar)
 
 
 @always_inline
@@ -122,35 +118,29 @@ def lean_free_back(bars, above, here, count, link, at_tip):
             )
         bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
         bars[B_JAC + j] = jac_bar * omega
-        keep_shape(bars, j, shape_bar)
-
-
-@overloaded
-@always_inline
-def gather_shape(bars, count, domino, parts):
-    """`gather`, of its link."""
-    p, s, d = 0.0, 0.0, 0.0
-    for j in range(count):
-        p += bars[B_PITCH + j]
-        s += bars[B_GAP + j]
-        d += bars[B_THICK + j]
-    parts[PART_PITCH] += p
-    parts[PART_GAP] += s
-    parts[PART_THICK] += d
+        keep_shape(bars, j, link, shape_bar)
 
 
 @internal
 def gather(bars, count, domino, parts):
-    """Add what all lanes say of one domino."""
-    gather_shape(bars, count, domino, parts)
-    inertia, half, slender = 0.0, 0.0, 0.0
-    for j in range(count):
-        inertia += bars[B_INERTIA + j]
-        half += bars[B_HALF + j]
-        slender += bars[B_SLENDER + j]
-    parts[PART_INERTIA] += inertia
-    parts[PART_HALF] += half
-    parts[PART_SLENDER] += slender
+    """Add what all lanes say of one domino and its link."""
+    for k in range(2):  # three sums at a time, each of which waits for its last addition
+        a, b, c = 0.0, 0.0, 0.0
+        at = B_PITCH + 3 * k * PITCH
+        for j in range(count):
+            a += bars[at + j]
+            b += bars[at + PITCH + j]
+            c += bars[at + 2 * PITCH + j]
+        parts[3 * k] += a
+        parts[3 * k + 1] += b
+        parts[3 * k + 2] += c
+    if is_uneven(domino):
+        e, turn = 0.0, 0.0
+        for j in range(count):
+            e += bars[B_RISE + j]
+            turn += bars[B_TURN + j]
+        parts[PART_RISE] += e
+        parts[PART_TURN] += turn
 
 
 @internal
@@ -209,7 +199,7 @@ def lead_back(bars, first, count, leader, mu):
     half, slender = leader.half_weight, leader.slender
     for j in range(count):
         s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
-        no_shape(bars, j, leader)
+        keep_shape(bars, j, leader, ShapeBar(0.0, 0.0, 0.0, 0.0, 0.0))  # it has no link
         bars[B_INERTIA + j] = bars[SEED_M + j]
         if mu > 0.0:
             bars[B_SIN + j] += g * half

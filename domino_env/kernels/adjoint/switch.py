@@ -7,32 +7,37 @@ from domino_env.kernels.adjoint.slots import (
     FLUSHING,
     PART_GAP,
     PART_INERTIA,
+    PART_RISE,
     PART_THICK,
     PARTS,
 )
 from domino_env.kernels.contact import link_at, pose, shape_of, tip
-from domino_env.kernels.jit import internal, overloaded
-from domino_env.kernels.slots import JAC, SIN, TINY, VER, WGT
+from domino_env.kernels.jit import internal, leaf
+from domino_env.kernels.slots import JAC, SIN, TINY, VER, WGT, is_uneven, rise_of
 
 
-@overloaded
-@internal
+@leaf
 def hit_back(ring, hit, u_bar, mu, parts, whole):
     """`hit` in reverse: bars of u before it and of M."""
     n, u, m_end = hit.leader, hit.u, hit.m
     leader, other = ring[n], ring[n + 1].inertia
-    s_l, d_l = leader.s_l, leader.d_l
+    s_l, d_l, e = leader.s_l, leader.d_l, rise_of(leader)
     cd = math.sqrt(leader.rest * (1.0 + s_l))
-    up, down = cd - mu * d_l, cd + mu * s_l
+    up, down = cd - e - mu * d_l, cd + mu * s_l
     f = up / down
     m = m_end * f
-    keep = m / (m + other)
+    total = m * (1.0 - e / cd) + other
+    keep = m / total
     keep_bar = 2.0 * keep * u * u_bar
-    m_bar = keep_bar * other / ((m + other) * (m + other))
-    parts[n + 1, PART_INERTIA] -= keep_bar * m / ((m + other) * (m + other))
+    m_bar = keep_bar * other / (total * total)
+    parts[n + 1, PART_INERTIA] -= keep_bar * m / (total * total)
+    omega_bar = -keep_bar * m * m / (total * total)
     up_bar, down_bar = m_end * m_bar / down, -m_end * m_bar * f / down
+    cd_bar = up_bar + down_bar + omega_bar * e / (cd * cd)
     parts[n, PART_THICK] -= mu * up_bar
-    parts[n, PART_GAP] += mu * down_bar - s_l / cd * (up_bar + down_bar)
+    if is_uneven(leader):
+        parts[n, PART_RISE] -= up_bar + omega_bar / cd
+    parts[n, PART_GAP] += mu * down_bar - s_l / cd * cd_bar
     whole.friction += s_l * down_bar - d_l * up_bar
     return keep * keep * u_bar, f * m_bar
 

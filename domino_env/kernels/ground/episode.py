@@ -2,11 +2,11 @@
 
 import math
 
-from domino_env.kernels.ground.links import rise_of
 from domino_env.kernels.ground.placing import at as ground_at
 from domino_env.kernels.ground.placing import next_place, piece_at
 from domino_env.kernels.jit import always_inline, borrowed, internal, overload
-from domino_env.kernels.slots import Curve, HillRow
+from domino_env.kernels.links import step_of
+from domino_env.kernels.slots import Curve, Row
 from domino_env.kernels.step import batch as batches
 from domino_env.kernels.step import environment, observation
 from domino_env.kernels.step.batch import HillBatch, rules_of
@@ -47,7 +47,7 @@ def row_built(batch, b):
     """Row b, as long as its scene has it."""
     count = rules_of(batch, b).count
     height, density = b if len(batch.height) > 1 else 0, b if len(batch.density) > 1 else 0
-    return HillRow(
+    return Row(
         batch.spacing[b, : count - 1],
         batch.thickness[b, :count],
         batch.height[height, :count],
@@ -61,7 +61,7 @@ def row_built(batch, b):
 @always_inline
 def pitch_of(row, n):
     """From pivot n to the next [m]."""
-    return math.hypot(row.spacing[n] + row.thickness[n + 1], rise_of(row, n, n + 1))
+    return math.hypot(row.spacing[n] + row.thickness[n + 1], step_of(row, n, n + 1))
 
 
 @overload(environment.stand_next)

@@ -8,12 +8,16 @@ waits three times as long.  Here a function is one of
     internal       translated once, optimised and turned into machine code only in its callers
     always_inline  an internal function that its callers never call
     noinline       machine code of its own, once, which its callers call
+    leaf           an internal function of arithmetic only, in which constant zeros vanish
     entry_point    what Python calls
 
+Flat ground is uneven ground whose rise and turn are zeros that are known at compile time: fields
+that its records do not have are read by `optional_field`, and arrays that its rows do not have are
+None.  So what runs on flat ground holds nothing of uneven ground, and who stays there does not wait
+for its machine code.
+
 An internal function that is `overloaded` has a second one for uneven ground, registered by
-`overload`.  Which of them is called, the types of the arguments say: rows, links and shapes of
-uneven ground have fields `rise…`.  So what flat ground runs knows nothing of uneven ground, and who
-stays there does not wait for its machine code.
+`overload`.  Which of them is called, the types of the arguments say.
 
 Only entry points can be called from Python, and only from there.
 """
@@ -31,11 +35,15 @@ __all__ = [
     "always_inline",
     "borrowed",
     "entry_point",
+    "has_field",
     "internal",
     "keep_alive",
+    "leaf",
     "noinline",
+    "optional_field",
     "overload",
     "overloaded",
+    "select",
 ]
 
 
@@ -55,6 +63,15 @@ def always_inline(function: Callable[..., Any]) -> Any:
     Handing a dozen arrays from function to function costs more than small functions do themselves.
     """
     return _compiled(function, Internal, forceinline=True)
+
+
+def leaf(function: Callable[..., Any]) -> Any:
+    """Compile arithmetic that calls nothing of ours into its callers.
+
+    0.0 times x is 0.0 there, and x plus 0.0 is x, at compile time: no such function may rely on NaN
+    or on the sign of zero.
+    """
+    return _compiled(function, Internal, fastmath={"nnan", "nsz"})
 
 
 def noinline(function: Callable[..., Any]) -> Any:
@@ -90,14 +107,11 @@ def overload(flat: Any) -> Callable[[Any], Any]:
 
 def _is_uneven(value: Any) -> bool:
     """Return whether a type of Numba's has a field of uneven ground."""
-    for owner in (value, getattr(value, "dtype", None)):
-        for names in ("_fields", "fields", "names"):
-            if any(name.startswith("rise") for name in getattr(owner, names, None) or ()):
-                return True
-    return False
+    kinds = dict(zip(getattr(value, "fields", ()), getattr(value, "types", ()), strict=False))
+    return not isinstance(kinds.get("rise", types.none), types.NoneType)
 
 
-def _compiled(function: Callable[..., Any], library: type[Library], **options: bool) -> Any:
+def _compiled(function: Callable[..., Any], library: type[Library], **options: Any) -> Any:
     njit: Any = numba.njit
     dispatcher = njit(
         nogil=True,
@@ -143,12 +157,54 @@ def borrowed(_: Any, array: Any) -> Any:
     Counting is atomic, and was an eighth of a step's time.
     """
 
+    if isinstance(array, types.NoneType):
+        return array(array), lambda context, *_: context.get_dummy_value()
+
     def without_owner(context: Any, builder: Any, _: Any, args: Any) -> Any:
         view = context.make_array(array)(context, builder, args[0])
         view.meminfo = view.meminfo.type(None)
         return view._getvalue()
 
     return array(array), without_owner
+
+
+def optional_field(name: str) -> Any:
+    """Return a function that reads a field of a record; 0.0 where the record has none."""
+
+    @numba.extending.intrinsic
+    def field(_: Any, record: Any) -> Any:
+        def read(context: Any, builder: Any, _: Any, args: Any) -> Any:
+            if name not in record.fields:
+                return context.get_constant(types.float64, 0.0)
+            return context.get_getattr(record, name)(context, builder, record, args[0], name)
+
+        return types.float64(record), read
+
+    return field
+
+
+def has_field(name: str) -> Any:
+    """Return a function that tells, at compile time, whether a record has a field."""
+
+    @numba.extending.intrinsic
+    def has(_: Any, record: Any) -> Any:
+        def read(context: Any, *_: Any) -> Any:
+            return context.get_constant(types.boolean, name in record.fields)
+
+        return types.boolean(record), read
+
+    return has
+
+
+def select(array: Any, index: Any) -> Any:
+    """Return array[index] in compiled code; None where the array is None."""
+
+
+@numba.extending.overload(select, strict=False)
+def _(array: Any, index: Any) -> Any:
+    if isinstance(array, types.NoneType):
+        return lambda array, index: None
+    return lambda array, index: array[index]
 
 
 @always_inline

@@ -5,6 +5,7 @@ stands on functions and tables of its neighbours, so ours are cached under a sta
 the folder: whatever is edited, everything that could have read it is compiled anew.
 """
 
+import contextlib
 import hashlib
 import warnings
 from pathlib import Path
@@ -113,6 +114,10 @@ class _Cache(caching.FunctionCache):
             found = super().load_overload(sig, target_context)
         except OSError:  # somebody else's file, or none where a folder should be
             found = None
+        except (AttributeError, ImportError):  # of types that the package no longer has
+            found = None
+            with contextlib.suppress(OSError):
+                self._cache_file.flush()
         if found is None and not _NOTICED:
             _NOTICED.append(self.cache_path)
             notice("compiling the simulator, once: some ten seconds ...")

@@ -77,7 +77,7 @@ class HillBatch(NamedTuple):
     stock: NDArray[np.float64]
     left: NDArray[np.float64]
     errors: NDArray[np.float64]
-    rings: NDArray[np.record]  # (B, …) HILL_LINK
+    rings: NDArray[np.record]  # (B, …) UNEVEN_LINK
     states: NDArray[np.record]
     episodes: NDArray[np.record]
     spacing: NDArray[np.float64]
@@ -107,4 +107,6 @@ def row_built(batch, b):
         batch.thickness[b, :count],
         batch.height[height, :count],
         batch.density[density, :count],
+        None,
+        None,
     )

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from domino_env.physics.gradient import HillGradient, longer_over_hills
+from domino_env.physics.gradient import longer
 from domino_env.physics.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
 from domino_env.scenes.waves import Floats, LayoutBatch, Waves
@@ -72,11 +72,11 @@ def speed_gradient(waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
     assert by is not None
     time = np.where(waves.outcome == Outcome.PROPAGATED, waves.total_time, 1.0)[:, None]
     speed = waves.mean_speed[:, None]
-    if isinstance(by, HillGradient):
+    if by.rise is not None:
         names = "spacing", "thickness", "height", "rise", "tilt"
         fallen = {name: -speed / time * getattr(by, name) for name in names}
-        longer = longer_over_hills(replace(by, **fallen), batch, 1.0 / time)
-        return ScoreGradient.of(batch.followed(longer))
+        found = longer(replace(by, **fallen), batch, 1.0 / time)
+        return ScoreGradient.of(batch.followed(found))
     return ScoreGradient(
         (1.0 - speed * by.spacing) / time,
         (1.0 - speed * by.thickness[:, 1:]) / time,

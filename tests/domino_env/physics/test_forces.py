@@ -42,8 +42,8 @@ def stacks(seed, friction, hills):
     rise, tilt = rng.uniform(-0.001, 0.002, COUNT - 1), rng.uniform(-0.05, 0.05, COUNT)
     row = spacing, thickness, np.full(COUNT, 0.048), density
     ground = (hills * rise, hills * tilt)
-    row = kernels.HillRow(*row, *ground) if hills else kernels.Row(*row)
-    ring = np.zeros(8, kernels.HILL_LINK if hills else kernels.LINK)
+    row = kernels.Row(*row, *ground) if hills else kernels.Row(*row)
+    ring = np.zeros(8, kernels.UNEVEN_LINK if hills else kernels.LINK)
     stand_all(ring, row)
     chain = oracle.Chain(
         spacing, thickness, 0.048, density, friction, GRAVITY, 1.0, ground[0], ground[1]

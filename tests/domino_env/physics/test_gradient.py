@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,11 @@ from domino_env.validation.precise import precise_wave
 
 STEPS = np.array([-2.0, -1.0, -0.5, 0.5, 1.0, 2.0])  # times the smallest step
 FINE, COARSE = (np.array([0, 1, -8, 8, -1, 0]) / 6.0, np.array([1, -8, 0, 0, 8, -1]) / 12.0)
+
+
+def parts(gradient: Gradient) -> list[Any]:
+    """Return what a gradient has; on flat ground there is nothing of the ground."""
+    return [part for part in astuple(gradient) if part is not None]
 
 
 def of_time(layout: Layout, physics: Physics, rtol: float = 1e-12) -> Gradient:
@@ -190,7 +196,7 @@ def test_a_pullback_is_linear(wave: Wave) -> None:
     one, two = rng.standard_normal((2, 14))
     both = wave.pullback(2.0 * one - two)
     first, second = wave.pullback(one), wave.pullback(two)
-    for a, b, c in zip(astuple(first), astuple(second), astuple(both), strict=True):
+    for a, b, c in zip(parts(first), parts(second), parts(both), strict=True):
         assert 2.0 * a - b == pytest.approx(c, rel=1e-12, abs=1e-12 * np.abs(c).max())
 
 
@@ -237,7 +243,7 @@ def test_equal_gaps_that_flush_together_have_a_finite_gradient() -> None:
     row = Layout(np.r_[np.full(6, 0.005), np.full(6, 0.02)], 0.0075)
     for friction in (0.0, 0.25):
         g = of_time(row, Physics(friction, 9.81, 24.0))
-        assert all(np.isfinite(part).all() for part in astuple(g))
+        assert all(np.isfinite(part).all() for part in parts(g))
 
 
 def test_a_batch_gives_what_each_gives() -> None:
@@ -251,10 +257,10 @@ def test_a_batch_gives_what_each_gives() -> None:
     for b, row in enumerate(gaps):
         one = simulate(Layout(row, 0.0075), physics, rtol=1e-8, gradient=True)
         if one.outcome != Outcome.PROPAGATED:
-            assert not any(np.any(part[b]) for part in astuple(batch.gradient))
+            assert not any(np.any(part[b]) for part in parts(batch.gradient))
             continue
         assert batch.total_time[b] == one.arrival_times[-1]
-        for part, whole in zip(astuple(one.gradient()), astuple(batch.gradient), strict=True):
+        for part, whole in zip(parts(one.gradient()), parts(batch.gradient), strict=True):
             assert np.array_equal(part, whole[b])
 
 
@@ -310,5 +316,5 @@ def test_uniform_rows_share_their_stack_and_nothing_else(friction: float) -> Non
     for rtol, tolerance in ((1e-12, 1e-8), (1e-6, 1e-3)):
         shared = of_time(even, physics, rtol)
         apart = of_time(Layout(gaps, even.thickness), physics, rtol)
-        for a, b in zip(astuple(shared), astuple(apart), strict=True):
+        for a, b in zip(parts(shared), parts(apart), strict=True):
             assert a == pytest.approx(b, rel=tolerance, abs=tolerance * np.abs(b).max())
