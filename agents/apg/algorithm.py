@@ -24,8 +24,8 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from agents.apg.rows import Rows, lay, require_smooth
 from domino_env import Scene
+from domino_env.core.types import Floats
 from domino_env.envs.spaces import closeness
 
 RTOL = 1e-5  # of rows that are built while learning
@@ -68,12 +68,12 @@ class APG(OnPolicyAlgorithm):
             return
         env: Any = self.env
         env.reset()  # which draws scenes, if they are drawn
-        scenes = set(env.rows.scenes)
-        for scene in scenes:
-            require_smooth(scene)
+        require_smooth(env.rows.scenes[0])  # which all scenes are like
         seen = env.rows.observation_layout
         first, last = seen["placed"].start, seen.get("features", seen["near_end"]).stop
-        start = np.mean([uniform_action(scene) for scene in scenes], axis=0)
+        layouts = [scene.uniform().layout for scene in env.rows.scenes]
+        env.rows.step(env.rows.actions_towards(layouts))  # later gaps may have other bounds
+        start = env.rows.actions_towards(layouts).mean(axis=0)
         with torch.no_grad():
             weight = self._actor.mlp_extractor.policy_net[0].weight
             weight[:, :first] = 0.0
@@ -97,11 +97,12 @@ class APG(OnPolicyAlgorithm):
         )
         half = torch.randn((number + 1) // 2, *mean.shape[1:])
         noise = torch.cat([half, -half])[:number]  # antithetic
-        rows = lay(scenes, (mean + deviation * noise).double())
-        infos, slopes = _scored(scenes, rows)
-        # in per cent of the uniform row's score, as returns are
-        gained = [(part * slope).sum() for part, slope in zip(rows, slopes, strict=True)]
-        self._loss = -torch.stack(gained).sum()
+        actions = (mean + deviation * noise).double()
+        values = actions.detach().numpy()
+        infos, bars = _scored(scenes, *env.rows.place_all(values))
+        gradient = env.rows.place_all_back(values, bars)
+        gradient[(np.abs(values) > 1.0) & (values * gradient > 0.0)] = 0.0  # further outwards
+        self._loss = -(actions * torch.from_numpy(gradient)).sum()
         self.num_timesteps += sum(scene.count - 1 for scene in scenes)
         callback.update_locals({"infos": infos})
         going_on = callback.on_step()
@@ -113,29 +114,20 @@ class APG(OnPolicyAlgorithm):
         optimizer = self._actor.optimizer
         self._update_learning_rate(optimizer)
         optimizer.zero_grad()
-        self._loss.backward()  # type: ignore[no-untyped-call]
+        self._loss.backward()
         torch.nn.utils.clip_grad_norm_(self._actor.parameters(), self.max_grad_norm)
         optimizer.step()
         self._n_updates += 1
 
 
-def uniform_action(scene: Scene) -> list[float]:
-    """Give the action that builds the best uniform row, taken again and again.
-
-    With a largest change of the gaps, where an action is a change, it is that of the middle.
-    """
-    row = scene.uniform().layout
-    gap, thick, tall = row.spacing[0], row.thickness[1], row.height[1]
-    if scene.in_heights:
-        gap, thick = gap / min(scene.height, tall), thick / tall
-    chosen = [(gap, scene.spacing)] * scene.free_spacing
-    chosen += [(thick, scene.thickness)] * scene.free_thickness
-    if scene.growth is not None:
-        chosen += [(tall / scene.height, scene.growth)] * scene.free_height
-    actions = [2.0 * (value - low) / (high - low) - 1.0 for value, (low, high) in chosen]
-    if scene.largest_change is not None and scene.free_spacing:
-        actions[0] = 0.0
-    return actions
+def require_smooth(scene: Scene) -> None:
+    """Raise ValueError for a scene whose layouts are no smooth function of actions."""
+    lists = (scene.spacing_values, scene.thickness_values, scene.stock)
+    if any(rule is not None for rule in lists):
+        raise ValueError(
+            f"scene '{scene.name}' has lists, steps or a stock, whose values jump: apg follows the "
+            "gradient by the actions, and there is none; leave them out, or choose ppo"
+        )
 
 
 def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
@@ -162,25 +154,31 @@ def progress_of_row(count: int) -> NDArray[np.float32]:
     return np.concatenate([placed.astype(np.float32), near[:-1], near[:0:-1]], axis=1)
 
 
-def _scored(scenes: list[Scene], rows: Rows) -> tuple[list[dict[str, Any]], list[torch.Tensor]]:
-    """What is told of each row, and the slopes of the mean return by all that is in `rows`."""
-    laid = [part.detach().numpy() for part in rows]
-    slopes = [np.zeros_like(part) for part in laid]
+def _scored(
+    scenes: list[Scene], spacing: Floats, thickness: Floats, height: Floats
+) -> tuple[list[dict[str, Any]], Floats]:
+    """Infos of layouts, and the gradient of the mean return by gap, thickness and height.
+
+    The gradient (R, P, 3) counts in per cent of the uniform baseline's score, as returns do.
+    """
+    bars = np.zeros((*spacing.shape, 3))
     infos = list[dict[str, Any]]()
     alike = len(set(scenes)) == 1
     step = len(scenes) if alike else 1
     for chosen in (slice(b, b + step) for b in range(0, len(scenes), step)):
         scene = scenes[chosen][0]
         pairs = slice(0, scene.count - 1)
-        gaps, thick, tall = (np.ascontiguousarray(part[chosen, pairs]) for part in laid)
-        height = None if scene.growth is None else tall
-        found = scene.evaluate(scene.batch(gaps, thick, height, RTOL), gradient=True)
+        gaps, thick, tall = (
+            np.ascontiguousarray(part[chosen, pairs]) for part in (spacing, thickness, height)
+        )
+        grown = None if scene.growth is None else tall
+        found = scene.evaluate(scene.batch(gaps, thick, grown, RTOL), gradient=True)
         by = found.gradient
         assert by is not None
         unit = 100.0 / (abs(scene.uniform().score) or 1.0) / len(scenes)
-        for slope, exact in zip(slopes, (by.spacing, by.thickness, by.height), strict=True):
-            slope[chosen, pairs] = unit * exact
+        for k, exact in enumerate((by.spacing, by.thickness, by.height)):
+            bars[chosen, pairs, k] = unit * exact
         for b, score in enumerate(found.score):
-            layout = scene.layout(gaps[b], thick[b], None if height is None else height[b])
+            layout = scene.layout(gaps[b], thick[b], None if grown is None else grown[b])
             infos.append({"score": float(score), "reach": float(found.reach[b]), "layout": layout})
-    return infos, [torch.from_numpy(slope) for slope in slopes]
+    return infos, bars

@@ -363,6 +363,46 @@ class DominoChainVector(DominoVectorEnv):
         kernels.aim_batch(0, self.num_envs, self._batch, wanted, actions)
         return actions
 
+    def place_all(self, actions: Floats) -> tuple[Floats, Floats, Floats]:
+        """Place all dominoes of every environment, without letting them fall or placement errors.
+
+        Afterwards all episodes are over, without a result.
+
+        Parameters
+        ----------
+        actions
+            (B, P, A) for P pairs, those of the longest chain; where a chain is shorter, the rest
+            counts for nothing.
+
+        Returns
+        -------
+        tuple of ndarray
+            Gaps, and thickness and height of dominoes 1 … P, (B, P) each [m].
+        """
+        batch, pairs = self._batch._replace(errors=self._batch.errors[:0]), actions.shape[1]
+        chosen = np.ones(self.num_envs, np.bool_)
+        kernels.place_batch(0, self.num_envs, batch, chosen, actions)
+        height = np.broadcast_to(batch.height, batch.thickness.shape)
+        return (
+            batch.spacing[:, :pairs].copy(),
+            batch.thickness[:, 1 : pairs + 1].copy(),
+            height[:, 1 : pairs + 1].copy(),
+        )
+
+    def place_all_back(self, actions: Floats, bars: Floats) -> Floats:
+        """Return derivatives by the actions (B, P, A) that `place_all` has just been given.
+
+        Parameters
+        ----------
+        actions
+            The same; where they lie beyond [-1, 1], derivatives are those at the nearer end.
+        bars
+            (B, P, 3) derivatives by gap, thickness and height.
+        """
+        gradient = np.zeros(actions.shape)
+        kernels.place_back(0, self.num_envs, self._batch, actions, bars, gradient)
+        return gradient
+
 
 def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
     """Raise ValueError for a layout that no episode in the scene can begin with."""

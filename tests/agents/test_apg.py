@@ -12,53 +12,12 @@ import torch
 
 import domino_env as de
 from agents.algorithms import hyperparameters
-from agents.apg.algorithm import progress_of_row
-from agents.apg.rows import lay, require_smooth
+from agents.apg.algorithm import progress_of_row, require_smooth
 from agents.sb3.learner import Learner
 from domino_env import DominoChain
 
 SHORT = replace(de.load_scene("sprint"), name="short", count=12)
 FREE = replace(SHORT, thickness=(0.004, 0.012))
-GROWING = replace(FREE, growth=(1.0, 1.05), in_heights=True, spacing=(0.1, 0.8),
-                  thickness=(0.1, 0.2))  # fmt: skip
-KINDS = [
-    SHORT,
-    FREE,
-    replace(SHORT, length=0.24),
-    replace(FREE, length=0.24),
-    replace(FREE, largest_change=0.002),
-    GROWING,
-]
-
-
-@pytest.mark.parametrize("scene", KINDS)
-@pytest.mark.parametrize("drift", [-1.0, 0.0, 1.0])
-def test_rows_are_those_that_the_environment_builds(scene, drift: float) -> None:
-    env = DominoChain(scene)
-    free = env.action_space.shape[0]
-    actions = 0.4 * drift + np.random.default_rng(1).normal(0.0, 0.6, (11, free))
-    env.reset()
-    placed = 0
-    for action in actions:
-        _, _, ended, _, info = env.step(action)
-        placed += 1
-        if ended:
-            break
-    row = info["layout"]
-    laid = lay([scene, scene], torch.tensor(np.stack([actions, 0.0 * actions])))
-    for found, wanted in zip(laid, (row.spacing, row.thickness[1:], row.height[1:]), strict=True):
-        np.testing.assert_allclose(found[0, :placed], wanted, rtol=1e-9)
-
-
-def test_rows_of_scenes_drawn_have_bounds_of_their_own() -> None:
-    other = replace(FREE, count=9, length=0.16, spacing=(0.004, 0.030))
-    both = [replace(FREE, length=0.24), other]
-    actions = torch.linspace(-1.2, 1.2, 22, dtype=torch.float64).reshape(2, 11, 1).repeat(1, 1, 2)
-    together = lay(both, actions)
-    for b, scene in enumerate(both):
-        alone = lay([scene], actions[b : b + 1, : scene.count - 1])
-        for one, many in zip(alone, together, strict=True):
-            assert torch.equal(one[0], many[b, : scene.count - 1])
 
 
 def test_what_is_observed_of_progress_is_what_the_environment_shows() -> None:

@@ -1,0 +1,65 @@
+"""The mapping of actions: forwards as in episodes, and backwards."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env import DominoChain, DominoChainVector
+
+SHORT = replace(de.load_scene("sprint"), count=12)
+FREE = replace(SHORT, thickness=(0.004, 0.012))
+KINDS = {
+    "gaps": SHORT,
+    "both": FREE,
+    "course": replace(SHORT, length=0.24),
+    "both over a course": replace(FREE, length=0.24),
+    "smooth": replace(FREE, largest_change=0.002),
+    "growing": replace(
+        FREE, growth=(1.0, 1.05), in_heights=True, spacing=(0.1, 0.8), thickness=(0.1, 0.2)
+    ),
+    "placed with errors": replace(SHORT, placement_deviation=0.001),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("drift", [-0.4, 0.0, 0.4])
+def test_all_dominoes_at_once_are_placed_as_one_by_one(name, drift):
+    scene = replace(KINDS[name], placement_deviation=0.0)
+    env, together = DominoChain(scene), DominoChainVector(2, KINDS[name])
+    size = (11, *env.action_space.shape)
+    actions = drift + np.random.default_rng(1).normal(0.0, 0.6, size)
+    env.reset()
+    placed, ended = 0, False
+    while not ended and placed < 11:
+        *_, ended, _, info = env.step(actions[placed])
+        placed += 1
+    layout = info["layout"]
+    together.reset(seed=0)
+    parts = together.place_all(np.stack([0.0 * actions, actions]))
+    for part, wanted in zip(
+        parts, (layout.spacing, layout.thickness[1:], layout.height[1:]), strict=True
+    ):
+        np.testing.assert_array_equal(part[1, :placed], wanted)
+
+
+@pytest.mark.parametrize("name", [name for name in KINDS if name != "placed with errors"])
+def test_derivatives_by_actions_are_those_of_differences(name):
+    scene, rng = KINDS[name], np.random.default_rng(2)
+    env = DominoChainVector(1, scene)
+    shape = (1, scene.count - 1, *env.single_action_space.shape)
+    for spread in (0.3, 1.0):
+        actions = rng.uniform(-spread, spread, shape)
+        bars = rng.normal(size=(*shape[:2], 3))
+
+        def total(changed, bars=bars):
+            return (np.stack(env.place_all(changed), axis=-1) * bars).sum()
+
+        total(actions)
+        exact = env.place_all_back(actions, bars)
+        for place in np.ndindex(shape):
+            step = np.zeros(shape)
+            step[place] = 1e-7
+            slope = (total(actions + step) - total(actions - step)) / 2e-7
+            assert exact[place] == pytest.approx(slope, rel=1e-5, abs=1e-8)
