@@ -15,7 +15,7 @@ import domino_env as de
 from domino_env.cli.main import main
 from domino_env.core.progress import Advice
 from domino_env.scenes.io.reading import parse_scene
-from domino_env.view.animation import Runner, frames
+from domino_env.view.animation import frames
 from domino_env.view.race import Racer
 from domino_env.view.report import read_racers, write_report
 from domino_env.view.sound import clicks, listen, read_wav
@@ -156,8 +156,8 @@ def test_a_file_too_large_to_be_one_of_ours_is_not_read(tmp_path: Path, monkeypa
 def test_what_would_take_ages_to_draw_or_hear_is_refused() -> None:
     long = de.Layout([0.02] * 5000, 0.0075)
     with pytest.raises(ValueError, match="row: it has 5,001 dominoes"):
-        next(frames([Runner("row", de.simulate(long, de.Physics()))]))
-    short = Runner("row", de.simulate(de.Layout([0.02], 0.0075), de.Physics()))
+        next(frames([Racer("row", de.simulate(long, de.Physics()))]))
+    short = Racer("row", de.simulate(de.Layout([0.02], 0.0075), de.Physics()))
     with pytest.raises(ValueError, match=r"s of toppling take .* images"):
         next(frames([short], slow=1e6))
     far = de.Layout([3e5], 1e5, height=1e6, width=0.02)

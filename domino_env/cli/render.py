@@ -31,7 +31,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     from domino_env.core.reading import one_line, row_name
     from domino_env.physics.wave import simulate
-    from domino_env.view.animation import Runner, frames, poses, write_gif, write_mp4, write_png
+    from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
+    from domino_env.view.race import Racer
 
     wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]
     wanted = [one for one in wanted if one[0]]
@@ -50,13 +51,13 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         physics = asked.physics
         heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
-    runners = [Runner(name, simulate(layout, asked.physics)) for name, layout in rows]
+    racers = [Racer(name, simulate(layout, asked.physics)) for name, layout in rows]
     for name, _, write in wanted:
-        images = frames(runners, arguments.rate, arguments.slow, arguments.width, heading)
+        images = frames(racers, arguments.rate, arguments.slow, arguments.width, heading)
         number = write(images, Path(name), arguments.rate)
         print(f"{name}: {number} images, {number / arguments.rate:.1f} s")
     if arguments.png:
-        picture = poses(runners, arguments.moments, arguments.width, heading)
+        picture = poses(racers, arguments.moments, arguments.width, heading)
         write_png(picture, Path(arguments.png))
         print(f"{arguments.png}: {picture.width} by {picture.height} px")
     return 0

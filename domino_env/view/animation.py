@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
 
+from domino_env.core.checks import require
 from domino_env.core.files import write_bytes
 from domino_env.core.types import Floats
 from domino_env.physics.motion import Motion
-from domino_env.physics.wave import Wave
 from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
 from domino_env.view.ground import relief
+from domino_env.view.race import Racer
 
 MOST_DOMINOES = 5_000  # in a picture of a row: drawing takes time by its square
 MOST_IMAGES = 5_000  # more than three minutes at 25 a second; 1 GB
@@ -24,24 +24,8 @@ FURTHEST = 0.97  # of the width of a picture that stands still: where the front 
 REST = 0.08  # [s] of stillness before the push and after the end, in the time of the row
 
 
-@dataclass(frozen=True)
-class Runner:
-    """One row of a race.
-
-    Attributes
-    ----------
-    name
-        What it is called.
-    wave
-        How it topples.
-    """
-
-    name: str
-    wave: Wave
-
-
 def frames(
-    runners: Sequence[Runner],
+    racers: Sequence[Racer],
     rate: float = 30.0,
     slow: float = 5.0,
     width: int = 1000,
@@ -51,7 +35,7 @@ def frames(
 
     Parameters
     ----------
-    runners
+    racers
         The rows.
     rate
         Images a second.
@@ -73,10 +57,9 @@ def frames(
         For a rate, a slowness or a width that is not positive, and for rows that are longer or
         take longer than `MOST_DOMINOES` and `MOST_IMAGES`.
     """
-    for name, value in (("rate", rate), ("slow", slow), ("width", width)):
-        if not 0.0 < value < np.inf:
-            raise ValueError(f"{name} = {value}: must be positive and finite")
-    motions, scale = _stage(runners, width, STRIP)
+    require("rate", rate, above=0.0, unit="1/s", hint="25 is a film's")
+    require("slow", slow, above=0.0, hint="5 times slower than nature")
+    motions, scale = _stage(racers, width, STRIP)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
     if images > MOST_IMAGES:
@@ -92,19 +75,19 @@ def frames(
             above
             + [
                 _strip(one, motion, float(t), scale)
-                for one, motion in zip(runners, motions, strict=True)
+                for one, motion in zip(racers, motions, strict=True)
             ]
         )
 
 
 def poses(
-    runners: Sequence[Runner], moments: int = 4, width: int = 1000, heading: str = ""
+    racers: Sequence[Racer], moments: int = 4, width: int = 1000, heading: str = ""
 ) -> Image.Image:
     """Draw all rows at a few moments, below each other in one picture.
 
     Parameters
     ----------
-    runners
+    racers
         The rows.
     moments
         How many, equally far apart, while the waves run.
@@ -118,14 +101,13 @@ def poses(
     ValueError
         For fewer than one moment, and as of `frames`.
     """
-    if moments < 1:
-        raise ValueError(f"moments = {moments}: at least one is drawn")
-    motions, scale = _stage(runners, width, POSE)
-    end = max(float(one.wave.arrival_times[one.wave.hit - 1]) for one in runners)
+    require("moments", moments, 1, whole=True)
+    motions, scale = _stage(racers, width, POSE)
+    end = max(float(one.wave.arrival_times[one.wave.hit - 1]) for one in racers)
     strips = [title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
-        for one, motion in zip(runners, motions, strict=True):
+        for one, motion in zip(racers, motions, strict=True):
             strips.append(_strip(one, motion, t, scale, ahead=FURTHEST))
     return stacked(strips)
 
@@ -199,22 +181,21 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     return number
 
 
-def _stage(runners: Sequence[Runner], width: int, height: int) -> tuple[list[Motion], Scale]:
+def _stage(racers: Sequence[Racer], width: int, height: int) -> tuple[list[Motion], Scale]:
     """How the rows move, and how all of them fit the width."""
-    if width % 2 or width < 200:
-        raise ValueError(f"width = {width} px: give an even number of at least 200")
-    for one in runners:
+    require("width", width, 200, unit="px", hint="1000 is usual", whole=True)
+    if width % 2:
+        raise ValueError(f"width = {width} px: give an even number, as films need one")
+    for one in racers:
         require_drawable(one.name, one.wave.layout.count)
-    motions = [Motion(one.wave.layout, one.wave.physics) for one in runners]
-    longest = max(float(one.wave.layout.length) for one in runners)
-    tallest = max(float(one.wave.layout.height.max()) for one in runners)
-    hills = max(relief(one.wave.layout) for one in runners)
+    motions = [Motion(one.wave.layout, one.wave.physics) for one in racers]
+    longest = max(float(one.wave.layout.length) for one in racers)
+    tallest = max(float(one.wave.layout.height.max()) for one in racers)
+    hills = max(relief(one.wave.layout) for one in racers)
     return motions, Scale.fitting(longest, tallest, width, height, hills)
 
 
-def _strip(
-    one: Runner, motion: Motion, t: float, scale: Scale, ahead: float = AHEAD
-) -> Image.Image:
+def _strip(one: Racer, motion: Motion, t: float, scale: Scale, ahead: float = AHEAD) -> Image.Image:
     wave = one.wave
     leans: Floats = motion.angles([t])[0]
     leader = int(motion.leader([t])[0][0])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,11 @@ class _Window:
     high: float
     from_end: bool
 
+    @property
+    def origin(self) -> str:
+        """Which pivot places count from."""
+        return "last" if self.from_end else "first"
+
     def shift(self, layout: Layout) -> float:
         """What to add to a place along the row [mm]."""
         return -1e3 * float(layout.pivots[-1, 0]) if self.from_end else 0.0
@@ -125,7 +131,7 @@ def rows_picture(
             axes.tick_params(labelbottom=panel is panels[-1])
             if panel is panels[-1]:
                 where = "position" if all(one.layout.is_flat for one in rows) else "horizontally"
-                axes.set_xlabel(f"{where} from the {_origin(window)} pivot [mm]")
+                axes.set_xlabel(f"{where} from the {window.origin} pivot [mm]")
             if window is not windows[0]:
                 axes.set_ylabel("")
                 axes.tick_params(labelleft=False)
@@ -205,11 +211,14 @@ _Panel = Callable[[Axes, Sequence[Shown], _Window, Scene | None], None]
 
 def _panels(rows: Sequence[Shown], scene: Scene | None) -> list[_Panel]:
     """What is drawn along the rows: sizes only where they are free, or differ."""
-    panels: list[_Panel] = [_spacing] if rows[0].layout.count > 1 else []
-    if (scene and scene.free_thickness) or any(np.ptp(one.layout.thickness) > 0 for one in rows):
-        panels.append(_thickness)
-    if (scene and scene.free_height) or any(np.ptp(one.layout.height) > 0 for one in rows):
-        panels.append(_heights)
+    free = {
+        "thickness": scene is not None and scene.free_thickness,
+        "height": scene is not None and scene.free_height,
+    }
+    panels: list[_Panel] = [partial(_sizes, "spacing")] if rows[0].layout.count > 1 else []
+    for name, is_free in free.items():
+        if is_free or any(np.ptp(getattr(one.layout, name)) > 0 for one in rows):
+            panels.append(partial(_sizes, name))
     if any(one.wave for one in rows) and rows[0].layout.count > 1:
         panels.append(_speed)
     return panels
@@ -231,10 +240,6 @@ def _windows(rows: Sequence[Shown], scene: Scene | None) -> tuple[list[_Window],
     first = _Window(LEFT, half, low, low + shown, False)
     last = _Window(LEFT + half + SPLIT, half, 0.4 * tall - shown, 0.4 * tall, True)
     return [first, last], scale, tall
-
-
-def _origin(window: _Window) -> str:
-    return "last" if window.from_end else "first"
 
 
 def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
@@ -312,34 +317,19 @@ def _curves(axes: Axes, rows: Sequence[Shown], window: _Window, values: Sequence
         )  # fmt: skip
 
 
-def _spacing(axes: Axes, rows: Sequence[Shown], window: _Window, scene: Scene | None) -> None:
-    values = [1e3 * one.layout.spacing for one in rows]
-    _bounds(axes, scene, scene.spacing if scene else (), values)
-    _curves(axes, rows, window, values)
-    axes.set_ylabel("spacing [mm]")
-
-
-def _thickness(axes: Axes, rows: Sequence[Shown], window: _Window, scene: Scene | None) -> None:
-    values = [1e3 * one.layout.thickness[1:] for one in rows]
-    _bounds(axes, scene, scene.thickness if scene else (), values)
-    _curves(axes, rows, window, values)
-    axes.set_ylabel("thickness [mm]")
-
-
-def _heights(axes: Axes, rows: Sequence[Shown], window: _Window, scene: Scene | None) -> None:
-    _curves(axes, rows, window, [1e3 * one.layout.height[1:] for one in rows])
-    axes.set_ylabel("height [mm]")
-
-
-def _bounds(
-    axes: Axes, scene: Scene | None, bounds: Sequence[float], values: Sequence[Floats]
+def _sizes(
+    name: str, axes: Axes, rows: Sequence[Shown], window: _Window, scene: Scene | None
 ) -> None:
-    """The scene's bounds, dashed, where they are near what is drawn; not those in heights."""
-    low, high = min(v.min() for v in values), max(v.max() for v in values)
-    room = max(0.12 * (high - low), 0.02 * high)
-    axes.set_ylim(low - room, high + room)
-    for bound in bounds if scene and not scene.in_heights else ():
-        axes.axhline(1e3 * bound, color=SOFT, linewidth=0.8, linestyle=(0, (4, 4)))
+    """Spacing, thickness or height; the scene's bounds, dashed, where they are near."""
+    values = [1e3 * getattr(one.layout, name)[1 - one.layout.count :] for one in rows]
+    if name != "height":
+        low, high = min(v.min() for v in values), max(v.max() for v in values)
+        room = max(0.12 * (high - low), 0.02 * high)
+        axes.set_ylim(low - room, high + room)
+        for bound in getattr(scene, name) if scene and not scene.in_heights else ():
+            axes.axhline(1e3 * bound, color=SOFT, linewidth=0.8, linestyle=(0, (4, 4)))
+    _curves(axes, rows, window, values)
+    axes.set_ylabel(f"{name} [mm]")
 
 
 def _speed(axes: Axes, rows: Sequence[Shown], window: _Window, _: Scene | None) -> None:

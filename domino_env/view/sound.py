@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.core.checks import require
 from domino_env.core.files import write_bytes
 from domino_env.core.reading import naming, read_bytes
 from domino_env.core.types import Floats
@@ -97,10 +98,7 @@ def read_wav(path: Path) -> tuple[Floats, int]:
             raise ValueError(
                 f"not a plain WAV file, or cut off amid a sample ({why}); convert it to PCM WAV"
             ) from None
-        if not SLOWEST_RATE <= rate <= FASTEST_RATE:
-            raise ValueError(
-                f"{rate} samples a second: a recording has {SLOWEST_RATE} to {FASTEST_RATE}"
-            )
+        require("rate", rate, SLOWEST_RATE, FASTEST_RATE, "samples a second")
         _require_samples(whole.size, "it holds")
         return _in_unit(whole).reshape(len(whole), -1).mean(1), rate
 

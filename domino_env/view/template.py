@@ -17,6 +17,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from domino_env.core.checks import require_choice
 from domino_env.core.colours import INK, SOFT
 from domino_env.core.files import write_bytes
 from domino_env.core.plot_style import escaped
@@ -74,8 +75,7 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     ValueError
         For an unknown paper, too wide a domino, or more sheets than `MOST_SHEETS`.
     """
-    if paper not in PAPERS:
-        raise ValueError(f"paper '{paper}': known are {', '.join(PAPERS)}")
+    require_choice("paper", paper, PAPERS)
     wide, high = PAPERS[paper]
     across = layout.width + 2.0 * BESIDE
     on_a_sheet = int((high - HEAD - FOOT) / across)

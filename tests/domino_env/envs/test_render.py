@@ -13,8 +13,9 @@ from PIL import Image
 
 import domino_env as de
 from domino_env.cli.main import main
-from domino_env.view.animation import Runner, frames, write_gif
+from domino_env.view.animation import frames, write_gif
 from domino_env.view.drawing import FALLS, LEADS, STANDS
+from domino_env.view.race import Racer
 
 
 def played(mode: str, steps: int, scene: str = "sprint") -> gymnasium.Env:
@@ -82,7 +83,7 @@ def test_a_race_ends_when_all_lie(tmp_path: Path) -> None:
     scene = de.load_scene("sprint")
     slow = de.simulate(de.Layout.uniform(40, spacing=0.010), scene.physics)
     fast = de.simulate(scene.uniform().layout, scene.physics)
-    images = list(frames([Runner("a", slow), Runner("b", fast)], rate=10, slow=4, width=600))
+    images = list(frames([Racer("a", slow), Racer("b", fast)], rate=10, slow=4, width=600))
     first, last = np.asarray(images[0]), np.asarray(images[-1])
     assert first.shape == (300, 600, 3)
     assert pixels(first, FALLS) == 0
@@ -98,7 +99,7 @@ def test_a_race_ends_when_all_lie(tmp_path: Path) -> None:
 def test_a_heading_stands_above_the_rows_and_says_the_pace() -> None:
     wave = de.simulate(de.Layout.uniform(5, pitch=0.02), de.Physics())
     plain, headed, other = (
-        np.asarray(next(frames([Runner("a", wave)], slow=slow, width=400, heading=heading)))
+        np.asarray(next(frames([Racer("a", wave)], slow=slow, width=400, heading=heading)))
         for heading, slow in (("", 4.0), ("sprint: " + 20 * "a long title ", 4.0), ("sprint", 5.0))
     )
     above = len(headed) - len(plain)
@@ -117,7 +118,7 @@ def test_the_command_writes_what_it_is_asked_for(tmp_path: Path, capsys) -> None
     for wrong, message in (
         ([], "give --gif FILE, --mp4 FILE or --png FILE"),
         (["--png", "out.gif"], "a file for --png ends in .png"),
-        (["--png", "out.png", "--moments", "0"], "moments = 0: at least one"),
+        (["--png", "out.png", "--moments", "0"], "moments = 0: give a whole number"),
         (["--gif", "out.png"], "a file for --gif ends in .gif"),
         (["--gif", "out.gif", "--slow", "0"], "slow = 0.0: must be positive"),
         (["--gif", "out.gif", "--width", "401"], "an even number of at least 200"),

@@ -8,10 +8,11 @@ from hilly_rows import hilly_row
 
 import domino_env as de
 from domino_env.physics.motion import Motion, lean_behind, outlines
-from domino_env.view.animation import Runner, frames
+from domino_env.view.animation import frames
 from domino_env.view.drawing import PAPER, Scale, strip
 from domino_env.view.energy import energies
 from domino_env.view.ground import ground_line, places_along, relief
+from domino_env.view.race import Racer
 
 PHYSICS = de.Physics(0.2, push=14.0)
 ROW = hilly_row(3, 12)
@@ -72,7 +73,7 @@ def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
     looks = []
     for row in (FLAT, HARDLY):
         wave = de.simulate(row, PHYSICS)
-        images = np.array([*frames([Runner("", wave)], 2.0, width=400)], dtype=float)
+        images = np.array([*frames([Racer("", wave)], 2.0, width=400)], dtype=float)
         shapes = re.findall(r'<polygon points="[^"]+"', wave._repr_html_())
         assert len(shapes) == 12
         energy = energies(Motion(row, PHYSICS))

@@ -53,7 +53,7 @@ def test_strips_of_a_sheet_do_not_touch_and_a_page_says_what_to_do(tmp_path: Pat
 
 
 def test_unknown_paper_and_giants_are_refused() -> None:
-    with pytest.raises(ValueError, match="known are a4, letter"):
+    with pytest.raises(ValueError, match="choose one of a4, letter"):
         strips(LAYOUT, "b5")
     giant = de.Layout([0.1], 0.1, height=1.0, width=0.5)
     with pytest.raises(ValueError, match="wider than a4"):
