@@ -24,8 +24,8 @@ from agents.policy import DESIGNER, POLICIES, shipped
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.scenes.pool import load_test_set
-from optimize.executors.choice import add_executor_options, asked_executor
-from optimize.records.shipped import best_known
+from optimize.executors import add_executor_options, asked_executor
+from optimize.experiments.best_known import best_known
 
 CARD = "README.md"
 SETS = ("varied", "varied-thickness", "varied-course")

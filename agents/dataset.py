@@ -26,11 +26,9 @@ from domino_env.core.files import require_none, write_text
 from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
 from domino_env.scenes.distribution import load_distribution
-from optimize.studies import open_store
-from optimize.studies.export import export_study
-from optimize.studies.progress import TaskLines
-from optimize.studies.running import run_tasks
-from optimize.studies.task import Task, TaskResult, layout_of
+from optimize.experiments.runner import Progress, run_tasks
+from optimize.experiments.store import export_study, open_store
+from optimize.experiments.task import Task, TaskResult
 
 STORE, ROWS, EPISODES, CARD = "rows.sqlite", "rows.parquet", "episodes", "README.md"
 SCENES, EVALUATIONS = 5000, 600
@@ -105,7 +103,7 @@ def make_dataset(
         chosen, evaluations, seed, home / STORE, settings, executor, progress=progress
     )
     export_study(open_store(home / STORE).study(STUDY), home / ROWS)
-    rows = [layout_of(scene, row) for scene, row in zip(chosen, found, strict=True)]
+    rows = [row.layout for row in found]
     partial = home / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     returns = write_episodes(partial, drawn, chosen, rows, seed, noise)
@@ -216,14 +214,14 @@ def search_rows(
     asked = {**settings, "evaluations": evaluations, "seed": seed}
     study = open_store(store).begin(STUDY, "dataset", asked)
     tasks = [
-        Task.of(scene, "auto", seed, evaluations, labels=(("scene", i),))
+        Task.of(scene, "auto", seed, evaluations, labels={"scene": i})
         for i, scene in enumerate(scenes)
     ]
-    lines = TaskLines(len(tasks), "rows", shown=progress)
     found: dict[str, TaskResult] = {}
     failures = run_tasks(
-        tasks, executor, study, lambda task, row: found.update({task.key: row}), lines
-    )
+        tasks, executor, study, lambda task, row: found.update({task.key: row}),
+        Progress("layouts", progress),
+    )  # fmt: skip
     if failures:
         raise ValueError(f"{len(failures)} searches failed, the first: {failures[0].reason}")
     return [found[task.key] for task in tasks]

@@ -9,7 +9,7 @@ import numpy as np
 from domino_env.core.colours import GREEN, KNOWN, OURS, SKY, UNIFORM
 from domino_env.core.plot_style import LEGEND, clock
 from domino_env.view.figures import beside_uniform
-from optimize.records.shipped import best_known
+from optimize.experiments.best_known import best_known
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,8 +21,8 @@ from domino_env.physics.motion import Motion, outlines
 from domino_env.rigid.known import known_verification, read_verified
 from domino_env.scenes.io.schema import scene_schema
 from domino_env.view.ground import ground_line
+from optimize.experiments.best_known import BestKnown, best_known
 from optimize.methods.registry import METHODS, PEERS
-from optimize.records.shipped import BestKnown, best_known
 
 if TYPE_CHECKING:
     from mkdocs.structure.files import Files

@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from functools import lru_cache
 
 from domino_env.scenes.objectives import Evaluation
-from optimize.executors.base import telling_loss
+from optimize.executors import telling_loss
 from optimize.problem import Problem
 from optimize.variables import Floats
 

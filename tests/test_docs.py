@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import pytest
 from threadpoolctl import threadpool_limits
 
+from optimize.experiments.best_known import best_known
 from optimize.methods.registry import METHODS
-from optimize.records.shipped import best_known
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))

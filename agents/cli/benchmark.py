@@ -2,7 +2,7 @@
 
 An ALGORITHM is one of `domino train`, a scripted policy (ramp) or a method of a search (cma, auto).
 Every run goes into the study store as it comes and a training keeps a folder of its own: the same
-command runs what is missing, goes on with trainings that were stopped, and writes the page anew.
+command runs what is missing, continues trainings that were stopped, and writes the page anew.
 Ctrl-C ends it with the page of what is complete.  Times are processor time.
 
 Scenes: sprint, course, sprint-thickness, ideal and varied where none is named; in varied every
@@ -13,11 +13,10 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 from pathlib import Path
 
-from optimize.executors.choice import add_executor_options, asked_executor, require_executor
-from optimize.studies import DEFAULT_STORE, open_store
+from optimize.cli.options import DEFAULT_STORE, exit_code
+from optimize.executors import add_executor_options, asked_executor
 
 SUMMARY = "benchmark algorithms that learn, over scenes and seeds"
 DEFAULT_HOME = "runs/benchmark"
@@ -43,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--store",
         metavar="FILE",
         default=DEFAULT_STORE,
-        help="an SQLite file or a postgresql:// URL (%(default)s); see domino studies",
+        help="an SQLite file (%(default)s); see domino studies",
     )
     group.add_argument("--name", default="benchmark", help="of the study (%(default)s)")
 
@@ -51,45 +50,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run what is missing, write the page, print its summary."""
     from agents.algorithms import ALGORITHMS
-    from agents.benchmark.page import FILES, summary, write
-    from agents.benchmark.runner import (
-        RIVALS,
-        SCENES,
-        benchmark_tasks,
-        collected,
-        run_benchmark,
-    )
+    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in, run_benchmark
+    from agents.benchmark_report import FILES, overview, write
     from domino_env.core.files import require_room
+    from optimize.experiments.experiment import gathered
+    from optimize.experiments.store import open_store
 
-    chosen = [*ALGORITHMS, *RIVALS]
+    chosen = [*ALGORITHMS, *BASELINES]
     if arguments.algorithms is not None:
         chosen = [name.strip() for name in arguments.algorithms.split(",")]
     tasks = benchmark_tasks(
         arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds,
         arguments.trainings,
     )  # fmt: skip
-    require_executor(arguments)
     folder = Path(arguments.out)
-    require_room(folder)
     if arguments.page:
-        found = open_store(arguments.store).study(arguments.name).done()
-        if not any(task.key in found for task in tasks):
-            raise ValueError(
-                f"study '{arguments.name}' has none of these runs yet: leave out --page"
-            )
-        done = collected(tasks, found)
+        found = open_store(arguments.store, create=False).study(arguments.name).done()
+        done = gathered(tasks, found, known=known_in)
     else:
         with asked_executor(arguments) as executor:
+            require_room(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
             done = run_benchmark(tasks, executor, study, progress=None)
     write(done, folder, _command(arguments))
-    print("\n".join(summary(done)))
+    print("\n".join(overview(done)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")
-    for failure in done.failures:
-        print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
-    if done.interrupted:
-        raise KeyboardInterrupt("interrupted; the same command goes on")
-    return 1 if done.failures else 0
+    return exit_code(done)
 
 
 def _command(arguments: argparse.Namespace) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 
-from optimize.executors.choice import add_executor_options, asked_executor, require_executor
+from optimize.executors import add_executor_options, asked_executor
 
 SUMMARY = "scenes with searched rows and episodes, to learn from"
 
@@ -38,7 +38,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Make it, and say where it is."""
     from agents.dataset import make_dataset
 
-    require_executor(arguments)
     with asked_executor(arguments) as executor:
         card = make_dataset(
             arguments.folder, arguments.of, arguments.scenes, arguments.seed, arguments.search,

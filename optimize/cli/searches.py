@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from optimize.executors.choice import add_executor_options, asked_executor
+from optimize.executors import add_executor_options, asked_executor
 
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--update-best",
         action="store_true",
-        help="write a new record into optimize/records/best_known.json",
+        help="write a new record into the package",
     )
     add_executor_options(parser)
 
@@ -54,8 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.scenes.io.reading import load_scene, scene_names
+    from optimize.experiments.best_known import update
     from optimize.methods import registry
-    from optimize.records.shipped import update
     from optimize.run_folder import FILES, require_place
     from optimize.searching import require_limits, search
 
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     if scene.name in scene_names() and load_scene(scene.name) == scene:
         print(f"best known:       {_against_best_known(result)}")
         if arguments.update_best:
-            print(f"new records: {', '.join(update([result])) or 'none'}")
+            print(f"new records: {', '.join(update([(scene, result)])) or 'none'}")
     print(f"written to {folder}: {', '.join(FILES)}")
     return 0
 
@@ -96,7 +96,7 @@ def _uniform(scene: Scene) -> str:
 
 
 def _against_best_known(result: SearchResult) -> str:
-    from optimize.records.shipped import NOTICED, best_known, closest_score
+    from optimize.experiments.best_known import NOTICED, best_known, closest_score
 
     scene, record = result.scene, best_known().get(result.scene.name)
     if record is None:

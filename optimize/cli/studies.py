@@ -2,11 +2,10 @@
 
 domino studies                                    all studies of a store, a line each
 domino studies show NAME                          best and median of each scene and method
-domino studies export NAME --to FILE              every result, as .csv or .parquet,
-                                                  or its runs as logs for IOHanalyzer, as .zip
-domino studies export NAME --best SCENE --to FILE the best row of a scene, as .csv or .json
+domino studies export NAME --to FILE              every result, as .csv or .parquet
+domino studies export NAME --best SCENE --to FILE the best layout of a scene, as .csv or .json
 
-A store is an SQLite file or a PostgreSQL URL; any tool for these can query it too.
+A store is an SQLite file; any tool for these can query it too.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from optimize.studies import DEFAULT_STORE, open_store
+from optimize.cli.options import DEFAULT_STORE
 
 if TYPE_CHECKING:
-    from optimize.studies import Store, Study
-    from optimize.studies.task import TaskResult
+    from optimize.experiments.store import Store, Study
+    from optimize.experiments.task import TaskResult
 
 SUMMARY = "list, show and export what comparisons and sweeps have found"
 SHOWN = 50  # lines of a table where not all are asked for
@@ -34,30 +33,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="the study to show or export")
     parser.add_argument(
-        "--store", default=DEFAULT_STORE, metavar="WHERE", help=f"file or URL ({DEFAULT_STORE})"
+        "--store", default=DEFAULT_STORE, metavar="FILE", help=f"SQLite file ({DEFAULT_STORE})"
     )
     parser.add_argument(
-        "--to", metavar="FILE", help="export: .csv, .parquet, .zip; a row: .csv, .json"
+        "--to", metavar="FILE", help="export: .csv, .parquet; a layout: .csv, .json"
     )
     parser.add_argument(
         "--best",
         nargs="?",
         const="",
         metavar="SCENE",
-        help="export the best row of a scene (or of a result, by its key) instead of the table",
+        help="export the best layout of a scene (or of a result, by its key) instead of the table",
     )
     parser.add_argument("--all", action="store_true", help="show: every line of a long table")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """List, show or export."""
+    from optimize.experiments.store import export_study, open_store
+
     action, name = arguments.action, arguments.name
     if action != "list" and name is None:
         raise ValueError(f"name the study: domino studies {action} NAME")
     if action == "list" and name is not None:
         raise ValueError(f"to see one study: domino studies show {name}")
     if action == "export" and arguments.to is None:
-        raise ValueError("name the file to export to: --to FILE.csv, FILE.parquet or FILE.zip")
+        raise ValueError("name the file to export to: --to FILE.csv or FILE.parquet")
     if action != "export" and (arguments.to is not None or arguments.best is not None):
         raise ValueError("--to and --best belong to domino studies export NAME")
     store = open_store(arguments.store, create=False)
@@ -66,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     elif action == "show":
         _show(store.study(name), everything=arguments.all)
     elif arguments.best is None:
-        _export(store.study(name), Path(arguments.to))
+        number = export_study(store.study(name), Path(arguments.to))
+        print(f"written to {arguments.to}: {number:,} results")
     else:
         _export_best(store.study(name), Path(arguments.to), arguments.best or None)
     return 0
@@ -77,7 +79,7 @@ def _list(store: Store) -> None:
 
     found = store.studies()
     if not found:
-        print(f"{store.where} holds no studies yet")
+        print(f"{store.path} holds no studies yet")
         return
     names = ("study", "kind", "tasks", "begun (UTC)")
     rows = [(s.name, s.kind, f"{s.tasks:,}", _clock(s.begun)) for s in found]
@@ -87,6 +89,7 @@ def _list(store: Store) -> None:
 def _show(study: Study, *, everything: bool) -> None:
     from domino_env.core.reading import one_line
     from domino_env.core.tables import text_table
+    from optimize.experiments.experiment import in_words
 
     results = study.done().values()
     about = f"{study.kind}, {len(results):,} finished tasks, begun {_clock(study.begun)} UTC"
@@ -96,7 +99,7 @@ def _show(study: Study, *, everything: bool) -> None:
         print(one_line(told, LONGEST_SETTINGS))
     groups: dict[tuple[str, str, str], list[TaskResult]] = {}
     for result in results:
-        labels = ", ".join(f"{key} = {value}" for key, value in result.labels)
+        labels = in_words(result.labels)
         groups.setdefault((result.scene_name, labels, result.method), []).append(result)
     names = ["scene", "labels", "method", "tasks", "best", "median", "uniform", "gain", "key"]
     rows = []
@@ -115,26 +118,20 @@ def _show(study: Study, *, everything: bool) -> None:
             print(f"… and {len(rows) - len(shown):,} lines more: --all shows them")
 
 
-def _export(study: Study, path: Path) -> None:
-    from optimize.studies.export import export_study
-
-    print(f"written to {path}: {export_study(study, path):,} results")
-
-
 def _export_best(study: Study, path: Path, which: str | None) -> None:
     from domino_env.core.reading import one_line
-    from optimize.studies.export import best_layout
+    from optimize.experiments.store import best_result
 
     write = {".csv": "to_csv", ".json": "to_json"}.get(path.suffix.lower())
     if write is None:
-        raise ValueError(f"{path}: a row is written to a .csv or .json file")
-    result, layout = best_layout(study, which)
+        raise ValueError(f"{path}: a layout is written to a .csv or .json file")
+    result = best_result(study, which)
     try:
-        getattr(layout, write)(path)
+        getattr(result.layout, write)(path)
     except OSError as error:
         raise ValueError(f"{path} cannot be written: {error.strerror}") from None
     told = f"{result.scene_name}, {result.method}, seed {result.seed}, score {result.score:.6g}"
-    print(one_line(f"written to {path}: the row of {told}"))
+    print(one_line(f"written to {path}: the layout of {told}"))
 
 
 def _clock(begun: str) -> str:

@@ -19,7 +19,7 @@ from domino_env.rigid.known import OnFloor, Seen, Verified, digest
 from domino_env.rigid.uniform import best_uniform_on
 from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
-from optimize.records.shipped import BestKnown
+from optimize.experiments.best_known import BestKnown
 
 FIRST = 100  # dominoes of a long row that are looked at
 LOOSE, CLOSE = 1e-3, 2e-4  # relative error asked of the judge, in the search and of what is kept

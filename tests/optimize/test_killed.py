@@ -18,9 +18,9 @@ from nursery import Nursery
 
 import domino_env as de
 from domino_env.cli.main import main
+from optimize.experiments.store import open_store
+from optimize.experiments.task import TaskResult
 from optimize.run_folder import JOURNAL
-from optimize.studies import open_store
-from optimize.studies.task import TaskResult
 
 KILLS = int(os.environ.get("DOMINO_KILLS", "3"))  # in each of the tests below
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)

@@ -7,7 +7,7 @@ import pytest
 import domino_env as de
 from domino_env.rigid.known import digest, known_verification, read_verified, write_verified
 from domino_env.validation.verification import PAGE, fill, kept_tables
-from optimize.records.shipped import best_known
+from optimize.experiments.best_known import best_known
 from optimize.records.verification import verify_records
 
 KEPT = read_verified()

@@ -102,7 +102,7 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
 
 
 def test_rows_are_called_after_what_made_them_and_bring_their_curves(tmp_path: Path) -> None:
-    from optimize.records.shipped import best_known
+    from optimize.experiments.best_known import best_known
 
     row = best_known()["sprint"].layout
     for name, made in (

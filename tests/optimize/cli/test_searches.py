@@ -10,7 +10,7 @@ import pytest
 
 import domino_env as de
 from domino_env.cli.main import main
-from optimize.records.shipped import best_known
+from optimize.experiments.best_known import best_known
 from optimize.run_folder import FILES, JOURNAL
 
 
@@ -77,7 +77,7 @@ def test_a_shipped_scene_is_told_how_far_from_the_best_known(
     assert "new records: none" in text
     ended = json.loads((tmp_path / "run" / "summary.json").read_text())["ended"]
     assert f"the search ended: {ended}\n" in text
-    monkeypatch.setattr("optimize.records.shipped.PATH", tmp_path / "best.json")
+    monkeypatch.setattr("optimize.experiments.best_known.PATH", tmp_path / "best.json")
     assert "best known:       none so far\nnew records: sprint" in said(
         capsys, *words, tmp_path / "new"
     )

@@ -9,7 +9,7 @@ import pytest
 
 from domino_env.cli.main import main
 from optimize import compare, search
-from optimize.executors.processes import ProcessExecutor
+from optimize.executors import ProcessExecutor
 from optimize.methods.registry import load
 
 MINE = """

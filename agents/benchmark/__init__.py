@@ -1,1 +1,0 @@
-"""Algorithms that learn against each other, over scenes and seeds: runs, page, pictures."""

@@ -1,0 +1,157 @@
+"""Report of a benchmark: a page of Markdown, a table of all runs, pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from agents.algorithms import ALGORITHMS
+from agents.benchmark import problem_of_text
+from domino_env import Scene
+from domino_env.core.files import write_text
+from domino_env.core.tables import markdown_table, write_csv
+from optimize.experiments.experiment import Experiment, problem_of
+from optimize.experiments.report import failures_section
+from optimize.experiments.summary import (
+    SECONDS,
+    STEPS,
+    Estimate,
+    Summary,
+    draw_over_clock,
+    draw_reached,
+)
+from optimize.experiments.task import TaskResult
+
+FILES = (
+    "benchmark.md", "benchmark.csv", "benchmark-reached.png", "benchmark-seconds.png",
+    "benchmark-steps.png",
+)  # fmt: skip
+MOMENTS = (1.0, 10.0, 60.0)  # [s] at which the curves are read
+COLUMNS = (
+    "scene", "algorithm", "seed", "uniform", "score", "best_known", "share", "steps",
+    "processor_seconds", "seconds_past_uniform",
+)  # fmt: skip
+MARKS = "<!-- summary -->", "<!-- end -->"
+INTRODUCTION = """# Benchmark
+
+Results of the algorithms of `domino train` over time, beside methods that need no learning.
+Scores are normalised: 0 is the uniform baseline, 1 the best known layout. Means are interquartile,
+those of the middle half of the runs; intervals are of 95 %, by a bootstrap over seeds, stratified
+by scene, as Agarwal et al. (2021, arXiv:2108.13264) advise."""
+PICTURES = """Times are processor time of one thread; a column *after* holds what a run has by then,
+whether it continues or not. `ramp`, `cma` (CMA-ES) and `auto` search each layout anew; what learns
+has a policy in the end.
+
+![Interquartile means and performance profile](benchmark-reached.png)
+
+## Over processor time
+
+![Best normalised score over processor seconds](benchmark-seconds.png)
+
+## Over environment steps
+
+A step places a domino; a layout of a search counts as many.
+
+![Best normalised score over environment steps](benchmark-steps.png)"""
+SAMPLED = """Every episode of a training is a new scene. A score is the median gain over the uniform
+baselines of the scenes of the test set; that of searches of 2,500 layouts each, {}, counts as best
+known. A search has each of these scenes to search, and its time is that of all searches; the curve
+of a training is of other scenes than the test set's."""
+ENDING = """
+## How it was made
+
+```sh
+{}
+```
+
+{} runs, {:.0f} min of processor time. The same command runs what is missing and writes this page
+anew; `benchmark.csv` has a line a run. Ten seeds are asked for where a run takes two minutes or
+less, five elsewhere."""
+
+
+def write(experiment: Experiment, folder: Path, command: str) -> None:
+    """Write all FILES, with the command that made them; other files in the folder stay."""
+    summary = Summary(experiment)
+    lines = []
+    for r in experiment.results:
+        times, shares = summary.steps(r, STEPS)
+        lines.append((
+            r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best_of(r),
+            round(float(shares[-1]), 5), int(times[-1]), round(r.seconds, 2),
+            round(summary.seconds_past_uniform(r), 2),
+        ))  # fmt: skip
+    write_text(folder / FILES[0], page(experiment, command))
+    write_csv(folder / FILES[1], COLUMNS, lines)
+    draw_reached(summary, folder / FILES[2])
+    draw_over_clock(summary, SECONDS, folder / FILES[3], ALGORITHMS)
+    draw_over_clock(summary, STEPS, folder / FILES[4], ALGORITHMS)
+
+
+def page(experiment: Experiment, command: str) -> str:
+    """Write the page."""
+    minutes = sum(r.seconds for r in experiment.results) / 60.0
+    lines = [INTRODUCTION, "", MARKS[0], "", *overview(experiment), "", MARKS[1], "", PICTURES]
+    for scene in experiment.problems:
+        lines += ["", f"## {scene}", "", *_of_scene(experiment, scene)]
+    lines += [*failures_section(experiment)]
+    lines += [ENDING.format(command, len(experiment.results), minutes)]
+    return "\n".join(lines) + "\n"
+
+
+def overview(experiment: Experiment) -> list[str]:
+    """Return the table over all scenes, lines of Markdown: what learns first, each best first."""
+    summary = Summary(experiment)
+    names = (
+        "algorithm", "runs", "normalised score", "95 % interval",
+        *(f"after {moment:g} s" for moment in MOMENTS), "runs past uniform", "processor time",
+    )  # fmt: skip
+    rows = []
+    for name in summary.ordered(ALGORITHMS):
+        runs, found = experiment.of(name), summary.gain(name)
+        past = sum(r.score > r.uniform_score for r in runs)
+        early = [summary.gain_after(name, moment) for moment in MOMENTS]
+        rows.append((
+            f"`{name}`", len(runs), f"{float(found.value):.1%}", _interval(found),
+            *(f"{part:.1%}" if np.isfinite(part) else "–" for part in early),
+            f"{past} of {len(runs)}", _time(runs),
+        ))  # fmt: skip
+    return list(markdown_table(names, rows))
+
+
+def _of_scene(experiment: Experiment, scene: str) -> list[str]:
+    """Return text and table of one scene, lines of Markdown."""
+    summary = Summary(experiment)
+    one = next(r for r in experiment.results if problem_of(r) == scene)
+    plain = isinstance(problem_of_text(one.scene), Scene)
+    scores = "{:.5f}" if plain else "{:+.2%}"
+    best = scores.format(experiment.best[scene])
+    uniform = scores.format(one.uniform_score)
+    about = f"Uniform baseline {uniform}, best known {best}." if plain else SAMPLED.format(best)
+    names = (
+        "algorithm", "runs", "worst, best score", "normalised score", "95 % interval",
+        "past uniform after, at worst", "processor time",
+    )  # fmt: skip
+    rows = []
+    for name in summary.ordered(ALGORITHMS, scene):
+        runs, found = experiment.of(name, scene), summary.gain(name, scene)
+        ends = min(r.score for r in runs), max(r.score for r in runs)
+        past = max(summary.seconds_past_uniform(r) for r in runs)
+        rows.append((
+            f"`{name}`", len(runs), ", ".join(map(scores.format, ends)),
+            f"{float(found.value):.1%}", _interval(found),
+            _seconds(past) if np.isfinite(past) else "not all", _time(runs),
+        ))  # fmt: skip
+    return [about, "", *markdown_table(names, rows)]
+
+
+def _interval(found: Estimate) -> str:
+    return f"{float(found.low):.1%} to {float(found.high):.1%}" if found.is_known else "–"
+
+
+def _time(runs: list[TaskResult]) -> str:
+    return _seconds(float(np.median([r.seconds for r in runs])))
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.2g} s" if value < 10.0 else f"{value:.0f} s"

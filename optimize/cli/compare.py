@@ -1,0 +1,102 @@
+"""Compare methods with each other and with the uniform baseline, over seeds, with equal budgets.
+
+SCENE is the name of a scene that ships, a .toml file, or `all`.  The folder gets a page of Markdown
+(a table a scene: score, gain over uniform, gap to the best known, time to 1 % and 0.1 % of it), the
+runs and their traces as CSV, and two pictures: the gap against run time, and the part of a ladder
+of targets that was reached.  Ctrl-C ends it with the runs that are complete.
+
+Every run goes into the study store as it comes; --resume continues a comparison that was stopped.
+Runs are independent: --workers or --dask spread them.  With --evaluations the results are bitwise
+reproducible; equal --seconds are equal chances only where there are no more workers than cores and
+nothing else to do.
+
+Learners (apg, ppo, ars), trained agents (agent:RUN, whose clock began with its training)
+and methods of your own (package.module:function, in this folder or installed) run where they are
+named in --methods.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from optimize.cli.options import add_study_options, asked_study, continuing, exit_code
+from optimize.executors import add_executor_options, asked_executor
+
+SUMMARY = "compare search methods over seeds, with equal budgets"
+DEFAULT_SECONDS = 4.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino compare`."""
+    parser.add_argument("scenes", metavar="SCENE", nargs="+", help="names, .toml files, or all")
+    parser.add_argument(
+        "--methods", help="names with commas between (all, and the peers that are installed)"
+    )
+    parser.add_argument("--seeds", type=int, default=5, help="how many, from 0 (5)")
+    parser.add_argument(
+        "--seconds", type=float, help=f"for each run ({DEFAULT_SECONDS:g}), or instead:"
+    )
+    parser.add_argument("--evaluations", type=int, help="layouts that each run may simulate")
+    parser.add_argument("--out", metavar="FOLDER", default="runs/comparison", help="%(default)s")
+    add_executor_options(parser)
+    add_study_options(parser)
+    parser.add_argument(
+        "--update-best",
+        action="store_true",
+        help="write new records of scenes that ship into the package",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare, write the folder, print the tables."""
+    from domino_env.core.files import require_room
+    from domino_env.scenes.io.reading import load_scene, scene_names
+    from optimize.experiments.best_known import update
+    from optimize.experiments.compare import comparison_tasks, known_score
+    from optimize.experiments.experiment import run_experiment
+    from optimize.experiments.report import COMPARISON_FILES, table, write_comparison
+    from optimize.experiments.runner import Progress
+    from optimize.experiments.task import scene_of
+    from optimize.methods import registry
+
+    names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
+    scenes = [load_scene(name) for name in names]
+    if arguments.methods is None:
+        chosen = [*registry.METHODS, *registry.installed_peers()]
+    else:
+        chosen = [name.strip() for name in arguments.methods.split(",")]
+    for name in chosen:
+        registry.load(name)
+    if arguments.seeds < 1:
+        raise ValueError(f"--seeds {arguments.seeds}: give at least one")
+    seconds, evaluations = arguments.seconds, arguments.evaluations
+    if seconds is None and evaluations is None:
+        seconds = DEFAULT_SECONDS
+    tasks = comparison_tasks(scenes, chosen, range(arguments.seeds), seconds, evaluations)
+    names = [scene.name for scene in scenes]
+    settings = {
+        "scenes": names, "methods": chosen, "seeds": arguments.seeds, "seconds": seconds,
+        "evaluations": evaluations,
+    }  # fmt: skip
+    default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
+    folder = Path(arguments.out)
+    # the study comes last: an executor that does not answer leaves no empty one
+    with asked_executor(arguments) as executor:
+        require_room(folder)
+        study = asked_study(arguments, "comparison", default, tasks, settings)
+        budget = f"{evaluations} layouts" if seconds is None else f"{seconds:g} s"
+        print(f"{len(tasks) - study.tasks} runs of {budget}", flush=True)
+        progress = Progress(study.name, shown=None, plain=True)
+        with continuing(study):
+            found = run_experiment(tasks, executor, study, None, progress, known_score)
+    with continuing(study):
+        write_comparison(found, folder)
+        for problem in found.problems:
+            print(f"\n{problem}\n" + "\n".join(table(found, [problem])))
+        print(f"\nwritten to {folder}: {', '.join(COMPARISON_FILES)}")
+        if arguments.update_best:
+            shipped = [r for r in found.results if r.scene_name in scene_names()]
+            improved = update([(scene_of(r.scene), r) for r in shipped])
+            print(f"new records: {', '.join(improved) or 'none'}")
+        return exit_code(found)

@@ -1,0 +1,117 @@
+"""Options and endings of all commands whose results go into a study."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from optimize.experiments.experiment import Experiment
+    from optimize.experiments.store import Study
+    from optimize.experiments.task import Task
+
+DEFAULT_STORE = "runs/studies.sqlite"
+
+
+def add_study_options(parser: argparse.ArgumentParser) -> None:
+    """Add --store, --name and --resume."""
+    group = parser.add_argument_group("study", "where results are kept as they come")
+    group.add_argument(
+        "--store",
+        metavar="FILE",
+        default=DEFAULT_STORE,
+        help="an SQLite file (%(default)s); see domino studies",
+    )
+    group.add_argument("--name", metavar="NAME", help="of the study (from the scene's name)")
+    group.add_argument(
+        "--resume",
+        action="store_true",
+        help="continue a study that was stopped: its results are not computed again",
+    )
+
+
+def asked_study(
+    arguments: argparse.Namespace,
+    kind: str,
+    default: str,
+    tasks: Sequence[Task],
+    settings: dict[str, Any],
+) -> Study:
+    """Find or begin the study to keep tasks in.
+
+    Parameters
+    ----------
+    arguments
+        The options of `add_study_options`.
+    kind
+        "comparison" or "sweep".
+    default
+        Its name where none is given; a number is added where that is taken, and ``--resume``
+        continues the last of them that has the same tasks.
+    tasks
+        All that are to be done.
+    settings
+        The options, for people to read.
+
+    Raises
+    ------
+    ValueError
+        For a name that is taken without ``--resume``; with it where there is no such study, or one
+        with other tasks.
+    """
+    from optimize.experiments.store import open_store
+    from optimize.experiments.task import digest
+
+    store = open_store(arguments.store)
+    full = {**settings, "tasks": len(tasks), "digest": digest([task.key for task in tasks])}
+    known = {one.name: one for one in store.studies()}
+    name = arguments.name
+    if name is not None:
+        if name in known and not arguments.resume:
+            raise ValueError(
+                f"{store.path} has a study '{name}' with {known[name].tasks} results already: "
+                "continue it by --resume, or give another --name"
+            )
+        if name not in known and arguments.resume:
+            raise ValueError(f"--resume: {store.path} has no study '{name}' to continue")
+        return store.begin(name, kind, full)
+    ours = re.compile(re.escape(default) + r"(-[0-9]+)?")
+    if arguments.resume:
+        for one in reversed(known.values()):
+            if ours.fullmatch(one.name) and (one.kind, one.settings) == (kind, full):
+                return one
+        raise ValueError(
+            f"--resume: {store.path} has no study '{default}' of these tasks; `domino studies` "
+            "lists what it has, and --name says which"
+        )
+    names = (
+        default if number == 1 else f"{default}-{number}" for number in range(1, len(known) + 2)
+    )
+    return store.begin(next(name for name in names if name not in known), kind, full)
+
+
+@contextmanager
+def continuing(study: Study) -> Iterator[None]:
+    """Add to whatever ends a command what is done, and how to continue."""
+    try:
+        yield
+    except (KeyboardInterrupt, OSError) as end:
+        how = f"what is done is in study '{study.name}'; the same command with --resume continues"
+        if isinstance(end, OSError):
+            raise OSError(f"{end}; {how}") from None
+        done = len(study.done())
+        text = f": {done} runs are complete; {how}" if done else " before any run was complete"
+        raise KeyboardInterrupt(f"interrupted{text}") from None
+
+
+def exit_code(experiment: Experiment) -> int:
+    """Print the failures of an experiment; 1 if there are any. Raise KeyboardInterrupt again."""
+    for failure in experiment.failures:
+        print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
+    if experiment.interrupted:
+        raise KeyboardInterrupt
+    return 1 if experiment.failures else 0

@@ -1,1 +1,0 @@
-"""Methods against each other: the runs, the page, the pictures."""

@@ -1,0 +1,1 @@
+"""Experiments: problems × methods × settings × seeds, run by executors and kept in a store."""

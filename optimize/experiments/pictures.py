@@ -1,0 +1,287 @@
+"""Pictures of experiments: curves of methods in panels, and maps over two settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from domino_env.core.colours import FAINT, INK, KNOWN, OURS, SOFT
+from domino_env.core.plot_style import (
+    HEAD,
+    LEGEND,
+    headings,
+    method_lines,
+    new_figure,
+    new_panels,
+    plain_numbers,
+    style,
+    write_png,
+)
+from optimize.experiments.experiment import Experiment
+from optimize.experiments.task import Label, TaskResult
+
+Floats = NDArray[np.float64]
+Curve = tuple[Floats, Floats, Floats, Floats]  # places; what is drawn, and its band
+Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
+Prepare = Callable[[Axes, str], None]  # axes of a title
+
+MOST_TOGETHER = 7  # methods whose colours are told apart at a glance; more get a panel each
+ACROSS = 6  # of such panels
+SMALL = (1.75, 1.45)  # [in]
+TITLE = 0.65  # [in] for the name above and the clock below such panels
+MOST_PANELS = 6  # of a sweep
+WRITTEN = 12  # values of both keys up to which a map has its numbers
+
+
+def draw_curves(
+    path: Path,
+    panels: Panels,
+    headline: str,
+    subtitle: str,
+    labels: tuple[str, str],
+    prepare: Prepare,
+    dashed: Collection[str] = (),
+) -> None:
+    """Draw the curves of all methods in a panel for each title, or in a panel for each method.
+
+    Parameters
+    ----------
+    path
+        PNG file.
+    panels
+        The curves.
+    headline, subtitle
+        Words above all panels.
+    labels
+        Words below and beside the panels.
+    prepare
+        Sets the scales of a panel.
+    dashed
+        Methods whose lines are dashed.
+    """
+    methods = list(dict.fromkeys(m for found in panels.values() for m in found))
+    if len(methods) > MOST_TOGETHER:
+        figure = _apart(panels, prepare, headline, subtitle, labels[0])
+        write_png(figure, path)
+        return
+    figure, all_axes = new_panels(len(panels), 3, (3.8, 3.0), (1.9, 0.5), headline, subtitle)
+    lines = method_lines(methods)
+    drawn: dict[str, Any] = {}
+    for (title, found), axes in zip(panels.items(), all_axes, strict=True):
+        style(axes, title)
+        prepare(axes, title)
+        axes.set_xlabel(labels[0])
+        for method, (places, middle, low, high) in found.items():
+            line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
+            line |= {"linestyle": "--"} if method in dashed else {}
+            axes.fill_between(places, low, high, color=line["color"], alpha=0.12, linewidth=0)
+            drawn[method] = axes.plot(places, middle, **line)[0]
+    all_axes[0].set_ylabel(labels[1])
+    figure.legend(list(drawn.values()), list(drawn), loc="outside right center", **LEGEND)
+    write_png(figure, path)
+
+
+def _apart(panels: Panels, prepare: Prepare, headline: str, subtitle: str, clock: str) -> Figure:
+    """Draw a panel for each method, the curves of all others behind it in grey."""
+    down = {title: -(-len(found) // ACROSS) for title, found in panels.items()}
+    heights = [TITLE + SMALL[1] * number for number in down.values()]
+    width = 0.4 + SMALL[0] * ACROSS
+    figure = new_figure(width, HEAD + sum(heights))
+    headings(figure, headline, f"{subtitle}; all other methods in grey")
+    blocks = figure.subfigures(len(panels), 1, height_ratios=heights, squeeze=False).ravel()
+    for block, (title, found) in zip(blocks, panels.items(), strict=True):
+        block.suptitle(title, x=0.12 / width, ha="left", size=11, color=INK)
+        block.supxlabel(clock, size=9, color=SOFT)
+        all_axes = block.subplots(down[title], ACROSS, sharex=True, sharey=True, squeeze=False)
+        for axes in all_axes.ravel()[len(found) :]:
+            axes.set_visible(False)
+        for axes, (method, curve) in zip(all_axes.ravel(), found.items(), strict=False):
+            style(axes)
+            prepare(axes, title)
+            axes.tick_params(labelsize=7.5)
+            axes.set_title(method, loc="left", size=9, color=OURS, pad=3)
+            for places, middle, _, _ in found.values():
+                axes.plot(places, middle, color=FAINT, linewidth=0.9)
+            places, middle, low, high = curve
+            axes.fill_between(places, low, high, color=OURS, alpha=0.18, linewidth=0)
+            axes.plot(places, middle, color=OURS, linewidth=1.8)
+    return figure
+
+
+def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
+    """Draw the gap to the best known, and the part of the targets reached, against run time."""
+    times, of_all = experiment.times(), "all problems"
+    gap_curves: dict[str, dict[str, Curve]] = {}
+    reached: dict[str, dict[str, Curve]] = {}
+    several = [of_all] if len(experiment.problems) > 1 else []
+    for problem in [*experiment.problems, *several]:
+        one = None if problem == of_all else problem
+        for method in experiment.methods:
+            runs = experiment.of(method, one)
+            if not runs:
+                continue
+            part = 100.0 * experiment.reached(method, times, one)
+            reached.setdefault(problem, {})[method] = (times, part, part, part)
+            if one is not None:
+                band = 100.0 * np.array([experiment.gaps(r, times) for r in runs])
+                gap_curves.setdefault(problem, {})[method] = (times, *_band(band))
+    clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
+    budget = f"{experiment.budget} for each run"
+
+    def prepare(axes: Axes) -> None:
+        axes.set_xscale("log")
+        plain_numbers(axes.xaxis, (1,))
+        axes.set_xlim(times[0], times[-1])
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
+
+    def for_gaps(axes: Axes, _: str) -> None:
+        axes.set_yscale("log")  # before anything is drawn: no scale is guessed
+        axes.set_ylim(1e-4, 30.0)
+        prepare(axes)
+
+    def for_targets(axes: Axes, _: str) -> None:
+        axes.set_ylim(0.0, 100.0)
+        prepare(axes)
+
+    what = "gap to the best known"
+    draw_curves(
+        gaps, gap_curves, f"{what.capitalize()} against {clock}",
+        f"{budget}, {over_seeds(experiment)}", (clock, what), for_gaps,
+    )  # fmt: skip
+    what = "targets reached"
+    draw_curves(
+        targets, reached, f"{what.capitalize()} against {clock}",
+        f"{budget}, {over_seeds(experiment, 'all runs of')}", (clock, what), for_targets,
+    )  # fmt: skip
+
+
+def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str) -> None:
+    """Draw a map for each method over two settings, else a panel for each setting.
+
+    Parameters
+    ----------
+    experiment
+        A sweep.
+    path
+        PNG file.
+    name
+        Name of the scene that was varied.
+    unit
+        Unit of its score; without one, scores are drawn, not gains.
+    """
+    keys, what = experiment.keys, "gain over uniform" if unit else "score"
+    headline = f"{name}: {what}, over {' and '.join(keys)}"
+    subtitle = (
+        f"{len(experiment.points)} scenes, {experiment.budget} a search, {over_seeds(experiment)}"
+    )
+    columns = zip(*experiment.points, strict=True)
+    places = {key: _places(list(column)) for key, column in zip(keys, columns, strict=True)}
+    values = [list(found) for found in places.values()]
+    if len(keys) == 2 and len(experiment.points) == len(values[0]) * len(values[1]):
+        write_png(_maps(experiment, values, headline, subtitle, bool(unit)), path)
+        return
+    panels: dict[str, dict[str, Curve]] = {}
+    for key in keys[:MOST_PANELS]:
+        panels[key] = {}
+        for method in experiment.methods:
+            at: dict[float, list[float]] = {}
+            for r in experiment.of(method):
+                at.setdefault(places[key][r.labels[key]], []).append(_worth(r, bool(unit)))
+            lines = [(place, *_band(np.array(at[place]))) for place in sorted(at)]
+            panels[key][method] = tuple(np.array(lines).T)
+
+    def prepare(axes: Axes, key: str) -> None:
+        at = places[key]
+        if any(isinstance(value, str) for value in at):
+            axes.set_xticks(list(at.values()), [str(value) for value in at])
+        elif _is_logarithmic(np.array(sorted(at.values()))):
+            axes.set_xscale("log")
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
+
+    draw_curves(path, panels, headline, subtitle, ("", what), prepare)
+
+
+def over_seeds(experiment: Experiment, what: str = "medians and range of") -> str:
+    """Return the number of seeds in words."""
+    return "one seed" if experiment.seeds == 1 else f"{what} {experiment.seeds} seeds"
+
+
+def _maps(
+    experiment: Experiment, values: list[list[Label]], headline: str, subtitle: str, gains: bool
+) -> Figure:
+    """Draw the medians of each method over the values of two settings."""
+    methods, (across, up) = experiment.methods[:MOST_PANELS], values
+    figure, panels = new_panels(len(methods), 3, (4.0, 3.2), (1.6, 0.5), headline, subtitle)
+    maps = np.full((len(methods), len(up), len(across)), np.nan)
+    for m, method in enumerate(methods):
+        cells: dict[tuple[int, int], list[float]] = {}
+        for r in experiment.of(method):
+            x, y = r.labels.values()
+            cells.setdefault((up.index(y), across.index(x)), []).append(_worth(r, gains))
+        for place, found in cells.items():
+            maps[(m, *place)] = _band(np.array(found))[0]
+    known = maps[np.isfinite(maps)]
+    low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
+    middle, colours = low, ["white", OURS]
+    if gains:  # blue is better than uniform, orange worse
+        high = max(-low, high)
+        low, middle, colours = -high, 0.0, [KNOWN, "white", OURS]
+    shades = LinearSegmentedColormap.from_list("gain", colours)
+    image: Any = None
+    for method, cell, axes in zip(methods, maps, panels, strict=True):
+        image = axes.imshow(cell, origin="lower", aspect="auto", vmin=low, vmax=high, cmap=shades)
+        for (j, k), value in np.ndenumerate(cell):
+            if np.isfinite(value) and max(cell.shape) <= WRITTEN:
+                dark = abs(value - middle) > 0.6 * (high - middle)
+                colour = "white" if dark else INK
+                axes.text(k, j, f"{value:.3g}", ha="center", va="center", size=8, color=colour)
+        axes.grid(False)
+        axes.set_title(method, loc="left", size=11, color=INK)
+        axes.set_xlabel(experiment.keys[0])
+        for put, names in ((axes.set_xticks, across), (axes.set_yticks, up)):
+            every = -(-len(names) // 12)
+            at = range(0, len(names), every)
+            put(list(at), [f"{v:g}" if isinstance(v := names[k], float) else str(v) for k in at])
+    panels[0].set_ylabel(experiment.keys[1])
+    percent = " %" if gains else ""
+    bar = figure.colorbar(image, ax=panels, format=FuncFormatter(lambda y, _: f"{y:g}{percent}"))
+    bar.outline.set_visible(False)
+    return figure
+
+
+def _worth(result: TaskResult, gains: bool) -> float:
+    """Return what is drawn of a result: its gain [%], or its score."""
+    if not gains:
+        return result.score
+    return np.nan if result.gain is None else 100.0 * result.gain
+
+
+def _band(values: Floats) -> tuple[Any, Any, Any]:
+    """Return median, least and largest over the first axis, of what is known."""
+    if not np.isfinite(values).any():
+        return (np.full(values.shape[1:], np.nan),) * 3
+    values = np.where(np.isnan(values), np.nanmedian(values, axis=0), values)
+    return np.median(values, axis=0), values.min(axis=0), values.max(axis=0)
+
+
+def _places(values: list[Label]) -> dict[Label, float]:
+    """Return where values are drawn: numbers at themselves, words one after the other."""
+    if any(isinstance(value, str) for value in values):
+        return {value: float(k) for k, value in enumerate(dict.fromkeys(values))}
+    return {value: float(value) for value in sorted(values, key=float)}
+
+
+def _is_logarithmic(values: Floats) -> bool:
+    """Tell whether values are evenly spread in the logarithm."""
+    if len(values) < 3 or values[0] <= 0.0 or values[-1] / values[0] < 20.0:
+        return False
+    steps = np.diff(np.log(values))
+    return bool(np.ptp(steps) < 0.2 * steps.mean())

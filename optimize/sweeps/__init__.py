@@ -1,1 +1,0 @@
-"""One scene varied: its points, the runs, the page, the pictures, how fast it goes."""
