@@ -64,9 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
     }  # fmt: skip
     # the study comes last: an executor that does not answer leaves no empty one
     with asked_executor(arguments) as executor:
+        require_room(Path(arguments.out or "runs"))
         study = asked_study(arguments, "sweep", f"sweep-{scene.name}", tasks, settings)
         folder = Path(arguments.out or f"runs/{study.name}")
-        require_room(folder)
         before = f", {study.tasks} of them done before" if study.tasks else ""
         print(
             f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}", flush=True

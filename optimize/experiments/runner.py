@@ -86,7 +86,7 @@ class Progress:
 
         def show(budget: Budget) -> None:
             self._line.n = self.done + budget.part
-            self._line.set_postfix_str(f"; {task.name}: best {budget.best_score:.5f}")
+            self._line.set_postfix_str(f"{task.name}: best {budget.best_score:.5f}")
 
         return show
 

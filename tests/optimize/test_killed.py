@@ -9,7 +9,6 @@ import json
 import os
 import signal
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,6 @@ from nursery import Nursery
 
 import domino_env as de
 from domino_env.cli.main import main
-from optimize.experiments.store import open_store
-from optimize.experiments.task import TaskResult
 from optimize.run_folder import JOURNAL
 
 KILLS = int(os.environ.get("DOMINO_KILLS", "3"))  # in each of the tests below
@@ -132,85 +129,6 @@ def test_a_search_that_is_stopped_at_random_resumes_to_the_same_bits(
         assert shown(folder) == shown(whole)
         assert not [f.name for f in folder.iterdir() if f.name.startswith(".new-")]
     assert hits >= KILLS // 6
-
-
-def results_of(path: Path, name: str) -> dict[str, TaskResult]:
-    """What is kept in a study; nothing where it was stopped before it had begun."""
-    if not path.exists() or path.stat().st_size == 0:
-        return {}
-    try:
-        store = open_store(path, create=False)
-    except ValueError as error:
-        assert str(error).endswith("holds no studies yet")  # noqa: PT017
-        return {}
-    names = [study.name for study in store.studies()]
-    return store.study(name).done() if name in names else {}
-
-
-def same(one: TaskResult, two: TaskResult) -> bool:
-    """Whether all but times agrees to the bit."""
-    for field in fields(one):
-        a, b = getattr(one, field.name), getattr(two, field.name)
-        if field.name in ("seconds", "versions"):
-            continue
-        if field.name == "trace":
-            a, b = [[(n, f, s) for n, f, _, s in trace] for trace in (a, b)]
-        if isinstance(a, np.ndarray):
-            a, b = a.tobytes(), b.tobytes()
-        if a != b:
-            return False
-    return True
-
-
-COMMANDS = ["compare", "sweep"] + ["sweep --workers 2"] * (KILLS > 3)  # workers take time to start
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_study_that_is_stopped_at_random_loses_no_finished_task(
-    nursery: Nursery, scenes, tmp_path: Path, command: str
-) -> None:
-    scene = tmp_path / "both.toml"
-    scene.write_text(scenes["both"].to_toml())
-    log = tmp_path / "log"
-    if command == "compare":
-        words = ["compare", scene, "--methods", "random,cma,auto", "--seeds", 3]
-    else:
-        words = [*command.split(), scene, "--set", "physics.friction=0.1:0.3:8", "--methods", "cma"]
-    words += ["--evaluations", 800, "--name", "k"]
-    took = nursery.run([*words, "--store", tmp_path / "whole", "--out", tmp_path / "w"], log)
-    whole = results_of(tmp_path / "whole", "k")
-    assert len(whole) >= 8
-    rng = np.random.default_rng(len(command))
-    hits = 0
-    for round_ in range(-(-KILLS // 3)):
-        store, out = tmp_path / f"cut{round_}", tmp_path / f"out{round_}"
-        kept: dict[str, TaskResult] = {}
-        for with_ in [*turned(round_), None]:
-            asked = [*words, "--store", store, "--out", out]
-            if store.exists() and "k" in names_in(store):
-                asked.append("--resume")
-            if with_ is not None:
-                code = stopped(nursery, asked, log, rng.uniform(0, took), with_)
-                hits += code is not None
-            else:
-                nursery.run(asked, log)
-            require_whole(out)
-            now = results_of(store, "k")
-            assert all(same(now[key], kept[key]) for key in kept)  # nothing lost, nothing changed
-            assert all(now[key].seconds == kept[key].seconds for key in kept)  # nothing run again
-            kept = now
-        assert kept.keys() == whole.keys()
-        assert all(same(kept[key], whole[key]) for key in whole)
-    assert hits >= KILLS // 6
-
-
-def names_in(path: Path) -> list[str]:
-    """Studies that a store holds, however early its making was stopped."""
-    try:
-        return [study.name for study in open_store(path, create=False).studies()]
-    except ValueError as error:
-        assert str(error).endswith("holds no studies yet")  # noqa: PT017
-        return []
 
 
 # full disks and folders that cannot be written --------------------------------------------------

@@ -1,0 +1,145 @@
+"""The benchmark: its statistics on known numbers, and its whole path with a tiny budget."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+import domino_env as de
+from agents import evaluate
+from agents.benchmark import FEW, SHORT, BenchmarkTask, benchmark_tasks, run_benchmark
+from agents.benchmark_report import FILES
+from agents.benchmark_report import page as benchmark_page
+from agents.single.drawn import DIED, gains_of_run
+from domino_env.cli.main import main
+from optimize.experiments.experiment import Experiment
+from optimize.experiments.store import open_store
+from optimize.experiments.summary import (
+    STEPS,
+    Summary,
+    interquartile_mean,
+    performance_profile,
+)
+from optimize.experiments.task import TaskResult
+
+SMALL = replace(de.load_scene("sprint"), name="small", count=7)
+
+
+def test_an_interquartile_mean_is_that_of_the_middle_half() -> None:
+    found = interquartile_mean([np.array([-90.0, 1.0, 2.0]), np.array([3.0, 4.0, 5.0, 6.0, 700.0])])
+    assert found.value == pytest.approx((2.0 + 3.0 + 4.0 + 5.0) / 4)
+
+
+def test_an_interval_is_that_of_all_draws_of_two_runs() -> None:
+    """Of 0 and 1 a quarter of the draws are (0, 0), a quarter (1, 1)."""
+    found = interquartile_mean([np.array([[0.0, 1.0], [5.0, 5.0]])])
+    assert np.array_equal(found.low, [0.0, 5.0])
+    assert np.array_equal(found.high, [1.0, 5.0])
+    beside = interquartile_mean([np.array([[0.0, 1.0], [5.0, 5.0]]), np.array([[0.2], [5.0]])])
+    assert np.allclose(beside.low, [0.2 / 3, 5.0])  # a single run stays as it is
+    assert np.allclose(beside.high, [2.2 / 3, 5.0])
+
+
+def test_runs_are_resampled_within_their_scene() -> None:
+    """Scenes differ, their runs do not: the interval has no width."""
+    found = interquartile_mean([np.full(3, 0.2), np.full(3, 0.9)])
+    assert found.low == found.value == found.high == pytest.approx(0.55)
+    assert not found.is_known
+
+
+def test_a_profile_counts_the_runs_beyond_each_target() -> None:
+    targets = np.array([-1.0, 0.0, 0.5, 1.0])
+    found = performance_profile([np.array([0.1, 0.6]), np.array([-0.5, 0.9])], targets)
+    assert found.value.tolist() == [1.0, 0.75, 0.5, 0.0]
+    assert (found.low[1], found.high[1]) == (0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class KnownTask(BenchmarkTask):
+    """One whose result is known."""
+
+    def run(self, watch=None, clock=None) -> TaskResult:
+        seconds = 2.0 * SHORT if self.method == "ppo" else 1.0
+        trace = [(10, 10, 0.5 * seconds, 0.5), (20, 20, seconds, 1.0)]
+        return self.result_of(None, 1.0, 0.5, trace, gain=None)
+
+
+def test_what_takes_long_gets_fewer_seeds_and_curves_are_read_on_both_clocks() -> None:
+    tasks = benchmark_tasks([SMALL], ["ppo", "cma", "ramp"], seeds=FEW + 2)
+    done = run_benchmark([KnownTask(*astuple(task)) for task in tasks])
+    assert [len(done.of(name)) for name in ("ppo", "cma", "ramp")] == [FEW, FEW + 2, 1]
+    summary, learned = Summary(done), done.of("ppo")[0]
+    times = np.array([SHORT - 1e-6, SHORT, 2.0 * SHORT])
+    assert summary.at(learned, times).tolist() == [-np.inf, 0.0, 1.0]
+    assert summary.steps(learned, STEPS)[0].tolist() == [10.0, 20.0]
+    assert summary.gain_after("cma", 0.7) == 0.0
+    assert summary.seconds_past_uniform(learned) == 2.0 * SHORT
+    nothing_to_gain = Summary(Experiment(done.tasks, done.results, {"small": 0.5}))
+    assert nothing_to_gain.normalised(learned, 1.0) == 0.0
+
+
+def test_it_trains_once_continues_and_writes_the_same_page_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(SMALL.to_toml(), "utf-8")
+    asked = "benchmark small.toml --algorithms ppo,ramp,auto --seeds 1 --steps 3000 --seconds 0.2"
+    assert main(asked.split()) == 0
+    home = tmp_path / "runs" / "benchmark"
+    first = {name: (home / name).read_bytes() for name in FILES}
+    (trained,) = home.glob("small-ppo-0-*")
+    assert sum(line.startswith(b"small,") for line in first["benchmark.csv"].splitlines()) == 3
+    assert main([*asked.split(), "--page"]) == 0
+    assert {name: (home / name).read_bytes() for name in FILES} == first
+
+    tasks = benchmark_tasks(["small.toml"], ["ppo", "ramp", "auto"], 1, 3000, 0.2)
+    with monkeypatch.context() as patch:
+        patch.setattr(BenchmarkTask, "run", None)  # nothing is left to run
+        done = run_benchmark(tasks, study=open_store("runs/studies.sqlite").study("benchmark"))
+    found = done.of("auto")[0]
+    assert found.evaluations % (SMALL.count - 1) == 0  # dominoes placed
+
+    (trained / "summary.json").unlink()  # as if it had been killed before its end
+    line = next(one for one in first["benchmark.csv"].decode().splitlines() if ",ppo," in one)
+    assert repr(tasks[0].run().score) == line.split(",")[4]
+
+
+def test_with_sampled_scenes_the_median_gain_in_the_test_set_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    three = de.load_test_set("varied")[:3]
+    monkeypatch.setattr("agents.benchmark.load_test_set", lambda name: three)
+    tasks = benchmark_tasks(["varied"], ["ars", "cma", "uniform"], 2, 4000, 0.5)
+    assert [t.name for t in tasks][-1] == "varied, ars, seed 1"  # searches run once
+    learned, searched, plain = (task.run() for task in tasks[:3])
+    assert (plain.score, plain.uniform_score) == (0.0, 0.0)
+    gains = gains_of_run(tasks[0].folder, three)
+    assert learned.score == np.median(gains)
+    again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one
+    assert gains.tolist() == pytest.approx(
+        [DIED if gain is None else gain for gain in again], abs=1e-6
+    )
+    assert searched.trace[-1][3] == pytest.approx(searched.score, abs=1e-6)
+    assert "scenes of the test set" in benchmark_page(
+        run_benchmark([KnownTask(*astuple(tasks[0]))]), ""
+    )
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ("--seeds 0", "seeds = 0: give more than 0"),
+    ("--algorithms ppo,ppo", "algorithms = ppo, ppo: give each once"),
+    ("--algorithms nobody", "nobody"),
+    ("--page", "there is no store"),
+])  # fmt: skip
+def test_what_cannot_be_benchmarked(
+    given: str, message: str, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["benchmark", "sprint", *given.split()]) == 2
+    assert message in capsys.readouterr().err

@@ -1,0 +1,487 @@
+"""Comparisons and sweeps: tasks, results, reports, the commands, and how they stop and continue."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing import active_children
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.cli.main import main
+from domino_env.scenes.io.reading import scene_names
+from optimize import compare, search, sweep
+from optimize.experiments import best_known, pictures
+from optimize.experiments.experiment import TARGETS, Experiment, in_words
+from optimize.experiments.report import (
+    COMPARISON_FILES,
+    SWEEP_FILES,
+    comparison_page,
+    sweep_page,
+    table,
+    write_comparison,
+    write_sweep,
+)
+from optimize.experiments.runner import Progress, run_tasks
+from optimize.experiments.store import open_store
+from optimize.experiments.sweep import axis_of, drawn_points, grid, scene_at, sweep_tasks
+from optimize.experiments.task import Task, TaskResult
+
+ROOT = Path(__file__).parents[3]
+
+
+def lines_of(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def here(scenes, tmp_path: Path, monkeypatch) -> Path:
+    """A working folder with a scene."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(scenes["spacing"].to_toml())
+    return tmp_path
+
+
+# comparisons ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def compared(scenes) -> Experiment:
+    chosen = [scenes["spacing"], scenes["length"]]
+    return compare(chosen, ["auto", "random", "uniform"], range(2), 0.15)
+
+
+def test_every_method_runs_on_every_scene_with_every_seed(compared: Experiment) -> None:
+    runs = [(r.scene_name, r.method, r.seed) for r in compared.results]
+    assert len(set(runs)) == len(runs) == 2 * 3 * 2
+    assert compared.problems == ["spacing", "length"]
+    assert compared.methods == ["auto", "random", "uniform"]
+    for name in compared.problems:
+        scores = [r.score for r in compared.results if r.scene_name == name]
+        assert compared.best[name] == max(scores)  # nothing is known of such small scenes
+
+
+def test_times_and_gaps_are_those_of_the_trace(compared: Experiment) -> None:
+    """The two are inverse to each other: a gap is reached at its time, and not before."""
+    for result in compared.results:
+        for gap in (1e-1, 1e-2, 1e-3):
+            when = compared.time_to(result, gap)
+            if np.isfinite(when):
+                before, at = compared.gaps(result, np.array([when * (1.0 - 1e-9), when]))
+                assert at <= gap * (1.0 + 1e-9)
+                assert before > gap or when == result.trace[0][2]
+            else:
+                assert compared.gaps(result, np.array([1e9]))[0] > gap
+
+
+def test_targets_reached_are_counted(compared: Experiment) -> None:
+    assert np.all(np.diff(compared.reached("random", compared.times())) >= 0.0)
+    runs = compared.of("random")
+    counted = sum(compared.time_to(r, t) < np.inf for r in runs for t in TARGETS)
+    assert compared.reached("random", np.array([1e9]))[0] == counted / (len(runs) * len(TARGETS))
+    assert compared.reached("random", np.array([0.0]))[0] == 0.0
+
+
+def test_the_report_of_a_comparison(compared: Experiment, tmp_path: Path) -> None:
+    write_comparison(compared, tmp_path)
+    assert sorted(f.name for f in tmp_path.iterdir()) == sorted(COMPARISON_FILES)
+    for line, result in zip(lines_of(tmp_path / "runs.csv"), compared.results, strict=True):
+        assert (float(line["score"]), float(line["gain"])) == (result.score, result.gain)
+        assert "seconds_to_1_percent" in line
+    steps = lines_of(tmp_path / "traces.csv")
+    assert len(steps) == sum(len(r.trace) for r in compared.results)
+    lines = table(compared, ["spacing"])[2:]
+    medians = [float(line.split("|")[2]) for line in lines]
+    assert medians == sorted(medians, reverse=True)
+    scores = [r.score for r in compared.of("random", "spacing")]
+    assert np.mean(scores) == pytest.approx(
+        next(m for m, line in zip(medians, lines, strict=True) if "`random`" in line), abs=1e-5
+    )
+    for line in lines:
+        assert line in comparison_page(compared)
+
+
+def test_many_methods_have_a_panel_each(compared: Experiment, tmp_path: Path, monkeypatch) -> None:
+    drawn = []
+    monkeypatch.setattr(pictures, "write_png", lambda figure, path: drawn.append(figure))
+    first = [r for r in compared.results if r.seed == 0]
+    many = [msgspec.structs.replace(r, method=f"{r.method} {k}") for k in range(4) for r in first]
+    several = replace(compared, results=tuple(many))
+    for one in (several, compared):
+        pictures.draw_over_time(one, tmp_path / "a", tmp_path / "b")
+    assert "one seed" in drawn[0].texts[1].get_text()
+    assert "2 seeds" in drawn[2].texts[1].get_text()
+    titles = [axes.get_title(loc="left") for axes in drawn[0].get_axes() if axes.get_visible()]
+    assert sorted(titles) == sorted(2 * several.methods)
+
+
+def test_a_title_cannot_write_markdown(scenes) -> None:
+    evil = "![x](http://evil/x.png) <script> `a` | b"
+    found = compare([replace(scenes["spacing"], title=evil)], ["uniform"], [0], evaluations=1)
+    page = next(line for line in comparison_page(found).splitlines() if "evil" in line)
+    assert "![" not in page
+    assert not any(c == "<" and page[i - 1] != "\\" for i, c in enumerate(page))
+
+
+@pytest.mark.parametrize(("scene_list", "methods", "seeds", "budget", "message"), [
+    ([], ["auto"], [0], 1, "scenes is empty"),
+    (["sprint"], [], [0], 1, "methods is empty"),
+    (["sprint"], ["cma", "cma"], [0], 1, "methods = cma, cma: give each once"),
+    (["sprint"], ["cma"], [], 1, "seeds is empty"),
+    (["sprint"], ["cma"], [0], None, "give each run seconds or evaluations"),
+])  # fmt: skip
+def test_what_cannot_be_compared(scene_list, methods, seeds, budget, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        compare(scene_list, methods, seeds, evaluations=budget)
+
+
+def test_the_command_stops_and_continues(here: Path, monkeypatch, capsys) -> None:
+    words = ["compare", "mine.toml", "--methods", "random, uniform", "--seeds", "2"]
+    words += ["--evaluations", "20", "--update-best"]
+    calls = []
+
+    def stopped_at_the_third(*asked, **more):
+        calls.append(asked)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return search(*asked, **more)
+
+    monkeypatch.setattr("optimize.experiments.task.search", stopped_at_the_third)
+    monkeypatch.setattr(best_known, "PATH", here / "best.json")
+    assert main(words) == 130
+    assert "2 runs are complete; " in capsys.readouterr().err
+    first = lines_of(here / "runs/comparison/runs.csv")
+    assert len(first) == 2
+    assert main([*words, "--resume"]) == 0
+    assert len(calls) == 5  # the third once more, and the fourth
+    lines = lines_of(here / "runs/comparison/runs.csv")
+    assert [(r["method"], r["seed"]) for r in lines] == [
+        ("random", "0"), ("uniform", "0"), ("random", "1"), ("uniform", "1")
+    ]  # fmt: skip
+    assert lines[:2] == first
+    said = capsys.readouterr().out
+    assert "| `random` |" in said
+    assert "new records: none" in said
+    assert not (here / "best.json").exists()  # which is for scenes that ship
+
+
+# the best known ---------------------------------------------------------------------------------
+
+
+def test_every_scene_has_a_record() -> None:
+    assert sorted(best_known.best_known()) == sorted(scene_names())
+
+
+@pytest.mark.parametrize("name", best_known.best_known())
+def test_a_record_is_valid_and_has_its_score(name: str) -> None:
+    record, scene = best_known.best_known()[name], de.load_scene(name)
+    assert scene.violations(record.layout) == []
+    known = 1e-11 if scene.floor_friction is None else 3e-4  # as closely as a score is known
+    score = best_known.closest_score(scene, record.layout)
+    assert score == pytest.approx(record.score, rel=known)
+    assert score >= scene.uniform().score * (1.0 - known)
+
+
+def test_a_record_is_kept_where_it_is_better(scenes, tmp_path: Path) -> None:
+    path, scene = tmp_path / "best.json", scenes["both"]
+    assert best_known.best_known(path) == {}
+    with pytest.raises(ValueError, match=r"say best_known\(\)\['sprint'\]"):
+        best_known.best_known("sprint")
+    baseline, found = (search(scene, m, budget=300) for m in ("uniform", "auto"))
+    assert best_known.update([(scene, baseline)], path) == ["both"]
+    assert best_known.update([(scene, baseline)], path) == []
+    assert best_known.update([(scene, found), (scene, baseline)], path) == ["both"]
+    record = best_known.best_known(path)["both"]
+    assert (record.method, record.seed) == ("auto", 0)
+    assert record.layout == found.layout
+    assert record.score == pytest.approx(found.score, rel=1e-9)
+    tighter = replace(scene, name="tighter", spacing=(0.03, 0.031))
+    assert best_known.update([(tighter, found)], path) == []  # it breaks a rule
+
+
+# the points of sweeps ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("text", "values"), [
+    ("physics.friction=0:0.5:6", (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)),
+    ("physics.push = 4, 8,12", (4.0, 8.0, 12.0)),
+    ("row.count=10:30:3", (10, 20, 30)),
+    ("robust.deviation=0.001:0.1:3:log", (0.001, 0.01, 0.1)),
+    ("objective=mean_speed,toppled", ("mean_speed", "toppled")),
+    ("spacing.values=[[0.01, 0.02], [0.01, 0.03]]", ([0.01, 0.02], [0.01, 0.03])),
+])  # fmt: skip
+def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
+    axis = axis_of(text)
+    assert axis.values == values
+    assert [type(v) for v in axis.values] == [type(v) for v in values]
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("physics.friction", "write KEY=FROM:TO:NUMBER"),
+    ("=3", "write KEY="),
+    ("a..b=3", "write KEY="),
+    ("row.count=3:4", "write KEY=FROM:TO:NUMBER"),
+    ("row.count=3:x:4", "write KEY="),
+    ("row.count=3:4:5:cubic", "write KEY="),
+    ("row.count=3:4:0", "give 1 to 100000 values, not 0"),
+    ("physics.push=0:inf:3", "give finite numbers"),
+    ("physics.push=0:1:3:log", "give finite numbers of more than 0"),
+    ("physics.push=4,8,4", "give each value once"),
+    ("physics.push=4,,8", "a value is empty"),
+    ("spacing.values=[1, ", "not JSON"),
+    ("spacing.values=[null]", "give a list of numbers"),
+    ("spacing.values=" + "[" * 100_000, "not JSON"),
+])  # fmt: skip
+def test_other_texts_are_rejected(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=f"--set .*{message}"):
+        axis_of(text)
+
+
+def test_a_grid_has_every_combination_once() -> None:
+    points = grid([axis_of("physics.friction=0,0.1"), axis_of("physics.push=4,8,12")])
+    assert len(points) == len({repr(p) for p in points}) == 6
+    assert points[1] == {"physics.friction": 0.0, "physics.push": 8.0}
+    many = axis_of("physics.push=1:1000:1000")
+    with pytest.raises(ValueError, match="1000000 points: a sweep has at most"):
+        grid([many, replace(many, key="physics.gravity")])
+
+
+def test_drawn_points_are_within_their_ranges_and_repeat_with_their_seed() -> None:
+    texts = ["row.count=5:9", "physics.friction=0.1:0.4", "robust.deviation=1e-5:1e-3:log"]
+    axes = [axis_of(text, drawn=True) for text in [*texts, "objective=mean_speed,robust"]]
+    points = drawn_points(axes, 300, np.random.default_rng(1))
+    assert points == drawn_points(axes, 300, np.random.default_rng(1))
+    assert points != drawn_points(axes, 300, np.random.default_rng(2))
+    counts, frictions, deviations, words = zip(*(p.values() for p in points), strict=True)
+    assert set(counts) == {5, 6, 7, 8, 9}
+    assert set(words) == {"mean_speed", "robust"}
+    assert 0.1 <= min(frictions) < 0.12 < 0.38 < max(frictions) <= 0.4
+    assert 0.3 < np.mean(np.array(deviations) < 1e-4) < 0.7
+    assert len(drawn_points(axes[:1], 300, np.random.default_rng(1))) == 5  # each once
+    for text, message in (
+        ("9:5", "the first number must be less"),
+        ("5:9:3", "write KEY=FROM:TO,"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            axis_of(f"row.count={text}", drawn=True)
+
+
+def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
+    base = scenes["spacing"]
+    found = scene_at(base, {"physics.friction": 0.1, "row.count": 8, "thickness.fixed": 0.006})
+    expected = replace(
+        base, physics=replace(base.physics, friction=0.1), count=8, thickness=(0.006, 0.006)
+    )
+    assert found.to_toml() == expected.to_toml()
+    assert scene_at(base, {"objective": "robust", "robust.deviation": 0.001}).placement is not None
+    free = scene_at(base, {"thickness.min": 0.005, "thickness.max": 0.009})
+    assert free.thickness == (0.005, 0.009)
+    assert scene_at(free, {"thickness.fixed": 0.008}).thickness == (0.008, 0.008)
+
+
+@pytest.mark.parametrize(("axis", "more", "message"), [
+    ("physics.friction=0.1,-1", {}, r"physics.friction = -1.0: give a finite number from 0 to"),
+    ("physics.frction=0.1", {}, r"physics.frction = 0.1: unknown key 'physics.frction'"),
+    ("objective=speed", {}, "objective = speed: objective = 'speed': choose"),
+    ("spacing.fixed=0.02", {}, "spacing.fixed = 0.02: .* leaves nothing free"),
+    ("row.length=0.1,100", {}, r"row.length = 100.0: row.length = 100.0 m cannot be met"),
+    ("row.count.more=1", {}, "row.count.more = 1.0: 'row.count.more': count is no table"),
+    ("physics.push=4,8", {"methods": []}, "methods is empty"),
+    ("physics.push=4,8", {"methods": ["cmaes"]}, "there is no method 'cmaes'"),
+    ("physics.push=4,8", {"seeds": 0}, "--seeds 0"),
+    ("physics.push=4,8", {"seed": -1}, "--seed -1"),
+    ("physics.push=4,8", {"evaluations": 0}, "--evaluations 0"),
+    ("physics.push=4,8", {"seconds": float("nan")}, "--seconds nan"),
+    ("physics.push=4,8", {"seeds": 10**7}, "20000000 tasks: a sweep has at most"),
+    ("physics.push=4:8", {"random": 0}, "--random 0: give 1 to"),
+])  # fmt: skip
+def test_what_cannot_be_swept(scenes, axis: str, more: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=f"^{message}"):
+        sweep_tasks(scenes["spacing"], [axis], **more)
+
+
+# sweeps -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def swept(scenes) -> Experiment:
+    axes = ["physics.friction=0.1,0.3", "physics.push=6:10:3"]
+    return sweep(scenes["spacing"], axes, ["auto", "random"], 2, 40)
+
+
+def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experiment) -> None:
+    runs = [(in_words(r.labels), r.method, r.seed) for r in swept.results]
+    assert len(set(runs)) == len(runs) == 2 * 3 * 2 * 2
+    assert swept.keys == ["physics.friction", "physics.push"]
+    assert len(swept.points) == 6
+    assert swept.failures == ()
+    one = swept.results[13]
+    physics = de.Physics(one.labels["physics.friction"], 9.81, one.labels["physics.push"])
+    alone = search(replace(scenes["spacing"], physics=physics), one.method, 40, one.seed)
+    assert (one.score, one.gain) == (alone.score, alone.gain)
+    assert one.layout == alone.layout
+    assert all(r.score <= swept.best_of(r) for r in swept.results)
+
+
+def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> None:
+    write_sweep(swept, tmp_path, scenes["spacing"])
+    assert sorted(f.name for f in tmp_path.iterdir()) == sorted(SWEEP_FILES)
+    for line, r in zip(lines_of(tmp_path / "sweep.csv"), swept.results, strict=True):
+        assert [float(line[key]) for key in swept.keys] == list(r.labels.values())
+        assert (float(line["score"]), float(line["gain"]), line["key"]) == (r.score, r.gain, r.key)
+        best = swept.best_of(r)
+        assert float(line["gap"]) == pytest.approx((best - r.score) / best)
+    assert sweep_page(swept, scenes["spacing"]).count("| `auto` |") == 6
+
+
+@pytest.mark.parametrize(("scene", "axes"), [
+    ("spacing", ["physics.friction=0:0.4:3"]),
+    ("spacing", ["objective=mean_speed,toppled"]),
+    ("spacing", ["physics.friction=0.1,0.2", "physics.push=6,8", "row.count=5,6"]),
+    ("dead", ["physics.push=0.3,0.5"]),
+], ids=["line", "words", "three", "dead"])  # fmt: skip
+def test_pictures_of_other_sweeps(scenes, scene: str, axes: list[str], tmp_path: Path) -> None:
+    found = sweep(scenes[scene], axes, ["uniform"], evaluations=1)
+    write_sweep(found, tmp_path, scenes[scene])
+    assert (tmp_path / "sweep.png").stat().st_size > 10_000
+    assert ("–" in sweep_page(found, scenes[scene])) == (scene == "dead")  # it has no gain
+
+
+WORDS = ["sweep", "mine.toml", "--set", "physics.push=6,8", "--methods", "random"]
+WORDS += ["--evaluations", "20"]
+
+
+def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
+    def refused(*words: str) -> str:
+        assert main([*WORDS, *words]) == 2
+        return capsys.readouterr().err
+
+    assert "has no study 'sweep-spacing' of these tasks" in refused("--resume")
+    assert main(WORDS) == 0
+    out, said = capsys.readouterr()
+    assert "study 'sweep-spacing' in runs/studies.sqlite: 2 searches" in out
+    assert [line.split()[0] for line in said.splitlines()] == ["1/2", "2/2"]  # no terminal
+    assert main(WORDS) == 0
+    assert "study 'sweep-spacing-2'" in capsys.readouterr().out
+    assert "'sweep-spacing' with 2 results already: " in refused("--name", "sweep-spacing")
+    assert "has no study 'other' to continue" in refused("--name", "other", "--resume")
+    said = refused("--seeds", "2", "--name", "sweep-spacing", "--resume")
+    assert "was begun with" in said
+    (here / "file").write_text("")
+    assert "cannot be written" in refused("--out", "file/below")
+    monkeypatch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
+    assert main([*WORDS, "--resume"]) == 0
+    assert "2 of them done before" in capsys.readouterr().out
+
+
+def still_there(group: int) -> bool:
+    """Whether a process of a group, other than those that wait to be buried, outlives seconds."""
+    for _ in range(100):
+        states = []
+        for file in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(OSError):
+                state, _, its_group = file.read_text().rpartition(")")[2].split()[:3]
+                states += [state] * (int(its_group) == group)
+        if all(state == "Z" for state in states):
+            return False
+        time.sleep(0.05)
+    return True
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_a_command_and_resume_continues_it(
+    here: Path, scenes, number: int, status: int
+) -> None:
+    """In a session of its own, as from a terminal: Ctrl-C reaches the workers too."""
+    words = ["sweep", "mine.toml", "--set", "physics.push=6:10:9", "--methods", "random"]
+    words += ["--evaluations", "15000"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "domino_env", *words, "--workers", "2"],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    ) as process:  # fmt: skip
+        try:
+            assert process.stderr is not None
+            first = process.stderr.readline()
+            assert first.startswith("1/9"), first + process.stderr.read()
+            if number == signal.SIGINT:
+                os.killpg(process.pid, number)
+            else:
+                process.send_signal(number)
+            _, said = process.communicate(timeout=60)
+            assert not still_there(process.pid)  # no worker is left
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == status, said
+    assert "what is done is in study 'sweep-spacing'; the same command with --resume" in said
+    assert "Traceback" not in said
+    study = open_store("runs/studies.sqlite").study("sweep-spacing")
+    kept = study.done()
+    assert 1 <= len(kept) < 9
+    assert main([*words, "--resume"]) == 0
+    found = study.done()
+    assert {key: found[key] for key in kept} == kept
+    fresh = sweep(scenes["spacing"], ["physics.push=6:10:9"], ["random"], evaluations=15000)
+    assert {r.key: r.score for r in fresh.results} == {k: r.score for k, r in found.items()}
+
+
+def test_ctrl_c_ends_the_workers_at_once(here: Path, monkeypatch, capsys) -> None:
+    """What is complete is written, and nobody waits for what is not."""
+    finish, running = Progress.finish, []
+
+    def stop(progress: Progress, task: Task, result: TaskResult) -> None:
+        finish(progress, task, result)
+        running.extend(child.pid for child in active_children())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Progress, "finish", stop)
+    words = ["compare", "mine.toml", "--methods", "uniform,random", "--seeds", "1"]
+    assert main([*words, "--evaluations", "100000000", "--workers", "2"]) == 130
+    assert "interrupted before any run was complete" not in capsys.readouterr().err
+    assert running
+    assert not {child.pid for child in active_children()} & set(running)
+
+
+# progress ---------------------------------------------------------------------------------------
+
+
+class Terminal:
+    """Takes what is written and claims to be a terminal."""
+
+    encoding = "utf-8"
+
+    def __init__(self) -> None:
+        self.text = ""
+
+    def write(self, text: str) -> int:
+        self.text += text
+        return len(text)
+
+    def flush(self) -> None:
+        pass
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_line_moves_on_a_terminal_only(scenes, monkeypatch, capsys) -> None:
+    tasks = sweep_tasks(scenes["spacing"], ["physics.push=6,8"], ["random"], evaluations=4000)
+    run_tasks(tasks)
+    assert capsys.readouterr() == ("", "")
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    run_tasks(tasks, progress=Progress("mine", shown=None))
+    for said in ("mine, 0 of 2", "mine, 2 of 2", " left, physics.push = 8.0, random, seed 0"):
+        assert said in screen.text

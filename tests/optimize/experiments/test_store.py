@@ -1,0 +1,364 @@
+"""The study store: exact, shared by processes, and clear about what it cannot read or write."""
+
+from __future__ import annotations
+
+import csv
+import json
+import multiprocessing as mp
+import resource
+import signal
+import sqlite3
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.cli.main import main
+from optimize.experiments import store as module
+from optimize.experiments.store import open_store
+from optimize.experiments.task import Task, TaskResult
+
+# the processes below only write: locks of threads of this one do not matter to them
+pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+
+
+@pytest.fixture(scope="module")
+def result(scenes) -> TaskResult:
+    """Of a real search."""
+    return Task.of(scenes["both"], "random", 3, evaluations=300).run()
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "a.sqlite"
+
+
+def other(result: TaskResult, number: int, **changes: object) -> TaskResult:
+    return msgspec.structs.replace(result, key=f"{number:032x}", **changes)
+
+
+# results ----------------------------------------------------------------------------------------
+
+
+def test_results_come_back_bitwise(path: Path, result: TaskResult) -> None:
+    ugly = other(
+        result, 7,
+        score=float(np.nextafter(0.8, 1.0)), gain=None, seconds=5e-324, seed=2**63 - 1,
+        spacing=tuple(x * (1.0 + 1e-15) for x in result.spacing), scene="title = 'é\U0001f600'",
+        labels={"physics.friction": 0.1, "count": 3, "whole": 2.0, "name": "=Sünde\n"},
+    )  # fmt: skip
+    study = open_store(path).begin("one", "sweep", {})
+    study.add(result)
+    study.add(ugly)
+    again = open_store(path).study("one").done()
+    assert again == {result.key: result, ugly.key: ugly}
+    assert [type(v) for v in again[ugly.key].labels.values()] == [float, int, float, str]
+
+
+def test_the_first_result_of_a_key_stays_in_each_study(path: Path, result: TaskResult) -> None:
+    store = open_store(path)
+    one, two = store.begin("one", "sweep", {}), store.begin("two", "sweep", {})
+    one.add(result)
+    one.add(msgspec.structs.replace(result, score=99.0))
+    two.add(msgspec.structs.replace(result, score=1.0))
+    assert one.done()[result.key].score == result.score
+    assert two.done()[result.key].score == 1.0
+    assert [(s.name, s.tasks) for s in store.studies()] == [("one", 1), ("two", 1)]
+
+
+def test_a_study_continues_only_with_what_it_was_begun_with(path: Path) -> None:
+    store = open_store(path)
+    settings = {"evaluations": 100, "scenes": ["a"]}
+    assert store.begin("one", "sweep", settings) == store.begin("one", "sweep", settings)
+    with pytest.raises(ValueError, match="'evaluations' = 100, not 200: give what"):
+        store.begin("one", "sweep", {"evaluations": 200, "scenes": ["a"]})
+    with pytest.raises(ValueError, match="'kind' = 'sweep', not 'comparison'"):
+        store.begin("one", "comparison", settings)
+    with pytest.raises(ValueError, match=r"has no study 'two' \(there: 'one'\)"):
+        store.study("two")
+    for name in ("", " ", "a\x1b[2J", "x" * 201):
+        with pytest.raises(ValueError, match="a study cannot be called"):
+            store.begin(name, "sweep", {})
+
+
+@pytest.mark.parametrize("change", [
+    {"score": float("nan")}, {"seconds": float("inf")}, {"seed": 2**63}, {"gain": float("nan")},
+    {"spacing": (0.1, float("nan"))}, {"labels": {"a": float("inf")}}, {"outcome": None},
+], ids=lambda change: str(next(iter(change))))  # fmt: skip
+def test_results_that_cannot_be_kept_are_rejected(path: Path, result, change) -> None:
+    study = open_store(path).begin("one", "sweep", {})
+    with pytest.raises(ValueError, match=r"cannot be kept|is not the same"):
+        study.add(msgspec.structs.replace(result, **change))
+    assert study.done() == {}
+
+
+# several processes ------------------------------------------------------------------------------
+
+
+def write_many(path: Path, result: TaskResult, first: int, gate) -> None:
+    gate.wait()  # all at once, the making of the tables too
+    study = open_store(path).begin("shared", "sweep", {"a": 1})
+    for number in range(first, first + 12):
+        study.add(other(result, number))
+
+
+def test_processes_that_write_at_once_lose_nothing(path: Path, result: TaskResult) -> None:
+    context = mp.get_context("fork")
+    gate = context.Barrier(3)
+    # 12 numbers each, half of them shared with a neighbour
+    processes = [
+        context.Process(target=write_many, args=(path, result, first, gate)) for first in (0, 6, 12)
+    ]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join(60)
+        assert process.exitcode == 0
+    found = open_store(path).study("shared").done()
+    assert sorted(int(key, 16) for key in found) == list(range(24))
+
+
+def write_for_ever(path: Path, result: TaskResult, pipe) -> None:
+    study = open_store(path).begin("killed", "sweep", {})
+    number = 0
+    while True:
+        study.add(other(result, number))
+        pipe.send(number)
+        number += 1
+
+
+def test_a_writer_that_is_killed_leaves_all_its_results(path: Path, result: TaskResult) -> None:
+    context = mp.get_context("fork")
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        path.unlink(missing_ok=True)
+        mine, its = context.Pipe(duplex=False)
+        process = context.Process(target=write_for_ever, args=(path, result, its))
+        process.start()
+        its.close()
+        kept = [mine.recv() for _ in range(3)]
+        process.join(rng.uniform(0.0, 0.05))
+        process.kill()
+        process.join()
+        try:
+            while mine.poll():
+                kept.append(mine.recv())
+        except EOFError:
+            pass
+        done = open_store(path).study("killed").done()
+        assert len(done) in (len(kept), len(kept) + 1)  # the last may not have been reported
+        assert all(other(result, int(key, 16)) == found for key, found in done.items())
+
+
+# faults -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory, result: TaskResult) -> bytes:
+    """A store with twenty results."""
+    path = tmp_path_factory.mktemp("store") / "good.sqlite"
+    study = open_store(path).begin("one", "sweep", {"a": 1})
+    for number in range(20):
+        study.add(other(result, number))
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize(("statement", "message"), [
+    ("DROP TABLE results", "is no store of studies of this version .*no such table: results"),
+    ("ALTER TABLE results DROP COLUMN data", "is no store of studies of this version"),
+    ("UPDATE results SET data = substr(data, 9)", "is damaged .*restore a copy"),
+    ("UPDATE results SET data = '{}'", "is damaged .*missing required field"),
+    ("UPDATE results SET data = x'ff'", "is damaged"),
+])  # fmt: skip
+def test_what_no_search_has_written_is_rejected(
+    good: bytes, path: Path, statement, message
+) -> None:
+    path.write_bytes(good)
+    connection = sqlite3.connect(path)
+    connection.execute(statement)
+    connection.commit()
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=message) as error:
+        open_store(path).study("one").done()
+    assert str(path) in str(error.value)
+    assert path.read_bytes() == before
+
+
+def test_damaged_files_are_rejected_or_read_right(good: bytes, path: Path) -> None:
+    rng = np.random.default_rng(1)
+    rejected: list[str] = []
+    for round_ in range(40):
+        data = bytearray(good)
+        if round_ % 2:
+            data = data[: int(rng.integers(16, len(good)))]
+        else:
+            at = int(rng.integers(len(data) - 512))
+            data[at : at + 512] = rng.bytes(512)
+        path.write_bytes(data)
+        try:
+            assert len(open_store(path).study("one").done()) <= 20
+        except ValueError as error:
+            rejected.append(str(error))
+            assert path.read_bytes() == data
+    assert all(str(path) in sentence for sentence in rejected)
+    assert len(rejected) > 20  # the others were damaged in a digit, or in free space
+
+
+def test_what_is_no_store_is_rejected(tmp_path: Path) -> None:
+    (tmp_path / "text").write_text("spacing,thickness\n" * 99)
+    with pytest.raises(ValueError, match=r"is no store of studies .*: name another file"):
+        open_store(tmp_path / "text")
+    with pytest.raises(ValueError, match=r"cannot be opened .*: name a file"):
+        open_store(tmp_path)
+    with pytest.raises(ValueError, match="cannot be written: "):
+        open_store(tmp_path / "text" / "a.sqlite")
+    with pytest.raises(ValueError, match="there is no store"):
+        open_store(tmp_path / "none.sqlite", create=False)
+    assert [f.name for f in tmp_path.iterdir()] == ["text"]
+
+
+def fill(path: Path, result: TaskResult, pipe) -> None:
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 40_000,) * 2)
+    study = open_store(path).study("one")
+    kept = 0
+    try:
+        for number in range(1000, 2000):
+            study.add(other(result, number))
+            kept += 1
+    except ValueError as error:
+        pipe.send((kept, str(error)))
+
+
+def test_a_full_disk_loses_nothing(good: bytes, path: Path, result) -> None:
+    path.write_bytes(good)
+    context = mp.get_context("fork")
+    mine, its = context.Pipe(duplex=False)
+    process = context.Process(target=fill, args=(path, result, its))
+    process.start()
+    kept, said = mine.recv()
+    process.join()
+    assert kept > 0
+    assert f"{path}: cannot be written" in said
+    assert "this result is not kept, all earlier ones are" in said
+    study = open_store(path).study("one")
+    assert len(study.done()) == 20 + kept
+    study.add(other(result, 5000))  # with room again
+    assert len(study.done()) == 21 + kept
+
+
+def test_a_store_that_others_hold_is_not_waited_for_without_end(
+    good: bytes, path: Path, result, monkeypatch
+) -> None:
+    monkeypatch.setattr(module, "PATIENCE", 0.05)
+    path.write_bytes(good)
+    study = open_store(path).study("one")
+    connection = sqlite3.connect(path, isolation_level=None)
+    connection.execute("BEGIN IMMEDIATE")
+    with pytest.raises(ValueError, match="other programs have been writing it"):
+        study.add(other(result, 99))
+    connection.close()
+    study.add(other(result, 99))
+    assert len(study.done()) == 21
+
+
+# the command ------------------------------------------------------------------------------------
+
+
+def said(capsys, *words: object) -> str:
+    assert main([str(word) for word in words]) == 0
+    return capsys.readouterr().out
+
+
+def test_the_command_lists_and_shows(capsys, path: Path, result: TaskResult) -> None:
+    store = open_store(path)
+    study = store.begin("friction", "sweep", {"evaluations": 300})
+    store.begin("empty", "comparison", {})
+    for number, score in enumerate((0.5, 0.7, 0.6)):
+        gain = score / 0.5 - 1.0
+        study.add(other(result, number, score=score, uniform_score=0.5, gain=gain))
+    study.add(other(result, 9, scene_name="\x1b[31mred", labels={"a": "\x9b2J"}))
+    listed = said(capsys, "studies", "--store", path)
+    assert [line.split()[:3] for line in listed.splitlines()] == [
+        ["study", "kind", "tasks"], ["friction", "sweep", "4"], ["empty", "comparison", "0"],
+    ]  # fmt: skip
+    shown = said(capsys, "studies", "show", "friction", "--store", path)
+    assert "evaluations = 300" in shown
+    row = next(line.split() for line in shown.splitlines() if line.startswith("both"))
+    assert row[1:] == ["random", "3", "0.7", "0.6", "0.5", "+40.00%", "00000000"]
+    assert not {"\x1b", "\x9b"} & set(shown)
+    assert "\\x1b[31mred" in shown
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_an_export_holds_every_number_bitwise(
+    capsys, path: Path, result: TaskResult, suffix: str
+) -> None:
+    study = open_store(path).begin("=1+1", "sweep", {})
+    labels = {"physics.friction": 0.1, "score": 3, "@mixed": -2}
+    study.add(msgspec.structs.replace(result, labels=labels, gain=-0.25))
+    study.add(other(result, 1, scene_name="+x", labels={"@mixed": "-cmd"}, gain=None))
+    file = path.with_name(f"all.{suffix}")
+    text = said(capsys, "studies", "export", "=1+1", "--to", file, "--store", path)
+    assert text == f"written to {file}: 2 results\n"
+    if suffix == "parquet":
+        table = pytest.importorskip("pyarrow.parquet").read_table(file)
+        first, second = table.to_pylist()
+        assert tuple(first["spacing"]) == result.spacing
+        assert [tuple(step) for step in first["trace"]] == result.trace
+        assert (first["study"], second["scene_name"]) == ("=1+1", "+x")
+        assert (first["@mixed"], second["@mixed"]) == ("-2", "-cmd")
+        assert second["gain"] is None
+    else:
+        with file.open(newline="") as lines:
+            first, second = csv.DictReader(lines)
+        assert tuple(json.loads(first["spacing"])) == result.spacing
+        assert [tuple(step) for step in json.loads(first["trace"])] == result.trace
+        # text that a spreadsheet would run is made harmless, numbers are as they are
+        assert (first["study"], second["scene_name"]) == ("'=1+1", "'+x")
+        assert (first["'@mixed"], second["'@mixed"]) == ("-2", "'-cmd")
+        assert (first["gain"], second["gain"]) == ("-0.25", "")
+    assert float(first["score"]) == result.score
+    assert float(first["physics.friction"]) == 0.1
+    assert int(first["label.score"]) == 3
+
+
+def test_the_best_layout_of_a_scene(capsys, path: Path, scenes, result) -> None:
+    study = open_store(path).begin("one", "sweep", {})
+    better = Task.of(scenes["both"], "l-bfgs", 0, evaluations=200).run()
+    study.add(result)
+    study.add(better)
+    assert better.score > result.score
+    words = ["studies", "export", "one", "--store", str(path)]
+    said(capsys, *words, "--best", "both", "--to", path.with_name("b.json"))
+    layout = de.Layout.read(path.with_name("b.json"))
+    assert scenes["both"].score(layout) == better.score
+    said(capsys, *words, "--best", result.key[:8], "--to", path.with_name("c.csv"))
+    assert tuple(de.Layout.read(path.with_name("c.csv")).spacing) == result.spacing
+    study.add(other(result, 1, scene="another"))
+    assert main([*words, "--best", "both", "--to", "d.csv"]) == 2
+    assert "has several scenes called 'both'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["show"], "name the study"), (["export", "one"], "--to FILE.csv"),
+    (["show", "on\x1be"], r"has no study 'on\x1be'"), (["list", "one"], "domino studies show one"),
+    (["export", "one", "--to", "x.xls"], "to a .csv or .parquet file"),
+    (["export", "one", "--best", "--to", "x.txt"], "to a .csv or .json file"),
+    (["export", "one", "--best", "nobody", "--to", "x.csv"], "has no scene and no single result"),
+    (["export", "one", "--to", "a.sqlite/x.csv"], "cannot be written"),
+])  # fmt: skip
+def test_errors_are_one_line(
+    capsys, monkeypatch, tmp_path: Path, good: bytes, words, message
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.sqlite").write_bytes(good)
+    assert main(["studies", *words, "--store", "a.sqlite"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("domino: ")
+    assert message in error
+    assert error.count("\n") == 1
+    assert [f.name for f in tmp_path.iterdir()] == ["a.sqlite"]

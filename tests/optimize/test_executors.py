@@ -1,0 +1,319 @@
+"""Executors: the same results as without one, and what happens when workers and schedulers die."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from domino_env.cli.main import main
+from domino_env.core.provenance import versions
+from optimize import executors, search
+from optimize.executors import (
+    ExecutorLost,
+    ProcessExecutor,
+    open_executor,
+    require_same_versions,
+)
+from optimize.experiments.runner import run_tasks
+from optimize.experiments.store import open_store
+from optimize.experiments.task import Task, TaskResult
+
+ROOT = Path(__file__).parents[2]
+
+
+class Shuffled(Executor):
+    """Answers in an order of its own, from this process."""
+
+    def __init__(self, seed: int, least: int) -> None:
+        self.rng, self.least = random.Random(seed), least
+        self.asked: list = []
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        future: Future = Future()
+        self.asked.append((future, fn, args, kwargs))
+        if len(self.asked) >= self.least:
+            self.rng.shuffle(self.asked)
+            while self.asked:
+                answer, call, words, more = self.asked.pop()
+                if answer.set_running_or_notify_cancel():
+                    answer.set_result(call(*words, **more))
+        return future
+
+
+def bits(result: TaskResult) -> tuple:
+    """All of a result that must be the same wherever it was computed."""
+    trace = [(n, falls, score) for n, falls, _, score in result.trace]
+    row = (result.spacing, result.thickness, result.height)
+    return (result.key, result.score, result.uniform_score, row, result.evaluations, trace)
+
+
+def results_of(tasks, executor=None, study=None) -> list[tuple]:
+    found: dict[str, tuple] = {}
+    assert run_tasks(tasks, executor, study, lambda t, r: found.update({t.key: bits(r)})) == []
+    return [found[task.key] for task in tasks]
+
+
+@pytest.fixture(scope="module")
+def tasks(scenes) -> list[Task]:
+    chosen = [("spacing", "auto"), ("both", "cma"), ("length", "random"), ("dying", "powell")]
+    return [Task.of(scenes[s], m, seed, 60) for s, m in chosen for seed in range(2)]
+
+
+@pytest.fixture(scope="module")
+def expected(tasks) -> list[tuple]:
+    return results_of(tasks)
+
+
+@pytest.fixture(scope="module")
+def pool():
+    with ProcessExecutor(2) as pool:
+        yield pool
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Executor]:
+    pytest.importorskip("distributed")
+    with open_executor(workers=2, dask="local") as cluster:
+        assert cluster is not None
+        yield cluster
+
+
+@pytest.fixture(params=["pool", "cluster"])
+def workers(request) -> Executor:
+    return request.getfixturevalue(request.param)
+
+
+# tasks of workers -------------------------------------------------------------------------------
+
+
+def kill_worker() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def kill_once(mark: str) -> str:
+    if not Path(mark).exists():
+        Path(mark).touch()
+        kill_worker()
+    return "done"
+
+
+def surroundings() -> tuple[int, str | None]:
+    import numba
+
+    return numba.get_num_threads(), os.environ.get("OMP_NUM_THREADS")
+
+
+def linger(mark: str) -> None:
+    Path(mark).write_text(str(os.getpid()))
+    time.sleep(60.0)
+
+
+def unsendable() -> object:
+    return lambda: None
+
+
+# the same results -------------------------------------------------------------------------------
+
+
+def test_results_are_those_of_one_process(tasks, expected, workers) -> None:
+    assert results_of(tasks, workers) == expected
+    assert workers.workers == 2
+    assert workers.submit(surroundings).result() == (1, "1")
+
+
+def test_the_order_of_arrival_does_not_matter(tasks, expected) -> None:
+    assert results_of(tasks, Shuffled(1, len(tasks))) == expected
+
+
+def test_bulk_scoring_gives_the_same_results(scenes, workers, monkeypatch) -> None:
+    monkeypatch.setattr("optimize.evaluator.PIECE", 200)  # so that little work is many pieces
+    monkeypatch.setattr("optimize.bulk.TASK", 300)
+    alone = search(scenes["both"], "random", budget=2013)
+    spread = search(scenes["both"], "random", budget=2013, executor=workers)
+    assert spread.score == alone.score
+    assert np.array_equal(spread.layout.spacing, alone.layout.spacing)
+    steps = [[(n, f, s) for n, f, _, s in one.trace] for one in (spread, alone)]
+    assert steps[0] == steps[1]
+
+
+# faults -----------------------------------------------------------------------------------------
+
+
+def test_a_worker_that_dies_is_replaced_and_its_tasks_run_again(
+    tasks, expected, workers, tmp_path: Path
+) -> None:
+    mark = workers.submit(kill_once, str(tmp_path / "mark"))
+    assert results_of(tasks, workers) == expected
+    assert mark.result() == "done"
+
+
+def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(workers) -> None:
+    calls = [workers.submit(call) for call in (os.getpid, kill_worker, os.getpid, os.getpid)]
+    with pytest.raises(Exception, match=r"its worker process died each of|all those workers died"):
+        calls.pop(1).result()
+    assert all(call.result() > 0 for call in calls)
+
+
+def test_errors_of_a_task_are_its_own(tasks, expected, pool) -> None:
+    broken = Task(tasks[0].scene, "auto", 0, evaluations=0)
+    found: list[TaskResult] = []
+    failures = run_tasks([broken, tasks[0]], pool, None, lambda t, r: found.append(r))
+    assert [bits(r) for r in found] == expected[:1]
+    assert [f.task for f in failures] == [broken]
+    assert "budget = 0" in failures[0].reason
+    with pytest.raises(Exception, match="pickle"):
+        pool.submit(unsendable).result()
+
+
+def test_a_context_that_ends_by_an_exception_ends_its_workers(tmp_path: Path) -> None:
+    mark = tmp_path / "pid"
+    with suppress(KeyError), open_executor(workers=1) as executor:
+        assert executor is not None
+        calls = [executor.submit(linger, str(mark)), executor.submit(os.getpid)]
+        while not mark.exists() or not mark.read_text():
+            time.sleep(0.01)
+        raise KeyError
+    for call in calls:
+        with pytest.raises(ExecutorLost, match="the executor was ended"):
+            call.result()
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(mark.read_text()), 0)
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        executor.submit(os.getpid)
+
+
+def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
+    mark = tmp_path / "pid"
+    script = (
+        "import sys; sys.path.insert(0, 'tests/optimize')\n"
+        "from test_executors import linger, open_executor\n"
+        "if __name__ == '__main__':\n"
+        f"    with open_executor(workers=1) as pool: pool.submit(linger, {str(mark)!r}).result()\n"
+    )
+    (tmp_path / "script.py").write_text(script)
+    with subprocess.Popen([sys.executable, tmp_path / "script.py"], cwd=ROOT) as process:
+        while not mark.exists() or not mark.read_text():
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.kill()
+    for _ in range(200):
+        if not Path(f"/proc/{mark.read_text()}").exists():
+            return
+        time.sleep(0.05)
+    pytest.fail("the worker computes on")
+
+
+@contextmanager
+def started(*words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A process of Dask's command line."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "dask", *words],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"},
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    ) as process:  # fmt: skip
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_a_scheduler_that_is_killed_loses_nothing_that_is_done(
+    tasks, expected, tmp_path: Path, monkeypatch
+) -> None:
+    pytest.importorskip("distributed")
+    file, told = tmp_path / "scheduler.json", []
+    more = [Task(tasks[0].scene, "auto", seed, 1000) for seed in range(20)]
+    study = open_store(tmp_path / "studies.sqlite").begin("mine", "sweep", {})
+    with ExitStack() as stack:
+        words = ["--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file)]
+        scheduler = stack.enter_context(started("scheduler", "--port", "0", *words))
+        stack.enter_context(started("worker", "--nthreads", "1", "--no-nanny", *words))
+        while not file.exists() or not file.read_text():
+            time.sleep(0.05)
+        address = json.loads(file.read_text())["address"]
+
+        def kill_after_three(task: Task, _: TaskResult) -> None:
+            told.append(task.key)
+            if len(told) == 3:
+                scheduler.kill()
+
+        with (
+            pytest.raises(ExecutorLost, match=f"the Dask scheduler at {address} has ended"),
+            open_executor(dask=address) as cluster,
+        ):
+            run_tasks([*tasks, *more], cluster, study, kill_after_three)
+    assert list(study.done()) == told
+    assert len(told) >= 3
+    assert results_of(tasks, None, study) == expected  # what is missing
+    monkeypatch.setattr(executors, "ANSWER", 0.5)
+    with (
+        pytest.raises(ExecutorLost, match="no Dask scheduler answers"),
+        open_executor(dask=address),
+    ):
+        pass
+
+
+# what cannot be ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("workers", "dask", "message"), [
+    (0, None, "--workers 0: give 1 to"),
+    (5000, None, "--workers 5000: give 1 to"),
+    (None, "nonsense", "--dask nonsense: give the address of a scheduler"),
+    (None, "tcp://a b:1", "give the address of a scheduler"),
+    (2, "tcp://127.0.0.1:9", "its workers are its own"),
+])  # fmt: skip
+def test_executors_that_cannot_be(workers, dask, message: str) -> None:
+    if dask is not None:
+        pytest.importorskip("distributed")
+    with pytest.raises(ValueError, match=message), open_executor(workers, dask):
+        pass
+
+
+def test_without_the_extra_it_says_what_installs_it(monkeypatch) -> None:
+    monkeypatch.setattr(executors, "find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r'"domino-chains\[dist\]"'), open_executor(dask="local"):
+        pass
+
+
+class Client:
+    """Of workers that have what they are given."""
+
+    def __init__(self, numba: str | None) -> None:
+        self.numba = numba
+
+    def run(self, _: object) -> dict:
+        if self.numba is None:
+            raise ModuleNotFoundError("none", name="optimize")
+        return {"tcp://worker": versions() | {"numba": self.numba}}
+
+
+def test_workers_with_other_versions_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"tcp://worker has numba 0\.1, and here it is"):
+        require_same_versions(Client("0.1"), "tcp://here")
+    with pytest.raises(ValueError, match="cannot import optimize: install domino-chains there"):
+        require_same_versions(Client(None), "tcp://here")
+
+
+def test_an_executor_that_does_not_come_leaves_no_study(
+    scenes, tmp_path: Path, monkeypatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(executors, "ANSWER", 0.2)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(scenes["spacing"].to_toml())
+    for words in (["compare", "mine.toml"], ["sweep", "mine.toml", "--set", "physics.push=8"]):
+        assert main([*words, "--dask", "tcp://127.0.0.1:9", "--evaluations", "9"]) == 2
+    assert not (tmp_path / "runs").exists()
