@@ -281,7 +281,7 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
     base = scenes["spacing"]
     found = scene_at(base, {"physics.friction": 0.1, "row.count": 8, "thickness.fixed": 0.006})
     expected = replace(
-        base, physics=replace(base.physics, friction=0.1), count=8, thickness=(0.006, 0.006)
+        base, physics=base.physics.replace(friction=0.1), count=8, thickness=(0.006, 0.006)
     )
     assert found.to_toml() == expected.to_toml()
     assert scene_at(base, {"objective": "robust", "robust.deviation": 0.001}).placement is not None
