@@ -15,7 +15,8 @@ from agents import evaluate
 from agents.benchmark import FEW, SHORT, BenchmarkTask, benchmark_tasks, run_benchmark
 from agents.benchmark_report import FILES
 from agents.benchmark_report import page as benchmark_page
-from agents.single.drawn import DIED, gains_of_run
+from agents.evaluation import STOPPED, gains_of
+from agents.policy import ScenePolicy
 from domino_env.cli.main import main
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.store import open_store
@@ -119,11 +120,12 @@ def test_with_sampled_scenes_the_median_gain_in_the_test_set_counts(
     assert [t.name for t in tasks][-1] == "varied, ars, seed 1"  # searches run once
     learned, searched, plain = (task.run() for task in tasks[:3])
     assert (plain.score, plain.uniform_score) == (0.0, 0.0)
-    gains = gains_of_run(tasks[0].folder, three)
+    policy = ScenePolicy.load(tasks[0].folder).policy
+    gains = gains_of(policy, de.load_distribution("varied"), three)
     assert learned.score == np.median(gains)
     again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one
     assert gains.tolist() == pytest.approx(
-        [DIED if gain is None else gain for gain in again], abs=1e-6
+        [STOPPED if gain is None else gain for gain in again], abs=1e-6
     )
     assert searched.trace[-1][3] == pytest.approx(searched.score, abs=1e-6)
     assert "scenes of the test set" in benchmark_page(
