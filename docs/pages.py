@@ -166,8 +166,8 @@ def lead(
 
 def floor_frictions() -> list[float]:
     """On which floors the rows that ship were looked at."""
-    looks = [look for one in read_verified().values() for look in one.floors]
-    return sorted({look.floor for look in looks if look.floor})
+    checks = [check for one in read_verified().values() for check in one.floors]
+    return sorted({check.floor for check in checks if check.floor})
 
 
 def left_on(floor: float, name: str, records: dict[str, BestKnown]) -> str:
@@ -176,7 +176,7 @@ def left_on(floor: float, name: str, records: dict[str, BestKnown]) -> str:
     one = record and known_verification(record.layout, shipped(name).physics)
     for look in one.floors if one else ():
         if look.floor == floor:
-            up = look.best.staying_up
+            up = look.staying_up
             gain = "–" if look.gain is None else f"{look.gain:+.1%}"
             first = f" (first {one.first})" if one.first < one.count else ""
             return gain + first + (f" ({up} up)" if up else "")
@@ -252,11 +252,11 @@ def checked(record: BestKnown, scene: Any) -> list[str]:
     one = known_verification(record.layout, scene.physics)
     if one is None:
         return []
-    lines = [f"On hinges, in the simulator that keeps no contact closed: {one.verdict}", ""]
+    lines = [f"On fixed pivots, in the simulator that keeps no contact closed: {one.verdict}", ""]
     for look in one.floors[1:]:
         lead = "" if look.gain is None else f", {look.gain:+.2%} over the best uniform row there"
-        up = f"; {look.best.staying_up} stay up" if look.best.staying_up else ""
-        lines.append(f"- On a floor of friction {look.floor:g}: {look.best.score}{lead}{up}.")
+        up = f"; {look.staying_up} stay up" if look.staying_up else ""
+        lines.append(f"- On a floor of friction {look.floor:g}: {look.score}{lead}{up}.")
     first = f" (The first {one.first} dominoes.)" if one.first < one.count else ""
     return [*lines, "", f"[Checked in other physics](../verification.md).{first}", ""]
 

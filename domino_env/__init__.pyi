@@ -20,8 +20,10 @@ from .physics.wave import Wave as Wave
 from .physics.wave import WaveBatch as WaveBatch
 from .physics.wave import simulate as simulate
 from .physics.wave import simulate_batch as simulate_batch
-from .rigid.comparison import Verification as Verification
-from .rigid.comparison import verify as verify
+from .rigid.simulation import RigidWave as RigidWave
+from .rigid.simulation import simulate_standing as simulate_standing
+from .rigid.verification import Verification as Verification
+from .rigid.verification import verify as verify
 from .scenes.baseline import UniformMark as UniformMark
 from .scenes.distribution import SceneDistribution as SceneDistribution
 from .scenes.distribution import load_distribution as load_distribution
@@ -34,8 +36,6 @@ from .scenes.objectives.tempo import Tempo as Tempo
 from .scenes.pool import load_test_set as load_test_set
 from .scenes.scene import Scene as Scene
 from .scenes.stock import Stock as Stock
-from .standing.simulation import RigidWave as RigidWave
-from .standing.simulation import simulate_standing as simulate_standing
 from .validation.measured.fit import Fit as Fit
 from .validation.measured.fit import fit_friction as fit_friction
 from .view.sound import Heard as Heard

@@ -15,8 +15,8 @@ from domino_env.cli.physics_options import add_physics_options, asked_physics
 
 if TYPE_CHECKING:
     from domino_env.physics.wave import Wave
+    from domino_env.rigid.simulation import RigidWave
     from domino_env.scenes.scene import Scene
-    from domino_env.standing.simulation import RigidWave
 
 SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
 CSV_NAMES = (
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.core.results import document
     from domino_env.core.tables import write_csv
     from domino_env.physics.wave import simulate
-    from domino_env.standing.simulation import simulate_standing
+    from domino_env.rigid.simulation import simulate_standing
 
     asked = asked_physics(arguments, arguments.layout)
     scene = asked.scene

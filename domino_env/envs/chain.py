@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -405,7 +406,7 @@ class DominoChainVector(DominoVectorEnv):
 
 def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
     """Raise ValueError for a layout that no episode in the scene can begin with."""
-    broken = scene.violations(layout, complete=False)
+    broken = replace(scene, count=layout.count, length=None).violations(layout)
     if not broken and layout.count >= scene.count:
         broken = [
             f"it has {layout.count} dominoes: at least one of the scene's {scene.count} must "

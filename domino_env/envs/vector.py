@@ -596,7 +596,9 @@ def objects(values: Iterable[Any]) -> NDArray[Any]:
     return array
 
 
-def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> kernels.Batch:
+def _new_batch(
+    source: SceneSource, layout: ObservationLayout, num_envs: int
+) -> kernels.Batch | kernels.HillBatch:
     """Allocate the arrays of the environments."""
     scene, longest = source.first, source.longest
     kinds, stock = _kinds_to_choose(scene)
@@ -628,7 +630,8 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
     if scene.ground is None:
         return batch
     _, tilt = scene.ground.lay(np.empty(0), batch.thickness[0, :1])
-    return batch._replace(
+    return kernels.HillBatch(
+        *batch,
         rise=np.zeros((num_envs, longest - 1)),
         tilt=np.full((num_envs, longest), tilt[0]),
         places=np.zeros((num_envs, longest)),

@@ -1,1 +1,1 @@
-"""Judges of a row other than the model, on hinges and on floors; what they said."""
+"""Rigid bodies that keep no contact closed: simulator, third-party engine, verification."""

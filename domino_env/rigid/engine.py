@@ -1,101 +1,150 @@
-"""Rigid engine: the same row in Chipmunk (pymunk), which knows nothing of our equations.
+"""Third-party engine: the same layout in Chipmunk (pymunk), which shares no equation with us.
 
 Every domino is a box with its mass and moment of inertia; neighbours collide without restitution
-and rub with the row's friction.  *Hinged*: each turns about its front bottom edge, as the model
-has it, and a stop keeps it from leaning back.  *Standing*: on a floor with a friction of its own it
-may slide and lift; over hills each has a plank of its own along the chord under its base, so that
-there are no joints for boxes to catch on.  Lengths are millimetres inside, as the engine's
+and rub with the layout's friction. With fixed pivots each turns about its front bottom edge, as in
+the model, and a stop keeps it from leaning back. On a floor with a friction of its own it may slide
+and lift; over uneven ground each has a plank of its own along the chord under its base, so that
+there are no joints for boxes to catch on. Lengths are millimetres inside, as the engine's
 tolerances are made for numbers near one.
 
-In every step the engine's contact solver makes a fixed number of sweeps over all contacts.  A flush
-sends its impulse through the whole stack, and too few sweeps let the stack bounce back from it: see
-`domino_env.rigid.converging`.
+In every step the engine's contact solver makes a fixed number of sweeps over all contacts. A face
+impact sends its impulse through the whole stack, and too few sweeps let the stack bounce back.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-
-Floats = NDArray[np.float64]
+from domino_env.rigid.simulation import PATIENCE, RigidWave, largest_difference, window_of
 
 MM = 1000.0
-PATIENCE = 3.0  # [√(L/g)] without a hit before a wave counts as dead; a fall takes about one
 KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart, half of them planks
 STIR = 1e-5  # [rad] a lean that grows by less has come to rest
 PLANK = 1.5  # heights that it reaches before and behind a pivot: where a domino may come to lie
 GRAIN = 1e-4  # [mm] overlap of faces that the engine leaves alone
+RTOL = 5e-4  # of an arrival time
+STEPS = (8e-5, 4e-5, 2e-5)  # [s]
+SWEEPS, MOST_SWEEPS = 60, 1920
 
 
-@dataclass(frozen=True, eq=False)
-class Fallen:
-    """What became of a row in the engine.
-
-    Attributes
-    ----------
-    arrivals
-        (N,) when each domino is hit [s]: the tip before it reaches its rear face; inf if never.
-    toppled
-        How many passed their tipping angles.
-    """
-
-    arrivals: Floats
-    toppled: int
-
-
-def topple(
+def simulate_in_engine(
     layout: Layout,
     physics: Physics,
-    step: float,
-    *,
-    sweeps: int,
-    floor: float | None = None,
-    window: int | None = None,
-) -> Fallen:
-    """Follow a row in the engine until its last domino has toppled or nothing more happens.
+    floor_friction: float | None,
+    progress: Callable[[str], object] = lambda line: None,
+) -> RigidWave:
+    """Simulate in Chipmunk, ever more closely until the arrival times converge.
+
+    At the coarsest step the sweeps are doubled until no arrival time moves by more than half of
+    `RTOL`; then steps get finer until the limit, a straight line through the two finest steps to a
+    step of zero, does not move either. What the last doubling and the last step have moved is the
+    error estimate; after two steps only, how far the limit is from the finer.
 
     Parameters
     ----------
-    layout
-        What stands.
-    physics
-        What makes it fall.
-    step
-        Of time [s].
-    sweeps
-        Of the engine's contact solver in every step.
-    floor
-        Friction of the floor that the dominoes stand on; None where each turns about its front
-        bottom edge.
-    window
-        So many dominoes behind the leader still move, and those further back are taken away, which
-        is what makes it fast; None: all stay.
+    layout, physics, floor_friction
+        As of `simulate_standing`.
+    progress
+        Called with a line for every run.
 
     Raises
     ------
     ImportError
         Without pymunk; says what to install.
-    ValueError
-        For a step that is not between 0 and 1 ms, for no sweeps, or no window.
     """
-    if not 0.0 < step <= 1e-3:
-        raise ValueError(f"step = {step} s: give one above 0 and up to 0.001")
-    if sweeps < 1:
-        raise ValueError(f"sweeps = {sweeps}: at least one is needed")
-    if window is not None and window < 1:
-        raise ValueError(f"window = {window}: at least one domino must be able to move")
-    row = _Row(layout, physics, sweeps, floor)
+    begun = time.perf_counter()
+    window = window_of(layout)
+
+    def run(step: float, sweeps: int) -> tuple[Floats, Floats]:
+        progress(f"steps of {step * 1e6:g} µs, {sweeps} sweeps")
+        return follow(layout, physics, floor_friction, step, sweeps, window)
+
+    sweeps = min(SWEEPS, MOST_SWEEPS)
+    times, lean = run(STEPS[0], sweeps)
+    moved = math.inf
+    while moved > 0.5 * RTOL and 2 * sweeps <= MOST_SWEEPS:
+        sweeps *= 2
+        before, (times, lean) = times, run(STEPS[0], sweeps)
+        moved = largest_difference(before, times)
+    limit, uncertainty, finest = times, math.inf, STEPS[0]
+    for k, step in enumerate(STEPS[1:]):
+        coarse, (times, lean), finest = times, run(step, sweeps), step
+        before = limit
+        limit = extrapolated((STEPS[k], step), (coarse, times))
+        uncertainty = moved + largest_difference(limit, before if k else times)
+        if uncertainty <= RTOL:
+            break
+    nothing = np.full(max(layout.count - 1, 0), np.nan)
+    return RigidWave(
+        layout=layout,
+        physics=physics,
+        floor_friction=floor_friction,
+        arrival_times=limit,
+        lean=lean,
+        slid=np.full(layout.count, np.nan),
+        opened=nothing,
+        opened_at=nothing,
+        error_estimate=uncertainty,
+        converged=uncertainty <= RTOL,
+        rtol=RTOL,
+        times=np.zeros(0),
+        poses=np.zeros((0, layout.count, 3)),
+        steps=math.ceil(float(np.max(times[np.isfinite(times)])) / finest),
+        run_time=time.perf_counter() - begun,
+        simulator=engine_name(),
+    )
+
+
+def extrapolated(steps: tuple[float, float], times: tuple[Floats, Floats]) -> Floats:
+    """Extrapolate arrival times (N,) in a straight line to a step of zero; inf if either is."""
+    (h, g), (coarse, fine) = steps, times
+    came = np.isfinite(coarse) & np.isfinite(fine)
+    limit = np.full(len(fine), np.inf)
+    limit[came] = fine[came] + (fine[came] - coarse[came]) * g / (h - g)
+    return limit
+
+
+def follow(
+    layout: Layout,
+    physics: Physics,
+    floor_friction: float | None,
+    step: float,
+    sweeps: int,
+    window: int | None = None,
+) -> tuple[Floats, Floats]:
+    """Follow a layout in the engine until its last domino has toppled or nothing more happens.
+
+    Parameters
+    ----------
+    layout, physics, floor_friction
+        As of `simulate_standing`.
+    step
+        Of time [s].
+    sweeps
+        Of the contact solver in every step.
+    window
+        So many dominoes behind the leader still move, and those further back are taken away, which
+        is what makes it fast; None: all stay.
+
+    Returns
+    -------
+    tuple
+        (N,) arrival times [s], the tip before it reaches the rear face of the next; (N,) angles at
+        the end, or when taken away [rad].
+    """
+    row = _Row(layout, physics, sweeps, floor_friction)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
-    patience = patience_with(layout, physics)
+    patience = PATIENCE * math.sqrt(float(layout.height.max()) / physics.gravity)
+    patience += 2.0 / physics.push
     now, leader, before = 0.0, 0, row.room(0) if layout.count > 1 else 0.0
     while leader < layout.count - 1:
         row.advance(step)
@@ -115,13 +164,9 @@ def topple(
         before = after
     if np.isfinite(arrivals[-1]):
         row.let_last_fall(step, patience)
-    return Fallen(arrivals, row.toppled())
-
-
-def patience_with(layout: Layout, physics: Physics) -> float:
-    """Time without a hit before a wave counts as dead [s]."""
-    fall = math.sqrt(float(layout.height.max()) / physics.gravity)
-    return PATIENCE * fall + 2.0 / physics.push
+    lean = np.zeros(layout.count)
+    lean[: len(row.bodies)] = [-body.angle for body in row.bodies]
+    return arrivals, lean
 
 
 class _Row:
@@ -129,7 +174,7 @@ class _Row:
 
     def __init__(self, layout: Layout, physics: Physics, sweeps: int, floor: float | None) -> None:
         self._pymunk = _engine()
-        self._layout, self._hinged = layout, floor is None
+        self._layout, self._fixed = layout, floor is None
         space = self._pymunk.Space()
         space.gravity = (0.0, -physics.gravity * MM)
         space.iterations = sweeps
@@ -179,7 +224,7 @@ class _Row:
                 self._lay(-reach, reach, (edge, foot), float(layout.tilt[i]), plank)
             shape.filter = pymunk.ShapeFilter(categories=kind, mask=near)
             self._space.add(body, shape)
-            if self._hinged:
+            if self._fixed:
                 static = self._space.static_body
                 hinge = pymunk.PivotJoint(static, body, (edge, foot))
                 stop = pymunk.RotaryLimitJoint(static, body, -math.pi, body.angle)
@@ -222,11 +267,6 @@ class _Row:
             since = 0.0 if -last.angle > furthest + STIR else since + step
             furthest = max(furthest, -last.angle)
 
-    def toppled(self) -> int:
-        """How many lean beyond their tipping angles, or did when they were taken away."""
-        placed = len(self.bodies)
-        return int(np.sum([-body.angle for body in self.bodies] > self._tipping[:placed]))
-
     def room(self, i: int) -> float:
         """From the top front edge of i to the rear face of i+1, which stands [mm]."""
         body = self.bodies[i]
@@ -238,15 +278,15 @@ class _Row:
         return float((rear * MM - tip) * along - (foot * MM - top) * down)
 
 
-def engine_version() -> str:
-    """Version of pymunk.
+def engine_name() -> str:
+    """Name and version of the engine.
 
     Raises
     ------
     ImportError
         Without it; says what to install.
     """
-    return str(_engine().version)
+    return f"pymunk {_engine().version}"
 
 
 def _engine() -> Any:
@@ -254,6 +294,6 @@ def _engine() -> Any:
         import pymunk
     except ImportError:
         raise ImportError(
-            'the check in another engine needs pymunk: pip install "domino-chains[verify]"'
+            'the check in a third-party engine needs pymunk: pip install "domino-chains[verify]"'
         ) from None
     return pymunk

@@ -1,7 +1,7 @@
-"""Verified: what the judges saw of the rows that ship, kept with them.
+"""Verifications of the layouts that ship, kept with them, and their table.
 
-`known.json` beside this file: under a scene's name a `Verified`.  `domino best-known --verify
---update` writes it; the documentation and `domino report` read it.
+`known.json` beside this file has a `Verified` under each scene's name. ``domino best-known --verify
+--update`` writes it; the documentation and `domino report` read it.
 """
 
 from __future__ import annotations
@@ -11,125 +11,100 @@ import json
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from domino_env.core.files import write_text
 from domino_env.core.models import model_of
 from domino_env.core.reading import naming, read_json
+from domino_env.core.tables import markdown_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
+from domino_env.rigid.simulation import in_words
 
 PATH = Path(__file__).with_name("known.json")
+NAMES = (
+    "scene", "on", "best known", "best uniform", "gain", "last hit over model", "uncertainty",
+    "engine over reference",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Seen:
-    """One row on one floor, as a judge saw it, in numbers.
+class Check:
+    """One layout on one floor, in numbers.
 
     Attributes
     ----------
+    layout
+        The best known, or the best uniform layout of this floor.
+    simulator
+        Name and version.
+    floor
+        Its friction; None for fixed pivots.
     last
-        Judge over the hinged model - 1 when the last domino is hit [1]; None where it never is.
+        Simulator over the model of fixed pivots - 1 at the last hit; None where it never comes.
     largest
         The largest such difference of any hit.
-    doubt
-        How far the judge itself may be off, by its own estimate [1]; None where it cannot tell.
+    uncertainty
+        Error estimate of the simulator; None where it has none.
     staying_up
-        How many dominoes do not topple.
-    speed
-        First pivot to last over the last hit [m/s]; None where there was none.
+        Dominoes that do not topple.
+    gap
+        Mean gap [m].
     score
-        What the row is worth in its scene, in words.
+        Of the layout in its scene, in words.
+    gain
+        Speed over that of the best uniform layout of this floor - 1; None for that layout, for a
+        scene that scores something else, and where a wave ended.
     """
 
+    layout: Literal["best", "uniform"]
+    simulator: str
+    floor: float | None
     last: float | None
     largest: float
-    doubt: float | None
+    uncertainty: float | None
     staying_up: int
-    speed: float | None
-    score: str
-
-
-@dataclass(frozen=True)
-class OnFloor:
-    """A scene's best row beside its best uniform row on the same floor.
-
-    Attributes
-    ----------
-    floor
-        Its friction; None where the rows are hinged.
-    best
-        The best row known.
-    uniform
-        The best uniform row of this floor.
-    gap
-        Mean gap of that [m].
-    gain
-        How much faster the first is [1]; None in a scene that counts no speed, and where a wave
-        died.
-    engine
-        The best row, as the rigid-body engine saw it; None where it was not asked.
-    """
-
-    floor: float | None
-    best: Seen
-    uniform: Seen
     gap: float
-    gain: float | None
-    engine: Seen | None = None
+    score: str
+    gain: float | None = None
 
 
 @dataclass(frozen=True)
 class Verified:
-    """What the judges saw of one row that ships.
+    """Checks of one layout that ships and of its uniform baselines.
 
     Attributes
     ----------
     digest
-        Of the row and its physics.
+        Of the layout and its physics.
     count
         Number of dominoes.
     first
-        So many of them were looked at, from the first.
-    judge
-        Name and version of the built-in simulator.
-    engine
-        The same of the rigid-body engine; None where it was not asked.
-    floors
-        What they saw, hinged first.
+        So many of them were simulated, from the first.
     verdict
-        Plain words on the hinged row.
-    uniform_verdict
-        The same of the best uniform row.
-    flush_loss
-        The largest of the wave.
-    stall_margin
-        The lowest of the wave.
-    lifted
-        Pivots that would lift, as the model's forces say.
+        On the layout with fixed pivots.
+    checks
+        Best known, uniform baseline, and engine where it was run; fixed pivots first.
     """
 
     digest: str
     count: int
     first: int
-    judge: str
-    engine: str | None
-    floors: tuple[OnFloor, ...]
     verdict: str
-    uniform_verdict: str
-    flush_loss: float
-    stall_margin: float
-    lifted: int
+    checks: tuple[Check, ...]
 
     @property
-    def hinged(self) -> OnFloor:
-        """What they saw of the hinged rows."""
-        return self.floors[0]
+    def floors(self) -> tuple[Check, ...]:
+        """Those of the best known layout by the reference simulator, fixed pivots first."""
+        first = self.checks[0]
+        mine = (one for one in self.checks if one.simulator == first.simulator)
+        return tuple(one for one in mine if one.layout == "best")
 
 
 def digest(layout: Layout, physics: Physics) -> str:
-    """Tell one row under one physics from another by 16 hexadecimal digits."""
+    """Tell one layout under one physics from another by 16 hexadecimal digits."""
     parts = (
         layout.spacing, layout.thickness, layout.height, layout.density,
         (physics.friction, physics.gravity, physics.push),
@@ -160,5 +135,41 @@ def _by_digest() -> dict[str, Verified]:
 
 
 def known_verification(layout: Layout, physics: Physics) -> Verified | None:
-    """Return what is kept of exactly this row under exactly this physics, if it is one of ours."""
+    """Return what is kept of exactly this layout under exactly this physics, if it ships."""
     return _by_digest().get(digest(layout, physics))
+
+
+def known_table(found: dict[str, Verified]) -> list[str]:
+    """Tabulate in Markdown every layout that ships on every floor, beside the best uniform one."""
+    rows = []
+    for name, one in found.items():
+        first = "" if one.first == one.count else f" (first {one.first} of {one.count})"
+        for best in one.floors:
+            here = [check for check in one.checks if check.floor == best.floor]
+            uniform = next(check for check in here if check.layout == "uniform")
+            engine = next((check for check in here if check.simulator != best.simulator), None)
+            rows.append((
+                f"`{name}`{first}", in_words(best.floor), _score(best), _score(uniform),
+                "" if best.gain is None else f"**{best.gain:+.2%}**", percent(best.last),
+                percent(best.uncertainty, sign=""), _apart(best, engine),
+            ))  # fmt: skip
+    return markdown_table(NAMES, rows)
+
+
+def _score(check: Check) -> str:
+    return check.score + (f" ({check.staying_up} stay up)" if check.staying_up else "")
+
+
+def _apart(reference: Check, engine: Check | None) -> str:
+    """How far the engine is from the reference simulator at the last hit."""
+    if engine is None or engine.last is None or reference.last is None:
+        return ""
+    apart = (1.0 + engine.last) / (1.0 + reference.last) - 1.0
+    if engine.uncertainty is None or reference.uncertainty is None:
+        return f"{apart:+.3%} (not converged)"
+    return f"{apart:+.3%} ± {engine.uncertainty + reference.uncertainty:.2%}"
+
+
+def percent(value: float | None, sign: str = "+") -> str:
+    """Write a part in per cent; nothing for None."""
+    return "" if value is None else f"{value:{sign}.3%}"

@@ -25,8 +25,8 @@ from domino_env.core.reading import decoded, naming, one_line, read_bytes, read_
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
-from domino_env.rigid.judges import in_words
 from domino_env.rigid.known import known_verification
+from domino_env.rigid.simulation import in_words
 from domino_env.scenes.io.beside import common_scene, read_row
 from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
@@ -211,8 +211,8 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
         known = known_verification(layout, physics)
         if known is None:
             return None
-        last = [(in_words(look.floor), look.best.last) for look in known.floors]
-        return {"judge": known.judge, "verdict": known.verdict, "last": last}
+        last = [(in_words(check.floor), check.last) for check in known.floors]
+        return {"judge": known.checks[0].simulator, "verdict": known.verdict, "last": last}
     with naming(path):
         check = model_of(VerificationDocument, read_json(path))
     told: dict[str, Any] = {

@@ -10,7 +10,7 @@ import numpy as np
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate, simulate_batch
-from domino_env.standing.simulation import simulate_standing
+from domino_env.rigid.simulation import simulate_standing
 from domino_env.validation.measured.source import Setting
 
 Effect = Callable[[Setting, float, float], float]

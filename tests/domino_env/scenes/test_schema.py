@@ -13,6 +13,7 @@ import pytest
 import domino_env as de
 from domino_env.scenes.io.reading import scene_of_document
 from domino_env.scenes.io.schema import PATH, scene_schema
+from domino_env.scenes.io.writing import document_of
 
 SCENES = sorted(PATH.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
@@ -29,11 +30,11 @@ def test_scenes_that_ship_name_the_schema_and_keep_it(path: Path) -> None:
     text = path.read_text("utf-8")
     assert text.startswith(f"#:schema ./{PATH.name}\n")
     VALIDATOR.validate(tomllib.loads(text))
-    VALIDATOR.validate(de.load_scene(path).document())
+    VALIDATOR.validate(document_of(de.load_scene(path)))
 
 
 def sprint(**tables: Any) -> dict[str, Any]:
-    return de.load_scene("sprint").document() | tables
+    return document_of(de.load_scene("sprint")) | tables
 
 
 @pytest.mark.parametrize(

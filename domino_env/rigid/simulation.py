@@ -1,4 +1,4 @@
-"""Topple a row that stands: halve the steps until the arrival times hold still."""
+"""Simulation of rigid bodies on a floor or fixed pivots: steps are halved until times converge."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.standing import dynamics
+from domino_env.rigid import dynamics
 
 Floats = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ CALM = 5e-6  # of sqrt(g L): the velocity at which the sweeps of a step of finen
 WINDOW = 24  # dominoes behind the leader that still move, at least
 FORGOTTEN = 1e-4  # of the leader's speed: dominoes that a tight row gives less lie still
 PATIENCE = 3.0  # [sqrt(L/g)] without a hit before a wave counts as dead; a fall takes about one
-DOUBT = 3.0  # times what halving the steps changed
+SAFETY = 3.0  # times what halving the steps changed
 GRAIN = 2e-4  # relative error of steps of fineness 1 that a change may hide by chance
 
 NEVER: Floats = np.zeros(0)
@@ -30,22 +30,21 @@ NEVER: Floats = np.zeros(0)
 
 @dataclass(frozen=True, eq=False)
 class RigidWave:
-    """What a row of rigid bodies did.
+    """Wave of a layout of rigid bodies, by this simulator or by a third-party engine.
 
     Attributes
     ----------
-    layout
-        What stood.
-    physics
-        What made it fall.
+    layout, physics
+        As of `simulate`.
     floor_friction
-        Coulomb coefficient between dominoes and the floor; None where they were hinged to it.
+        Coulomb coefficient between dominoes and the floor; None for fixed pivots.
     arrival_times
         (N,) when each domino is first struck [s]: 0 for the first, inf where the wave did not come.
     lean
         (N,) largest angle from upright, towards the next domino, while it was followed [rad].
     slid
-        (N,) how far the front bottom edge was from its place at most [m]; 0 where hinged.
+        (N,) how far the front bottom edge was from its place at most [m]; 0 with fixed pivots. An
+        engine does not tell this, nor what opened: nan.
     opened
         (N-1,) how wide the contact with the next domino opened after it had closed [m], and before
         the tip slipped off for good.
@@ -65,6 +64,8 @@ class RigidWave:
         Of time, in the finest run.
     run_time
         Spent computing [s].
+    simulator
+        Name, and version of an engine.
     """
 
     layout: Layout
@@ -82,15 +83,15 @@ class RigidWave:
     poses: Floats
     steps: int
     run_time: float
+    simulator: str = "simulate_standing"
 
     def __repr__(self) -> str:
-        floor = "hinged" if self.floor_friction is None else f"floor {self.floor_friction:g}"
         count = self.layout.count
         if self.mean_speed > 0.0:
             how = f"{count} dominoes in {self.arrival_times[-1]:.5g} s, {self.mean_speed:.5g} m/s"
         else:
             how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
-        return f"RigidWave({floor}: {how}, ±{self.error_estimate:.0e})"
+        return f"RigidWave({in_words(self.floor_friction)}: {how}, ±{self.error_estimate:.0e})"
 
     @property
     def hit(self) -> int:
@@ -109,6 +110,11 @@ class RigidWave:
         return int(self.topples.sum())
 
     @property
+    def staying_up(self) -> int:
+        """Dominoes that did not topple."""
+        return self.layout.count - self.toppled
+
+    @property
     def propagated(self) -> bool:
         """Whether the last domino was struck and toppled."""
         return bool(np.isfinite(self.arrival_times[-1]) and self.topples[-1])
@@ -120,6 +126,20 @@ class RigidWave:
         return self.layout.length / last if 0.0 < last < math.inf else 0.0
 
 
+def in_words(floor_friction: float | None) -> str:
+    """Name a floor."""
+    return "fixed pivots" if floor_friction is None else f"floor {floor_friction:g}"
+
+
+def largest_difference(times: Floats, others: Floats) -> float:
+    """Return the largest |t_k / t'_k - 1|; inf where the waves end at different dominoes."""
+    came = np.isfinite(others)
+    if not np.array_equal(came, np.isfinite(times)):
+        return math.inf
+    struck = came & (others > 0.0)
+    return float(np.max(np.abs(times[struck] / others[struck] - 1.0), initial=0.0))
+
+
 def simulate_standing(
     layout: Layout,
     physics: Physics,
@@ -128,7 +148,7 @@ def simulate_standing(
     *,
     times: ArrayLike = (),
 ) -> RigidWave:
-    """Topple a row of rigid bodies that stand free on a floor, or are hinged to it.
+    """Simulate rigid bodies that stand free on a floor, or turn about fixed pivots.
 
     The analytic model of `simulate` holds every pivot to the floor and keeps every contact closed.
     Here neither is assumed: feet may slip and lift, contacts open and close, all without
@@ -137,12 +157,12 @@ def simulate_standing(
     Parameters
     ----------
     layout
-        What stands, on flat ground or not; each domino's floor is the plane that it stands on.
+        On flat ground or not; each domino's floor is the plane that it stands on.
     physics
-        What makes it fall; its friction is that between dominoes.
+        Its friction is that between dominoes.
     floor_friction
-        Coulomb coefficient between dominoes and the floor, 0 or more; None hinges every domino at
-        its front bottom edge, as the analytic model has it.
+        Coulomb coefficient between dominoes and the floor, 0 or more; None turns every domino
+        about its front bottom edge, as the analytic model does.
     rtol
         Steps are halved until no arrival time moves by more than half of this, relative to itself.
     times
@@ -168,7 +188,7 @@ def simulate_standing(
     begun = time.perf_counter()
     if floor_friction is not None and not 0.0 <= floor_friction < math.inf:
         raise ValueError(
-            f"floor_friction = {floor_friction}: give 0 or more, or None for hinged dominoes"
+            f"floor_friction = {floor_friction}: give 0 or more, or None for fixed pivots"
         )
     if not 1e-5 <= rtol < 1.0:
         raise ValueError(f"rtol = {rtol}: steps of time reach 1e-5 to 1; 1e-3 is quick")
@@ -183,10 +203,10 @@ def simulate_standing(
         fineness /= 2.0
         finer = _run(layout, physics, floor_friction, fineness)
         # an error halves with the steps; a change smaller than that may be small by chance
-        largest = max(_change(run.arrivals, finer.arrivals), 0.5 * largest)
-        doubt = DOUBT * largest + GRAIN * fineness
+        largest = max(largest_difference(run.arrivals, finer.arrivals), 0.5 * largest)
+        uncertainty = SAFETY * largest + GRAIN * fineness
         run = finer
-        if doubt <= rtol and fineness <= COARSEST / 4.0:
+        if uncertainty <= rtol and fineness <= COARSEST / 4.0:
             break
     if len(moments):
         run = _run(layout, physics, floor_friction, fineness, moments)
@@ -199,8 +219,8 @@ def simulate_standing(
         slid=run.slid,
         opened=run.opened,
         opened_at=run.opened_at,
-        error_estimate=doubt,
-        converged=doubt <= rtol,
+        error_estimate=uncertainty,
+        converged=uncertainty <= rtol,
         rtol=rtol,
         times=moments,
         poses=run.poses,
@@ -275,12 +295,3 @@ def _run(
             "dominoes were struck: this is a fault of the simulator, so please report the layout"
         )
     return _Run(arrivals, lean, slid, opened, opened_at, poses, steps)
-
-
-def _change(coarse: Floats, fine: Floats) -> float:
-    """Largest relative difference of arrival times; inf where the waves end at other dominoes."""
-    came = np.isfinite(fine)
-    if not np.array_equal(came, np.isfinite(coarse)):
-        return math.inf
-    struck = came & (fine > 0.0)
-    return float(np.max(np.abs(coarse[struck] / fine[struck] - 1.0), initial=0.0))

@@ -6,14 +6,14 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from domino_env.physics.layout import Layout
-from domino_env.rigid.judges import Judge
+from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.scene import Scene
 
 NARROWER, WIDER, LOOKS = 0.6, 1.6, 9  # of the best hinged gap: where a first look is taken
 CLOSER = 8  # looks around the best of those
 
 
-def best_uniform_on(scene: Scene, mark: Layout, floor: float | None, judge: Judge) -> Layout:
+def best_uniform_on(scene: Scene, mark: Layout, floor: float | None, rtol: float = 1e-3) -> Layout:
     """Find the gap at which a uniform row is fastest on a floor.
 
     Parameters
@@ -24,8 +24,8 @@ def best_uniform_on(scene: Scene, mark: Layout, floor: float | None, judge: Judg
         Its best uniform row on hinges, or the first dominoes of it; thicknesses stay as they are.
     floor
         Friction of the floor; None for hinged.
-    judge
-        Who topples the rows.
+    rtol
+        Of the simulations.
 
     Returns
     -------
@@ -54,7 +54,9 @@ def best_uniform_on(scene: Scene, mark: Layout, floor: float | None, judge: Judg
 
     def slowness(by: float) -> float:
         row = wider(by)
-        return float(judge.fall(row, scene.physics, floor).arrivals[-1] / row.length)
+        return float(
+            simulate_standing(row, scene.physics, floor, rtol).arrival_times[-1] / row.length
+        )
 
     looks = np.unique(np.append(np.linspace(least, most, LOOKS), 0.0))
     times = [slowness(by) for by in looks]

@@ -1,0 +1,306 @@
+"""Verification of a wave by simulators of rigid bodies that keep no contact closed."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from domino_env.core.files import write_text
+from domino_env.core.results import brief
+from domino_env.core.tables import text_table
+from domino_env.core.types import Floats
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import Wave, simulate
+from domino_env.rigid.engine import simulate_in_engine
+from domino_env.rigid.simulation import (
+    RigidWave,
+    in_words,
+    largest_difference,
+    simulate_standing,
+)
+
+FLOORS = (0.3, 0.5, 1.0)  # friction of smooth wood, of a table cloth, of rubber
+AGREES, EXPLAINED = 0.001, 0.003  # relative; beyond the second the reason is looked for
+NEAR_STALL = 0.05  # stall margins below are named as a reason
+NEAR = 10  # contacts behind the leader; what happens further back hardly moves it
+WIDE = 1e-3  # of the height: a contact that opens by less is not named
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """One layout in the model and in simulators that keep no contact closed.
+
+    Attributes
+    ----------
+    wave
+        The model's.
+    reference
+        Waves of `simulate_standing`: with fixed pivots, as in the model, then one per floor.
+    engine
+        The same of the third-party engine; empty where it was not run.
+    """
+
+    wave: Wave
+    reference: tuple[RigidWave, ...]
+    engine: tuple[RigidWave, ...] = ()
+
+    __repr__ = brief
+
+    @property
+    def fixed(self) -> RigidWave:
+        """Wave of the reference simulator with fixed pivots."""
+        return self.reference[0]
+
+    @property
+    def standing(self) -> tuple[RigidWave, ...]:
+        """Waves of the reference simulator of the free-standing layout, one per floor."""
+        return self.reference[1:]
+
+    @property
+    def difference(self) -> float:
+        """Reference over model - 1 at the last hit, fixed pivots; nan if it never comes."""
+        return last_difference(self.wave, self.fixed)
+
+    @property
+    def largest_difference(self) -> float:
+        """The largest relative one of all arrival times with fixed pivots."""
+        return common_difference(self.wave, self.fixed)
+
+    @property
+    def toppled(self) -> bool:
+        """Whether the last domino toppled, with fixed pivots."""
+        return self.fixed.staying_up == 0
+
+    @property
+    def verdict(self) -> str:
+        """A word and its reason: AGREES, CLOSE, DIFFERS or UNDECIDED."""
+        return self._verdict(self.fixed)
+
+    @property
+    def verdicts(self) -> tuple[str, ...]:
+        """That of the reference simulator, and that of the engine where it was run."""
+        return tuple(self._verdict(one[0]) for one in (self.reference, self.engine) if one)
+
+    def _verdict(self, fixed: RigidWave) -> str:
+        """Compare with a wave of fixed pivots; only what exceeds its uncertainty counts."""
+        wave, count = self.wave, self.wave.layout.count
+        if fixed.hit != wave.hit:
+            return (
+                f"DIFFERS: the wave reaches {wave.hit} of {count} dominoes in the model, "
+                f"{fixed.hit} in the reference. {self.reason}"
+            )
+        uncertainty, largest = fixed.error_estimate, common_difference(wave, fixed)
+        within = f"within {largest:.3%} of the reference, uncertainty {uncertainty:.3%}"
+        if (wave.toppled == count) != (fixed.staying_up == 0):
+            where = "model" if wave.toppled == count else "reference"
+            return (
+                f"DIFFERS: every arrival time {within}, but the last domino topples in the {where} "
+                f"only. {self.reason}"
+            )
+        excess = max(largest - uncertainty, 0.0)
+        if excess <= AGREES:
+            if uncertainty > AGREES:
+                return f"UNDECIDED: arrival times {within}, not converged in {fixed.steps} steps."
+            return f"AGREES: every arrival time {within}."
+        word = "CLOSE: every arrival time" if excess <= EXPLAINED else "DIFFERS: arrival times only"
+        return f"{word} {within}. {self.reason}"
+
+    @cached_property
+    def openings(self) -> dict[int, float]:
+        """Contacts (of i with i+1) that open though the model keeps them closed, and how wide [m].
+
+        With fixed pivots and near the leader, after they had closed.
+        """
+        rigid, layout = self.fixed, self.wave.layout
+        late = np.append(rigid.arrival_times, np.full(NEAR, np.inf))[NEAR:-1]
+        wide = (rigid.opened > WIDE * layout.height[:-1]) & (rigid.opened_at <= late)
+        return {int(i): float(rigid.opened[i]) for i in np.flatnonzero(wide)}
+
+    @property
+    def reason(self) -> str:
+        """What in the layout makes model and reference differ."""
+        margins, found = self.wave.stall_margin, []
+        if np.isfinite(margins).any() and np.nanmin(margins) < NEAR_STALL:
+            found.append(
+                f"domino {int(np.nanargmin(margins))} comes close to a stall (margin "
+                f"{np.nanmin(margins):.2g}), where every small difference grows"
+            )
+        if self.openings:
+            i = max(self.openings, key=lambda i: self.openings[i])
+            found.append(
+                f"contacts open that the model keeps closed: {len(self.openings)}, the widest "
+                f"between dominoes {i} and {i + 1} by {1e3 * self.openings[i]:.2g} mm, "
+                f"{self.fixed.opened_at[i]:.3f} s after the push"
+            )
+        return f"Why: {'; '.join(found)}." if found else "Nothing in the layout says why."
+
+
+def verify(
+    layout: Layout,
+    physics: Physics,
+    *,
+    floors: Sequence[float] = FLOORS,
+    engine: bool = False,
+    rtol: float = 1e-3,
+    progress: Callable[[str], object] = lambda line: None,
+) -> Verification:
+    """Simulate a layout in the model and, on fixed pivots and floors, as rigid bodies.
+
+    Parameters
+    ----------
+    layout, physics
+        As of `simulate`.
+    floors
+        Friction of each floor that the layout is to stand on.
+    engine
+        Whether the third-party engine Chipmunk (extra ``verify``) simulates all of them too, in
+        seconds to minutes.
+    rtol
+        Relative error asked of the reference simulator.
+    progress
+        Called with a line for every run of the engine.
+
+    Raises
+    ------
+    ImportError
+        Without pymunk, where the engine is wanted; says what to install.
+    ValueError
+        For a single domino, or a floor without friction.
+    """
+    if layout.count < 2:
+        raise ValueError("one domino has no wave: give a layout of two or more")
+    for floor in floors:
+        if not 0.0 < floor < math.inf:
+            raise ValueError(f"floor = {floor}: give a coefficient of friction, above 0")
+    places = (None, *floors)
+    return Verification(
+        wave=simulate(layout, physics),
+        reference=tuple(simulate_standing(layout, physics, floor, rtol) for floor in places),
+        engine=tuple(simulate_in_engine(layout, physics, floor, progress) for floor in places)
+        if engine
+        else (),
+    )
+
+
+def last_difference(wave: Wave, rigid: RigidWave) -> float:
+    """Return rigid over model - 1 at the last hit; nan if the wave ended before in either."""
+    last, model = float(rigid.arrival_times[-1]), float(wave.arrival_times[-1])
+    return last / model - 1.0 if math.isfinite(last) and math.isfinite(model) else math.nan
+
+
+def common_difference(wave: Wave, rigid: RigidWave) -> float:
+    """Return the largest relative difference of the arrival times that both have."""
+    came = min(wave.hit, rigid.hit)
+    return largest_difference(rigid.arrival_times[:came], wave.arrival_times[:came])
+
+
+def verification_table(checked: Verification) -> list[str]:
+    """Tabulate by how much arrival times differ, every tenth domino and the last; the verdicts."""
+    model, count = checked.wave.arrival_times, checked.wave.layout.count
+    waves = (*checked.reference, *checked.engine)
+    names = ["domino", "model [s]"]
+    names += [
+        ("engine, " if one in checked.engine else "") + in_words(one.floor_friction)
+        for one in waves
+    ]
+    rows = [
+        [str(i), f"{model[i]:.6f}" if np.isfinite(model[i]) else "never"]
+        + [_percent(one.arrival_times[i], model[i]) for one in waves]
+        for i in sorted({*range(10, count, 10), min(5, count - 1), count - 1})
+    ]
+    rows.append(["uncertainty", "", *(f"{one.error_estimate:.3%}" for one in waves)])
+    rows.append(["stay up", "", *(str(one.staying_up) for one in waves)])
+    lines = text_table(names, rows, right=names[1:])
+    for one in waves:
+        if not one.converged:
+            lines.append(
+                f"{in_words(one.floor_friction)}: {one.simulator} has not converged within its "
+                f"limits ({one.steps} steps)"
+            )
+    for one, other in zip(checked.reference, checked.engine, strict=False):
+        apart = largest_difference(one.arrival_times, other.arrival_times)
+        both = one.error_estimate + other.error_estimate
+        word = "agree" if max(apart - both, 0.0) <= AGREES else "differ"
+        lines.append(
+            f"{in_words(one.floor_friction)}: {one.simulator} and {other.simulator} {word}, "
+            f"arrival times at most {apart:.3%} apart, uncertainty of both {both:.3%}"
+        )
+    return [*lines, *checked.verdicts]
+
+
+def document(checked: Verification) -> dict[str, object]:
+    """Collect what `verification.json` holds; null where the wave did not come."""
+    wave = checked.wave
+    return {
+        "engine": checked.fixed.simulator,
+        "friction": wave.physics.friction,
+        "gravity": wave.physics.gravity,
+        "push": wave.physics.push,
+        "model": _cells(wave.arrival_times),
+        "difference": _cells([checked.difference])[0],
+        "largest_difference": checked.largest_difference,
+        "toppled": checked.toppled,
+        "verdict": checked.verdict,
+    } | {
+        name: [
+            {
+                "simulator": one.simulator,
+                "floor": one.floor_friction,
+                "arrivals": _cells(one.arrival_times),
+                "difference": _cells([last_difference(wave, one)])[0],
+                "uncertainty": _cells([one.error_estimate])[0],
+                "staying_up": one.staying_up,
+            }
+            for one in waves
+        ]
+        for name, waves in (("floors", checked.reference), ("engine_floors", checked.engine))
+    }
+
+
+def write_verification(checked: Verification, path: Path) -> None:
+    """Write the document as JSON, whole."""
+    write_text(path, json.dumps(document(checked), indent=1, allow_nan=False) + "\n")
+
+
+def write_plot(checked: Verification, path: Path, title: str) -> None:
+    """Draw differences of arrival times: fixed pivots above, floors below, the engine's dashed."""
+    from domino_env.core.colours import COLOURS, INK, SHADE
+    from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
+
+    figure = new_figure(8.0, 5.6)
+    above, below = figure.subplots(2, 1, sharex=True)
+    style(above, f"{title}: {checked.verdict.partition(':')[0].lower()}")
+    style(below)
+    above.axhspan(-100.0 * AGREES, 100.0 * AGREES, color=SHADE, zorder=0)
+    for waves, line in ((checked.reference, "-"), (checked.engine, "--")):
+        for k, one in enumerate(waves):
+            both = np.minimum(one.arrival_times, checked.wave.arrival_times)[1:] < np.inf
+            apart = np.full(len(both), np.nan)
+            times = one.arrival_times[1:][both], checked.wave.arrival_times[1:][both]
+            apart[both] = 100.0 * (times[0] / times[1] - 1.0)
+            (below if k else above).plot(
+                np.arange(1, len(both) + 1), apart, color=COLOURS[k], linestyle=line,
+                label=f"{one.simulator}, {in_words(one.floor_friction)}",
+            )  # fmt: skip
+    for axes in (above, below):
+        axes.axhline(0.0, color=INK, linewidth=0.8)
+        axes.set_ylabel("arrival over model [%]")
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(ncols=2, **LEGEND)
+    below.set_xlabel("domino")
+    write_png(figure, path)
+
+
+def _cells(values: Iterable[float] | Floats) -> list[float | None]:
+    return [float(x) if math.isfinite(x) else None for x in values]
+
+
+def _percent(value: float, model: float) -> str:
+    return f"{value / model - 1.0:+.3%}" if math.isfinite(value) and math.isfinite(model) else ""

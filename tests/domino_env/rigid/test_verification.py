@@ -1,0 +1,183 @@
+"""The model against simulators that keep no contact closed."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.cli.main import main
+from domino_env.rigid import engine
+from domino_env.rigid.simulation import largest_difference, simulate_standing
+from domino_env.rigid.verification import (
+    Verification,
+    document,
+    verification_table,
+    verify,
+    write_verification,
+)
+from domino_env.scenes.uniform_on_floor import best_uniform_on
+
+LAYOUT, PHYSICS = de.Layout.uniform(14, pitch=0.024), de.Physics(push=5 * np.pi)
+
+
+@pytest.mark.parametrize(
+    ("late", "uncertainty", "hit", "toppled", "word"),
+    [
+        (5e-4, 0.0, 14, 14, "AGREES"),
+        (2e-3, 0.0, 14, 14, "CLOSE"),
+        (1.8e-3, 9e-4, 14, 14, "AGREES"),  # only what exceeds the uncertainty counts
+        (3.5e-3, 9e-4, 14, 14, "CLOSE"),
+        (4e-3, 0.0, 14, 14, "DIFFERS"),
+        (4e-3, 5e-3, 14, 14, "UNDECIDED"),  # so large an uncertainty agrees with nothing
+        (0.0, math.inf, 14, 14, "UNDECIDED"),
+        (0.0, 0.0, 13, 13, "DIFFERS: the wave reaches 14 of 14 dominoes in the model, 13"),
+        (0.0, 0.0, 14, 13, "DIFFERS: every arrival time"),
+    ],
+)
+def test_only_what_exceeds_the_uncertainty_counts(
+    late: float, uncertainty: float, hit: int, toppled: int, word: str, tmp_path: Path
+) -> None:
+    wave = de.simulate(LAYOUT, PHYSICS)
+    times = wave.arrival_times * (1.0 + late)
+    times[hit:] = np.inf
+    waves = []
+    for floor in (None, 0.5):
+        rigid = simulate_standing(LAYOUT, PHYSICS, floor, 0.5)
+        lean = np.where(np.arange(14) < toppled, 1.0, 0.0)
+        changes = {"arrival_times": times, "lean": lean, "error_estimate": uncertainty}
+        waves.append(replace(rigid, **changes, converged=uncertainty < 1e-3))
+    checked = Verification(wave, tuple(waves), tuple(waves))
+    assert checked.verdict.startswith(word)
+    assert "nan" not in checked.verdict
+    write_verification(checked, tmp_path / "verification.json")
+    read = json.loads((tmp_path / "verification.json").read_text())
+    table = verification_table(checked)
+    assert table[-2:] == [read["verdict"]] * 2
+    assert any("agree" in line for line in table)
+    assert any("has not converged" in line for line in table) == (uncertainty >= 1e-3)
+    assert [one["floor"] for one in read["floors"]] == [None, 0.5]
+    assert read["engine_floors"] == read["floors"]
+
+
+def test_a_wave_that_ends_does_so_in_the_reference_too() -> None:
+    layout = de.Layout([0.012, 0.012, 0.060, 0.012], 0.0075)
+    ended = verify(layout, de.Physics(push=10.0), floors=[0.5])
+    assert ended.wave.hit == ended.fixed.hit == ended.standing[0].hit == 3
+    assert np.isnan(ended.difference)
+    assert document(ended)["difference"] is None
+    assert ended.verdict.startswith("AGREES")
+
+
+def test_uniform_and_random_layouts_agree() -> None:
+    rng = np.random.default_rng(4)
+    random = de.Layout(rng.uniform(0.008, 0.024, 13), rng.uniform(0.005, 0.009, 14))
+    for layout in (LAYOUT, random):
+        checked = verify(layout, PHYSICS, floors=[])
+        assert checked.verdict.startswith("AGREES")
+        assert checked.standing == checked.engine == ()
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pymunk")
+    monkeypatch.setattr(engine, "STEPS", (2e-4, 1e-4))
+    monkeypatch.setattr(engine, "RTOL", 3e-3)
+
+
+HILL = de.Layout(
+    [0.016] * 13, 0.0075, rise=np.linspace(0.0018, -0.0018, 13), tilt=np.linspace(-0.08, 0.08, 14)
+)
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(
+    "layout",
+    [LAYOUT, de.Layout.uniform(14, pitch=0.02, slope=-0.07), HILL],
+    ids=["flat", "uphill", "over a hill"],
+)
+def test_the_engine_agrees_with_both(layout: de.Layout) -> None:
+    checked = verify(layout, PHYSICS, floors=[0.5], engine=True)
+    assert checked.engine[0].converged
+    assert checked.engine[0].simulator.startswith("pymunk 7")
+    assert abs(checked.engine[0].arrival_times[-1] / checked.wave.arrival_times[-1] - 1.0) < 1e-3
+    for one, other in zip(checked.reference, checked.engine, strict=True):
+        assert largest_difference(one.arrival_times, other.arrival_times) < 2e-3
+        assert one.toppled == other.toppled == 14
+
+
+@pytest.mark.usefixtures("quick")
+def test_an_engine_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "MOST_SWEEPS", 60)
+    lines: list[str] = []
+    found = verify(LAYOUT, PHYSICS, floors=[], engine=True, progress=lines.append)
+    assert not found.engine[0].converged
+    assert "has not converged within its limits" in "\n".join(verification_table(found))
+    # nothing was doubled: nobody knows what more sweeps would do
+    assert found.engine[0].error_estimate == math.inf
+    assert found.verdicts[1].startswith("UNDECIDED")
+    assert len(lines) == 2
+
+
+def test_dominoes_far_behind_may_be_taken_away() -> None:
+    pytest.importorskip("pymunk")
+    # they were held in place once, and pushed the others on, the more the more sweeps there were
+    layout, physics = de.Layout.uniform(40, pitch=0.02), de.Physics(push=8.0)
+    whole, near, far = (
+        engine.follow(layout, physics, None, 2e-4, 60, window)[0] for window in (None, 24, 8)
+    )
+    assert largest_difference(near, whole) < 1e-5
+    assert largest_difference(far, whole) > 1e-3
+
+
+def test_extrapolation_is_exact_for_errors_of_first_order() -> None:
+    limit = np.array([0.0, 0.1, 0.3, np.inf])
+    coarse, fine = (limit + step * np.array([0.0, 3.0, 7.0, 1.0]) for step in (4e-5, 1e-5))
+    found = engine.extrapolated((4e-5, 1e-5), (coarse, fine))
+    np.testing.assert_allclose(found, limit, rtol=1e-13)
+
+
+def test_bad_questions_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"floor = -0\.3"):
+        verify(LAYOUT, PHYSICS, floors=[-0.3])
+    with pytest.raises(ValueError, match="no wave"):
+        verify(de.Layout([], [0.0075]), PHYSICS)
+
+
+@pytest.fixture(scope="module")
+def short() -> de.Scene:
+    return de.load_scene("sprint").replace(count=12)
+
+
+def test_the_command_verifies_without_the_engine(
+    short: de.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short.uniform().layout.to_csv(tmp_path / "layout.csv")
+    (tmp_path / "scene.toml").write_text(short.to_toml())
+    line = ["verify", str(tmp_path / "layout.csv"), "--floor", "free"]
+    assert main([*line, "--no-engine", "--plot", str(tmp_path / "plot.png")]) == 0
+    said = capsys.readouterr().out
+    assert "AGREES" in said
+    assert "floor 1:" in said  # what was called free
+    assert (tmp_path / "plot.png").stat().st_size > 10_000
+    with pytest.raises(SystemExit):
+        main([*line[:-1], "rough"])
+    assert "coefficients of friction" in capsys.readouterr().err
+
+
+def test_the_best_uniform_layout_of_a_floor_beats_its_neighbours(short: de.Scene) -> None:
+    baseline = short.uniform().layout
+    best = best_uniform_on(short, baseline, 0.3)
+    assert best_uniform_on(short, baseline, None) is baseline
+
+    def speed(gap: float) -> float:
+        layout = de.Layout.uniform(short.count, pitch=gap + 0.0075)
+        return simulate_standing(layout, short.physics, 0.3).mean_speed
+
+    gap = float(best.spacing[0])
+    assert speed(gap) > max(speed(gap - 0.003), speed(gap + 0.003))
