@@ -43,8 +43,8 @@ class Value(Table, frozen=True):  # type: ignore[misc]
 
     def __post_init__(self) -> None:
         for name, told, kind in _annotated(type(self)):
-            plain = msgspec.to_builtins(getattr(self, name), enc_hook=_from_numpy)
-            msgspec.structs.force_setattr(self, name, model_of(kind, plain, told))
+            value = model_of(kind, plain(getattr(self, name)), told)
+            msgspec.structs.force_setattr(self, name, value)
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed."""
@@ -54,6 +54,11 @@ class Value(Table, frozen=True):  # type: ignore[misc]
 @cache
 def _annotated(kind: type[Value]) -> list[tuple[str, str, Any]]:
     return [(f.name, f.encode_name, f.type) for f in msgspec.structs.fields(kind)]
+
+
+def plain(value: Any) -> Any:
+    """Return a value, its Structs as dictionaries and what is of NumPy as Python's own."""
+    return msgspec.to_builtins(value, enc_hook=_from_numpy)
 
 
 def _from_numpy(value: Any) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -199,7 +198,7 @@ def _require_choice(scene: Scene) -> None:
             f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
             "or thickness a min and a max"
         )
-    if scene.length is not None and not replace(scene, limits=None).plain:
+    if scene.length is not None and not scene.replace(limits=None).plain:
         raise ValueError(
             f"scene '{scene.name}' asks for a length and for lists, a stock or a largest change "
             "too: what remains reachable of these is not known domino by domino; leave one out, or "

@@ -596,9 +596,7 @@ def objects(values: Iterable[Any]) -> NDArray[Any]:
     return array
 
 
-def _new_batch(
-    source: SceneSource, layout: ObservationLayout, num_envs: int
-) -> kernels.Batch | kernels.HillBatch:
+def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> kernels.Batch:
     """Allocate the arrays of the environments."""
     scene, longest = source.first, source.longest
     kinds, stock = _kinds_to_choose(scene)
@@ -630,8 +628,7 @@ def _new_batch(
     if scene.ground is None:
         return batch
     _, tilt = scene.ground.lay(np.empty(0), batch.thickness[0, :1])
-    return kernels.HillBatch(
-        *batch,
+    return batch._replace(
         rise=np.zeros((num_envs, longest - 1)),
         tilt=np.full((num_envs, longest), tilt[0]),
         places=np.zeros((num_envs, longest)),

@@ -31,13 +31,12 @@ Sources: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of topp
 eqs. 1-3, 7-9, restated for unequal dominoes.
 """
 
-from domino_env.kernels import ground
 from domino_env.kernels.adjoint.chain import pull, pull_rows
 from domino_env.kernels.adjoint.slots import WHOLE
 from domino_env.kernels.chain import compose_row, solve_rows
 from domino_env.kernels.endless import period_falls
 from domino_env.kernels.forces import LOADS, diagnose_chain
-from domino_env.kernels.ground.placing import follow_rows, lay_rows
+from domino_env.kernels.ground import follow_rows, lay_rows
 from domino_env.kernels.motion import watch_chain
 from domino_env.kernels.slots import (
     ARRIVAL,
@@ -58,7 +57,7 @@ from domino_env.kernels.slots import (
     Row,
     Summary,
 )
-from domino_env.kernels.step.batch import EPISODE, RULES, RUNNING, Batch, HillBatch
+from domino_env.kernels.step.batch import EPISODE, RULES, RUNNING, Batch
 from domino_env.kernels.step.environment import (
     aim_batch,
     bounds_ahead,
@@ -102,7 +101,6 @@ __all__ = [
     "WHOLE",
     "Batch",
     "Curve",
-    "HillBatch",
     "Row",
     "Summary",
     "aim_batch",
@@ -110,7 +108,6 @@ __all__ = [
     "compose_row",
     "diagnose_chain",
     "follow_rows",
-    "ground",
     "lay_rows",
     "period_falls",
     "place_back",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +142,7 @@ def _uniform_rows(scene: Specification) -> UniformRows:
     except ValueError:
         if scene.stock or not (scene.spacing_values or scene.thickness_values):
             raise
-        return UniformRows(replace(scene, spacing_values=None, thickness_values=None))
+        return UniformRows(scene.replace(spacing_values=None, thickness_values=None))
 
 
 def _axes(rows: UniformRows, fine: int) -> list[Floats]:

@@ -25,10 +25,10 @@ from domino_env.scenes.io.reading import (
     scene_names,
     scene_of_document,
 )
-from domino_env.scenes.io.tables import PhysicsTable, RowTable
-from domino_env.scenes.io.writing import document_of, text_of
+from domino_env.scenes.io.writing import text_of
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
+from domino_env.scenes.tables import PhysicsTable, RowTable
 from domino_env.scenes.uniform_rows import UniformRows
 
 Floats = NDArray[np.float64]
@@ -217,7 +217,7 @@ class SceneDistribution:
         ValueError
             For a scene that differs from those that are drawn in more than these numbers.
         """
-        tables = document_of(scene)
+        tables = scene.document()
         units = self._units(scene.height, scene.physics.gravity)
         try:
             found = np.array(
@@ -225,7 +225,7 @@ class SceneDistribution:
             )
         except KeyError:
             self._refuse(scene)
-        mine, theirs = self._fixed_part(document_of(self.first)), self._fixed_part(tables)
+        mine, theirs = self._fixed_part(self.first.document()), self._fixed_part(tables)
         if mine != theirs:
             self._refuse(scene)
         return found

@@ -48,13 +48,12 @@ def scores_by_heads(
     left, n = np.arange(len(spacing)), SHORTEST
     while len(left):
         n = min(n, scene.count)
-        head = replace(scene, count=n)
         held = scene.count if scene.criterion.needs_arrivals else n
         size, unsettled = max(1, piece // held), []
         for i in range(0, len(left), size):
             some = left[i : i + size, None] * np.ones(n - 1, np.int64)
             waves, settled = extended(
-                head.batch(spacing[some], thickness[some], rtol=rtol),
+                scene.batch(spacing[some], thickness[some], rtol=rtol),
                 scene.count,
                 steady,
                 arrivals=scene.criterion.needs_arrivals,

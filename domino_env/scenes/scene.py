@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.baseline import UniformMark, best_uniform, gain, lead_in_words
-from domino_env.scenes.io.writing import to_toml
+from domino_env.scenes.io.writing import text_of
 from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.unsteady import errors, placed
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 SCORE_RTOL = 1e-10  # what is reported; searches may look less closely
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scene(Specification):
     """A design problem: what stands, what may be chosen, what counts; equal if all of it is.
 
@@ -249,7 +249,7 @@ class Scene(Specification):
 
     def to_toml(self) -> str:
         """Write the scene as the text of a file that `load_scene` reads."""
-        return to_toml(self)
+        return text_of(self.document())
 
 
 @lru_cache(maxsize=32)

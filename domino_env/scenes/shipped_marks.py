@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import fields
 from functools import cache
 from importlib import resources
 
@@ -34,14 +33,9 @@ def shipped_point(scene: Specification) -> NDArray[np.float64] | None:
 
 
 def stamp(scene: Specification) -> str:
-    """Give a digest of all that the best uniform row may depend on: all fields but the names."""
-    told = [
-        (field.name, value)
-        for field in fields(Specification)
-        if (value := getattr(scene, field.name)) != field.default
-        and field.name not in ("name", "title")
-    ]
-    return hashlib.sha256(repr(told).encode()).hexdigest()
+    """Return a digest of all that the best uniform row may depend on: all but the names."""
+    tables = scene.document() | {"name": None, "title": None}
+    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 
 @cache

@@ -2,48 +2,51 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from types import NoneType
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.core.models import plain
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.scenes.grounds import clash_with_ground
+from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
+from domino_env.scenes.consistency import tables_of
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.robust import Placement
-from domino_env.scenes.objectives.standing import StandingSpeed, checked_floor, refusal
+from domino_env.scenes.objectives.standing import StandingSpeed
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import off_list, on_other_ground, outside, too_steep
 from domino_env.scenes.stock import Stock
-from domino_env.scenes.unsteady import unsteady_refusal
+from domino_env.scenes.tables import Bounds, RangeTable, RowTable
 from domino_env.scenes.waves import LayoutBatch
 
 Floats = NDArray[np.float64]
-Bounds = tuple[float, float]
 
 LENGTH_TOLERANCE = 1e-9  # [m]
 
 
-@dataclass(frozen=True)
-class Specification:
-    """What stands, what may be chosen, what counts; its fields are those of `Scene`."""
+DERIVED: Any = None  # default of what follows from other fields
 
-    name: str
-    title: str
-    objective: str
-    physics: Physics
+
+@dataclass(frozen=True, kw_only=True)
+class Specification:
+    """Fields and rules of a design problem; see `Scene`."""
+
+    name: str = "own"
+    title: str = DERIVED
+    objective: str = "mean_speed"
+    physics: Physics = Physics()  # noqa: RUF009 - frozen
     count: int
-    height: float
-    width: float
-    density: float
-    first_thickness: float
+    height: float = HEIGHT
+    width: float = WIDTH
+    density: float = DENSITY
+    first_thickness: float = DERIVED
     spacing: Bounds
-    thickness: Bounds
+    thickness: Bounds = DERIVED
     length: float | None = None
     spacing_values: tuple[float, ...] | None = None
     thickness_values: tuple[float, ...] | None = None
@@ -58,63 +61,54 @@ class Specification:
     placement_deviation: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("spacing", "thickness", "spacing_values", "thickness_values", "growth"):
-            values = getattr(self, name)
-            if values is not None:
-                object.__setattr__(self, name, tuple(map(float, values)))
-        if self.objective not in OBJECTIVES:
-            raise ValueError(
-                f"scene '{self.name}': objective = {self.objective!r}: choose "
-                f"{', '.join(OBJECTIVES)}"
-            )
-        needed = OBJECTIVES[self.objective].table or NoneType
-        if not isinstance(self.settings, needed):
-            raise ValueError(
-                f"scene '{self.name}': settings = {self.settings!r}: objective = "
-                f"{self.objective!r} needs {'none' if needed is NoneType else needed.__name__}"
-            )
-        if self.floor_friction is not None:
-            self._require_floor()
-        if self.placement_deviation != 0.0:
-            self._require_unsteady()
-        if self.ground is not None:
-            self._require_ground()
+        try:
+            vars(self).update(tables_of(self.document()).fields())
+        except ValueError as error:
+            raise ValueError(f"scene '{self.name}': {error}") from None
 
-    def _require_floor(self) -> None:
-        assert self.floor_friction is not None
-        object.__setattr__(self, "floor_friction", checked_floor(self.floor_friction))
-        refused = refusal(
-            self.objective,
-            is_speed=OBJECTIVES[self.objective].is_mean_speed,
-            limited=self.limits is not None,
-        )
-        if refused is not None:
-            raise ValueError(f"scene '{self.name}': {refused}")
+    @classmethod
+    def of_document(cls, document: dict[str, Any]) -> Self:
+        """Make the scene of a file's document, which has a name.
 
-    def _require_unsteady(self) -> None:
-        refused = unsteady_refusal(
-            self.placement_deviation, robust=self.placement is not None, length=self.length
-        )
-        if refused is not None:
-            raise ValueError(f"scene '{self.name}': {refused}")
+        Raises
+        ------
+        ValueError
+            With key, value and what is allowed.
+        """
+        scene = object.__new__(cls)
+        vars(scene).update(tables_of(document).fields())
+        return scene
 
-    def _require_ground(self) -> None:
-        assert self.ground is not None
-        heights = self.height if self.in_heights else 1.0
-        refused = clash_with_ground(
-            self.ground,
-            height=self.height,
-            thickness=(
-                min(self.first_thickness, heights * self.thickness[0]),
-                max(self.first_thickness, heights * self.thickness[1]),
+    def document(self) -> dict[str, Any]:
+        """Return the tables of the file that reads back as the same scene."""
+        of = "height" if self.in_heights else None
+        tables: dict[str, Any] = {
+            "name": self.name,
+            "title": self.title,
+            "objective": self.objective,
+            "row": {name: getattr(self, name) for name in RowTable.__struct_fields__},
+            "spacing": RangeTable.of_bounds(
+                self.spacing, self.spacing_values, largest_change=self.largest_change, of=of
             ),
-            spacing=(heights * self.spacing[0], heights * self.spacing[1]),
-            length=self.length,
-            grows=self.growth is not None,
-            unsteady=self.placement_deviation > 0.0,
-        )
-        if refused is not None:
-            raise ValueError(f"scene '{self.name}': {refused}")
+            "stock": self.stock,
+            "ground": self.ground,
+            "physics": plain(self.physics) | {"floor_friction": self.floor_friction},
+            "limits": self.limits,
+        }
+        if self.stock is None and self.thickness is not None:
+            tables["thickness"] = RangeTable.of_bounds(self.thickness, self.thickness_values, of=of)
+        if self.growth is not None:
+            tables["growth"] = {"min": self.growth[0], "max": self.growth[1]}
+        if self.placement_deviation:
+            tables["placement"] = {"deviation": self.placement_deviation}
+        if self.settings is not None:
+            kinds = (name for name, kind in OBJECTIVES.items() if kind.table is type(self.settings))
+            tables[next(kinds, "settings")] = self.settings
+        return dict(_of_file(plain(tables)))
+
+    def replace(self, **changes: Any) -> Self:
+        """Return another scene, with some fields changed, checked anew."""
+        return replace(self, **changes)
 
     @property
     def criterion(self) -> Objective:
@@ -201,7 +195,7 @@ class Specification:
         Parameters
         ----------
         spacing
-            (B, N-1) free gaps [m].
+            (B, N-1) free gaps [m]; fewer for the first dominoes of longer layouts.
         thickness
             (B, N-1) of dominoes 1 … N-1 [m]; None where it is fixed.
         height
@@ -209,17 +203,32 @@ class Specification:
         rtol
             Relative error that will be allowed in the arrival times.
         """
-        tall = self._heights(len(spacing), height)
-        thick = self._thicknesses(len(spacing), thickness, tall)
+        if height is None and self.growth is not None:
+            raise ValueError(f"scene '{self.name}' lets the row grow: give the heights too")
+        full = (len(spacing), spacing.shape[1] + 1)
+        tall = np.full((1, full[1]) if height is None else full, self.height)
+        if height is not None:
+            tall[:, 1:] = height
+        if thickness is None:
+            thickness = self.thickness[0] * (tall[:, 1:] if self.in_heights else np.ones(1))
+        thick = np.full(full, self.first_thickness)
+        thick[:, 1:] = thickness
         row = spacing, thick, tall, self.width, self.density
         return LayoutBatch(*row, self.physics, rtol, self.ground)
 
-    def violations(self, layout: Layout) -> list[str]:
-        """List what the layout breaks of the scene's rules, a sentence each; empty if nothing.
+    def violations(self, layout: Layout, *, complete: bool = True) -> list[str]:
+        """List the rules of the scene that a layout breaks, a sentence each; empty if none.
 
         Limits on the wave are not among them: they enter the score.
+
+        Parameters
+        ----------
+        layout
+            The layout.
+        complete
+            Whether it has all dominoes; otherwise it is the beginning of one.
         """
-        if layout.count != self.count:
+        if complete and layout.count != self.count:
             return [f"{layout.count} dominoes stand where the scene asks for {self.count}"]
         found = []
         found += on_other_ground(layout, self.ground)
@@ -253,28 +262,20 @@ class Specification:
             found += outside("thickness", thick, self.thickness, 1, unit)
             if self.thickness_values is not None:
                 found += off_list("thickness", thick, self.thickness_values, 1)
-        if self.length is not None and abs(layout.length - self.length) > LENGTH_TOLERANCE:
+        if (
+            complete
+            and self.length is not None
+            and abs(layout.length - self.length) > LENGTH_TOLERANCE
+        ):
             found.append(
                 f"the row is {layout.length:.9f} m long, not {self.length} m: "
                 f"{layout.length - self.length:+.3g} m"
             )
         return found
 
-    def _heights(self, rows: int, height: Floats | None) -> Floats:
-        """Heights of all dominoes, (B, N), or (1, N) where all rows have the same [m]."""
-        if height is None:
-            if self.growth is not None:
-                raise ValueError(f"scene '{self.name}' lets the row grow: give the heights too")
-            return np.full((1, self.count), self.height)
-        tall = np.empty((rows, self.count))
-        tall[:, 0], tall[:, 1:] = self.height, height
-        return tall
 
-    def _thicknesses(self, rows: int, thickness: Floats | None, tall: Floats) -> Floats:
-        """Thicknesses of all dominoes, (B, N) [m]."""
-        full = np.empty((rows, self.count))
-        full[:, 0] = self.first_thickness
-        if thickness is None:
-            thickness = self.thickness[0] * (tall[:, 1:] if self.in_heights else np.ones(1))
-        full[:, 1:] = thickness
-        return full
+def _of_file(value: Any) -> Any:
+    """Leave out what is None, and write tuples as lists."""
+    if isinstance(value, dict):
+        return {key: _of_file(one) for key, one in value.items() if one is not None}
+    return [_of_file(one) for one in value] if isinstance(value, tuple | list) else value

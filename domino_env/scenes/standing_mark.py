@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,7 +39,7 @@ def best_standing(rows: UniformRows, points: Floats) -> Floats:
     NDArray
         (2,) the best of them.
     """
-    hinged = UniformRows(replace(rows.scene, floor_friction=None)).scores(points)
+    hinged = UniformRows(rows.scene.replace(floor_friction=None)).scores(points)
     span = np.maximum(np.ptp(points, axis=0), 1e-12)
     places = (points - points.min(axis=0)) / span
     best = int(np.argmax(hinged))

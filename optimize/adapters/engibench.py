@@ -225,4 +225,4 @@ class DominoRow(Problem[Floats]):
         """The scene under other conditions."""
         wanted = self._config(config)
         changes = {name: getattr(wanted, name) for name in self._names()}
-        return dataclasses.replace(self.scene, physics=self.scene.physics.replace(**changes))
+        return self.scene.replace(physics=self.scene.physics.replace(**changes))

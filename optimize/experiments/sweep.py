@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from domino_env.scenes.io.reading import load_scene, scene_of_document
-from domino_env.scenes.io.writing import document_of
 from domino_env.scenes.scene import Scene
 from optimize.experiments.compare import require_each_once
 from optimize.experiments.experiment import Experiment, in_words, run_experiment
@@ -151,7 +150,7 @@ def scene_at(base: Scene, point: Point) -> Scene:
         For values that no scene can have, and a scene that cannot be searched; it begins with the
         coordinates of the point.
     """
-    document = document_of(base)
+    document = base.document()
     where = in_words(_labels(point))
     for key, value in point.items():
         *tables, last = key.split(".")

@@ -16,13 +16,10 @@ that its records do not have are read by `optional_field`, and arrays that its r
 None.  So what runs on flat ground holds nothing of uneven ground, and who stays there does not wait
 for its machine code.
 
-An internal function that is `overloaded` has a second one for uneven ground, registered by
-`overload`.  Which of them is called, the types of the arguments say.
-
 Only entry points can be called from Python, and only from there.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numba
@@ -41,8 +38,6 @@ __all__ = [
     "leaf",
     "noinline",
     "optional_field",
-    "overload",
-    "overloaded",
     "select",
 ]
 
@@ -77,38 +72,6 @@ def leaf(function: Callable[..., Any]) -> Any:
 def noinline(function: Callable[..., Any]) -> Any:
     """Compile a function once, on its own."""
     return _compiled(function, NoInline)
-
-
-def overloaded(flat: Any) -> Any:
-    """Let `overload` replace an internal function where its arguments are of uneven ground."""
-    template, found = flat.get_call_template, flat.get_overload
-
-    def choose(arguments: Iterable[Any]) -> bool:
-        return any(_is_uneven(argument) for argument in arguments)
-
-    flat.get_call_template = lambda arguments, names: (
-        flat.uneven.get_call_template if choose(arguments) else template
-    )(arguments, names)
-    flat.get_overload = lambda arguments: (
-        flat.uneven.get_overload if choose(arguments) else found
-    )(arguments)
-    return flat
-
-
-def overload(flat: Any) -> Callable[[Any], Any]:
-    """Register what replaces an overloaded function on uneven ground."""
-
-    def register(uneven: Any) -> Any:
-        flat.uneven = uneven
-        return uneven
-
-    return register
-
-
-def _is_uneven(value: Any) -> bool:
-    """Return whether a type of Numba's has a field of uneven ground."""
-    kinds = dict(zip(getattr(value, "fields", ()), getattr(value, "types", ()), strict=False))
-    return not isinstance(kinds.get("rise", types.none), types.NoneType)
 
 
 def _compiled(function: Callable[..., Any], library: type[Library], **options: Any) -> Any:
@@ -151,21 +114,30 @@ def _refuse_python(dispatcher: Any) -> None:
 
 
 @numba.extending.intrinsic
-def borrowed(_: Any, array: Any) -> Any:
-    """Return the same array without its reference count; its owner must outlive it.
+def borrowed(_: Any, value: Any) -> Any:
+    """Return an array, or a tuple of arrays, without reference counts; the owners must outlive it.
 
     Counting is atomic, and was an eighth of a step's time.
     """
 
-    if isinstance(array, types.NoneType):
-        return array(array), lambda context, *_: context.get_dummy_value()
-
-    def without_owner(context: Any, builder: Any, _: Any, args: Any) -> Any:
-        view = context.make_array(array)(context, builder, args[0])
+    def without_owner(context: Any, builder: Any, kind: Any, held: Any) -> Any:
+        kinds: Any = kind
+        if isinstance(kind, types.BaseTuple):
+            parts = [
+                without_owner(context, builder, part, builder.extract_value(held, i))
+                for i, part in enumerate(kinds)
+            ]
+            return context.make_tuple(builder, kind, parts)
+        if not isinstance(kind, types.Array):
+            return held
+        view = context.make_array(kind)(context, builder, held)
         view.meminfo = view.meminfo.type(None)
         return view._getvalue()
 
-    return array(array), without_owner
+    def generate(context: Any, builder: Any, _: Any, args: Any) -> Any:
+        return without_owner(context, builder, value, args[0])
+
+    return value(value), generate
 
 
 def optional_field(name: str) -> Any:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.kernels.jit import always_inline, overloaded
+from domino_env.kernels.jit import always_inline, select
 from domino_env.kernels.slots import Curve, Row, record_type
 
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
@@ -56,38 +56,17 @@ class Batch(NamedTuple):
     stock: NDArray[np.float64]  # (K,) how many there are of each
     left: NDArray[np.float64]  # (B, K) how many of them each has left
     errors: NDArray[np.float64]  # (B, N-1) placement errors, added to the gaps [m]; or (0, N-1)
-    rings: NDArray[np.record]  # (B, …) LINK
+    rings: NDArray[np.record]  # (B, …) LINK or UNEVEN_LINK
     states: NDArray[np.record]  # (B,) STATE
     episodes: NDArray[np.record]  # (B,) EPISODE
     spacing: NDArray[np.float64]  # (B, N-1) [m]
     thickness: NDArray[np.float64]  # (B, N) [m]
     height: NDArray[np.float64]  # (1, N), or (B, N) where they differ [m]
     density: NDArray[np.float64]  # (1, N) [kg/m³]; N is the largest count
-
-
-class HillBatch(NamedTuple):
-    """The same over hills: what the rows stand on, and where."""
-
-    rules: NDArray[np.record]
-    parts: NDArray[np.record]
-    features: NDArray[np.float32]
-    closeness: NDArray[np.float32]
-    gap_values: NDArray[np.float64]
-    kinds: NDArray[np.float64]
-    stock: NDArray[np.float64]
-    left: NDArray[np.float64]
-    errors: NDArray[np.float64]
-    rings: NDArray[np.record]  # (B, …) UNEVEN_LINK
-    states: NDArray[np.record]
-    episodes: NDArray[np.record]
-    spacing: NDArray[np.float64]
-    thickness: NDArray[np.float64]
-    height: NDArray[np.float64]
-    density: NDArray[np.float64]
-    rise: NDArray[np.float64]  # (B, N-1) [m]
-    tilt: NDArray[np.float64]  # (B, N) [rad]
-    places: NDArray[np.float64]  # (B, N) x of the pivots [m]
-    curve: Curve
+    rise: NDArray[np.float64] | None = None  # (B, N-1) [m]; these four only on uneven ground
+    tilt: NDArray[np.float64] | None = None  # (B, N) [rad]
+    places: NDArray[np.float64] | None = None  # (B, N) x of the pivots [m]
+    curve: Curve | None = None
 
 
 @always_inline
@@ -96,7 +75,6 @@ def rules_of(batch, b):
     return batch.rules[b if len(batch.rules) > 1 else 0]
 
 
-@overloaded
 @always_inline
 def row_built(batch, b):
     """Return the row of environment b, as long as its scene has it."""
@@ -107,6 +85,6 @@ def row_built(batch, b):
         batch.thickness[b, :count],
         batch.height[height, :count],
         batch.density[density, :count],
-        None,
-        None,
+        select(batch.rise, (b, slice(0, count - 1))),
+        select(batch.tilt, (b, slice(0, count))),
     )

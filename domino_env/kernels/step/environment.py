@@ -1,18 +1,21 @@
 """The environments' step: one domino placed, one fall, for a whole batch in one call."""
 
+import math
+
 import numpy as np
 
 from domino_env.kernels.chain import prepare
 from domino_env.kernels.fall import step
 from domino_env.kernels.front import open_chain
+from domino_env.kernels.ground import next_place, piece_at
 from domino_env.kernels.jit import (
     always_inline,
     borrowed,
     entry_point,
     internal,
     keep_alive,
-    overloaded,
 )
+from domino_env.kernels.links import step_of
 from domino_env.kernels.slots import EVENT, LANES, OUT_OF_REACH, PROPAGATED
 from domino_env.kernels.step.action import (
     aim,
@@ -23,7 +26,7 @@ from domino_env.kernels.step.action import (
     put_down,
     thickness_bounds,
 )
-from domino_env.kernels.step.batch import OVER, RUNNING, Batch, row_built, rules_of
+from domino_env.kernels.step.batch import OVER, RUNNING, row_built, rules_of
 from domino_env.kernels.step.observation import observe
 from domino_env.kernels.uniform import is_uniform
 
@@ -46,17 +49,31 @@ def close_episode(rules, state, episode, n, outcome, row):
             episode.unsure = True
 
 
-@overloaded
 @always_inline
-def pitch_of(row, n):
+def pitch_of(row, tilt, n):
     """Return the distance from pivot n to the next [m]."""
-    return row.spacing[n] + row.thickness[n + 1]
+    pitch = row.spacing[n] + row.thickness[n + 1]
+    if tilt is None:
+        return pitch
+    return math.hypot(pitch, step_of(row, n, n + 1))
 
 
-@overloaded
-@always_inline
-def stand_next(batch, b, row, n):
-    """Stand domino n+1 behind gap n; on flat ground it has no rise and no tilt."""
+@internal
+def stand_next(batch, curve, b, row, n):
+    """Stand domino n+1 behind gap n on uneven ground: write its tilt, its rise and its place."""
+    if curve is None:
+        return
+    x = batch.places[b, n]
+    gap, d = row.spacing[n], row.thickness[n + 1]
+    if len(curve.knots) == 1:  # an even slope, whose rows stay as even as they are
+        tilt = row.tilt[n]
+        row.rise[n], row.tilt[n + 1] = -math.sin(tilt) * (gap + d), tilt
+        batch.places[b, n + 1] = x + (gap + d) * math.cos(tilt)
+        return
+    tilt, up = next_place(curve, x, piece_at(curve, x, 0), gap, d, row.tilt[n])
+    s, c = math.sin(tilt), math.cos(tilt)
+    row.rise[n], row.tilt[n + 1] = up * c - (gap + d) * s, tilt
+    batch.places[b, n + 1] = x + (gap + d) * c + up * s
 
 
 @always_inline
@@ -67,7 +84,7 @@ def place_next(rules, lanes, ring, state, episode, row, untaped):
     """
     mask, count = len(ring) - 1, len(row.thickness)
     first = episode.placed
-    pitch = pitch_of(row, first)
+    pitch = pitch_of(row, row.tilt, first)
     episode.placed = first + 1
     episode.way += pitch
     lead = 0.0
@@ -87,30 +104,6 @@ def place_next(rules, lanes, ring, state, episode, row, untaped):
             close_episode(rules, state, episode, n, outcome, row)
             break
     return lead
-
-
-@overloaded
-@always_inline
-def lend(batch):
-    """Return the same batch without reference counts."""
-    return Batch(
-        borrowed(batch.rules),
-        borrowed(batch.parts),
-        borrowed(batch.features),
-        borrowed(batch.closeness),
-        borrowed(batch.gap_values),
-        borrowed(batch.kinds),
-        borrowed(batch.stock),
-        borrowed(batch.left),
-        borrowed(batch.errors),
-        borrowed(batch.rings),
-        borrowed(batch.states),
-        borrowed(batch.episodes),
-        borrowed(batch.spacing),
-        borrowed(batch.thickness),
-        borrowed(batch.height),
-        borrowed(batch.density),
-    )
 
 
 @entry_point
@@ -134,7 +127,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
         for i in range(given[b]):
             if len(batch.kinds) > 0:
                 left[nearest_left(batch.kinds, left, row.thickness[i + 1])] -= 1.0
-            stand_next(batch, b, row, i)
+            stand_next(batch, batch.curve, b, row, i)
             lead = place_next(rules, lanes, ring, state, episode, row, untaped)
             episode.paid += lead * rules.reward_scale
             if episode.phase == OVER:
@@ -152,7 +145,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
     """
     own_lanes, own_tape = np.zeros(LANES), np.empty(0, EVENT)
     lanes, untaped = borrowed(own_lanes), borrowed(own_tape)
-    lent, actions, observations = lend(batch), borrowed(actions), borrowed(observations)
+    lent, actions, observations = borrowed(batch), borrowed(actions), borrowed(observations)
     for b in range(first, last):
         rules = rules_of(lent, b)
         state, episode = lent.states[b], lent.episodes[b]
@@ -162,7 +155,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
         row = row_built(lent, b)
         choose(actions[b], rules, lent, lent.left[b], episode.placed, episode.way, row)
         put_down(rules, lent.errors, b, episode.placed, row.spacing)
-        stand_next(lent, b, row, episode.placed)
+        stand_next(lent, lent.curve, b, row, episode.placed)
         lead = place_next(rules, lanes, lent.rings[b], state, episode, row, untaped)
         if episode.phase == OVER:
             ended[b] = True
@@ -177,7 +170,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
 @entry_point
 def place_batch(first, last, batch, chosen, actions):
     """Place all dominoes of the chosen environments, by actions (B, N-1, A); none falls yet."""
-    lent, actions = lend(batch), borrowed(actions)
+    lent, actions = borrowed(batch), borrowed(actions)
     for b in range(first, last):
         if not chosen[b]:
             continue
@@ -198,7 +191,7 @@ def place_back(first, last, batch, actions, bars, action_bars):
 
     bars: (B, N-1, 3) by each gap, and by thickness and height of the domino behind it.
     """
-    lent, actions, carried = lend(batch), borrowed(actions), np.zeros(3)
+    lent, actions, carried = borrowed(batch), borrowed(actions), np.zeros(3)
     ways = np.zeros(actions.shape[1] + 1)
     for b in range(first, last):
         rules, row = rules_of(lent, b), row_built(lent, b)

@@ -2,7 +2,9 @@
 
 import math
 
-from domino_env.kernels.jit import always_inline, overloaded
+from domino_env.kernels.ground import at as ground_at
+from domino_env.kernels.ground import piece_at
+from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.slots import PROPAGATED, record_type
 from domino_env.kernels.step.batch import OVER, rules_of
 
@@ -73,10 +75,29 @@ def observe_window(rules, row, placed, part, observation):
             observation[part.growths + j] = x
 
 
-@overloaded
-@always_inline
-def observe_ground(batch, b, observation):
-    """Write slopes and rises of the ground ahead; on flat ground nothing."""
+@internal
+def observe_ground(batch, curve, b, observation):
+    """Write slope and rise of the next places on uneven ground, a mean pitch apart each.
+
+    Slopes count downhill, in slopes that tip the thinnest domino; rises over the last pivot, in
+    heights.
+    """
+    if curve is None:
+        return
+    rules, part = rules_of(batch, b), batch.parts[0]
+    unit = rules.unit if rules.in_heights else 1.0
+    pitch = 0.5 * unit * (rules.gap_low + rules.gap_high + rules.thick_low + rules.thick_high)
+    steepest = unit * rules.thick_low / rules.unit
+    x = batch.places[b, batch.episodes[b].placed]
+    k = piece_at(curve, x, 0)
+    here, _ = ground_at(curve, x, k)
+    for j in range(part.window):
+        x += pitch
+        k = piece_at(curve, x, k)
+        height, slope = ground_at(curve, x, k)
+        rise = (height - here) / rules.unit
+        observation[part.slopes + j] = min(max(-slope / steepest, -1.0), 1.0)
+        observation[part.rises + j] = min(max(rise, -RISE_LIMIT), RISE_LIMIT)
 
 
 @always_inline
@@ -105,4 +126,4 @@ def observe(batch, b, row, observation):
         observation[part.near_end + j] = batch.closeness[pairs - placed, j]
     for j in range(batch.features.shape[1]):
         observation[part.features + j] = batch.features[b, j]
-    observe_ground(batch, b, observation)
+    observe_ground(batch, batch.curve, b, observation)

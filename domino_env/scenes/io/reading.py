@@ -1,4 +1,4 @@
-"""Scenes read from TOML files, by the tables of `domino_env.scenes.io.tables`."""
+"""Scenes read from TOML files, by the tables of `domino_env.scenes.tables`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,10 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.models import model_of
 from domino_env.core.progress import advise
 from domino_env.core.reading import naming, one_line, read_bytes, refuse
 from domino_env.physics.units import unit_slip
-from domino_env.scenes.io.clashes import first_clash
 from domino_env.scenes.io.ranges import has_ranges
-from domino_env.scenes.io.tables import SceneFile
 from domino_env.scenes.scene import Scene
 
 SHIPPED = resources.files("domino_env.scenes") / "shipped"
@@ -131,37 +128,8 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
     with naming(file):
         if has_ranges(document):
             raise ValueError(IS_DISTRIBUTION)
-        asked = model_of(SceneFile, {"name": name} | document)
-        clash = first_clash(asked)
-        if clash is not None:
-            raise ValueError(clash)
-        spacing, spacing_values = asked.spacing.allowed()
-        thickness, thickness_values = asked.thickness_allowed()
-        slip = None if asked.in_heights else unit_slip(asked.row.height, spacing, thickness)
-        if slip is not None:
+        scene = Scene.of_document({"name": name} | document)
+        slip = unit_slip(scene.height, scene.spacing, scene.thickness)
+        if slip is not None and not scene.in_heights:
             advise(f"{one_line(file, 160, keep_end=True)}: {slip}")
-        return Scene(
-            name=asked.name or name,
-            title=asked.title or asked.name or name,
-            objective=asked.objective,
-            physics=asked.physics_asked(),
-            count=asked.row.count,
-            height=asked.row.height,
-            width=asked.row.width,
-            density=asked.row.density,
-            first_thickness=asked.first_thickness(),
-            spacing=spacing,
-            thickness=thickness,
-            length=asked.row.length,
-            spacing_values=spacing_values,
-            thickness_values=thickness_values,
-            largest_change=asked.spacing.largest_change,
-            stock=asked.stock,
-            growth=(asked.growth.min, asked.growth.max) if asked.growth else None,
-            in_heights=asked.in_heights,
-            limits=asked.limits,
-            settings=asked.settings(asked.objective),
-            floor_friction=asked.physics.floor_friction,
-            placement_deviation=asked.placement.deviation if asked.placement else 0.0,
-            ground=asked.ground,
-        )
+        return scene

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from domino_env.core.files import write_text
-from domino_env.scenes.io import tables
+from domino_env.scenes import tables
 from domino_env.scenes.io.ranges import UNFELT, schema_of_range
 from domino_env.scenes.objectives import OBJECTIVES
 

@@ -20,47 +20,6 @@ RTOL = 1e-3  # of all standing scores, whatever is asked for: what they are off 
 WAVES = 10_000  # analytic ones that take as long as one standing row
 
 
-def refusal(objective: str, *, is_speed: bool, limited: bool) -> str | None:
-    """Say why rows of a scene cannot be scored standing, in a sentence; None where they can.
-
-    Parameters
-    ----------
-    objective
-        Its name.
-    is_speed
-        Whether a success scores the mean speed of one wave.
-    limited
-        Whether the scene has limits.
-    """
-    if not is_speed:
-        return (
-            f"physics.floor_friction and objective = {objective!r}: a row that stands is scored by "
-            "its speed; choose objective = 'mean_speed' or 'time', or leave the floor out"
-        )
-    if limited:
-        return (
-            "physics.floor_friction stands beside [limits]: stall margins and flushes are of the "
-            "analytic wave, which a row that stands does not have; leave one of them out"
-        )
-    return None
-
-
-def checked_floor(floor_friction: float) -> float:
-    """Give the coefficient as a number.
-
-    Raises
-    ------
-    ValueError
-        For one that is negative or not finite.
-    """
-    if not 0.0 <= floor_friction < math.inf:
-        raise ValueError(
-            f"floor_friction = {floor_friction}: give a finite number, 0 or more, or leave it out "
-            "for dominoes that are held to the floor"
-        )
-    return float(floor_friction)
-
-
 @dataclass(frozen=True)
 class StandingSpeed(Speed):
     """A success scores the mean speed of the row as it stands free on a floor [m/s].

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -158,7 +157,7 @@ def _shortened(scene: Scene, count: int) -> Scene:
     length = scene.length
     if length is not None:
         length *= (count - 1) / (scene.count - 1)
-    return replace(scene, name=f"{scene.name}, {count} dominoes", count=count, length=length)
+    return scene.replace(name=f"{scene.name[:80]}, {count} dominoes", count=count, length=length)
 
 
 def _stretched(

@@ -439,7 +439,7 @@ def demanding():
         "magnify": short("magnify", 8),
         "tempo": short("tempo", 8),
         "jitter": replace(short("jitter", 8), name="few draws",
-                          settings=replace(de.load_scene("jitter").placement, draws=8)),
+                          settings=de.load_scene("jitter").placement.replace(draws=8)),
         "time": replace(short("course", 8), objective="time"),
     }  # fmt: skip
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
+from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives.robust import Placement
 from domino_env.scenes.objectives.tempo import Tempo
@@ -361,16 +362,40 @@ def test_scores_with_and_without_gradients_are_one_to_the_bit(name: str, limits)
 def test_a_scene_is_a_value() -> None:
     for name in de.scene_names():
         scene, again = de.load_scene(name), de.load_scene(name)
-        assert scene == again
-        assert hash(scene) == hash(again)
-        assert scene != replace(scene, count=scene.count + 1)
+        assert scene == again == scene.replace()
+        assert hash(scene) == hash(again) == hash(scene.replace())
+        assert scene != scene.replace(width=0.1)
+        assert parse_scene(scene.to_toml(), "x", "x.toml") == scene
 
 
-def test_an_objective_and_its_settings_go_together() -> None:
-    sprint, jitter = de.load_scene("sprint"), de.load_scene("jitter")
-    with pytest.raises(ValueError, match="objective = 'speed': choose magnify, mean_speed"):
-        replace(sprint, objective="speed")
-    with pytest.raises(ValueError, match="'robust' needs Placement"):
-        replace(sprint, objective="robust")
-    with pytest.raises(ValueError, match="'mean_speed' needs none"):
-        replace(jitter, objective="mean_speed")
+def test_a_scene_made_in_python_has_the_defaults_of_a_file() -> None:
+    own = de.Scene(count=np.int64(9), spacing=np.array([0.002, 0.04]), thickness=(0.0075, 0.0075))
+    text = """
+    name = "own"
+    [row]
+    count = 9
+    [spacing]
+    min = 0.002
+    max = 0.04
+    [thickness]
+    fixed = 0.0075
+    [physics]
+    """
+    assert own == parse_scene(text, "own", "own.toml")
+    assert (own.title, own.first_thickness, own.height) == ("own", 0.0075, 0.048)
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"count": 1}, "row.count = 1: give a whole number from 2 to"),
+    ({"width": 0.0}, "row.width = 0.0: give a finite number"),
+    ({"name": "a/b"}, "name = 'a/b': give a line of text"),
+    ({"spacing": (0.04, 0.002)}, "spacing.min = 0.04 m is more than max = 0.002 m"),
+    ({"length": 9.0}, "row.length = 9.0 m cannot be met"),
+    ({"objective": "speed"}, "objective = 'speed': choose magnify, mean_speed"),
+    ({"objective": "robust"}, r"the table \[robust\] is missing"),
+    ({"settings": Tempo(30.0, 45.0)}, r"the table \[tempo\] stands there"),
+    ({"stock": Stock((0.005,), (3,))}, "stock.count adds up to 3 dominoes"),
+])  # fmt: skip
+def test_a_scene_made_in_python_is_checked_as_its_file(changes, words: str) -> None:
+    with pytest.raises(ValueError, match=f"^scene '.*': {words}"):
+        de.load_scene("sprint").replace(**changes)

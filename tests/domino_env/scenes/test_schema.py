@@ -13,7 +13,6 @@ import pytest
 import domino_env as de
 from domino_env.scenes.io.reading import scene_of_document
 from domino_env.scenes.io.schema import PATH, scene_schema
-from domino_env.scenes.io.writing import document_of
 
 SCENES = sorted(PATH.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
@@ -30,11 +29,11 @@ def test_scenes_that_ship_name_the_schema_and_keep_it(path: Path) -> None:
     text = path.read_text("utf-8")
     assert text.startswith(f"#:schema ./{PATH.name}\n")
     VALIDATOR.validate(tomllib.loads(text))
-    VALIDATOR.validate(document_of(de.load_scene(path)))
+    VALIDATOR.validate(de.load_scene(path).document())
 
 
 def sprint(**tables: Any) -> dict[str, Any]:
-    return document_of(de.load_scene("sprint")) | tables
+    return de.load_scene("sprint").document() | tables
 
 
 @pytest.mark.parametrize(

@@ -22,8 +22,6 @@ BOX = {"stock": Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
        "thickness_values": (0.005, 0.01), "first_thickness": 0.005}  # fmt: skip
 
 CLASHES = [
-    (asking(length=0.5), ["spacing from 0.002 to 0.04 m", "thickness = 0.0075 m",
-                          "row.length = 0.5 m"]),
     (asking(length=0.18025, spacing_values=GRID),
      ["spacing only 0.002, 0.0025, … 0.04 m", "thickness = 0.0075 m", "row.length = 0.18025 m"]),
     # 2 mm and 40 mm would do, but not next to each other
@@ -31,11 +29,6 @@ CLASHES = [
             largest_change=0.01),
      ["spacing only 0.002, 0.04 m", "spacing.largest_change = 0.01 m", "thickness = 0.0075 m",
       "row.length = 0.114 m"]),
-    (asking(length=0.16, spacing=(0.013, 0.04), **BOX),
-     ["spacing from 0.013 to 0.04 m", "the stock: 5 of 0.005 m, 4 of 0.01 m",
-      "row.length = 0.16 m"]),
-    (asking(**(BOX | {"stock": Stock((0.005, 0.01), (5, 3))})),
-     ["the stock: 5 of 0.005 m, 3 of 0.01 m"]),
 ]  # fmt: skip
 
 

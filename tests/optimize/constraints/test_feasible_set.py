@@ -203,7 +203,7 @@ SLOPED = {
     "tempo": replace(de.load_scene("tempo"), count=7),
     "robust": replace(
         de.load_scene("jitter"), count=7,
-        settings=replace(de.load_scene("jitter").placement, draws=30),
+        settings=de.load_scene("jitter").placement.replace(draws=30),
     ),
     "in-heights": replace(ASKING["growth-both"], growth=None, objective="mean_speed"),
 }  # fmt: skip
@@ -267,7 +267,7 @@ def test_the_schedule_of_a_known_row_is_found_again() -> None:
     plain = SLOPED["tempo"]
     layout = Problem(plain).layout(np.random.default_rng(4).random(12))
     times = plain.simulate(layout).arrival_times[1:]
-    scene = replace(plain, settings=replace(plain.tempo, first=None, last=None, times=tuple(times)))
+    scene = replace(plain, settings=de.Tempo(times=tuple(times), tolerance=plain.tempo.tolerance))
     assert search(scene, "gauss-newton", budget=300).score > 1.0 - 1e-6
 
 

@@ -1,7 +1,7 @@
-"""The tables of a scene's file: keys, units, ranges, and what the keys of a table owe each other.
+"""Tables of a scene's file: keys, units, ranges and the relations of the keys of one table.
 
-Said once, here: `domino_env.scenes.io` reads scenes by them, and editors check them by the
-schema that `domino_env.scenes.io.schema` makes of them.
+A scene made in Python is checked by the same tables, and editors check files by the schema that
+`domino_env.scenes.io.schema` makes of them.
 """
 
 from __future__ import annotations
@@ -104,6 +104,19 @@ class RangeTable(Table):
         if self.step is not None and (self.max - self.min) / self.step >= MOST_PAIRS:
             raise ValueError(f"step = {self.step} m: too fine to count; leave it out for any value")
 
+    @classmethod
+    def of_bounds(cls, bounds: Bounds, values: Values | None, **more: Any) -> dict[str, Any]:
+        """Return the table, as in a document, whose `allowed` are these bounds and values."""
+        low, high = bounds
+        if low == high:
+            return {"fixed": low, **more}
+        if values is None:
+            return {"min": low, "max": high, **more}
+        step = round(values[1] - values[0], 12)
+        if len(values) > 2 and steps(low, high, step) == tuple(values):
+            return {"min": low, "max": high, "step": step, **more}
+        return {"values": values, **more}
+
     def allowed(self) -> tuple[Bounds, Values | None]:
         """The least and the largest value, and all between them where not any is allowed."""
         if self.fixed is not None:
@@ -155,11 +168,9 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
 
 
 class PlacementTable(Table):
-    """The hand that builds row after row in the environments, which is unsteady."""
+    """Placement noise of the environments."""
 
-    deviation: Annotated[
-        float, Meta(ge=0, le=LARGEST, description="standard deviation of each gap's error [m]")
-    ]
+    deviation: Annotated[Part, Meta(description="standard deviation of each gap's error [m]")]
 
 
 class SceneTables(Table, kw_only=True):
@@ -194,10 +205,6 @@ class SceneTables(Table, kw_only=True):
         """Whether gaps and thicknesses count in heights."""
         return self.spacing.of is not None
 
-    def physics_asked(self) -> Physics:
-        """Friction, gravity and push."""
-        return Physics(self.physics.friction, self.physics.gravity, self.physics.push)
-
     def settings(self, objective: str) -> Any:
         """Give what the table of an objective says; None where it is not there."""
         return getattr(self, objective, None) if OBJECTIVES[objective].table else None
@@ -219,9 +226,35 @@ class SceneTables(Table, kw_only=True):
         values = tuple(sorted({float(d) for d in rest}))
         return (values[0], values[-1]), values
 
+    def fields(self) -> dict[str, Any]:
+        """Return the fields of the scene that the tables describe."""
+        spacing, spacing_values = self.spacing.allowed()
+        thickness, thickness_values = self.thickness_allowed()
+        row, physics = self.row, self.physics
+        return msgspec.structs.asdict(row) | {
+            "name": self.name,
+            "title": self.title or self.name,
+            "objective": self.objective,
+            "physics": Physics(physics.friction, physics.gravity, physics.push),
+            "first_thickness": self.first_thickness(),
+            "spacing": spacing,
+            "thickness": thickness,
+            "spacing_values": spacing_values,
+            "thickness_values": thickness_values,
+            "largest_change": self.spacing.largest_change,
+            "stock": self.stock,
+            "growth": (self.growth.min, self.growth.max) if self.growth else None,
+            "in_heights": self.in_heights,
+            "limits": self.limits,
+            "settings": self.settings(self.objective),
+            "floor_friction": physics.floor_friction,
+            "placement_deviation": self.placement.deviation if self.placement else 0.0,
+            "ground": self.ground,
+        }
+
 
 def steps(low: float, high: float, step: float) -> Values:
-    """List low, low + step, … up to high [m], to the picometre."""
+    """Return low, low + step, … up to high [m], to the picometre."""
     number = math.floor((high - low) / step + 1e-9) + 1
     return tuple(round(low + k * step, 12) for k in range(number))
 

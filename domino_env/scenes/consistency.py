@@ -1,22 +1,37 @@
-"""What the tables of a scene's file owe each other: a sentence for each thing that clashes."""
+"""Relations between the tables of a scene: one sentence for each that is broken."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
+from domino_env.core.models import model_of
 from domino_env.physics.units import ADVICE, MOST
-from domino_env.scenes.io.tables import MOST_PAIRS, SceneFile, ThicknessTable
+from domino_env.scenes.grounds import clash_with_ground
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.objectives.standing import refusal
-from domino_env.scenes.unsteady import unsteady_refusal
+from domino_env.scenes.tables import MOST_PAIRS, SceneFile, ThicknessTable
 
 TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
 
 
-def first_clash(asked: SceneFile) -> str | None:
-    """Say what is wrong between the tables, in a sentence; None where they go together."""
-    return next(_clashes(asked), None)
+def tables_of(document: dict[str, Any]) -> SceneFile:
+    """Check a scene's document and return its tables.
+
+    Parameters
+    ----------
+    document
+        As `tomllib` reads it from a file, or `Specification.document` writes it.
+
+    Raises
+    ------
+    ValueError
+        With key, value and what is allowed, or the tables that do not go together.
+    """
+    tables = model_of(SceneFile, document)
+    for sentence in _clashes(tables):
+        raise ValueError(sentence)
+    return tables
 
 
 # each rests on those before it
@@ -34,6 +49,7 @@ def _clashes(asked: SceneFile) -> Iterator[str]:
     yield from _clashes_of_first(asked)
     yield from _too_many(asked)
     yield from _clashes_of_length(asked)
+    yield from _clashes_of_ground(asked)
 
 
 def _clashes_of_heights(asked: SceneFile) -> Iterator[str]:
@@ -86,18 +102,28 @@ def _clashes_of_objective(asked: SceneFile) -> Iterator[str]:
                 f"[{name}] and objective = {name!r} go together"
             )
     if asked.physics.floor_friction is not None:
-        refused = refusal(
-            asked.objective,
-            is_speed=OBJECTIVES[asked.objective].is_mean_speed,
-            limited=asked.limits is not None,
-        )
-        if refused is not None:
-            yield refused
+        if not OBJECTIVES[asked.objective].is_mean_speed:
+            yield (
+                f"physics.floor_friction and objective = {asked.objective!r}: a row that stands is "
+                "scored by its speed; choose objective = 'mean_speed' or 'time', or leave the "
+                "floor out"
+            )
+        if asked.limits is not None:
+            yield (
+                "physics.floor_friction stands beside [limits]: stall margins and flushes are of "
+                "the analytic wave, which a row that stands does not have; leave one of them out"
+            )
     if asked.placement is not None:
-        robust, length = asked.settings("robust") is not None, asked.row.length
-        refused = unsteady_refusal(asked.placement.deviation, robust=robust, length=length)
-        if refused is not None:
-            yield refused
+        if asked.settings("robust") is not None:
+            yield (
+                "[placement] stands beside [robust], which draws errors of its own: leave one of "
+                "them out"
+            )
+        if asked.row.length is not None:
+            yield (
+                "[placement] stands beside row.length, which a row whose gaps come out wrong does "
+                "not meet: leave one of them out"
+            )
     yield from OBJECTIVES[asked.objective].clashes(
         count=asked.row.count,
         length=asked.row.length,
@@ -170,3 +196,23 @@ def _clashes_of_length(asked: SceneFile) -> Iterator[str]:
             f"row.length = {length} m cannot be met: {count} dominoes within the bounds cover "
             f"{least:.6g} to {most:.6g} m"
         )
+
+
+def _clashes_of_ground(asked: SceneFile) -> Iterator[str]:
+    if asked.ground is None:
+        return
+    unit = asked.row.height if asked.in_heights else 1.0
+    (low, high), _ = asked.spacing.allowed()
+    (thin, thick), _ = asked.thickness_allowed()
+    first = asked.first_thickness()
+    refused = clash_with_ground(
+        asked.ground,
+        height=asked.row.height,
+        thickness=(min(first, unit * thin), max(first, unit * thick)),
+        spacing=(unit * low, unit * high),
+        length=asked.row.length,
+        grows=asked.growth is not None,
+        unsteady=asked.placement is not None,
+    )
+    if refused is not None:
+        yield refused
