@@ -3,7 +3,7 @@
 PPO's were found by hand on `sprint`, `ideal` and `sprint-thickness`. The deviation of the actions
 falls on a schedule and is not learned: quickly at first, slowly from 0.1 on, where the noise of the
 gaps no longer decides which thicknesses are best. Means that have left the box are drawn back to
-it, and actions near the end of the row deviate further (`agents.sb3.row_policy`). The speed that
+it, and actions near the end of the row deviate further (`agents.sb3.RowPolicy`). The speed that
 single steps are rewarded against follows the best layout found, so that the sum of rewards and the
 ratio that is scored agree in the end (Dinkelbach's iteration).
 
@@ -56,7 +56,7 @@ class Hyperparameters:
     middle
         Part of the steps, between 0 and 1.
     end, pull
-        See `agents.sb3.row_policy.RowPolicy` (APG, PPO).
+        See `agents.sb3.RowPolicy` (APG, PPO).
     follow
         Whether the reference speed follows the best row found.
     options

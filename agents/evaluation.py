@@ -14,7 +14,7 @@ import numpy as np
 from agents.designer.features import FEATURES, features_of
 from agents.designer.policy import ConditionedPolicy, shipped_policy
 from agents.network import Policy
-from agents.policy import DESIGNER, ScenePolicy, algorithm_of, folder_of, summary_of
+from agents.policy import DESIGNER, POLICIES, ScenePolicy, folder_of, summary_of
 from agents.rollout import Rollout
 from agents.scripted import SCRIPTED, ScriptedPolicy
 from domino_env import DominoChainVector, Scene, SceneDistribution, load_scene
@@ -82,8 +82,8 @@ def load_policy(
     folder = folder_of(run)
     if folder.suffix == ".zip":
         return ScenePolicy.from_archive(folder, trust)
-    if algorithm_of(folder) == DESIGNER:
-        return ConditionedPolicy.load(folder)
+    if folder == POLICIES / DESIGNER:
+        return shipped_policy()
     return ScenePolicy.load(folder)
 
 

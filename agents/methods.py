@@ -20,7 +20,7 @@ from agents.algorithms import Hyperparameters, hyperparameters, require_learning
 require_learning()
 
 from agents.rollout import build, completed  # noqa: E402
-from agents.sb3.learner import Learner, random_state_restored  # noqa: E402
+from agents.sb3 import Learner, random_state_restored  # noqa: E402
 from domino_env.core.types import Floats, Ints  # noqa: E402
 from domino_env.physics.wave import Outcome  # noqa: E402
 from domino_env.scenes.objectives import Evaluation  # noqa: E402

@@ -37,7 +37,7 @@ FILES = (
 )  # fmt: skip
 
 POLICIES = Path(__file__).with_name("policies")
-DESIGNER = "designer"  # the scene-conditioned policy, and what its config.json calls the algorithm
+DESIGNER = "designer"  # the scene-conditioned policy
 
 
 class SummaryDocument(Document):
@@ -65,15 +65,6 @@ def folder_of(run: str | Path) -> Path:
     path = Path(run)
     ships = not path.exists() and str(run) in (*shipped(), DESIGNER)
     return POLICIES / str(run) if ships else path
-
-
-def algorithm_of(folder: Path) -> str | None:
-    """Read which algorithm trained the policy in a folder; None where nothing says so."""
-    try:
-        document: Any = read_json(folder / CONFIG)
-    except (ValueError, OSError):
-        return None
-    return document.get("algorithm") if isinstance(document, dict) else None
 
 
 def summary_of(folder: Path) -> SummaryDocument | None:
@@ -150,7 +141,7 @@ class ScenePolicy:
                 "from"
             )
         require_learning()
-        from agents.sb3.learner import CLASSES
+        from agents.sb3 import CLASSES
 
         for kind in CLASSES.values():
             try:

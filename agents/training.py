@@ -16,10 +16,7 @@ import numpy as np
 from msgspec import Meta
 
 from agents.algorithms import ALGORITHMS, Hyperparameters, hyperparameters, require_learning
-from agents.evaluation import gains_of
-from agents.network import Policy
 from agents.policy import (
-    BUILT,
     CHECKPOINT,
     CONFIG,
     FILES,
@@ -29,7 +26,8 @@ from agents.policy import (
     SUMMARY,
     ScenePolicy,
 )
-from agents.rollout import Rollout, build
+from agents.rollout import Rollout
+from agents.scores import PoolScore, SceneScore
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require, require_choice
 from domino_env.core.files import require_none, write_text
@@ -40,10 +38,9 @@ from domino_env.core.results import draw, versions
 from domino_env.core.tables import write_csv
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import COUNT
-from domino_env.scenes.pool import ScenePool
 
 if TYPE_CHECKING:
-    from agents.sb3.learner import Learner
+    from agents.sb3 import Learner
     from optimize.result import SearchResult
 
 COLUMNS = (
@@ -51,7 +48,6 @@ COLUMNS = (
     "processor_seconds",
 )  # fmt: skip
 EVALUATIONS, CHECKPOINTS = 200, 40  # in a whole training
-POOL_SCENES = 50  # of the pool of a distribution, in which a policy is evaluated along the way
 EPISODE = 32  # steps of an episode that hyperparameters are chosen for where lengths vary
 COMPARED = 0.1  # of the training's time is what CMA-ES gets, for the line in the picture
 LONGEST_COMPARED = 20.0  # [s]
@@ -184,7 +180,7 @@ def train(
         require_none(home, FILES)
     drawn = isinstance(target, SceneDistribution)
     plan = plan or hyperparameters(algorithm, episode_of(target), drawn=drawn)
-    from agents.sb3.learner import random_state_restored
+    from agents.sb3 import random_state_restored
 
     with random_state_restored():
         training = Training(target, algorithm, plan, steps or plan.steps, seed, home, progress)
@@ -209,57 +205,6 @@ def _config_of(folder: Path) -> ConfigDocument:
         return model_of(ConfigDocument, read_json(path))
 
 
-class SceneEvaluation:
-    """Evaluation in the one scene of a training: the score of the layout that is built."""
-
-    def __init__(self, scene: Scene, folder: Path) -> None:
-        self.scene, self.folder = scene, folder
-
-    def score(self, policy: Policy, reference_speed: float) -> float:
-        """Evaluate a policy without noise."""
-        self.rollout, self.speed = build(policy, self.scene, reference_speed), reference_speed
-        return self.rollout.score
-
-    def keep(self, steps: int, seconds: float) -> None:
-        """Write what the policy of the last evaluation built; it is the best so far."""
-        built, uniform_speed = self.rollout, self.scene.uniform().wave.mean_speed
-        reference = self.speed / uniform_speed if uniform_speed > 0.0 else 1.0
-        document = {
-            "score": built.score,
-            "gain": built.gain,
-            "steps": steps,
-            "seconds": seconds,
-            "reference_over_uniform": reference,
-        }
-        write_text(self.folder / BUILT, json.dumps(document, indent=1) + "\n")
-        built.layout.to_csv(self.folder / "layout.csv")
-        built.layout.to_json(self.folder / "layout.json")
-
-    def in_words(self, best: float) -> str:
-        """Describe the best score for the progress bar."""
-        return f"best {best:.4f}, uniform {self.scene.uniform().score:.4f}"
-
-
-class PoolEvaluation:
-    """Evaluation in scenes of a distribution's pool: the median gain over the uniform baselines."""
-
-    def __init__(self, distribution: SceneDistribution) -> None:
-        self.distribution = distribution
-        pool = ScenePool(distribution)
-        self.scenes = [pool.scene(len(pool) - 1 - i) for i in range(POOL_SCENES)]
-
-    def score(self, policy: Policy, reference_speed: float) -> float:
-        """Evaluate a policy without noise."""
-        return float(np.median(gains_of(policy, self.distribution, self.scenes)))
-
-    def keep(self, steps: int, seconds: float) -> None:
-        """Keep nothing: the weights say all."""
-
-    def in_words(self, best: float) -> str:
-        """Describe the best score for the progress bar."""
-        return f"median gain {best:+.2%}"
-
-
 class Training:
     """A training while it runs; its steps are dominoes.
 
@@ -281,11 +226,8 @@ class Training:
     ) -> None:
         self.target, self.algorithm, self.plan = target, algorithm, plan
         self.total, self.seed, self.folder = total, seed, folder
-        self.evaluation: SceneEvaluation | PoolEvaluation
-        if isinstance(target, Scene):
-            self.evaluation = SceneEvaluation(target, folder)
-        else:
-            self.evaluation = PoolEvaluation(target)
+        self.score: SceneScore | PoolScore
+        self.score = SceneScore(target, folder) if isinstance(target, Scene) else PoolScore(target)
         self.curve: list[tuple[float, ...]] = []
         self.best = self.sampled = -np.inf
         self.next_evaluation = self.next_checkpoint = 0
@@ -302,7 +244,7 @@ class Training:
 
         Ctrl-C ends it: half an update is nothing to continue from, so the last checkpoint stays.
         """
-        from agents.sb3.learner import Learner
+        from agents.sb3 import Learner
 
         if resume and (self.folder / CHECKPOINT).exists():
             self.learner = self._resumed()
@@ -343,7 +285,7 @@ class Training:
 
         Its random numbers are others than those of an undisturbed training.
         """
-        from agents.sb3.learner import Learner, read_checkpoint
+        from agents.sb3 import Learner, read_checkpoint
 
         path = self.folder / CHECKPOINT
         state = read_checkpoint(path)
@@ -393,11 +335,11 @@ class Training:
     def evaluate(self) -> None:
         """Evaluate the policy without noise; keep it if it is the best so far."""
         learner, (seconds, processor_seconds) = self.learner, self.seconds
-        score = self.evaluation.score(learner.policy(), learner.reference_speed)
+        score = self.score(learner.policy(), learner.reference_speed)
         if score > self.best:
             self.best = score
             learner.save(self.folder / POLICY)
-            self.evaluation.keep(learner.steps, seconds)
+            self.score.keep(learner.steps, seconds)
         deviation = self.plan.deviation(min(learner.steps / self.total, 1.0))
         self.curve.append((
             float(learner.steps), seconds, score, self.best, self.sampled, deviation,
@@ -405,7 +347,7 @@ class Training:
         ))  # fmt: skip
         learner.model.logger.record("design/score", score)
         learner.model.logger.record("design/best_score", self.best)
-        self.bar.set_postfix_str(self.evaluation.in_words(self.best), refresh=False)
+        self.bar.set_postfix_str(self.score.in_words(self.best), refresh=False)
 
     def checkpoint(self) -> None:
         """Write the checkpoint and the learning curve."""

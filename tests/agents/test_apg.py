@@ -12,8 +12,8 @@ import torch
 
 import domino_env as de
 from agents.algorithms import hyperparameters
-from agents.apg.algorithm import progress_of_row, require_smooth
-from agents.sb3.learner import Learner
+from agents.apg import progress_of_row, require_smooth
+from agents.sb3 import Learner
 from domino_env import DominoChain
 
 SHORT = replace(de.load_scene("sprint"), name="short", count=12)

@@ -18,8 +18,8 @@ import torch
 import domino_env as de
 from agents import evaluate
 from agents.policy import POLICIES
-from agents.sb3.side_by_side_ars import SideBySideARS
-from agents.sb3.vec_env import DominoVecEnv
+from agents.sb3 import SideBySideARS
+from agents.vec_env import DominoVecEnv
 from domino_env.scenes.objectives import Evaluation
 from optimize import METHODS, Problem, search
 from optimize.evaluator import Budget

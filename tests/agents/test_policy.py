@@ -15,8 +15,9 @@ import pytest
 import domino_env as de
 from agents import evaluate
 from agents.cards import MARKED, SETS, card_of, figures
+from agents.designer.policy import ConditionedPolicy
 from agents.network import acting, actor_of, read_arrays
-from agents.policy import DESIGNER, POLICIES, shipped
+from agents.policy import DESIGNER, POLICIES, ScenePolicy, shipped
 
 SPRINT = POLICIES / "sprint"
 FIRST, LAST = "mlp_extractor.policy_net.0.weight", "action_net.bias"
@@ -75,6 +76,7 @@ def test_evaluating_and_designing_need_no_torch(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["sprint", DESIGNER])
 def test_weights_that_do_not_fit_are_refused(tmp_path: Path, name: str) -> None:
     folder = shutil.copytree(POLICIES / name, tmp_path / name)
+    load = ScenePolicy.load if name == "sprint" else ConditionedPolicy.load
     path, good = folder / "policy.npz", read_arrays(POLICIES / name / "policy.npz")
     first, last = (FIRST, LAST) if name == "sprint" else ("row_0_weight", "plan_1_bias")
     for key, value in (
@@ -88,13 +90,13 @@ def test_weights_that_do_not_fit_are_refused(tmp_path: Path, name: str) -> None:
     ):
         np.savez(path, **{k: v for k, v in (good | {key: value}).items() if v is not None})
         with pytest.raises(ValueError, match=r"policy\.npz: (it does not hold|not an archive)"):
-            evaluate(folder, "sprint")
+            load(folder)
     whole = (POLICIES / name / "policy.npz").read_bytes()
     torn = whole[: len(whole) // 2] + bytes(40) + whole[len(whole) // 2 + 40 :]
     for data in (b"", b"not an archive", whole[:2000], whole[2000:], torn):
         path.write_bytes(data)
         with pytest.raises(ValueError, match=r"policy\.npz: not an archive"):
-            evaluate(folder, "sprint")
+            load(folder)
 
 
 def test_a_policy_of_another_scene_is_refused() -> None:

@@ -24,9 +24,9 @@ import domino_env as de
 from agents import evaluate, train
 from agents.algorithms import ALGORITHMS, Hyperparameters, hyperparameters
 from agents.evaluation import evaluate_scenes, load_policy, scenes_of
-from agents.sb3.learner import Learner
-from agents.sb3.vec_env import DominoVecEnv
+from agents.sb3 import Learner
 from agents.training import Training
+from agents.vec_env import DominoVecEnv
 from domino_env import DominoChain
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
@@ -183,7 +183,7 @@ def _curve(folder: Path) -> list[tuple[float, ...]]:
 def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, algorithm: str
 ) -> None:
-    monkeypatch.setattr("agents.training.POOL_SCENES", 4)
+    monkeypatch.setattr("agents.scores.POOL_SCENES", 4)
     plan = tiny(algorithm, steps=200)
     run = train(small_scenes(), algorithm, folder=tmp_path / "run", plan=plan)
     assert run.rollout is None

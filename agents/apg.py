@@ -37,7 +37,7 @@ class APG(OnPolicyAlgorithm):
     Parameters
     ----------
     policy, env, learning_rate, policy_kwargs, verbose, seed, device
-        As of `stable_baselines3.PPO`; the environment is an `agents.sb3.vec_env.DominoVecEnv`, each
+        As of `stable_baselines3.PPO`; the environment is an `agents.vec_env.DominoVecEnv`, each
         of whose rows is built once an update.
     """
 

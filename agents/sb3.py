@@ -1,9 +1,17 @@
-"""Learner: an algorithm of stable-baselines3 in its environment, with what is set along the way."""
+"""Learners: algorithms of stable-baselines3 and sb3-contrib, with what is scheduled along the way.
+
+References
+----------
+Mania, H., Guy, A., Recht, B. (2018). Simple random search provides a competitive approach to
+reinforcement learning. arXiv:1803.07055.
+"""
 
 from __future__ import annotations
 
+import math
 import random
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,28 +19,26 @@ from typing import Any
 
 import numpy as np
 import torch
+from sb3_contrib import ARS
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.distributions import DiagGaussianDistribution, Distribution
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
+from torch.func import functional_call, vmap
 
 from agents.algorithms import Hyperparameters
-from agents.apg.algorithm import APG
+from agents.apg import APG
 from agents.network import Policy, acting, actor_of
-from agents.sb3.row_policy import NEAR_END, RowPolicy
-from agents.sb3.side_by_side_ars import SideBySideARS
-from agents.sb3.vec_env import DominoVecEnv
+from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
 from domino_env.core.files import write_bytes
 from domino_env.core.reading import naming
+from domino_env.envs.spaces import SCALES
 
-CLASSES: dict[str, type[BaseAlgorithm]] = {
-    "apg": APG,
-    "ppo": PPO,
-    "ars": SideBySideARS,
-}
-OF_ROWS = ("apg", "ppo")  # with a `RowPolicy`, whose deviation is a hyperparameter
+NEAR_END = SCALES.index(4.0)  # of the entries "near_end": exp(-(dominoes to come) / 4)
 
 
 class Learner:
@@ -221,3 +227,107 @@ def random_state_restored() -> Iterator[None]:
         np.random.set_state(legacy)  # noqa: NPY002
         torch.set_rng_state(generator)
         torch.set_num_threads(threads)
+
+
+class RowPolicy(ActorCriticPolicy):
+    """Normal actions whose standard deviation is not learned but scheduled.
+
+    It is larger near the end of the chain, where the best layouts have a few tight gaps and thick
+    dominoes: which of them are wanted shows only once the rest of the layout is good, and must not
+    be decided before. Means that have left the box are drawn back to it: beyond it all samples are
+    cut off at the same end, and nothing is learned from them any more.
+
+    Attributes
+    ----------
+    deviation
+        Standard deviation of the actions, far from the end.
+    end
+        So many times larger it is at the end, where it stays below 1.
+    pull
+        This times half the mean squared excess of the means over [-1, 1] is added to the loss.
+    near_end
+        Index of the entry exp(-(dominoes to come) / 4) in an observation.
+    """
+
+    deviation, end, pull, near_end = 1.0, 1.0, 0.0, 0
+
+    def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
+        """Note how near the end each row is; see `ActorCriticPolicy`."""
+        self._near = obs[:, [self.near_end]]
+        return super().extract_features(obs, features_extractor)
+
+    def get_distribution(self, obs: Any) -> Distribution:
+        """Note how near the end each row is; `extract_features` is not asked here."""
+        self._near = obs[:, [self.near_end]]
+        return super().get_distribution(obs)
+
+    def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
+        means: Any = self.action_net(latent_pi)
+        if self.pull > 0.0 and means.requires_grad:
+            excess = (means - means.clamp(-1.0, 1.0)).detach() * (self.pull / len(means))
+            means.register_hook(lambda slope: slope + excess)
+        wider = math.log(self.end) * self._near
+        log_deviations = torch.clamp(math.log(self.deviation) + wider, max=0.0)
+        assert isinstance(self.action_dist, DiagGaussianDistribution)
+        return self.action_dist.proba_distribution(means, log_deviations)
+
+
+class SideBySideARS(ARS):
+    """ARS of sb3-contrib that tries candidates side by side, each in its own environment."""
+
+    @property
+    def _rows(self) -> Any:
+        return self.env
+
+    def evaluate_candidates(
+        self, candidate_weights: torch.Tensor, callback: Any, async_eval: Any
+    ) -> torch.Tensor:
+        """Build a row with each candidate; the (P,) returns of their episodes.
+
+        Raises
+        ------
+        ValueError
+            Where `async_eval` is given.
+        """
+        if async_eval is not None:
+            raise ValueError("candidates are tried side by side here: leave async_eval out")
+        callback.on_rollout_start()
+        self.ep_info_buffer = deque()
+        rows = self._rows.num_envs
+        parts = torch.split(candidate_weights, rows)
+        returns = torch.cat([self._tried(part, callback) for part in parts])
+        callback.on_rollout_end()
+        return returns
+
+    def _tried(self, weights: torch.Tensor, callback: Any) -> torch.Tensor:
+        """(P,) returns of at most as many candidates as there are rows; the last stands in."""
+        rows, many = self._rows.num_envs, len(weights)
+        filled = torch.cat([weights, weights[-1:].expand(rows - many, -1)])
+        policy: Any = self.policy
+        net, at, named = policy.action_net, 0, {}
+        for name, value in net.named_parameters():
+            size = value.numel()
+            named[name] = filled[:, at : at + size].reshape(rows, *value.shape)
+            at += size
+        act = vmap(lambda own, observations: functional_call(net, own, (observations,)))
+        observations = torch.from_numpy(self._rows.reset())
+        running = torch.ones(rows, dtype=torch.bool)
+        returns = torch.zeros(rows)
+        while running[:many].any():
+            actions = act(named, observations).clamp(-1.0, 1.0)
+            after, rewards, ended, infos = self._rows.step(actions.numpy())
+            returns += torch.from_numpy(rewards) * running
+            running &= ~torch.from_numpy(ended)
+            self.num_timesteps += rows
+            callback.update_locals({"infos": infos})
+            callback.on_step()
+            observations = torch.from_numpy(after)
+        return returns[:many] + 0.0
+
+
+CLASSES: dict[str, type[BaseAlgorithm]] = {
+    "apg": APG,
+    "ppo": PPO,
+    "ars": SideBySideARS,
+}
+OF_ROWS = ("apg", "ppo")  # with a `RowPolicy`, whose deviation is a hyperparameter

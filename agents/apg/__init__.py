@@ -1,1 +1,0 @@
-"""Analytic policy gradient: learning along the exact slope of the rows that a policy builds."""
