@@ -17,6 +17,9 @@ None.  So what runs on flat ground holds nothing of uneven ground, and who stays
 for its machine code.
 
 Only entry points can be called from Python, and only from there.
+
+All this rests on parts of Numba that are not public (`internals`).  Where Numba is newer than
+`NEWEST_TESTED`, or lacks one of them, functions are compiled as usual (`plain`).
 """
 
 from collections.abc import Callable
@@ -25,8 +28,8 @@ from typing import Any
 import numba
 from numba.core import types
 
-from domino_env.kernels.jit.cache import register_noinline, use_cache
-from domino_env.kernels.jit.libraries import EntryPoint, Internal, Library, NoInline, compiler_into
+from domino_env.core.progress import advise
+from domino_env.kernels.jit.plain import compile_plainly
 
 __all__ = [
     "always_inline",
@@ -42,14 +45,37 @@ __all__ = [
 ]
 
 
+NEWEST_TESTED = (0, 68)  # version of Numba
+
+
+def _internals() -> Any:
+    """Import the fast compilation; None, with a notice, where this Numba may not have it."""
+    why = f"newer than {NEWEST_TESTED[0]}.{NEWEST_TESTED[1]}, the newest tested"
+    if tuple(numba.version_info[:2]) <= NEWEST_TESTED:
+        try:
+            from domino_env.kernels.jit import internals
+        except Exception as error:  # whatever a changed Numba raises
+            why = f"not as expected ({type(error).__name__}: {error})"
+        else:
+            return internals
+    advise(
+        f"Numba {numba.__version__} is {why}: the simulator is compiled the plain way; results are "
+        "the same, first calls take longer"
+    )
+    return None
+
+
+_FAST = _internals()
+
+
 def entry_point(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls."""
-    return _compiled(function, EntryPoint)
+    return _compiled(function, "EntryPoint")
 
 
 def internal(function: Callable[..., Any]) -> Any:
     """Compile a function into its callers, inlined where the compiler thinks best."""
-    return _compiled(function, Internal)
+    return _compiled(function, "Internal")
 
 
 def always_inline(function: Callable[..., Any]) -> Any:
@@ -57,7 +83,7 @@ def always_inline(function: Callable[..., Any]) -> Any:
 
     Handing a dozen arrays from function to function costs more than small functions do themselves.
     """
-    return _compiled(function, Internal, forceinline=True)
+    return _compiled(function, "Internal", forceinline=True)
 
 
 def leaf(function: Callable[..., Any]) -> Any:
@@ -66,51 +92,18 @@ def leaf(function: Callable[..., Any]) -> Any:
     0.0 times x is 0.0 there, and x plus 0.0 is x, at compile time: no such function may rely on NaN
     or on the sign of zero.
     """
-    return _compiled(function, Internal, fastmath={"nnan", "nsz"})
+    return _compiled(function, "Internal", fastmath={"nnan", "nsz"})
 
 
 def noinline(function: Callable[..., Any]) -> Any:
     """Compile a function once, on its own."""
-    return _compiled(function, NoInline)
+    return _compiled(function, "NoInline")
 
 
-def _compiled(function: Callable[..., Any], library: type[Library], **options: Any) -> Any:
-    njit: Any = numba.njit
-    dispatcher = njit(
-        nogil=True,
-        error_model="numpy",
-        no_cfunc_wrapper=True,
-        no_cpython_wrapper=library is not EntryPoint,
-        pipeline_class=compiler_into(library),
-        **options,
-    )(function)
-    if library is not Internal:
-        use_cache(dispatcher)
-    template = dispatcher.get_call_template
-    dispatcher.get_call_template = lambda arguments, names: template(
-        tuple(types.unliteral(argument) for argument in arguments), names
-    )
-    if library is not EntryPoint:
-        _refuse_python(dispatcher)
-    if library is NoInline:
-        register_noinline(dispatcher)
-    return dispatcher
-
-
-def _refuse_python(dispatcher: Any) -> None:
-    """Let a function without a wrapper for Python raise, instead of calling what is not there."""
-
-    def refuse(*arguments: Any, **named: Any) -> None:
-        raise TypeError(
-            f"{dispatcher.py_func.__qualname__} is called by compiled code only: call an entry "
-            "point of domino_env.kernels, or compile one around it"
-        )
-
-    def add_overload(result: Any) -> None:  # known to compiled callers, not to Python's
-        dispatcher.overloads[tuple(result.signature.args)] = result
-
-    dispatcher._compile_for_args = refuse
-    dispatcher.add_overload = add_overload
+def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any:
+    if _FAST is None:
+        return compile_plainly(function, kept=library == "EntryPoint", **options)
+    return _FAST.compile_fast(function, getattr(_FAST, library), **options)
 
 
 @numba.extending.intrinsic

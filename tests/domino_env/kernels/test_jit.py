@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from resource import RLIMIT_FSIZE, setrlimit
 
+import numpy as np
 import pytest
 
 import domino_env
@@ -118,6 +119,50 @@ def test_a_full_disk_costs_the_cache_and_not_the_answer(copy):
 def test_only_entry_points_are_called_from_python(function):
     with pytest.raises(TypeError, match="called by compiled code only"):
         function(*[0] * function.py_func.__code__.co_argcount)
+
+
+WALK = """
+import json, sys
+import numba, numpy as np
+if sys.argv[1] == "plain":
+    numba.version_info = (999, 0)
+from domino_env import kernels
+from domino_env.kernels import jit, links
+from domino_env.kernels.adjoint import contact as backwards
+from domino_env.kernels.contact import link_at, pose, shape_of
+
+@jit.entry_point
+def walk(row, mu, found):
+    ring = links.new_ring(row, 8)
+    for i in range(len(row.thickness)):
+        links.stand(ring, 7, i, row, i)
+    s, v = pose(0.1)
+    for i in range(len(row.spacing)):
+        links.join(ring, 7, i, row, i, i + 1)
+        shape = shape_of(ring[i])
+        s, v, omega, psi, ratio = link_at(ring[i], s, v, mu)
+        back = backwards.tip_back(s, v, shape, mu, 0.1, 0.2, 0.3, 0.4, 0.5)
+        found[i, :7] = s, v, omega, psi, ratio, back[0], back[2].gap
+    jit.keep_alive(ring)
+
+found = np.zeros((2, 5, 7))
+row = np.linspace(0.01, 0.03, 5), np.full(6, 0.0075), np.full(6, 0.048), np.full(6, 1040.0)
+walk(kernels.Row(*row), 0.3, found[0])
+walk(kernels.Row(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, found[1])
+print(json.dumps([found.tolist(), jit._FAST is not None]))
+"""
+
+
+def test_with_a_newer_numba_the_plain_way_gives_the_same():
+    results = {}
+    for way in ("fast", "plain"):
+        done = subprocess.run(
+            [sys.executable, "-c", WALK, way], capture_output=True, text=True, check=True
+        )
+        results[way], fast = json.loads(done.stdout)
+        assert fast == (way == "fast")
+        assert ("is compiled the plain way" in done.stderr) == (way == "plain")
+    np.testing.assert_allclose(results["plain"], results["fast"], rtol=1e-12)
 
 
 def test_the_face_offers_what_python_may_call():

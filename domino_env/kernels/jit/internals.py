@@ -1,4 +1,7 @@
-"""When cached machine code is still good, and what has to be loaded before it.
+"""Fast compilation, and its cache, by parts of Numba that are not public.
+
+This rests on `numba.core.codegen`, `compiler` and `caching`. With a version that it was not tested
+with, `plain` compiles instead.
 
 Numba caches machine code under the state of the one file that a function stands in.  A kernel
 stands on functions and tables of its neighbours, so ours are cached under a stamp of all files of
@@ -6,20 +9,17 @@ the folder: whatever is edited, everything that could have read it is compiled a
 """
 
 import contextlib
-import hashlib
 import warnings
-from pathlib import Path
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba.core import caching
+import numba
+from numba.core import caching, codegen, compiler, types
 
 from domino_env.core.progress import Advice, notice
-
-_FOLDER = Path(__file__).parents[1]
-STAMP = hashlib.sha256(
-    b"\0".join(path.read_bytes() for path in sorted(_FOLDER.rglob("*.py")))
-).digest()
+from domino_env.kernels.jit.plain import STAMP
 
 _BY_NAME: dict[str, Any] = {}  # functions that are not inlined
 _BY_SYMBOL: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their compiled symbols: name, types
@@ -137,3 +137,122 @@ class _Cache(caching.FunctionCache):
                     Advice,
                     stacklevel=2,
                 )
+
+
+# --- What becomes of the code of a function, once Numba has translated it
+
+Library = codegen.JITCodeLibrary
+
+
+class Internal(Library):
+    """Code that is only ever linked into others: neither optimised nor emitted."""
+
+    def finalize(self) -> None:
+        """Offer the code to those who link it."""
+        self._raise_if_finalized()
+        # Numba writes into this variable of each function; the rest is left to those who link it
+        variables = [
+            str(variable)
+            for variable in self._final_module.global_variables
+            if variable.name.startswith("_ZN08NumbaEnv")
+        ]
+        self._codegen._add_module(llvm.parse_assembly("\n".join(variables)))
+        self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        return self._final_module.clone()
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """There is no machine code."""
+        self._ensure_finalized()
+        return 0
+
+
+class EntryPoint(Library):
+    """Machine code, with all internal functions below it inside."""
+
+    def add_linking_library(self, library: Any) -> None:
+        """Add a library, and where it is internal, those that it links."""
+        if library in self._linking_libraries:
+            return
+        super().add_linking_library(library)
+        if isinstance(library, Internal):
+            for beneath in library._linking_libraries:
+                self.add_linking_library(beneath)
+
+    def finalize(self) -> None:
+        """Link, optimise and emit."""
+        self._own = {f.name for f in self._final_module.functions if not f.is_declaration}
+        super().finalize()
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:  # who sees all callers may inline more
+            if not function.is_declaration and function.name not in self._own:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+class NoInline(EntryPoint):
+    """Machine code that callers find by its symbol: they link an empty module."""
+
+    def _get_module_for_linking(self) -> Any:
+        self._ensure_finalized()
+        shared: Any = self._shared_module
+        if shared is None:
+            empty = self._codegen._create_empty_module(self.name)
+            shared = self._shared_module = llvm.parse_assembly(str(empty))
+        return shared
+
+
+@cache
+def compiler_into(library: type) -> type:
+    """Numba's compiler, putting its code into a library of ours."""
+
+    class Compiler(compiler.Compiler):
+        def compile_extra(self, func: Any) -> Any:
+            context = self.state.targetctx
+            self.state.library = library(context.codegen(), func.__qualname__)
+            self.state.library.enable_object_caching()
+            return super().compile_extra(func)
+
+    return Compiler
+
+
+def compile_fast(function: Callable[..., Any], library: type[Library], **options: Any) -> Any:
+    """Compile a function into a library of ours."""
+    njit: Any = numba.njit
+    dispatcher = njit(
+        nogil=True,
+        error_model="numpy",
+        no_cfunc_wrapper=True,
+        no_cpython_wrapper=library is not EntryPoint,
+        pipeline_class=compiler_into(library),
+        **options,
+    )(function)
+    if library is not Internal:
+        use_cache(dispatcher)
+    template = dispatcher.get_call_template
+    dispatcher.get_call_template = lambda arguments, names: template(
+        tuple(types.unliteral(argument) for argument in arguments), names
+    )
+    if library is not EntryPoint:
+        _refuse_python(dispatcher)
+    if library is NoInline:
+        register_noinline(dispatcher)
+    return dispatcher
+
+
+def _refuse_python(dispatcher: Any) -> None:
+    """Let a function without a wrapper for Python raise, instead of calling what is not there."""
+
+    def refuse(*arguments: Any, **named: Any) -> None:
+        raise TypeError(
+            f"{dispatcher.py_func.__qualname__} is called by compiled code only: call an entry "
+            "point of domino_env.kernels, or compile one around it"
+        )
+
+    def add_overload(result: Any) -> None:  # known to compiled callers, not to Python's
+        dispatcher.overloads[tuple(result.signature.args)] = result
+
+    dispatcher._compile_for_args = refuse
+    dispatcher.add_overload = add_overload
