@@ -56,7 +56,8 @@ def require(
         if low <= value <= high and above < value < below:
             return
     elif isinstance(value, np.ndarray) and value.dtype.kind in ("iu" if whole else "iuf"):
-        good = (low <= value) & (value <= high) & (above < value) & (value < below)
+        good = value >= low if low > -INF else value > above
+        good &= value <= high if high < INF else value < below
         if good.all():
             return
         place = tuple(map(int, np.argwhere(~good)[0]))

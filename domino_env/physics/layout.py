@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.core.checks import require
 from domino_env.core.results import draw
 from domino_env.physics import footing
 from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
@@ -80,12 +81,14 @@ class Layout:
             "height": _full("height", height, count),
             "density": _full("density", density, count),
         }
+        _require_gaps(gaps)
         for name, array in values.items():
-            _require_positive(name, array)
+            require(name, array, above=0.0, unit="kg/m³" if name == "density" else "m")
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        if not (isinstance(width, int | float | np.number) and 0.0 < width < np.inf):
-            raise ValueError(f"width = {width!r} m: must be one number, positive and finite")
+        if isinstance(width, np.ndarray):
+            raise ValueError(f"width has shape {width.shape}: give one number for all dominoes")
+        require("width", width, above=0.0, unit="m")
         object.__setattr__(self, "width", float(width))
         ground = {"rise": _full("rise", rise, count - 1), "tilt": _full("tilt", tilt, count)}
         for name, array in ground.items():
@@ -169,8 +172,7 @@ class Layout:
         ValueError
             For neither or both of pitch and spacing, dominoes that overlap, and as of the class.
         """
-        if count < 1:
-            raise ValueError(f"count = {count}: a row has at least one domino")
+        require("count", count, 1, whole=True)
         if (pitch is None) == (spacing is None):
             raise ValueError("give either pitch (pivot to pivot) or spacing (the free gap), in m")
         gap = float(spacing if spacing is not None else pitch - thickness)  # type: ignore[operator]
@@ -340,22 +342,12 @@ def _full(name: str, values: ArrayLike, count: int) -> Floats:
     return array
 
 
-_UNITS = {"spacing": "m", "thickness": "m", "height": "m", "density": "kg/m³"}
-
-
-def _require_positive(name: str, array: Floats) -> None:
-    good = np.isfinite(array) & (array > 0.0)
-    if good.all():
-        return
-    i = int(np.argmin(good))
-    value = array[i]
-    if name == "spacing" and value <= 0.0:
-        what = "touch" if value == 0.0 else "overlap"
+def _require_gaps(spacing: Floats) -> None:
+    for i in np.flatnonzero(spacing <= 0.0):
+        what = "touch" if spacing[i] == 0.0 else "overlap"
         raise ValueError(
-            f"spacing[{i}] = {value} m: dominoes {i} and {i + 1} {what}; widen the gap"
+            f"spacing[{i}] = {spacing[i]} m: dominoes {i} and {i + 1} {what}; widen the gap"
         )
-    unit = _UNITS[name]
-    raise ValueError(f"{name}[{i}] = {value} {unit}: must be positive and finite")
 
 
 def _require_low_tips(spacing: Floats, height: Floats) -> None:

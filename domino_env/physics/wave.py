@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
+from domino_env.core.checks import require
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
 from domino_env.physics import footing
@@ -460,8 +461,7 @@ def _ended(outcome: Outcome) -> str:
 
 
 def _checked(rtol: float) -> float:
-    if not TIGHTEST <= rtol <= LOOSEST:
-        raise ValueError(f"rtol = {rtol}: choose a tolerance between {TIGHTEST} and {LOOSEST}")
+    require("rtol", rtol, TIGHTEST, LOOSEST)
     return float(rtol)
 
 
@@ -484,18 +484,8 @@ def _checked_batch(
     d = _rows("thickness", thickness, rows, count)
     d = np.ascontiguousarray(np.broadcast_to(d, (rows, count)))
     length, rho = _rows("height", height, rows, count), _rows("density", density, rows, count)
-    for name, values, unit in (
-        ("spacing", s, "m"),
-        ("thickness", d, "m"),
-        ("height", length, "m"),
-        ("density", rho, "kg/m3"),
-    ):
-        good = (values > 0.0) & (values < np.inf)
-        if not good.all():
-            b, i = np.argwhere(~good)[0]
-            raise ValueError(
-                f"{name}[{b}, {i}] = {values[b, i]} {unit}: must be positive and finite"
-            )
+    for name, values in (("spacing", s), ("thickness", d), ("height", length), ("density", rho)):
+        require(name, values, above=0.0, unit="kg/m³" if name == "density" else "m")
     flat = not (np.any(rise) or np.any(tilt))
     if not flat:
         e, slope = _rows("rise", rise, rows, count - 1), _rows("tilt", tilt, rows, count)

@@ -130,7 +130,7 @@ def test_json_for_other_programs(capsys, row: Path) -> None:
     (["row.xls"], "row.xls: a layout is a .csv or .json file, not '.xls'"),
     (["ROW", "--friction", "-1"], "friction = -1.0: give a finite number from 0"),
     (["ROW", "--push", "nan"], "push = nan: give a finite number"),
-    (["ROW", "--rtol", "1"], "rtol = 1.0: choose a tolerance between"),
+    (["ROW", "--rtol", "1"], "rtol = 1.0: give a finite number from"),
     (["ROW", "--scene", "sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
     (["BAD"], "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
 ])  # fmt: skip

@@ -153,7 +153,7 @@ def test_painleve_has_no_rigid_answer():
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-14, 0.0, -1.0, float("nan")])
 def test_a_tolerance_out_of_range_is_refused(rtol):
-    with pytest.raises(ValueError, match=r"rtol = .*: choose a tolerance between"):
+    with pytest.raises(ValueError, match=r"rtol = .*: give a finite number from"):
         de.simulate(de.Layout.uniform(3, pitch=0.02), de.Physics(), rtol=rtol)
 
 
@@ -166,7 +166,7 @@ def test_a_tolerance_out_of_range_is_refused(rtol):
         ({"thickness": [[0.0, 0.01, 0.01]]}, r"thickness\[0, 0\] = 0.0 m"),
         ({"thickness": [0.01, 0.01]}, r"thickness has shape \(2,\)"),
         ({"height": [0.1, 0.05, 0.05]}, "strike above the top of domino 1"),
-        ({"density": -1.0}, r"density\[0, 0\] = -1.0 kg/m3"),
+        ({"density": -1.0}, r"density\[0, 0\] = -1.0 kg/m³"),
     ],
 )
 def test_a_batch_that_cannot_stand_is_refused(given, message):
