@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from agents.network import Policy
-from domino_env import DominoChain, Layout, Scene, SceneDistribution, UniformMark, Wave
-from domino_env.scenes.baseline import gain
+from domino_env import DominoChain, Layout, Scene, SceneDistribution, UniformBaseline, Wave
+from domino_env.scenes.uniform import gain
 from domino_env.view.notebook import MadeForScene
 from optimize.compiling import compile_for
 
@@ -42,7 +42,7 @@ class Rollout(MadeForScene):
     layout: Layout
     wave: Wave
     score: float
-    uniform: UniformMark
+    uniform: UniformBaseline
     seconds: float
 
     @property
@@ -113,7 +113,7 @@ def as_placed(rollout: Rollout) -> Rollout:
     return replace(rollout, score=score, uniform=_uniform_as_placed(scene))
 
 
-def _uniform_as_placed(scene: Scene) -> UniformMark:
+def _uniform_as_placed(scene: Scene) -> UniformBaseline:
     mark = scene.uniform()
     return replace(
         mark, score=float(scene.score_placed(mark.layout, range(EVALUATION_SEEDS)).mean())

@@ -24,7 +24,6 @@ from .rigid.simulation import RigidWave as RigidWave
 from .rigid.simulation import simulate_standing as simulate_standing
 from .rigid.verification import Verification as Verification
 from .rigid.verification import verify as verify
-from .scenes.baseline import UniformMark as UniformMark
 from .scenes.distribution import SceneDistribution as SceneDistribution
 from .scenes.distribution import load_distribution as load_distribution
 from .scenes.io.reading import distribution_names as distribution_names
@@ -36,6 +35,7 @@ from .scenes.objectives.tempo import Tempo as Tempo
 from .scenes.pool import load_test_set as load_test_set
 from .scenes.scene import Scene as Scene
 from .scenes.stock import Stock as Stock
+from .scenes.uniform import UniformBaseline as UniformBaseline
 from .validation.measured.fit import Fit as Fit
 from .validation.measured.fit import fit_friction as fit_friction
 from .view.sound import Heard as Heard

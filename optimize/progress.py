@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
 from domino_env.core.progress import progress_bar
-from domino_env.scenes.baseline import gain
+from domino_env.scenes.uniform import gain
 
 if TYPE_CHECKING:
     from optimize.evaluator import Budget

@@ -8,8 +8,8 @@ from typing import Any
 from domino_env.core.results import draw
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
-from domino_env.scenes.baseline import UniformMark, gain
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.uniform import UniformBaseline, gain
 from domino_env.view.notebook import MadeForScene
 
 Trace = tuple[tuple[int, int, float, float], ...]
@@ -59,7 +59,7 @@ class SearchResult(MadeForScene):
     layout: Layout
     wave: Wave
     score: float
-    uniform: UniformMark
+    uniform: UniformBaseline
     trace: Trace
     slopes: tuple[float | None, ...]
     evaluations: int

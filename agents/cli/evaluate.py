@@ -108,7 +108,7 @@ def _evaluate_scenes(policy: ConditionedPolicy | ScenePolicy, arguments: argpars
 
 def sentence(built: Rollout) -> str:
     """Say score, gain over uniform, gap to the best known."""
-    from domino_env.scenes.baseline import gain, lead_in_words
+    from domino_env.scenes.uniform import gain, lead_in_words
     from optimize.experiments.best_known import best_known
 
     words = f"{built.scene.name}: score {built.score:.6f} ({built.wave.outcome.name})"

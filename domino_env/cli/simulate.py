@@ -145,7 +145,7 @@ def _events(wave: Wave) -> str:
 
 def _judged(wave: Wave, scene: Scene) -> dict[str, object]:
     """What the scene says of the wave: the rules it breaks, or its score and the mark's."""
-    from domino_env.scenes.baseline import gain
+    from domino_env.scenes.uniform import gain
 
     broken = scene.violations(wave.layout)
     if wave.physics != scene.physics:

@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _beside_uniform(scene: Scene, checked: Verification) -> Iterator[str]:
     """Yield how much faster the layout is than the best uniform one on the same floor."""
     from domino_env.rigid.simulation import in_words, simulate_standing
-    from domino_env.scenes.uniform_on_floor import best_uniform_on
+    from domino_env.scenes.uniform import best_uniform_on
 
     baseline, physics = scene.uniform().layout, checked.wave.physics
     if scene.unit != "m/s" or scene.violations(checked.wave.layout) or physics != scene.physics:

@@ -29,7 +29,7 @@ from domino_env.scenes.io.writing import text_of
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.tables import PhysicsTable, RowTable
-from domino_env.scenes.uniform_rows import UniformRows
+from domino_env.scenes.uniform_layouts import UniformLayouts
 
 Floats = NDArray[np.float64]
 
@@ -275,7 +275,7 @@ class SceneDistribution:
 def some_row_runs(scene: Scene) -> bool:
     """Tell whether a uniform row runs through, as far as a few of them say."""
     try:
-        rows = UniformRows(scene)
+        rows = UniformLayouts(scene)
     except ValueError:
         return False
     few = TRIED_THICK if rows.low[1] < rows.high[1] else TRIED

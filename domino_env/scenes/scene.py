@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, simulate
-from domino_env.scenes.baseline import UniformMark, best_uniform, gain, lead_in_words
 from domino_env.scenes.io.writing import text_of
 from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.specification import Specification
+from domino_env.scenes.uniform import UniformBaseline, best_uniform, gain, lead_in_words
 from domino_env.scenes.unsteady import errors, placed
 from domino_env.scenes.waves import LayoutBatch, Waves
 
@@ -225,12 +225,12 @@ class Scene(Specification):
             "" if lead is None else f", {lead_in_words(lead)} uniform"
         )
 
-    def uniform(self) -> UniformMark:
+    def uniform(self) -> UniformBaseline:
         """Find the best uniform row within the scene's rules; found once for all equal scenes."""
         return self._uniform
 
     @cached_property
-    def _uniform(self) -> UniformMark:
+    def _uniform(self) -> UniformBaseline:
         return _mark(
             self, self.known_point
         )  # kept here too, so that it goes along to other processes
@@ -253,7 +253,7 @@ class Scene(Specification):
 
 
 @lru_cache(maxsize=32)
-def _mark(scene: Scene, known: tuple[float, float] | None) -> UniformMark:
+def _mark(scene: Scene, known: tuple[float, float] | None) -> UniformBaseline:
     layout = best_uniform(scene, known)
     wave = scene.simulate(layout)
-    return UniformMark(layout, wave, scene.score(wave))
+    return UniformBaseline(layout, wave, scene.score(wave))

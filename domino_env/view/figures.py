@@ -22,8 +22,8 @@ from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
 from domino_env.physics.wave import Wave
-from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.uniform import gain
 from domino_env.view.ground import ground_line
 
 WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35

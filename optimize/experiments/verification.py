@@ -15,9 +15,8 @@ from domino_env.rigid.engine import simulate_in_engine
 from domino_env.rigid.known import Check, Verified, digest
 from domino_env.rigid.simulation import RigidWave, simulate_standing
 from domino_env.rigid.verification import Verification, common_difference, last_difference
-from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform_on_floor import best_uniform_on
+from domino_env.scenes.uniform import best_uniform_on, gain
 from optimize.experiments.best_known import BestKnown
 
 FIRST = 100  # dominoes of a long layout that are simulated

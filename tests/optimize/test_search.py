@@ -12,8 +12,8 @@ import pytest
 
 import domino_env as de
 import optimize
-from domino_env.scenes.baseline import gain
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.uniform import gain
 from optimize import METHODS, search
 
 

@@ -1,18 +1,14 @@
 """The JSON Schema of scene files, by which editors complete and check them.
 
-It ships beside the scenes as scene.schema.json; `python -m domino_env.scenes.io.schema` writes
-it.
+It ships beside the scenes as scene.schema.json; `python -m domino_env.scenes.shipping` writes it.
 """
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from domino_env.core.files import write_text
 from domino_env.scenes import tables
 from domino_env.scenes.io.ranges import UNFELT, schema_of_range
 from domino_env.scenes.objectives import OBJECTIVES
@@ -22,7 +18,6 @@ DRAWN = {
     "physics": "PhysicsTable",
 }  # fmt: skip
 """Tables in which a number may be a range."""
-PATH = Path(__file__).parents[1] / "shipped" / "scene.schema.json"
 
 
 def scene_schema() -> dict[str, Any]:
@@ -60,7 +55,3 @@ def _without_null(told: Any) -> Any:
     if len(kept.get("anyOf", ())) == 1:
         kept = kept.pop("anyOf")[0] | kept
     return kept
-
-
-if __name__ == "__main__":
-    write_text(PATH, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")

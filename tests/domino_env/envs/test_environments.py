@@ -36,7 +36,7 @@ def quick_marks(monkeypatch):
                 thickness = scene.stock.without(scene.first_thickness).dominoes[: scene.count - 1]
             layout = scene.layout(gap, thickness)
             wave = scene.simulate(layout)
-            found[scene] = de.UniformMark(layout, wave, scene.score(wave))
+            found[scene] = de.UniformBaseline(layout, wave, scene.score(wave))
         return found[scene]
 
     monkeypatch.setattr(de.Scene, "uniform", uniform)

@@ -21,7 +21,7 @@ from domino_env.rigid.verification import (
     verify,
     write_verification,
 )
-from domino_env.scenes.uniform_on_floor import best_uniform_on
+from domino_env.scenes.uniform import best_uniform_on
 
 LAYOUT, PHYSICS = de.Layout.uniform(14, pitch=0.024), de.Physics(push=5 * np.pi)
 

@@ -1,50 +1,49 @@
 """The best uniform row: of scenes that ship, as it comes with the package, and of long rows."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.scenes import baseline, shipped_marks
-from domino_env.scenes.baseline import best_point
-from domino_env.scenes.io.marks import PATH
+from domino_env.scenes import uniform
 from domino_env.scenes.limits import Limits
-from domino_env.scenes.uniform_rows import UniformRows
+from domino_env.scenes.uniform import best_point
+from domino_env.scenes.uniform_layouts import UniformLayouts
+
+
+def shipped(scene):
+    return uniform._shipped_points().get(uniform.stamp(scene))
 
 
 def test_every_mark_that_ships_is_of_the_scene_as_it_is_and_no_neighbour_beats_it() -> None:
-    kept = json.loads(Path(PATH).read_text("utf-8"))
-    assert sorted(kept) == de.scene_names(), "run `python -m domino_env.scenes.io.marks`"
-    for name in kept:
+    for name in de.scene_names():
         scene = de.load_scene(name)
-        point = shipped_marks.shipped_point(scene)
-        assert point is not None, f"{name}: run `python -m domino_env.scenes.io.marks`"
-        rows, random = UniformRows(scene), np.random.default_rng(7)
+        assert shipped(scene), f"{name}: run `python -m domino_env.scenes.shipping`"
+        point = np.array(shipped(scene))
+        rows, random = UniformLayouts(scene), np.random.default_rng(7)
         if scene.floor_friction is not None:
             continue  # its scores are known less closely: see test_floor
         drawn = scene.waves_a_score > 1
         near = point + 10.0 ** random.uniform(-6, -3, (6, 1)) * random.choice([-1.0, 1.0], (6, 2))
         far = random.uniform(rows.low, rows.high, (4 if drawn else 20, 2))
         others = np.clip(np.concatenate([near, far]), rows.low, rows.high)
-        scores = rows.scores(np.concatenate([point[None], others]))
+        scores = rows.scores(np.concatenate([point[None], others]), 1e-8 if drawn else 1e-11)
         assert scores[1:].max() <= scores[0] * (1.0 + 1e-9), name
 
 
 def test_a_mark_that_is_read_is_the_one_that_is_found_to_the_bit() -> None:
     for name in ("sprint", "stock", "course"):
         scene = de.load_scene(name)
-        assert best_point(scene).tolist() == shipped_marks.shipped_point(scene).tolist()
+        assert best_point(scene).tolist() == shipped(scene)
 
 
 def test_a_scene_that_asks_otherwise_reads_no_mark() -> None:
     scene = de.load_scene("sprint")
     renamed = replace(scene, name="mine", title="the same under another name")
-    assert shipped_marks.shipped_point(renamed) is not None
+    assert shipped(renamed)
     for changed in ({"count": 41}, {"spacing": (0.002, 0.041)}, {"limits": Limits(0.1)}):
-        assert shipped_marks.shipped_point(replace(scene, **changed)) is None
+        assert not shipped(replace(scene, **changed))
 
 
 def test_equal_scenes_share_their_mark() -> None:
@@ -66,12 +65,13 @@ LONG = {
 
 @pytest.mark.parametrize("asked", LONG.values(), ids=LONG)
 def test_long_rows_have_the_same_mark_by_their_heads_as_whole(asked, monkeypatch) -> None:
-    monkeypatch.setattr(baseline, "GRID_1D", 20)
+    for name in ("FULL", "BY_HEADS"):
+        monkeypatch.setattr(uniform, name, getattr(uniform, name)._replace(line=20))
     scene = replace(de.load_scene("marathon"), count=160, **asked)
-    monkeypatch.setattr(baseline, "LARGEST_LOOK", np.inf)
+    monkeypatch.setattr(uniform, "LARGEST_GRID", np.inf)
     whole = best_point(scene)
-    monkeypatch.setattr(baseline, "LARGEST_LOOK", 0)
-    monkeypatch.setattr(UniformRows, "scores", _once(UniformRows.scores))
+    monkeypatch.setattr(uniform, "LARGEST_GRID", 0)
+    monkeypatch.setattr(UniformLayouts, "scores", _once(UniformLayouts.scores))
     by_heads = best_point(scene)
     assert by_heads == pytest.approx(whole, abs=2e-8)
 
@@ -79,8 +79,8 @@ def test_long_rows_have_the_same_mark_by_their_heads_as_whole(asked, monkeypatch
 def _once(scores):
     """Whole rows are toppled for one point only, the check at the end."""
 
-    def checked(rows, points):
+    def checked(rows, points, rtol):
         assert len(points) == 1
-        return scores(rows, points)
+        return scores(rows, points, rtol)
 
     return checked

@@ -12,8 +12,9 @@ import domino_env as de
 from domino_env.scenes import distribution
 from domino_env.scenes.io.reading import DISTRIBUTIONS, parse_scene
 from domino_env.scenes.io.schema import scene_schema
-from domino_env.scenes.pool import ScenePool, quick_point
-from domino_env.scenes.uniform_rows import UniformRows
+from domino_env.scenes.pool import ScenePool
+from domino_env.scenes.uniform import best_point
+from domino_env.scenes.uniform_layouts import UniformLayouts
 
 NAMES = de.distribution_names()
 
@@ -49,7 +50,7 @@ def test_the_set_beyond_is_beyond_in_every_number():
 @pytest.mark.parametrize("name", ["varied", "varied-course"])
 def test_the_quick_mark_is_that_of_the_search(name):
     for scene in de.load_test_set(name)[::40]:
-        quick = UniformRows(scene).layout(quick_point(scene))
+        quick = UniformLayouts(scene).layout(best_point(scene, quick=True))
         assert scene.score(quick) == pytest.approx(scene.uniform().score, rel=1e-7)
     searched = replace(scene, name="another").uniform()  # one of which no row is known
     assert scene.uniform().score == pytest.approx(searched.score, rel=1e-9)

@@ -9,10 +9,10 @@ import pytest
 import domino_env as de
 from domino_env.envs.chain import DominoChain, DominoChainVector
 from domino_env.envs.layout import DominoLayout, DominoLayoutVector
-from domino_env.scenes import standing_mark
+from domino_env.scenes import uniform
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.limits import Limits
-from domino_env.scenes.uniform_rows import UniformRows
+from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize import Problem, search
 
 SMALL = replace(
@@ -98,7 +98,7 @@ def test_a_scene_made_by_hand_is_refused_as_its_file_is() -> None:
 
 
 def test_the_best_uniform_row_is_the_best_on_that_floor(monkeypatch) -> None:
-    monkeypatch.setattr(standing_mark, "LOOKS", 4)
+    monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=4))
     mark = SMALL.uniform()
     assert mark.score == SMALL.score(mark.layout)
     gaps = np.linspace(*SMALL.spacing, 16)[:, None] * np.ones(SMALL.count - 1)
@@ -106,7 +106,7 @@ def test_the_best_uniform_row_is_the_best_on_that_floor(monkeypatch) -> None:
 
 
 def test_where_no_row_topples_there_is_a_mark_and_a_search_all_the_same(monkeypatch) -> None:
-    monkeypatch.setattr(standing_mark, "LOOKS", 3)
+    monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=3, finest=1e-3))
     scene = replace(SMALL, physics=de.Physics(push=0.3))
     assert -1.0 < scene.uniform().score < 0.0
     found = search(scene, budget=4, progress=False)
@@ -115,10 +115,10 @@ def test_where_no_row_topples_there_is_a_mark_and_a_search_all_the_same(monkeypa
 
 def test_no_uniform_row_beats_that_of_the_scene_that_ships() -> None:
     scene = de.load_scene("table")
-    mark, rows = scene.uniform(), UniformRows(scene)
+    mark, rows = scene.uniform(), UniformLayouts(scene)
     gap = mark.layout.spacing[0]
     others = np.array([[gap + d, 0.0075] for d in (-1e-3, 1e-3)])
-    assert rows.scores(others).max() <= mark.score * (1.0 + 3e-4)
+    assert rows.scores(others, 1e-3).max() <= mark.score * (1.0 + 3e-4)
 
 
 def test_auto_settles_on_the_floor(monkeypatch) -> None:
@@ -142,7 +142,7 @@ def test_a_problem_of_a_floor_asks_for_few_rows_at_once() -> None:
     "kinds", [(DominoChain, DominoChainVector), (DominoLayout, DominoLayoutVector)]
 )
 def test_an_episode_returns_what_the_row_is_worth_on_the_floor(kinds, monkeypatch) -> None:
-    monkeypatch.setattr(standing_mark, "LOOKS", 4)
+    monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=4))
     one, many = kinds[0](SMALL), kinds[1](3, SMALL, autoreset_mode="Disabled")
     rng = np.random.default_rng(5)
     steps = 1 if kinds[0] is DominoLayout else SMALL.count - 1

@@ -12,22 +12,23 @@ import pytest
 
 import domino_env as de
 from domino_env.scenes.io.reading import scene_of_document
-from domino_env.scenes.io.schema import PATH, scene_schema
+from domino_env.scenes.io.schema import scene_schema
+from domino_env.scenes.shipping import SCHEMA
 
-SCENES = sorted(PATH.parent.glob("*.toml"))
+SCENES = sorted(SCHEMA.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
 
 
 def test_the_schema_that_ships_is_up_to_date() -> None:
-    kept = json.loads(PATH.read_text("utf-8"))
-    assert kept == scene_schema(), "run `python -m domino_env.scenes.io.schema`"
+    kept = json.loads(SCHEMA.read_text("utf-8"))
+    assert kept == scene_schema(), "run `python -m domino_env.scenes.shipping`"
     jsonschema.Draft202012Validator.check_schema(kept)
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_scenes_that_ship_name_the_schema_and_keep_it(path: Path) -> None:
     text = path.read_text("utf-8")
-    assert text.startswith(f"#:schema ./{PATH.name}\n")
+    assert text.startswith(f"#:schema ./{SCHEMA.name}\n")
     VALIDATOR.validate(tomllib.loads(text))
     VALIDATOR.validate(de.load_scene(path).document())
 

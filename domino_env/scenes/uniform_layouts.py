@@ -12,11 +12,11 @@ from domino_env.scenes.specification import Specification
 
 Floats = NDArray[np.float64]
 
-RTOL, RTOL_DRAWN = 1e-11, 1e-8
+HEADS_RTOL = 1e-11
 LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
 
 
-class UniformRows:
+class UniformLayouts:
     """The uniform rows of a scene by two numbers: gap and thickness.
 
     In place of the gap the pitch, or gap over height; in place of the thickness the growth.
@@ -149,11 +149,10 @@ class UniformRows:
         uneven = self.spread is not None or self.scene.growth is not None or len(self.bodies) > 0
         return not (uneven or self.drawn or (ground is not None and not ground.is_even))
 
-    def scores(self, points: Floats) -> Floats:
-        """(B,) scores of the rows at points (B, 2)."""
+    def scores(self, points: Floats, rtol: float) -> Floats:
+        """(B,) scores of the layouts at points (B, 2)."""
         scene = self.scene
         piece = max(1, LARGEST_BATCH // (scene.count * scene.criterion.waves_a_score))
-        rtol = RTOL_DRAWN if self.drawn else RTOL
         scores = [
             scene.criterion.evaluate(scene.batch(spacing, thickness, height, rtol)).score
             for i in range(0, len(points), piece)
@@ -165,7 +164,7 @@ class UniformRows:
         """(B,) the same to about `steady` of themselves, where the rows are `steady`."""
         spacing, thickness, _ = self.at(points, 1)
         return scores_by_heads(
-            self.scene, spacing[:, 0], thickness[:, 0], RTOL, steady, LARGEST_BATCH
+            self.scene, spacing[:, 0], thickness[:, 0], HEADS_RTOL, steady, LARGEST_BATCH
         )
 
 

@@ -1,0 +1,62 @@
+"""Files that ship with scenes and distributions, computed anew.
+
+python -m domino_env.scenes.shipping            JSON Schema and best uniform layouts of the scenes
+python -m domino_env.scenes.shipping NAME …     pool and test set of distributions
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from domino_env.core.files import write_text
+from domino_env.core.progress import progress_bar
+from domino_env.scenes.distribution import load_distribution
+from domino_env.scenes.io.reading import load_scene, scene_names
+from domino_env.scenes.io.schema import scene_schema
+from domino_env.scenes.pool import DIGITS, POINT, ScenePool, stamp_of
+from domino_env.scenes.uniform import SHIPPED, best_point, stamp
+
+HERE = Path(__file__).parent
+SCHEMA = HERE / "shipped" / "scene.schema.json"
+TEST, TESTED = 1, 200  # seed and number of scenes in a set for tests
+
+
+def write_scenes() -> None:
+    """Write what ships with scenes."""
+    write_text(SCHEMA, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")
+    scenes = {name: load_scene(name) for name in scene_names()}
+    found = {
+        name: {"stamp": stamp(scene), "point": best_point(scene).tolist()}
+        for name, scene in scenes.items()
+    }
+    write_text(HERE / "shipped" / SHIPPED, json.dumps(found, indent=1) + "\n")
+
+
+def write_distribution(name: str) -> None:
+    """Write the test set of a distribution, and its pool where policies are trained on it."""
+    distribution = load_distribution(name)
+    tests, pool = [], ScenePool(distribution)
+    for i in progress_bar(None, iterable=range(TESTED), total=TESTED, unit=" test scenes"):
+        numbers = distribution.draw(np.random.default_rng([TEST, i]), DIGITS)
+        tests.append([*numbers, *best_point(distribution.scene(numbers))])
+    tables = {"test": ((*distribution.features, *POINT), tests)}
+    if name != "varied-beyond":
+        for i in progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes"):
+            pool.scene(i)
+        rows = np.concatenate([pool.numbers, pool.points, pool.marks[:, :1]], axis=1).tolist()
+        tables["pool"] = ((*distribution.features, *POINT, "score"), rows)
+    for kind, (columns, table) in tables.items():
+        lines = [stamp_of(distribution), ",".join(columns)]
+        lines += [",".join(f"{x:.16g}" for x in row) for row in table]
+        write_text(HERE / "distributions" / f"{name}.{kind}.csv", "\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    for asked in sys.argv[1:]:
+        write_distribution(asked)
+    if not sys.argv[1:]:
+        write_scenes()
