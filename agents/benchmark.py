@@ -31,7 +31,8 @@ from optimize.compiling import compile_for
 from optimize.evaluator import Budget, Step
 from optimize.experiments.compare import known_score, require_each_once
 from optimize.experiments.experiment import Experiment, gathered
-from optimize.experiments.runner import Failure, Keeper, Progress, run_tasks
+from optimize.experiments.runner import Failure, Progress, run_tasks
+from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult, digest, scene_of
 from optimize.methods import registry
 from optimize.searching import search
@@ -240,7 +241,7 @@ def benchmark_tasks(
 def run_benchmark(
     tasks: Sequence[BenchmarkTask],
     executor: Executor | None = None,
-    study: Keeper | None = None,
+    study: Study | None = None,
     *,
     progress: bool | None = False,
 ) -> Experiment:

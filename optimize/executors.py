@@ -31,12 +31,9 @@ from types import TracebackType
 from typing import Any
 
 # A worker has one task at a time and one core; threads below it would only compete.
-ONE_THREAD = {
-    "NUMBA_NUM_THREADS": "1",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-}
+ONE_THREAD = dict.fromkeys(
+    ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+)
 STRIKES = 3  # breaks of the pool during a task after which the task runs alone
 MOST_WORKERS = 1024  # on one machine
 ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")  # of a scheduler

@@ -12,7 +12,8 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.experiments.best_known import best_known
 from optimize.experiments.experiment import Experiment, run_experiment
-from optimize.experiments.runner import Callback, Keeper, Progress
+from optimize.experiments.runner import Callback, Progress
+from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult, scene_of
 from optimize.methods.registry import importable_name
 
@@ -29,7 +30,7 @@ def compare(
     *,
     evaluations: int | None = None,
     executor: Executor | None = None,
-    study: Keeper | None = None,
+    study: Study | None = None,
     progress: Progress | None = None,
 ) -> Experiment:
     """Run every method on every scene with every seed, each with the same budget.

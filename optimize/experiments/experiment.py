@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.results import brief
-from optimize.experiments.runner import Callback, Failure, Keeper, Progress, run_tasks
+from optimize.experiments.runner import Callback, Failure, Progress, run_tasks
+from optimize.experiments.store import Study
 from optimize.experiments.task import Label, Task, TaskResult
 
 Floats = NDArray[np.float64]
@@ -159,7 +160,7 @@ def unknown(_: TaskResult) -> float:
 def run_experiment(
     tasks: Sequence[Task],
     executor: Executor | None = None,
-    study: Keeper | None = None,
+    study: Study | None = None,
     callback: Callback | None = None,
     progress: Progress | None = None,
     known: Callable[[TaskResult], float] = unknown,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from domino_env.core.colours import FAINT, INK, KNOWN, OURS, SOFT
+from domino_env.core.colours import FAINT, INK, KNOWN, OURS
 from domino_env.core.plot_style import (
-    HEAD,
     LEGEND,
-    headings,
     method_lines,
-    new_figure,
     new_panels,
     plain_numbers,
     style,
@@ -33,10 +30,7 @@ Curve = tuple[Floats, Floats, Floats, Floats]  # places; what is drawn, and its 
 Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
 Prepare = Callable[[Axes, str], None]  # axes of a title
 
-MOST_TOGETHER = 7  # methods whose colours are told apart at a glance; more get a panel each
-ACROSS = 6  # of such panels
-SMALL = (1.75, 1.45)  # [in]
-TITLE = 0.65  # [in] for the name above and the clock below such panels
+MOST = 7  # methods whose colours are told apart at a glance
 MOST_PANELS = 6  # of a sweep
 WRITTEN = 12  # values of both keys up to which a map has its numbers
 
@@ -48,9 +42,10 @@ def draw_curves(
     subtitle: str,
     labels: tuple[str, str],
     prepare: Prepare,
+    methods: Sequence[str],
     dashed: Collection[str] = (),
 ) -> None:
-    """Draw the curves of all methods in a panel for each title, or in a panel for each method.
+    """Draw the curves of all methods in a panel for each title.
 
     Parameters
     ----------
@@ -64,14 +59,11 @@ def draw_curves(
         Words below and beside the panels.
     prepare
         Sets the scales of a panel.
+    methods
+        Those that have a colour and a name, in this order; all others are grey behind them.
     dashed
         Methods whose lines are dashed.
     """
-    methods = list(dict.fromkeys(m for found in panels.values() for m in found))
-    if len(methods) > MOST_TOGETHER:
-        figure = _apart(panels, prepare, headline, subtitle, labels[0])
-        write_png(figure, path)
-        return
     figure, all_axes = new_panels(len(panels), 3, (3.8, 3.0), (1.9, 0.5), headline, subtitle)
     lines = method_lines(methods)
     drawn: dict[str, Any] = {}
@@ -80,6 +72,9 @@ def draw_curves(
         prepare(axes, title)
         axes.set_xlabel(labels[0])
         for method, (places, middle, low, high) in found.items():
+            if method not in methods:
+                drawn["others"] = axes.plot(places, middle, color=FAINT, lw=0.9, zorder=1.0)[0]
+                continue
             line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
             line |= {"linestyle": "--"} if method in dashed else {}
             axes.fill_between(places, low, high, color=line["color"], alpha=0.12, linewidth=0)
@@ -87,33 +82,6 @@ def draw_curves(
     all_axes[0].set_ylabel(labels[1])
     figure.legend(list(drawn.values()), list(drawn), loc="outside right center", **LEGEND)
     write_png(figure, path)
-
-
-def _apart(panels: Panels, prepare: Prepare, headline: str, subtitle: str, clock: str) -> Figure:
-    """Draw a panel for each method, the curves of all others behind it in grey."""
-    down = {title: -(-len(found) // ACROSS) for title, found in panels.items()}
-    heights = [TITLE + SMALL[1] * number for number in down.values()]
-    width = 0.4 + SMALL[0] * ACROSS
-    figure = new_figure(width, HEAD + sum(heights))
-    headings(figure, headline, f"{subtitle}; all other methods in grey")
-    blocks = figure.subfigures(len(panels), 1, height_ratios=heights, squeeze=False).ravel()
-    for block, (title, found) in zip(blocks, panels.items(), strict=True):
-        block.suptitle(title, x=0.12 / width, ha="left", size=11, color=INK)
-        block.supxlabel(clock, size=9, color=SOFT)
-        all_axes = block.subplots(down[title], ACROSS, sharex=True, sharey=True, squeeze=False)
-        for axes in all_axes.ravel()[len(found) :]:
-            axes.set_visible(False)
-        for axes, (method, curve) in zip(all_axes.ravel(), found.items(), strict=False):
-            style(axes)
-            prepare(axes, title)
-            axes.tick_params(labelsize=7.5)
-            axes.set_title(method, loc="left", size=9, color=OURS, pad=3)
-            for places, middle, _, _ in found.values():
-                axes.plot(places, middle, color=FAINT, linewidth=0.9)
-            places, middle, low, high = curve
-            axes.fill_between(places, low, high, color=OURS, alpha=0.18, linewidth=0)
-            axes.plot(places, middle, color=OURS, linewidth=1.8)
-    return figure
 
 
 def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
@@ -133,6 +101,8 @@ def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
             if one is not None:
                 band = 100.0 * np.array([experiment.gaps(r, times) for r in runs])
                 gap_curves.setdefault(problem, {})[method] = (times, *_band(band))
+    ends = {m: -experiment.reached(m, times[-1:])[0] for m in experiment.methods}
+    best = sorted(ends, key=ends.__getitem__)[:MOST]
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
     budget = f"{experiment.budget} for each run"
 
@@ -154,12 +124,12 @@ def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
     what = "gap to the best known"
     draw_curves(
         gaps, gap_curves, f"{what.capitalize()} against {clock}",
-        f"{budget}, {over_seeds(experiment)}", (clock, what), for_gaps,
+        f"{budget}, {over_seeds(experiment)}", (clock, what), for_gaps, best,
     )  # fmt: skip
     what = "targets reached"
     draw_curves(
         targets, reached, f"{what.capitalize()} against {clock}",
-        f"{budget}, {over_seeds(experiment, 'all runs of')}", (clock, what), for_targets,
+        f"{budget}, {over_seeds(experiment, 'all runs of')}", (clock, what), for_targets, best,
     )  # fmt: skip
 
 
@@ -206,7 +176,7 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
             axes.set_xscale("log")
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
 
-    draw_curves(path, panels, headline, subtitle, ("", what), prepare)
+    draw_curves(path, panels, headline, subtitle, ("", what), prepare, experiment.methods[:MOST])
 
 
 def over_seeds(experiment: Experiment, what: str = "medians and range of") -> str:

@@ -9,29 +9,20 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
 from optimize.evaluator import Budget
 from optimize.executors import ExecutorLost, telling_loss
+from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult
 
 MOST_WAITING = 1000  # tasks handed to an executor at a time
 PAUSE = 0.5  # [s] between two updates of the line
-LINE = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, about {remaining} left{postfix}"
+LINE = "{desc}, {n} of {total} |{bar}| {elapsed}, about {remaining} left{postfix}"
 
 Callback = Callable[[Task, TaskResult], object]
-
-
-class Keeper(Protocol):
-    """Where results are kept: a `Study`, or what does the same."""
-
-    def done(self) -> dict[str, TaskResult]:
-        """Return the results by key."""
-
-    def add(self, result: TaskResult) -> None:
-        """Keep a result."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +33,7 @@ class Failure:
     reason: str
 
 
-@dataclass
+@dataclass(frozen=True)
 class Progress:
     """Progress of many tasks on standard error.
 
@@ -56,67 +47,38 @@ class Progress:
         Whether each finished task leaves a line where none moves.
     """
 
-    name: str
+    name: str = "tasks"
     shown: bool | None = False
     plain: bool = False
-    done: int = 0
-    total: int = 0
-    _line: Any = None
 
-    def begin(self, total: int, done: int) -> None:
-        """Begin, with some tasks done already."""
-        self.total, self.done = total, done
-        if sys.stderr.isatty() if self.shown is None else self.shown:
-            from tqdm import tqdm
+    def line(self, total: int, done: int) -> Any:
+        """Begin the line, with some tasks done already."""
+        from tqdm import tqdm
 
-            self._line = tqdm(
-                total=total, initial=done, bar_format=LINE, smoothing=0.0, leave=False,
-                dynamic_ncols=True, desc=f"{self.name}, {done} of {total}",
-            )  # fmt: skip
+        return tqdm(
+            total=total, initial=done, desc=self.name, bar_format=LINE, smoothing=0.0, leave=False,
+            dynamic_ncols=True, disable=None if self.shown is None else not self.shown,
+        )  # fmt: skip
 
-    def close(self) -> None:
-        """Remove the line."""
-        if self._line is not None:
-            self._line.close()
-
-    def watch(self, task: Task) -> Callable[[Budget], None] | None:
-        """Return the callback that shows how far a task of this process is."""
-        if self._line is None:
-            return None
-
-        def show(budget: Budget) -> None:
-            self._line.n = self.done + budget.part
-            self._line.set_postfix_str(f"{task.name}: best {budget.best_score:.5f}")
-
-        return show
-
-    def tick(self) -> None:
-        """Show the time that has passed."""
-        if self._line is not None:
-            self._line.refresh()
-
-    def finish(self, task: Task, outcome: TaskResult | Failure) -> None:
+    def finish(self, line: Any, task: Task, outcome: TaskResult | Failure) -> None:
         """Show that a task has ended."""
-        self.done += 1
+        line.n += 1
+        line.refresh()
         if isinstance(outcome, Failure):
             said = f"failed: {outcome.reason}"
-        else:
+        elif self.plain and line.disable:
             gain = "" if outcome.gain is None else f", {outcome.gain:+.2%}"
-            said = f"{outcome.score:.6f}{gain}" if self.plain and self._line is None else ""
-        if said:
-            if self._line is not None:
-                self._line.clear()
-            line = f"{self.done}/{self.total} {task.name}: {said}"
-            print(line, file=sys.stderr, flush=True)
-        if self._line is not None:
-            self._line.n = self.done
-            self._line.set_description_str(f"{self.name}, {self.done} of {self.total}")
+            said = f"{outcome.score:.6f}{gain}"
+        else:
+            return
+        line.write(f"{line.n}/{line.total} {task.name}: {said}", file=sys.stderr)
+        sys.stderr.flush()
 
 
 def run_tasks(
     tasks: Sequence[Task],
     executor: Executor | None = None,
-    study: Keeper | None = None,
+    study: Study | None = None,
     callback: Callback | None = None,
     progress: Progress | None = None,
 ) -> list[Failure]:
@@ -143,18 +105,15 @@ def run_tasks(
     ExecutorLost
         Where the executor itself has ended; and what `study` and `callback` raise.
     """
-    progress = progress or Progress("tasks")
+    progress = progress or Progress()
     known = {} if study is None else study.done()
     missing = [task for task in tasks if task.key not in known]
     failures: list[Failure] = []
-    progress.begin(len(tasks), len(tasks) - len(missing))
-    with closing(progress):
+    with closing(progress.line(len(tasks), len(tasks) - len(missing))) as line:
         for task in tasks:
             if task.key in known and callback is not None:
                 callback(task, msgspec.structs.replace(known[task.key], labels=task.labels))
-        outcomes = (
-            _here(missing, progress) if executor is None else _there(missing, executor, progress)
-        )
+        outcomes = _here(missing, line) if executor is None else _there(missing, executor, line)
         try:
             with closing(outcomes):
                 for task, outcome in outcomes:
@@ -164,11 +123,11 @@ def run_tasks(
                         raise
                     except Exception as error:
                         failures.append(Failure(task, _reason(error)))
-                        progress.finish(task, failures[-1])
+                        progress.finish(line, task, failures[-1])
                         continue
                     if study is not None:
                         study.add(result)
-                    progress.finish(task, result)
+                    progress.finish(line, task, result)
                     if callback is not None:
                         callback(task, result)
         except KeyboardInterrupt:  # a task that runs cannot be cancelled
@@ -187,13 +146,18 @@ def run_task(task: Task) -> TaskResult:
 _Outcomes = Generator[tuple[Task, Callable[[], TaskResult]], None, None]
 
 
-def _here(tasks: list[Task], progress: Progress) -> _Outcomes:
+def _here(tasks: list[Task], line: Any) -> _Outcomes:
     """Run each task when its result is asked for."""
     for task in tasks:
-        yield task, partial(task.run, progress.watch(task))
+
+        def show(budget: Budget, task: Task = task) -> None:
+            line.set_postfix_str(f"{task.name}: best {budget.best_score:.5f}", refresh=False)
+            line.update(0)
+
+        yield task, partial(task.run, None if line.disable else show)
 
 
-def _there(tasks: list[Task], executor: Executor, progress: Progress) -> _Outcomes:
+def _there(tasks: list[Task], executor: Executor, line: Any) -> _Outcomes:
     """Yield the results of an executor as they come."""
     arrived: SimpleQueue[Future[TaskResult]] = SimpleQueue()
     pending: dict[Future[TaskResult], Task] = {}
@@ -211,7 +175,7 @@ def _there(tasks: list[Task], executor: Executor, progress: Progress) -> _Outcom
             try:
                 done = arrived.get(timeout=PAUSE)
             except Empty:
-                progress.tick()
+                line.refresh()
                 continue
             yield pending.pop(done), partial(_result, done, executor)
             del done

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 CLOCKS = {"processor seconds": 2, "environment steps": 0}  # columns of a trace
 SECONDS, STEPS = CLOCKS
 CUT = 0.25  # part of the runs at either end that an interquartile mean leaves out
-RESAMPLES, CONFIDENCE = 2000, 0.95
+RESAMPLES, INTERVAL = 2000, (0.025, 0.975)
 TOGETHER = 50  # resamples at a time: a curve has hundreds of points
 POINTS = 120  # of a curve
 TARGETS = np.linspace(-0.25, 1.0, 251)  # of the profile
@@ -88,26 +88,19 @@ def performance_profile(problems: Sequence[Floats], targets: Floats) -> Estimate
 
 def _estimate(problems: Sequence[Floats], statistic: Callable[..., Floats]) -> Estimate:
     """Estimate a statistic of the runs of all problems together, along the last axis."""
-    from scipy.stats import bootstrap
-
+    rng = np.random.default_rng(0)
     runs = [np.asarray(one, dtype=np.float64) for one in problems]
-    single = [one for one in runs if one.shape[-1] < 2]  # nothing can be resampled there
-    several = [one for one in runs if one.shape[-1] >= 2]
 
-    def of_all(*drawn: Floats, axis: int = -1) -> Floats:
-        shape = drawn[0].shape[:-1]  # with the resamples last, where there are any
-        fixed = [one[..., None, :] if len(shape) >= one.ndim else one for one in single]
-        fixed = [np.broadcast_to(one, (*shape, 1)) for one in fixed]
-        return statistic(np.concatenate([*drawn, *fixed], axis=axis), axis=axis)
+    def resampled() -> Floats:
+        sizes = [one.shape[-1] for one in runs]
+        drawn = [rng.integers(size, size=(TOGETHER, size)) for size in sizes]
+        chosen = [one[..., which] for one, which in zip(runs, drawn, strict=True)]
+        return statistic(np.concatenate(chosen, axis=-1), axis=-1)
 
-    if not several:
-        value = np.asarray(statistic(np.concatenate(runs, axis=-1), axis=-1))
-        return Estimate(value, value, value)
-    found = bootstrap(
-        several, of_all, axis=-1, vectorized=True, n_resamples=RESAMPLES, batch=TOGETHER,
-        confidence_level=CONFIDENCE, method="percentile", rng=np.random.default_rng(0),
-    ).confidence_interval  # fmt: skip
-    return Estimate(np.asarray(of_all(*several)), np.asarray(found.low), np.asarray(found.high))
+    value = np.asarray(statistic(np.concatenate(runs, axis=-1), axis=-1))
+    spread = np.concatenate([resampled() for _ in range(RESAMPLES // TOGETHER)], axis=-1)
+    low, high = np.quantile(spread, INTERVAL, axis=-1)
+    return Estimate(value, low, high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,6 +249,6 @@ def draw_over_clock(summary: Summary, clock: str, path: Path, first: Collection[
 
     draw_curves(
         path, panels, f"Best normalised score so far over {clock}",
-        "interquartile means, 95 % intervals", (clock, ""), prepare,
-        [method for method in experiment.methods if method not in first],
+        "interquartile means, 95 % intervals", (clock, ""), prepare, experiment.methods,
+        dashed=[method for method in experiment.methods if method not in first],
     )  # fmt: skip

@@ -18,7 +18,8 @@ from domino_env.scenes.io.reading import load_scene, scene_of_document
 from domino_env.scenes.scene import Scene
 from optimize.experiments.compare import require_each_once
 from optimize.experiments.experiment import Experiment, in_words, run_experiment
-from optimize.experiments.runner import Callback, Keeper, Progress
+from optimize.experiments.runner import Callback, Progress
+from optimize.experiments.store import Study
 from optimize.experiments.task import Label, Task
 from optimize.methods import registry
 from optimize.problem import Problem
@@ -181,7 +182,7 @@ def sweep(
     random: int | None = None,
     seed: int = 0,
     executor: Executor | None = None,
-    study: Keeper | None = None,
+    study: Study | None = None,
     callback: Callback | None = None,
     progress: Progress | None = None,
 ) -> Experiment:
