@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +18,7 @@ from domino_env import __version__
 from domino_env.core.files import write_text
 from domino_env.core.models import LARGEST, Number, model_of
 from domino_env.core.reading import naming, read_json
-from domino_env.core.results import brief
+from domino_env.core.types import Floats
 from domino_env.physics.files import LayoutTable
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
@@ -31,8 +30,16 @@ CLOSEST = 1e-12  # relative error at which a record is simulated
 NOTICED = 1e-9  # relative gain that makes a new record
 
 
-class RecordTable(LayoutTable, kw_only=True):
-    """A record as the file holds it: a layout, and who found it."""
+class BestKnown(LayoutTable, kw_only=True):
+    """The best known layout of a scene, and what found it.
+
+    Attributes
+    ----------
+    score
+        Score of the layout at a relative error of 1e-12.
+    method, seed, seconds, version
+        The search that found it.
+    """
 
     score: Annotated[Number, Meta(description="that the scene gives it")]
     method: str
@@ -40,29 +47,10 @@ class RecordTable(LayoutTable, kw_only=True):
     seconds: Annotated[float, Meta(ge=0, le=LARGEST, description="that the search took")]
     version: str
 
-
-@dataclass(frozen=True, eq=False)
-class BestKnown:
-    """One record.
-
-    Attributes
-    ----------
-    layout
-        The row.
-    score
-        What the scene gives it at a relative error of 1e-12.
-    method, seed, seconds, version
-        Who found it, and after how long.
-    """
-
-    layout: Layout
-    score: float
-    method: str
-    seed: int
-    seconds: float
-    version: str
-
-    __repr__ = brief
+    @property
+    def layout(self) -> Layout:
+        """The layout."""
+        return Layout(**self.arguments())
 
 
 def best_known(path: Path | None = None) -> dict[str, BestKnown]:
@@ -89,7 +77,7 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     document = read_json(path)
     with naming(path):
         found = model_of(dict[str, Any], document)
-        return {name: _record(model_of(RecordTable, one, name)) for name, one in found.items()}
+        return {name: model_of(BestKnown, one, name) for name, one in found.items()}
 
 
 def update(
@@ -112,23 +100,35 @@ def update(
         Names of the scenes that have a new record.
     """
     path = path or PATH
-    records = best_known(path)
+    best = {name: record.score for name, record in best_known(path).items()}
+    document = read_json(path) if path.exists() else {}
     improved: list[str] = []
     for scene, result in results:
-        layout = result.layout
+        layout, name = result.layout, scene.name
         if scene.violations(layout):
             continue
         score = closest_score(scene, layout)
-        old = records.get(scene.name)
-        if old is not None and score <= old.score + NOTICED * abs(old.score):
+        if name in best and score <= best[name] + NOTICED * abs(best[name]):
             continue
-        records[scene.name] = BestKnown(
-            layout, score, result.method, result.seed, result.seconds, __version__
-        )
-        improved.append(scene.name)
+        best[name] = score
+        document[name] = {
+            "score": score,
+            "method": result.method,
+            "seed": result.seed,
+            "seconds": round(result.seconds, 1),
+            "version": __version__,
+            "spacing": layout.spacing.tolist(),
+            "thickness": layout.thickness.tolist(),
+            "height": _one_or_all(layout.height),
+            "width": layout.width,
+            "density": _one_or_all(layout.density),
+        }
+        if not layout.is_flat:
+            ground = {"rise": _one_or_all(layout.rise), "tilt": _one_or_all(layout.tilt)}
+            document[name] |= ground
+        improved.append(name)
     if improved:
-        document = {name: _written(records[name]) for name in sorted(records)}
-        write_text(path, json.dumps(document, indent=1) + "\n")
+        write_text(path, json.dumps(dict(sorted(document.items())), indent=1) + "\n")
     return sorted(set(improved))
 
 
@@ -137,30 +137,6 @@ def closest_score(scene: Scene, layout: Layout) -> float:
     return scene.score(scene.simulate(layout, rtol=CLOSEST))
 
 
-def _record(told: RecordTable) -> BestKnown:
-    return BestKnown(
-        Layout(**told.arguments()), told.score, told.method, told.seed, told.seconds, told.version
-    )  # fmt: skip
-
-
-def _written(record: BestKnown) -> dict[str, Any]:
-    layout = record.layout
-    ground = {} if layout.is_flat else {"rise": layout.rise, "tilt": layout.tilt}
-    return {
-        "score": record.score,
-        "method": record.method,
-        "seed": record.seed,
-        "seconds": round(record.seconds, 1),
-        "version": record.version,
-        "spacing": layout.spacing.tolist(),
-        "thickness": layout.thickness.tolist(),
-        "height": _one_or_all(layout.height),
-        "width": layout.width,
-        "density": _one_or_all(layout.density),
-    } | {name: _one_or_all(values) for name, values in ground.items()}
-
-
-def _one_or_all(values: Any) -> float | list[float]:
-    values = np.asarray(values, dtype=np.float64)
-    same = bool(np.all(values == values.flat[0]))
-    return float(values.flat[0]) if same else values.tolist()
+def _one_or_all(values: Floats) -> float | list[float]:
+    """Return the one value of all dominoes, or all values."""
+    return float(values[0]) if np.all(values == values[0]) else values.tolist()

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.core.results import brief
+from domino_env.core.types import Floats
 from optimize.experiments.runner import Callback, Failure, Progress, run_tasks
 from optimize.experiments.store import Study
 from optimize.experiments.task import Label, Task, TaskResult
-
-Floats = NDArray[np.float64]
 
 TARGETS = 10.0 ** np.linspace(-1.0, -5.0, 41)  # relative gaps, as COCO spreads its targets
 SMALLEST_GAP = 1e-7  # below it the search's own tolerance decides

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
-from numpy.typing import NDArray
 
 from domino_env.core.colours import FAINT, INK, KNOWN, OURS
 from domino_env.core.plot_style import (
@@ -22,10 +21,10 @@ from domino_env.core.plot_style import (
     style,
     write_png,
 )
+from domino_env.core.types import Floats
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import Label, TaskResult
 
-Floats = NDArray[np.float64]
 Curve = tuple[Floats, Floats, Floats, Floats]  # places; what is drawn, and its band
 Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
 Prepare = Callable[[Axes, str], None]  # axes of a title

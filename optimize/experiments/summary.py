@@ -17,12 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from domino_env.core.types import Floats
 from optimize.experiments.experiment import Experiment, problem_of
 from optimize.experiments.task import TaskResult
-
-Floats = NDArray[np.float64]
 
 CLOCKS = {"processor seconds": 2, "environment steps": 0}  # columns of a trace
 SECONDS, STEPS = CLOCKS
