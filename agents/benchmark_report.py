@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -32,42 +33,13 @@ COLUMNS = (
     "scene", "algorithm", "seed", "uniform", "score", "best_known", "share", "steps",
     "processor_seconds", "seconds_past_uniform",
 )  # fmt: skip
-MARKS = "<!-- summary -->", "<!-- end -->"
-INTRODUCTION = """# Benchmark
-
-Results of the algorithms of `domino train` over time, beside methods that need no learning.
-Scores are normalised: 0 is the uniform baseline, 1 the best known layout. Means are interquartile,
-those of the middle half of the runs; intervals are of 95 %, by a bootstrap over seeds, stratified
-by scene, as Agarwal et al. (2021, arXiv:2108.13264) advise."""
-PICTURES = """Times are processor time of one thread; a column *after* holds what a run has by then,
-whether it continues or not. `ramp`, `cma` (CMA-ES) and `auto` search each layout anew; what learns
-has a policy in the end.
-
-![Interquartile means and performance profile](benchmark-reached.png)
-
-## Over processor time
-
-![Best normalised score over processor seconds](benchmark-seconds.png)
-
-## Over environment steps
-
-A step places a domino; a layout of a search counts as many.
-
-![Best normalised score over environment steps](benchmark-steps.png)"""
-SAMPLED = """Every episode of a training is a new scene. A score is the median gain over the uniform
-baselines of the scenes of the test set; that of searches of 2,500 layouts each, {}, counts as best
-known. A search has each of these scenes to search, and its time is that of all searches; the curve
-of a training is of other scenes than the test set's."""
-ENDING = """
-## How it was made
-
-```sh
-{}
-```
-
-{} runs, {:.0f} min of processor time. The same command runs what is missing and writes this page
-anew; `benchmark.csv` has a line a run. Ten seeds are asked for where a run takes two minutes or
-less, five elsewhere."""
+PAGE = Path(__file__).with_name("benchmark_page.md")  # with places for tables and numbers
+SAMPLED = (
+    "Every episode of a training is a new scene. A score is the median gain over the uniform "
+    "baselines of the scenes of the test set; that of searches of 2,500 layouts each, {}, counts "
+    "as best known. A search has each of these scenes to search, and its time is that of all "
+    "searches; the curve of a training is of other scenes than the test set's."
+)
 
 
 def write(experiment: Experiment, folder: Path, command: str) -> None:
@@ -90,13 +62,16 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
 
 def page(experiment: Experiment, command: str) -> str:
     """Write the page."""
-    minutes = sum(r.seconds for r in experiment.results) / 60.0
-    lines = [INTRODUCTION, "", MARKS[0], "", *overview(experiment), "", MARKS[1], "", PICTURES]
-    for scene in experiment.problems:
-        lines += ["", f"## {scene}", "", *_of_scene(experiment, scene)]
-    lines += [*failures_section(experiment)]
-    lines += [ENDING.format(command, len(experiment.results), minutes)]
-    return "\n".join(lines) + "\n"
+    sections = [["", f"## {scene}", "", *_of_scene(experiment, scene)]
+                for scene in experiment.problems]  # fmt: skip
+    lines = [*chain(*sections)][1:] + failures_section(experiment)
+    return PAGE.read_text("utf-8").format(
+        overview="\n".join(overview(experiment)),
+        scenes="\n".join(lines),
+        command=command,
+        runs=len(experiment.results),
+        minutes=sum(r.seconds for r in experiment.results) / 60.0,
+    )
 
 
 def overview(experiment: Experiment) -> list[str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures import Executor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +11,6 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.experiments.best_known import best_known
 from optimize.experiments.experiment import Experiment, run_experiment
-from optimize.experiments.runner import Callback, Progress
-from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult, scene_of
 from optimize.methods.registry import importable_name
 
@@ -26,12 +23,9 @@ def compare(
     methods: Sequence[str | Method],
     seeds: Iterable[int],
     seconds: float | None = None,
-    callback: Callback | None = None,
     *,
     evaluations: int | None = None,
-    executor: Executor | None = None,
-    study: Study | None = None,
-    progress: Progress | None = None,
+    **how: Any,
 ) -> Experiment:
     """Run every method on every scene with every seed, each with the same budget.
 
@@ -53,8 +47,8 @@ def compare(
         machines have cores.
     evaluations
         Budget of each run, which makes the comparison bitwise reproducible.
-    callback, executor, study, progress
-        As of `run_tasks`.
+    how
+        `executor`, `study`, `callback`, `progress`: as of `run_tasks`.
 
     Raises
     ------
@@ -63,7 +57,7 @@ def compare(
         beside others is one of the `failures`.
     """
     tasks = comparison_tasks(scenes, methods, seeds, seconds, evaluations)
-    return run_experiment(tasks, executor, study, callback, progress, known_score)
+    return run_experiment(tasks, known=known_score, **how)
 
 
 def comparison_tasks(

@@ -174,17 +174,12 @@ def scene_at(base: Scene, point: Point) -> Scene:
 def sweep(
     scene: Scene | str | Path,
     axes: Sequence[str],
-    methods: Sequence[str] = ("auto",),
-    seeds: int = 1,
-    evaluations: int | None = None,
-    seconds: float | None = None,
     *,
-    random: int | None = None,
-    seed: int = 0,
     executor: Executor | None = None,
     study: Study | None = None,
     callback: Callback | None = None,
     progress: Progress | None = None,
+    **tasks: Any,
 ) -> Experiment:
     """Search many variations of a scene.
 
@@ -196,30 +191,19 @@ def sweep(
         A scene, its name, or the path of its file.
     axes
         What is varied, such as "physics.friction=0:0.5:11"; see `axis_of`.
-    methods
-        Names of methods.
-    seeds
-        Every method runs at every point with the seeds 0, 1, … of this number.
-    evaluations
-        Budget of each task; 2000 where there is no budget of seconds either.
-    seconds
-        Budget of each task [s].
-    random
-        Number of points to draw instead of all on the grid.
-    seed
-        Seed of these draws.
     executor, study, callback, progress
         As of `run_tasks`.
+    tasks
+        `methods`, `seeds`, `evaluations`, `seconds`, `random`, `seed`: as of `sweep_tasks`.
 
     Raises
     ------
     ValueError
         For impossible arguments, with its coordinates for a point, before anything runs.
     """
-    if not isinstance(scene, Scene):
-        scene = load_scene(scene)
-    tasks = sweep_tasks(scene, axes, methods, seeds, evaluations, seconds, random=random, seed=seed)
-    return run_experiment(tasks, executor, study, callback, progress)
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    planned = sweep_tasks(loaded, axes, **tasks)
+    return run_experiment(planned, executor, study, callback, progress)
 
 
 def sweep_tasks(
@@ -233,7 +217,25 @@ def sweep_tasks(
     random: int | None = None,
     seed: int = 0,
 ) -> list[Task]:
-    """Return the tasks of a sweep, in order, all of them checked; see `sweep`."""
+    """Return the tasks of a sweep, in order, all of them checked.
+
+    Parameters
+    ----------
+    scene, axes
+        As of `sweep`.
+    methods
+        Names of methods.
+    seeds
+        Every method runs at every point with the seeds 0, 1, … of this number.
+    evaluations
+        Budget of each task; 2000 where there is no budget of seconds either.
+    seconds
+        Budget of each task [s].
+    random
+        Number of points to draw instead of all on the grid.
+    seed
+        Seed of these draws.
+    """
     chosen = [axis_of(axis, drawn=random is not None) for axis in axes]
     if not chosen:
         raise ValueError(f"nothing is swept: --set KEY=…; {_HOW}")

@@ -319,7 +319,7 @@ def test_what_cannot_be_swept(scenes, axis: str, more: dict, message: str) -> No
 @pytest.fixture(scope="module")
 def swept(scenes) -> Experiment:
     axes = ["physics.friction=0.1,0.3", "physics.push=6:10:3"]
-    return sweep(scenes["spacing"], axes, ["auto", "random"], 2, 40)
+    return sweep(scenes["spacing"], axes, methods=["auto", "random"], seeds=2, evaluations=40)
 
 
 def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experiment) -> None:
@@ -354,7 +354,7 @@ def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> Non
     ("dead", ["physics.push=0.3,0.5"]),
 ], ids=["line", "words", "three", "dead"])  # fmt: skip
 def test_pictures_of_other_sweeps(scenes, scene: str, axes: list[str], tmp_path: Path) -> None:
-    found = sweep(scenes[scene], axes, ["uniform"], evaluations=1)
+    found = sweep(scenes[scene], axes, methods=["uniform"], evaluations=1)
     write_sweep(found, tmp_path, scenes[scene])
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
     assert ("–" in sweep_page(found, scenes[scene])) == (scene == "dead")  # it has no gain
@@ -435,8 +435,8 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
     assert main([*words, "--resume"]) == 0
     found = study.done()
     assert {key: found[key] for key in kept} == kept
-    fresh = sweep(scenes["spacing"], ["physics.push=6:10:9"], ["random"], evaluations=15000)
-    assert {r.key: r.score for r in fresh.results} == {k: r.score for k, r in found.items()}
+    fresh = sweep_tasks(scenes["spacing"], ["physics.push=6:10:9"], ["random"], evaluations=15000)
+    assert found[fresh[-1].key].score == fresh[-1].run().score
 
 
 def test_ctrl_c_ends_the_workers_at_once(here: Path, monkeypatch, capsys) -> None:
