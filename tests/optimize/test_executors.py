@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from domino_env.core.results import versions
 
 from domino_env.cli.main import main
+from domino_env.core.results import versions
 from optimize import executors, search
 from optimize.executors import (
     ExecutorLost,
