@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from domino_env.core.checks import require
 from domino_env.core.results import draw
+from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,7 +305,7 @@ class Layout:
     ) -> Layout:
         from domino_env.core.progress import advise
         from domino_env.core.reading import naming, one_line
-        from domino_env.physics.units import unit_slip
+        from domino_env.physics.standard import unit_slip
 
         with naming(path):
             row = cls(**{"width": width} | arguments(Path(path)))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from domino_env.core.models import model_of
-from domino_env.physics.units import ADVICE, MOST
+from domino_env.physics.standard import ADVICE, MOST
 from domino_env.scenes.grounds import clash_with_ground
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.tables import MOST_PAIRS, SceneFile, ThicknessTable

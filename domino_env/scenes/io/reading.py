@@ -11,7 +11,7 @@ from typing import Any
 
 from domino_env.core.progress import advise
 from domino_env.core.reading import naming, one_line, read_bytes, refuse
-from domino_env.physics.units import unit_slip
+from domino_env.physics.standard import unit_slip
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.scene import Scene
 
