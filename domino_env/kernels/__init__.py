@@ -4,25 +4,17 @@ While domino n leads, its lean θ_n is the only free coordinate and u = ω_n² o
 in that angle, so a fall, a flush and a hit are affine maps of u, and nothing is stepped in time.
 
     slots       how the working arrays are laid out, and the symbols of all kernels
-    quadrature  Gauss-Legendre rules
-    contact     one link: tip and corner
-    links       dominoes and links in the ring, and their changes of contact
-    stack       all dominoes that lean on the leader
-    switch      flushes and releases: when, and what they do
-    polynomial  the polynomial through the nodes of a rule
-    crawl       the time of an interval in which u nearly vanishes
+    quadrature  Gauss-Legendre rules and the polynomial through their nodes
+    contact     one link: tip and corner, as it stands in the ring
+    stack       all dominoes that lean on the leader, and their changes of contact
     interval    between two switches: the affine map of u, and the time
     fall        from one hit to the next
-    front       how a chain begins, and what hits do to u and the time
-    uniform     rows of equal dominoes
-    chain       whole chains, and batches of them
-    endless     rows that repeat a pattern for ever
-    motion      a chain that is watched
-    forces      what happens between the dominoes
-    step        one step of the environments
-    records, tape    what is kept of a chain
-    adjoint     the same, backwards
+    records     what is kept of a chain
+    chain       whole chains: any, batches, equal dominoes, endless patterns
+    watch       motion, forces and impulses
     ground      dominoes placed along curved ground
+    step        the environments' step
+    adjoint     the same, backwards
     jit         how all of it is compiled and cached
 
 This face offers what Python calls, and only that.
@@ -32,12 +24,9 @@ eqs. 1-3, 7-9, restated for unequal dominoes.
 """
 
 from domino_env.kernels.adjoint.chain import pull, pull_rows
-from domino_env.kernels.adjoint.slots import WHOLE
-from domino_env.kernels.chain import compose_row, solve_rows
-from domino_env.kernels.endless import period_falls
-from domino_env.kernels.forces import LOADS, diagnose_chain
+from domino_env.kernels.adjoint.contact import WHOLE
+from domino_env.kernels.chain import compose_row, period_falls, solve_rows
 from domino_env.kernels.ground import follow_rows, lay_rows
-from domino_env.kernels.motion import watch_chain
 from domino_env.kernels.slots import (
     ARRIVAL,
     EVENT,
@@ -73,6 +62,7 @@ from domino_env.kernels.step.observation import (
     RISE_LIMIT,
     SPEED_LIMIT,
 )
+from domino_env.kernels.watch import LOADS, diagnose_chain, watch_chain
 
 __all__ = [
     "ARRIVAL",

@@ -1,4 +1,4 @@
-"""Contact of one link: where the domino behind is, how fast it turns, and what force it passes on.
+"""Dominoes and links in the ring; where the domino behind is, how it turns, what it passes on.
 
 A link starts at its tip, may turn to the corner, and may be released.  For the symbols see `slots`.
 With a rise e and a turn β of zero these are the formulas of flat ground, to the last bit.
@@ -9,8 +9,188 @@ eqs. 1-3 and 7, restated for unequal dominoes.
 
 import math
 
+import numba
+import numpy as np
+from numba.core import types
+
 from domino_env.kernels.jit import always_inline, internal, leaf
-from domino_env.kernels.slots import TINY, TIP, Shape, is_uneven, rise_of, turn_s_of, turn_v_of
+from domino_env.kernels.slots import (
+    CORNER,
+    EPS,
+    LINK,
+    RELEASED,
+    TINY,
+    TIP,
+    UNEVEN_LINK,
+    Shape,
+    is_uneven,
+    pace_of,
+    rise_of,
+    turn_s_of,
+    turn_v_of,
+)
+
+NEVER = 3.0  # 1 - cos θ is at most 2
+_TYPES = {flat: numba.from_dtype(LINK if flat else UNEVEN_LINK) for flat in (True, False)}
+
+
+@numba.extending.intrinsic
+def _link_type(_, tilt):
+    """Return the record type of the links of a row, by the type of its tilt."""
+    kind = types.DType(_TYPES[isinstance(tilt, types.NoneType)])
+    return kind(tilt), lambda context, *_: context.get_dummy_value()
+
+
+@internal
+def new_ring(row, size):
+    """Return an empty ring for the dominoes of a row."""
+    return np.zeros(size, _link_type(row.tilt))
+
+
+@always_inline
+def at_or_zero(values, i):
+    """Return values[i]; 0.0 where there are no values, as on flat ground."""
+    if values is None:
+        return 0.0
+    return values[i]
+
+
+@always_inline
+def stand(ring, mask, i, row, j):
+    """Write domino j of a row into the ring as domino i.
+
+    Per unit of width; its link forward comes with the next.  Counted from its stand, its weight
+    turns it like that of a domino of another weight and slenderness on flat ground:
+    ½ m g (L sin(θ + α) - d cos(θ + α)).
+    """
+    domino, height, thickness = ring[i & mask], row.height[j], row.thickness[j]
+    mass = row.density[j] * height * thickness
+    domino.inertia = mass * (height * height + thickness * thickness) / 3.0
+    tilt, slender = at_or_zero(row.tilt, j), thickness / height
+    s, c = math.sin(tilt), math.cos(tilt)
+    share = c + slender * s
+    domino.half_weight = 0.5 * mass * height * share  # times gravity where it is used
+    domino.slender = (slender * c - s) / share
+    domino.contact = TIP
+    domino.noted = 0
+    domino.tail = domino.inertia
+    domino.end_weight = 0.0
+
+
+@always_inline
+def join(ring, mask, i, row, j, ahead):
+    """Write the link from i to i+1, which are dominoes j and `ahead` of the row."""
+    link, height, gap, thickness_next = (
+        ring[i & mask],
+        row.height[j],
+        row.spacing[j],
+        row.thickness[ahead],
+    )
+    pitch = gap + thickness_next
+    link.p_l = pitch / height
+    link.s_l = gap / height
+    link.rest = (height - gap) / height
+    link.d_l = thickness_next / height
+    link.v_flush = gap / pitch  # cos θ = d/p
+    # cos θ = (p² + d² - L²) / 2pd, for the tip and for the corner
+    link.v_release = (height - gap) * (height + gap) / (2.0 * pitch * thickness_next)
+    _join_ground(link, row, row.tilt, j, ahead)
+    link.due = min(link.v_flush, link.v_release)
+
+
+@internal
+def _join_ground(link, row, tilt, j, ahead):
+    """Write what uneven ground adds to a link."""
+    if tilt is None:
+        return
+    e, p, d = step_of(row, j, ahead) / row.height[j], link.p_l, link.d_l
+    link.rise_l = e
+    link.turn = tilt[j] - tilt[ahead]
+    link.turn_s = math.sin(link.turn)
+    link.turn_v = 2.0 * math.sin(0.5 * link.turn) ** 2
+    link.pace = 0.0
+    if e != 0.0:
+        link.v_flush = first_lean(p, e, d, link.s_l)
+        v = link.v_flush
+        if 0.0 < v < 2.0:
+            link.pace = e * (1.0 - v) / math.sqrt(v * (2.0 - v))
+        # p cos θ - e sin θ = (p² + e² + d² - L²) / 2d, for the tip and for the corner
+        short = link.rest * (1.0 + link.s_l) - e * e
+        link.v_release = first_lean(p, e, d, short / (2.0 * d))
+
+
+@internal
+def step_of(row, j, ahead):
+    """Return e of the link between dominoes j and `ahead` [m]; 0 where it is all rounding."""
+    tilt = at_or_zero(row.tilt, ahead)
+    along = (row.spacing[j] + row.thickness[ahead]) * math.tan(tilt)
+    up = at_or_zero(row.rise, j) / math.cos(tilt)
+    step = along + up
+    return 0.0 if abs(step) <= 8.0 * EPS * (abs(along) + abs(up)) else step
+
+
+@internal
+def first_lean(p, e, d, drop):
+    """Return 1 - cos θ at which p cos θ - e sin θ has fallen from p by `drop`; e is not 0."""
+    r = p - drop
+    w2 = drop * (p + r) + e * e
+    if w2 < 0.0:
+        return NEVER
+    w, square = math.sqrt(w2), p * p + e * e
+    if e > 0.0:  # no difference of nearly equal numbers
+        return drop * (p * w - e * r) / ((e + w) * square)
+    return (p * drop + e * (e - w)) / square
+
+
+@always_inline
+def far(link):
+    """p² + e² - d², between the pivots."""
+    return link.s_l * (link.p_l + link.d_l) + rise_of(link) * rise_of(link)
+
+
+@always_inline
+def most_passed_on(link):
+    """Bound on Ω and |B/A| of a link at its tip: both only fall from what they are at the hit."""
+    if not is_uneven(link):
+        return 1.0
+    return max(1.0, 1.0 - rise_of(link) / math.sqrt(link.rest * (1.0 + link.s_l)))
+
+
+@always_inline
+def past_flush(link, over):
+    """By what Δ [rad] the faces are past flush where 1 - cos θ_{i+1} is past its due by `over`."""
+    return over * (link.p_l + pace_of(link))
+
+
+@always_inline
+def can_flush(link):
+    """Whether the link is to go from tip to corner, rather than be released."""
+    return link.contact == TIP and link.v_flush < link.v_release
+
+
+@always_inline
+def flush(link, state):
+    """From tip to corner."""
+    link.contact = CORNER
+    link.due = link.v_release
+    state.flushes += 1
+
+
+@internal
+def release(link, i, state):
+    """Domino i loses i+1: it and all behind it leave the stack."""
+    link.contact = RELEASED
+    state.back = i + 1
+    state.releases += 1
+
+
+@always_inline
+def catch_up(link, i, v, state):
+    """Make up for switches beyond an earlier cut: they had no weight then, and need no impact."""
+    if can_flush(link):
+        flush(link, state)
+    if v > link.v_release * (1.0 + 1e-9):
+        release(link, i, state)
 
 
 @internal

@@ -7,10 +7,20 @@ is stepped in time.
 
 import math
 
-from domino_env.kernels.crawl import slow_time
 from domino_env.kernels.jit import always_inline, internal, noinline
-from domino_env.kernels.polynomial import first_zero, lowest_point, series
-from domino_env.kernels.quadrature import HIGH, ORDERS, RUNNING, TO_END, TO_START, TOP, WEIGHTS
+from domino_env.kernels.quadrature import (
+    HIGH,
+    ORDERS,
+    RUNNING,
+    TO_END,
+    TO_START,
+    TOP,
+    WEIGHTS,
+    first_zero,
+    lowest_point,
+    series,
+    slow_time,
+)
 from domino_env.kernels.slots import (
     COEF,
     EPS,

@@ -1,11 +1,12 @@
-"""Gauss-Legendre rules on [0, 1]: nodes, weights, running integrals, extrapolation, coefficients.
+"""Gauss-Legendre rules, the polynomial through their nodes, and time near a stall."""
 
-Every table has one slice per entry of `ORDERS`, padded with zeros to the longest rule.  A rule of
-order m has m nodes; with the two ends of the interval it fills a multiple of four lanes.
-"""
+import math
 
 import numpy as np
 from numpy.polynomial import legendre
+
+from domino_env.kernels.jit import always_inline, internal
+from domino_env.kernels.slots import COEF, TINY
 
 ORDERS = np.array([2, 6, 10, 14, 22, 30])
 _ROOM = 32
@@ -46,3 +47,163 @@ point, n), Legendre coefficients of the polynomial through start, nodes and end.
 _n = np.arange(_ROOM)
 RECUR_Z, RECUR_0 = (2.0 * _n + 1.0) / (_n + 1.0), _n / (_n + 1.0)
 """P_{n+1}(z) = RECUR_Z[n] z P_n - RECUR_0[n] P_{n-1}."""
+
+
+@internal
+def series(lanes, values, k):
+    """Legendre coefficients of the polynomial through a row of lanes (start, nodes, end)."""
+    count = ORDERS[k] + 2
+    for j in range(count):
+        lanes[COEF + j] = 0.0
+    for i in range(count):
+        y = lanes[values + i]
+        for j in range(count):
+            lanes[COEF + j] += CLOSED[k, i, j] * y
+
+
+@internal
+def series_at(lanes, count, x):
+    """Value and first two derivatives of that polynomial at x in [0, 1]."""
+    z = 2.0 * x - 1.0
+    p0, p1, d0, d1, c0, c1 = 1.0, z, 0.0, 1.0, 0.0, 0.0
+    y = lanes[COEF] + lanes[COEF + 1] * z
+    dy, ddy = lanes[COEF + 1], 0.0
+    for n in range(1, count - 1):
+        f = 2 * n + 1.0
+        p2 = RECUR_Z[n] * (z * p1) - RECUR_0[n] * p0
+        d2 = d0 + f * p1
+        c2 = c0 + f * d1
+        a = lanes[COEF + n + 1]
+        y += a * p2
+        dy += a * d2
+        ddy += a * c2
+        p0, p1, d0, d1, c0, c1 = p1, p2, d1, d2, c1, c2
+    return y, 2.0 * dy, 4.0 * ddy
+
+
+@internal
+def lowest_lane(lanes, values, count):
+    best = 0
+    for j in range(1, count):
+        if lanes[values + j] < lanes[values + best]:
+            best = j
+    return best
+
+
+@always_inline
+def place(k, j):
+    """Position of lane j in [0, 1]."""
+    if j == 0:
+        return 0.0
+    if j == ORDERS[k] + 1:
+        return 1.0
+    return NODES[k, j - 1]
+
+
+@internal
+def lowest_point(lanes, values, k):
+    """Place and value of the minimum over [0, 1] of the polynomial through a row (COEF is set)."""
+    count = ORDERS[k] + 2
+    j = lowest_lane(lanes, values, count)
+    lo, hi = place(k, max(j - 1, 0)), place(k, min(j + 1, count - 1))
+    x = place(k, j)
+    _, dy, _ = series_at(lanes, count, lo)
+    if dy >= 0.0 and j == 0:
+        return 0.0, lanes[values]
+    _, dy, _ = series_at(lanes, count, hi)
+    if dy <= 0.0 and j == count - 1:
+        return 1.0, lanes[values + j]
+    for _ in range(60):
+        y, dy, ddy = series_at(lanes, count, x)
+        if dy > 0.0:
+            hi = x
+        else:
+            lo = x
+        new = x - dy / ddy if ddy > 0.0 else 0.5 * (lo + hi)
+        if not (lo <= new <= hi):
+            new = 0.5 * (lo + hi)
+        done = abs(new - x) <= 1e-9  # u is flat there: its error is the square of that
+        x = new
+        if done:
+            break
+    y, _, _ = series_at(lanes, count, x)
+    return x, min(y, lanes[values + j])
+
+
+@internal
+def first_zero(lanes, values, k, x_low):
+    """Where the falling polynomial (COEF) first reaches zero before its minimum at x_low."""
+    count = ORDERS[k] + 2
+    lo, hi = 0.0, x_low
+    for j in range(count):  # the first lane that is not positive bounds the first zero
+        if lanes[values + j] <= 0.0 and place(k, j) < hi:
+            hi = place(k, j)
+            break
+    for _ in range(80):
+        x = 0.5 * (lo + hi)
+        y, _, _ = series_at(lanes, count, x)
+        if y > 0.0:
+            lo = x
+        else:
+            hi = x
+        if hi - lo <= 1e-15:
+            break
+    return lo
+
+
+@internal
+def slow_panel(lanes, count, x0, x1, moments):
+    """∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u (COEF), ten nodes.
+
+    moments, unless empty: gains ½∫ P_n(2x - 1) dx/u^(3/2).
+    """
+    time, sens = 0.0, 0.0
+    for j in range(10):
+        x = x0 + (x1 - x0) * NODES[2, j]
+        y, _, _ = series_at(lanes, count, x)
+        y = max(y, TINY)
+        f = 1.0 / math.sqrt(y)
+        part = WEIGHTS[2, j] * 0.5 * f / y
+        time += WEIGHTS[2, j] * f
+        sens += part
+        if len(moments) > 0:
+            z, p0, p1 = 2.0 * x - 1.0, 1.0, 2.0 * x - 1.0
+            moments[0] += part * (x1 - x0)
+            for n in range(1, count):
+                moments[n] += part * (x1 - x0) * p1
+                p0, p1 = p1, RECUR_Z[n] * (z * p1) - RECUR_0[n] * p0
+    return time * (x1 - x0), sens * (x1 - x0)
+
+
+@internal
+def slow_time(lanes, count, x_low, moments):
+    """The two integrals over [0, 1] when u nearly vanishes: panels that grow away from x_low.
+
+    A panel spans the distance over which u changes by its own size, so each is easy and their
+    number grows like the logarithm of the depth of the dip.
+    """
+    time, sens = 0.0, 0.0
+    for side in range(2):
+        x = x_low
+        target = 1.0 if side == 1 else 0.0
+        for _ in range(2000):
+            if x == target:
+                break
+            y, dy, ddy = series_at(lanes, count, x)
+            y = max(y, TINY)
+            step = 1.0
+            if abs(dy) > 0.0:
+                step = min(step, y / abs(dy))
+            if abs(ddy) > 0.0:
+                step = min(step, math.sqrt(2.0 * y / abs(ddy)))
+            step = max(0.75 * step, 1e-12)
+            if side == 1:
+                new = min(x + step, 1.0)
+                t, q = slow_panel(lanes, count, x, new, moments)
+            else:
+                new = max(x - step, 0.0)
+                t, q = slow_panel(lanes, count, new, x, moments)
+            time += t
+            sens += q
+            x = new
+    return time, sens

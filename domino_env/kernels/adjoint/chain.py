@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.adjoint.contact import hit_angle_back
-from domino_env.kernels.adjoint.interval import ride_back
-from domino_env.kernels.adjoint.slots import (
+from domino_env.kernels.adjoint.contact import (
     BARS,
     FLUSHING,
     PART_GAP,
@@ -18,14 +16,17 @@ from domino_env.kernels.adjoint.slots import (
     PART_THICK,
     PART_TURN,
     PARTS,
+    flush_back,
+    hit_angle_back,
+    hit_back,
+    switch_back,
 )
+from domino_env.kernels.adjoint.interval import SHARED, fall_back, forget, ride_back, room_for_table
 from domino_env.kernels.adjoint.stack import mass_back
-from domino_env.kernels.adjoint.switch import flush_back, hit_back, switch_back
-from domino_env.kernels.adjoint.uniform import SHARED, fall_back, forget, room_for_table
-from domino_env.kernels.chain import ring_size, row_of, solve
+from domino_env.kernels.chain import is_uniform, ring_size, row_of, solve
+from domino_env.kernels.contact import at_or_zero, join, new_ring, stand
 from domino_env.kernels.fall import fall_angle
 from domino_env.kernels.jit import entry_point, internal, keep_alive, noinline
-from domino_env.kernels.links import at_or_zero, join, new_ring, stand
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 from domino_env.kernels.slots import (
@@ -44,7 +45,6 @@ from domino_env.kernels.slots import (
     is_uneven,
     turn_of,
 )
-from domino_env.kernels.uniform import is_uniform
 
 AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # what an interval ends at
 

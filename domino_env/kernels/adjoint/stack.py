@@ -1,7 +1,6 @@
 """The stack, backwards: bars are led up it, from the cut to the leader."""
 
-from domino_env.kernels.adjoint.contact import corner_back, tip_back
-from domino_env.kernels.adjoint.slots import (
+from domino_env.kernels.adjoint.contact import (
     B_DRV,
     B_GAP,
     B_HALF,
@@ -23,6 +22,8 @@ from domino_env.kernels.adjoint.slots import (
     SEED_G,
     SEED_M,
     ShapeBar,
+    corner_back,
+    tip_back,
 )
 from domino_env.kernels.contact import pose, shape_of
 from domino_env.kernels.jit import always_inline, internal

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.chain import prepare
-from domino_env.kernels.fall import step
-from domino_env.kernels.front import open_chain
+from domino_env.kernels.chain import is_uniform, prepare
+from domino_env.kernels.contact import step_of
+from domino_env.kernels.fall import open_chain, step
 from domino_env.kernels.ground import next_place, piece_at
 from domino_env.kernels.jit import (
     always_inline,
@@ -15,7 +15,6 @@ from domino_env.kernels.jit import (
     internal,
     keep_alive,
 )
-from domino_env.kernels.links import step_of
 from domino_env.kernels.slots import EVENT, LANES, OUT_OF_REACH, PROPAGATED
 from domino_env.kernels.step.action import (
     aim,
@@ -28,7 +27,6 @@ from domino_env.kernels.step.action import (
 )
 from domino_env.kernels.step.batch import OVER, RUNNING, row_built, rules_of
 from domino_env.kernels.step.observation import observe
-from domino_env.kernels.uniform import is_uniform
 
 
 @internal

@@ -13,11 +13,11 @@ import pytest
 
 import domino_env
 from domino_env import kernels
-from domino_env.kernels import chain, polynomial
+from domino_env.kernels import chain, quadrature
 
 PROBE = """
 from domino_env.kernels.jit import entry_point, noinline
-from domino_env.kernels.polynomial import place
+from domino_env.kernels.quadrature import place
 from domino_env.kernels.quadrature import ORDERS
 
 @noinline
@@ -89,7 +89,7 @@ def test_an_edit_of_a_neighbour_compiles_anew(copy, tmp_path, folder):
     assert first == {"values": [node, 1.0, node, 1.0], "hits": [0, 0]}
     assert again == {"values": [node, 1.0, node, 1.0], "hits": [1, 1]}
 
-    edit(copy.package / "kernels" / "polynomial.py", "        return 1.0\n", "        return 3.0\n")
+    edit(copy.package / "kernels" / "quadrature.py", "        return 1.0\n", "        return 3.0\n")
     after, _ = copy(**chosen)
     assert after == {"values": [node, 3.0, node, 3.0], "hits": [0, 0]}
 
@@ -115,7 +115,7 @@ def test_a_full_disk_costs_the_cache_and_not_the_answer(copy):
     assert said.count("set NUMBA_CACHE_DIR") == 1
 
 
-@pytest.mark.parametrize("function", [polynomial.place, chain.chain])
+@pytest.mark.parametrize("function", [quadrature.place, chain.chain])
 def test_only_entry_points_are_called_from_python(function):
     with pytest.raises(TypeError, match="called by compiled code only"):
         function(*[0] * function.py_func.__code__.co_argcount)
@@ -127,18 +127,18 @@ import numba, numpy as np
 if sys.argv[1] == "plain":
     numba.version_info = (999, 0)
 from domino_env import kernels
-from domino_env.kernels import jit, links
+from domino_env.kernels import contact, jit
 from domino_env.kernels.adjoint import contact as backwards
 from domino_env.kernels.contact import link_at, pose, shape_of
 
 @jit.entry_point
 def walk(row, mu, found):
-    ring = links.new_ring(row, 8)
+    ring = contact.new_ring(row, 8)
     for i in range(len(row.thickness)):
-        links.stand(ring, 7, i, row, i)
+        contact.stand(ring, 7, i, row, i)
     s, v = pose(0.1)
     for i in range(len(row.spacing)):
-        links.join(ring, 7, i, row, i, i + 1)
+        contact.join(ring, 7, i, row, i, i + 1)
         shape = shape_of(ring[i])
         s, v, omega, psi, ratio = link_at(ring[i], s, v, mu)
         back = backwards.tip_back(s, v, shape, mu, 0.1, 0.2, 0.3, 0.4, 0.5)

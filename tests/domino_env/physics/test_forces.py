@@ -6,7 +6,7 @@ import pytest
 
 import domino_env as de
 from domino_env import kernels
-from domino_env.kernels import forces, links
+from domino_env.kernels import contact, watch
 from domino_env.kernels.jit import entry_point
 
 COUNT, GRAVITY = 7, 9.81
@@ -15,23 +15,23 @@ COUNT, GRAVITY = 7, 9.81
 @entry_point
 def stand_all(ring, row):
     for i in range(len(row.thickness)):
-        links.stand(ring, len(ring) - 1, i, row, i)
+        contact.stand(ring, len(ring) - 1, i, row, i)
     for i in range(len(row.spacing)):
-        links.join(ring, len(ring) - 1, i, row, i, i + 1)
+        contact.join(ring, len(ring) - 1, i, row, i, i + 1)
 
 
 @entry_point
 def loads_at(row, ring, n, angle, u, gravity, mu, geometry, loads):
     mask = len(ring) - 1
-    forces.stack_geometry(row, ring, mask, n, 0, angle, mu, geometry, False)
-    forces.contact_forces(row, ring, mask, n, 0, geometry, u, gravity, mu, loads)
+    watch.stack_geometry(row, ring, mask, n, 0, angle, mu, geometry, False)
+    watch.contact_forces(row, ring, mask, n, 0, geometry, u, gravity, mu, loads)
 
 
 @entry_point
 def impulses_at(row, ring, n, mu, before, after, geometry, least):
     mask = len(ring) - 1
-    forces.stack_geometry(row, ring, mask, n, 0, 0.0, mu, geometry, False)
-    forces.contact_impulses(ring, mask, n, 0, geometry, before, after, least)
+    watch.stack_geometry(row, ring, mask, n, 0, 0.0, mu, geometry, False)
+    watch.contact_impulses(ring, mask, n, 0, geometry, before, after, least)
 
 
 def stacks(seed, friction, hills):
@@ -57,7 +57,7 @@ def stacks(seed, friction, hills):
 def test_forces_at_one_instant(seed, friction, hills):
     row, ring, chain = stacks(seed, friction, hills)
     n, angle, speed = COUNT - 1, 0.05, 6.0
-    geometry, loads = np.zeros(COUNT, forces.GEOMETRY), np.full(COUNT, np.inf, forces.LOADS)
+    geometry, loads = np.zeros(COUNT, watch.GEOMETRY), np.full(COUNT, np.inf, watch.LOADS)
     loads["floor_friction"] = -np.inf
     loads_at(row, ring, n, angle, speed**2, GRAVITY, friction, geometry, loads)
     angle += chain.stand[n]
@@ -92,7 +92,7 @@ def test_forces_at_one_instant(seed, friction, hills):
 def test_impulses_of_a_hit(seed, friction, hills):
     row, ring, chain = stacks(seed, friction, hills)
     n = COUNT - 1
-    geometry, least = np.zeros(COUNT, forces.GEOMETRY), np.full(COUNT, np.inf)
+    geometry, least = np.zeros(COUNT, watch.GEOMETRY), np.full(COUNT, np.inf)
     theta = chain.angles(n, chain.stand[n])
     omega = chain.ratios(chain.contacts(n, theta)) * 9.0
     omega[-1] = 0.0
