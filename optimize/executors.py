@@ -126,12 +126,14 @@ class ProcessExecutor(Executor):
         """Give waiting calls to the pool and pass on their results, in a thread of its own."""
         waiting: deque[_Call] = deque()
         running: dict[Future[Any], _Call] = {}
-        pool = self._new_pool()
-        while not (self._closing and not waiting and not running) and not self._killed:
+        pool, closing = self._new_pool(), False
+        while not (closing and not waiting and not running) and not self._killed:
             news = self._news.get()
-            if isinstance(news, _Call):
+            if news is None:  # behind all that was submitted
+                closing = True
+            elif isinstance(news, _Call):
                 waiting.append(news)
-            elif news is not None:
+            else:
                 call = running.pop(news)
                 if isinstance(error := news.exception(), BrokenProcessPool):
                     call.strikes += 1
@@ -159,15 +161,12 @@ class ProcessExecutor(Executor):
             for process in list((pool._processes or {}).values()):
                 process.kill()
         pool.shutdown(wait=True)
-        for call in [*running.values(), *waiting, *self._unserved()]:
+        while not self._news.empty():
+            if isinstance(news := self._news.get(), _Call):
+                waiting.append(news)
+        for call in (*running.values(), *waiting):
             if not call.future.cancelled():
                 call.future.set_exception(ExecutorLost("the executor was ended"))
-
-    def _unserved(self) -> Iterator[_Call]:
-        while not self._news.empty():
-            news = self._news.get()
-            if isinstance(news, _Call):
-                yield news
 
     def _new_pool(self) -> ProcessPoolExecutor:
         # spawn: a fork would inherit locks that threads hold

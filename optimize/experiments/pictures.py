@@ -171,8 +171,8 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         at = places[key]
         if any(isinstance(value, str) for value in at):
             axes.set_xticks(list(at.values()), [str(value) for value in at])
-        elif _is_logarithmic(np.array(sorted(at.values()))):
-            axes.set_xscale("log")
+        elif min(at.values()) > 0.0 and np.median([*at.values()]) < 0.2 * max(at.values()):
+            axes.set_xscale("log")  # the values are spread so
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
 
     draw_curves(path, panels, headline, subtitle, ("", what), prepare, experiment.methods[:MOST])
@@ -246,11 +246,3 @@ def _places(values: list[Label]) -> dict[Label, float]:
     if any(isinstance(value, str) for value in values):
         return {value: float(k) for k, value in enumerate(dict.fromkeys(values))}
     return {value: float(value) for value in sorted(values, key=float)}
-
-
-def _is_logarithmic(values: Floats) -> bool:
-    """Tell whether values are evenly spread in the logarithm."""
-    if len(values) < 3 or values[0] <= 0.0 or values[-1] / values[0] < 20.0:
-        return False
-    steps = np.diff(np.log(values))
-    return bool(np.ptp(steps) < 0.2 * steps.mean())

@@ -296,25 +296,19 @@ def best_result(study: Study, which: str | None) -> TaskResult:
         Where nothing or several scenes match.
     """
     results = list(study.done().values())
-    if not results:
-        raise ValueError(f"study '{study.name}' has no results yet")
-    if which is not None:
-        by_key = [r for r in results if len(which) >= 4 and r.key.startswith(which)]
-        named = [r for r in results if r.scene_name == which]
-        if not named and len(by_key) != 1:
-            names = sorted({r.scene_name for r in results})
-            raise ValueError(
-                f"study '{study.name}' has no scene and no single result '{which}': name one of "
-                f"{', '.join(names[:8])}, or a key that 'domino studies show' gives"
-            )
-        results = named or by_key
-    if len({r.scene for r in results}) > 1:
+    found = [
+        r for r in results
+        if which in (None, r.scene_name) or (len(which) >= 4 and r.key.startswith(which))
+    ]  # fmt: skip
+    number = len({r.scene for r in found})
+    if number != 1:
+        names = ", ".join(sorted({r.scene_name for r in results})[:8]) or "no results yet"
         what = f"called '{which}'" if which is not None else "in it"
         raise ValueError(
-            f"study '{study.name}' has several scenes {what}: name one result by the first eight "
-            "characters of its key, which 'domino studies show' gives"
+            f"study '{study.name}' has {number or 'no'} scenes {what}: name one of {names}, or one "
+            "result by the first eight characters of its key, which 'domino studies show' gives"
         )
-    return max(results, key=lambda r: r.score)
+    return max(found, key=lambda r: r.score)
 
 
 def _line(study: str, result: TaskResult) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import sys
 import time
 from contextlib import suppress
 from dataclasses import replace
-from multiprocessing import active_children
 from pathlib import Path
 
 import msgspec
@@ -231,11 +230,8 @@ def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
 
 @pytest.mark.parametrize(("text", "message"), [
     ("physics.friction", "write KEY=FROM:TO:NUMBER"),
-    ("=3", "write KEY="),
-    ("a..b=3", "write KEY="),
     ("row.count=3:4", "write KEY=FROM:TO:NUMBER"),
     ("row.count=3:x:4", "write KEY="),
-    ("row.count=3:4:5:cubic", "write KEY="),
     ("row.count=3:4:0", "give 1 to 100000 values, not 0"),
     ("physics.push=0:inf:3", "give finite numbers"),
     ("physics.push=0:1:3:log", "give finite numbers of more than 0"),
@@ -243,7 +239,6 @@ def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
     ("physics.push=4,,8", "a value is empty"),
     ("spacing.values=[1, ", "not JSON"),
     ("spacing.values=[null]", "give a list of numbers"),
-    ("spacing.values=" + "[" * 100_000, "not JSON"),
 ])  # fmt: skip
 def test_other_texts_are_rejected(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=f"--set .*{message}"):
@@ -295,15 +290,12 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
 @pytest.mark.parametrize(("axis", "more", "message"), [
     ("physics.friction=0.1,-1", {}, r"physics.friction = -1.0: give a finite number from 0 to"),
     ("physics.frction=0.1", {}, r"physics.frction = 0.1: unknown key 'physics.frction'"),
-    ("objective=speed", {}, "objective = speed: objective = 'speed': choose"),
     ("spacing.fixed=0.02", {}, "spacing.fixed = 0.02: .* leaves nothing free"),
     ("row.length=0.1,100", {}, r"row.length = 100.0: row.length = 100.0 m cannot be met"),
     ("row.count.more=1", {}, "row.count.more = 1.0: 'row.count.more': count is no table"),
     ("physics.push=4,8", {"methods": []}, "methods is empty"),
     ("physics.push=4,8", {"methods": ["cmaes"]}, "there is no method 'cmaes'"),
-    ("physics.push=4,8", {"seeds": 0}, "--seeds 0"),
     ("physics.push=4,8", {"seed": -1}, "--seed -1"),
-    ("physics.push=4,8", {"evaluations": 0}, "--evaluations 0"),
     ("physics.push=4,8", {"seconds": float("nan")}, "--seconds nan"),
     ("physics.push=4,8", {"seeds": 10**7}, "20000000 tasks: a sweep has at most"),
     ("physics.push=4:8", {"random": 0}, "--random 0: give 1 to"),
@@ -439,51 +431,14 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
     assert found[fresh[-1].key].score == fresh[-1].run().score
 
 
-def test_ctrl_c_ends_the_workers_at_once(here: Path, monkeypatch, capsys) -> None:
-    """What is complete is written, and nobody waits for what is not."""
-    finish, running = Progress.finish, []
-
-    def stop(*words: object) -> None:
-        finish(*words)
-        running.extend(child.pid for child in active_children())
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Progress, "finish", stop)
-    words = ["compare", "mine.toml", "--methods", "uniform,random", "--seeds", "1"]
-    assert main([*words, "--evaluations", "100000000", "--workers", "2"]) == 130
-    assert "interrupted before any run was complete" not in capsys.readouterr().err
-    assert running
-    assert not {child.pid for child in active_children()} & set(running)
-
-
 # progress ---------------------------------------------------------------------------------------
 
 
-class Terminal:
-    """Takes what is written and claims to be a terminal."""
-
-    encoding = "utf-8"
-
-    def __init__(self) -> None:
-        self.text = ""
-
-    def write(self, text: str) -> int:
-        self.text += text
-        return len(text)
-
-    def flush(self) -> None:
-        pass
-
-    def isatty(self) -> bool:
-        return True
-
-
-def test_a_line_moves_on_a_terminal_only(scenes, monkeypatch, capsys) -> None:
+def test_a_line_moves_where_it_is_shown(scenes, capsys) -> None:
     tasks = sweep_tasks(scenes["spacing"], ["physics.push=6,8"], ["random"], evaluations=4000)
     run_tasks(tasks)
     assert capsys.readouterr() == ("", "")
-    screen = Terminal()
-    monkeypatch.setattr(sys, "stderr", screen)
-    run_tasks(tasks, progress=Progress("mine", shown=None))
+    run_tasks(tasks, progress=Progress("mine", shown=True))
+    shown = capsys.readouterr().err
     for said in ("mine, 0 of 2", "mine, 2 of 2", " left, physics.push = 8.0, random, seed 0"):
-        assert said in screen.text
+        assert said in shown
