@@ -70,8 +70,8 @@ class Asked:
         )
 
     def read(self, path: str | Path) -> Layout:
-        """Read a layout of the scene, see `domino_env.scenes.io.beside.read_row`."""
-        from domino_env.scenes.io.beside import read_row
+        """Read a layout of the scene, see `domino_env.scenes.io.reading.read_row`."""
+        from domino_env.scenes.io.reading import read_row
 
         return read_row(path, self.scene)
 
@@ -92,8 +92,7 @@ def asked_physics(arguments: argparse.Namespace, *paths: str | Path) -> Asked:
         For a scene that cannot be read, and for rows that lie beside different ones.
     """
     from domino_env.physics.physics import Physics
-    from domino_env.scenes.io.beside import common_scene
-    from domino_env.scenes.io.reading import load_scene
+    from domino_env.scenes.io.reading import common_scene, load_scene
 
     scene = load_scene(arguments.scene) if arguments.scene else common_scene(paths)
     given = {name: getattr(arguments, name) for name in NUMBERS}

@@ -16,9 +16,9 @@ from domino_env.envs.spaces import FEATURE_LIMIT, choices
 from domino_env.physics.wave import LOOSEST, TIGHTEST
 from domino_env.scenes.distribution import SceneDistribution, load_any
 from domino_env.scenes.io.ranges import COUNT
+from domino_env.scenes.objectives.robust import LEAST_GAP
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.unsteady import LEAST_GAP
 
 Generators = Callable[[int], np.random.Generator]  # of an environment, by its number
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.core.reading import naming, refuse
+from domino_env.core.types import Floats
 from domino_env.scenes.io.ranges import (
     COUNT,
     PUSH,
@@ -25,13 +25,10 @@ from domino_env.scenes.io.reading import (
     scene_names,
     scene_of_document,
 )
-from domino_env.scenes.io.writing import text_of
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
-from domino_env.scenes.tables import PhysicsTable, RowTable
+from domino_env.scenes.tables import PhysicsTable, RowTable, text_of
 from domino_env.scenes.uniform_layouts import UniformLayouts
-
-Floats = NDArray[np.float64]
 
 IS_SCENE = "it is one scene, none of its numbers is a range: load it by load_scene"
 NAMES: dict[Place, str] = {

@@ -8,15 +8,13 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
-from numpy.typing import NDArray
 
 from domino_env.core.reading import refuse
+from domino_env.core.types import Floats
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.reading import DISTRIBUTIONS
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_point
-
-Floats = NDArray[np.float64]
 
 POOL = 4096  # scenes
 TRAINING = 0  # beside its number the seed of a scene

@@ -8,18 +8,16 @@ from functools import cached_property, lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave, simulate
-from domino_env.scenes.io.writing import text_of
 from domino_env.scenes.objectives import Evaluation
+from domino_env.scenes.objectives.robust import placed
 from domino_env.scenes.specification import Specification
+from domino_env.scenes.tables import text_of
 from domino_env.scenes.uniform import UniformBaseline, best_uniform, gain, lead_in_words
-from domino_env.scenes.unsteady import errors, placed
 from domino_env.scenes.waves import LayoutBatch, Waves
-
-Floats = NDArray[np.float64]
 
 SCORE_RTOL = 1e-10  # what is reported; searches may look less closely
 
@@ -209,7 +207,7 @@ class Scene(Specification):
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
         """Draw placement noise that is added to the gaps of a layout (N-1,) [m]."""
-        return errors(self.placement_deviation, self.count - 1, generator)
+        return self.placement_deviation * generator.standard_normal(self.count - 1)
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Say a score in the words and units of the objective."""

@@ -6,25 +6,23 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from domino_env.core.models import plain
+from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.consistency import tables_of
-from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES, Objective
+from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import Placement
 from domino_env.scenes.objectives.standing import StandingSpeed
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.rules import off_list, on_other_ground, outside, too_steep
-from domino_env.scenes.stock import Stock
+from domino_env.scenes.rules import Stock, off_list, on_other_ground, outside, too_steep
 from domino_env.scenes.tables import Bounds, RangeTable, RowTable
 from domino_env.scenes.waves import LayoutBatch
-
-Floats = NDArray[np.float64]
 
 LENGTH_TOLERANCE = 1e-9  # [m]
 

@@ -6,6 +6,7 @@ A scene made in Python is checked by the same tables, and editors check files by
 
 from __future__ import annotations
 
+import json
 import math
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -17,9 +18,9 @@ from domino_env.core.models import LARGEST, Part, Size, Table
 from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
-from domino_env.scenes.limits import Limits
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.stock import MOST_DOMINOES, Stock
+from domino_env.scenes.objectives.base import Limits
+from domino_env.scenes.rules import MOST_DOMINOES, Stock
 
 Bounds = tuple[float, float]
 Values = tuple[float, ...]
@@ -271,3 +272,25 @@ else:
         kw_only=True,
     )
 """All that a scene's file says: `SceneTables`, and the tables of objectives, named as they are."""
+
+
+def text_of(document: dict[str, Any]) -> str:
+    """Write the text of a document: values before tables, and tables of tables in a line."""
+    lines = []
+    for key, value in sorted(document.items(), key=lambda item: isinstance(item[1], dict)):
+        if isinstance(value, dict):
+            told = (f"{k} = {_toml(v)}" for k, v in value.items() if v is not None)
+            lines += ["", f"[{key}]", *told]
+        else:
+            lines.append(f"{key} = {_toml(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{k} = {_toml(v)}' for k, v in value.items())}}}"
+    return repr(float(value) if isinstance(value, float) else int(value))

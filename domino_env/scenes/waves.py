@@ -1,4 +1,4 @@
-"""Layouts in, waves out: what scores are made of, B rows at a time."""
+"""Batches of layouts to simulate, and what scores need of their waves."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.results import brief
+from domino_env.core.types import Floats, Ints
 from domino_env.physics import footing
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate_batch
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

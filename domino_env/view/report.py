@@ -27,7 +27,7 @@ from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
 from domino_env.rigid.known import known_verification
 from domino_env.rigid.simulation import in_words
-from domino_env.scenes.io.beside import common_scene, read_row
+from domino_env.scenes.io.reading import common_scene, read_row
 from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
 from domino_env.view.race import Racer, race_data

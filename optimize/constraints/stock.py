@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.scenes.stock import Stock
+from domino_env.scenes.rules import Stock
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave, WaveBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
-from domino_env.scenes.waves import Floats, LayoutBatch, Waves
+from domino_env.scenes.waves import LayoutBatch, Waves
 
 
 @dataclass(frozen=True)

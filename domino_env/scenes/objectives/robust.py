@@ -1,4 +1,4 @@
-"""The speed that most rows reach whose gaps are off at random."""
+"""The speed that most layouts reach whose gaps have placement noise."""
 
 from __future__ import annotations
 
@@ -12,14 +12,22 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env.core.models import Part, Value
+from domino_env.core.types import Floats, Ints
 from domino_env.physics.wave import Wave
 from domino_env.scenes.objectives.base import Evaluation, Objective
 from domino_env.scenes.objectives.speed import speed_gradient
-from domino_env.scenes.unsteady import placed
-from domino_env.scenes.waves import Floats, Ints, LayoutBatch, Waves
+from domino_env.scenes.waves import LayoutBatch, Waves
 
 LARGEST_DRAWS = 100_000
 MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they topple
+
+
+LEAST_GAP = 0.0002  # [m] no gap is ever placed tighter
+
+
+def placed(spacing: Floats, errors: Floats) -> Floats:
+    """Return the gaps as they come to stand [m], whose last axis is that of the errors."""
+    return np.maximum(spacing + errors, LEAST_GAP)
 
 
 class Placement(Value, frozen=True):  # type: ignore[misc]

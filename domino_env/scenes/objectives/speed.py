@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from domino_env.core.types import Floats
 from domino_env.physics.gradient import longer
 from domino_env.physics.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
-from domino_env.scenes.waves import Floats, LayoutBatch, Waves
+from domino_env.scenes.waves import LayoutBatch, Waves
 
 
 @dataclass(frozen=True)

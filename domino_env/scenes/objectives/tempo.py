@@ -11,9 +11,10 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env.core.models import Size, Value
+from domino_env.core.types import Floats
 from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
-from domino_env.scenes.waves import Floats, LayoutBatch, Waves
+from domino_env.scenes.waves import LayoutBatch, Waves
 
 TOLERANCE = 1e-3  # [s]
 

@@ -8,9 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave
 from domino_env.scenes.objectives.base import Evaluation, Objective
-from domino_env.scenes.waves import Floats, Waves
+from domino_env.scenes.waves import Waves
 
 
 @dataclass(frozen=True)

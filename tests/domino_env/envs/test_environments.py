@@ -15,8 +15,8 @@ from gymnasium.utils.env_checker import check_env
 
 import domino_env as de
 from domino_env import DominoChain, DominoLayout
-from domino_env.scenes.limits import Limits
-from domino_env.scenes.stock import Stock
+from domino_env.scenes.objectives.base import Limits
+from domino_env.scenes.rules import Stock
 
 SCENES = de.scene_names()
 BOTH = ("DominoChain-v0", "DominoLayout-v0")

@@ -10,7 +10,7 @@ from agents.scripted import ScriptedPolicy, uniform
 from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, load_scene
 from domino_env.envs.vector import RTOL
 from domino_env.scenes.io.reading import parse_scene
-from domino_env.scenes.unsteady import LEAST_GAP
+from domino_env.scenes.objectives.robust import LEAST_GAP
 
 SCENE = replace(load_scene("sprint"), count=12, placement_deviation=0.002)
 ACTION = -0.2

@@ -15,10 +15,10 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 import domino_env as de
 from domino_env import DominoChain, DominoChainVector, DominoLayout, DominoLayoutVector
 from domino_env.envs import episodes
-from domino_env.scenes.limits import Limits
+from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import Placement
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.stock import Stock
+from domino_env.scenes.rules import Stock
 
 NEXT, SAME, OFF = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
 

@@ -7,7 +7,7 @@ import pytest
 
 import domino_env as de
 from domino_env.scenes import uniform
-from domino_env.scenes.limits import Limits
+from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.uniform import best_point
 from domino_env.scenes.uniform_layouts import UniformLayouts
 

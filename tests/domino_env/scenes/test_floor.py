@@ -11,7 +11,7 @@ from domino_env.envs.chain import DominoChain, DominoChainVector
 from domino_env.envs.layout import DominoLayout, DominoLayoutVector
 from domino_env.scenes import uniform
 from domino_env.scenes.io.reading import parse_scene
-from domino_env.scenes.limits import Limits
+from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize import Problem, search
 

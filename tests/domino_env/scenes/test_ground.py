@@ -9,8 +9,7 @@ import pytest
 
 import domino_env as de
 from domino_env.physics import footing
-from domino_env.scenes.io.beside import read_row
-from domino_env.scenes.io.reading import parse_scene
+from domino_env.scenes.io.reading import parse_scene, read_row
 
 POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
 HILLS = de.Ground(profile=POINTS)

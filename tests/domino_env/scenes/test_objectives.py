@@ -10,12 +10,11 @@ import pytest
 
 import domino_env as de
 from domino_env.scenes.io.reading import parse_scene
-from domino_env.scenes.limits import Limits
-from domino_env.scenes.objectives.robust import Placement
+from domino_env.scenes.objectives.base import Limits
+from domino_env.scenes.objectives.robust import LEAST_GAP, Placement
 from domino_env.scenes.objectives.tempo import Tempo
+from domino_env.scenes.rules import Stock
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.stock import Stock
-from domino_env.scenes.unsteady import LEAST_GAP
 
 
 def some(name: str, **changes: object) -> Scene:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 import domino_env as de
+from domino_env.scenes.rules import Stock
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.stock import Stock
 from optimize import Problem, search
 from optimize.constraints.feasibility import clashing_rules, require_feasible
 

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import domino_env as de
+from domino_env.scenes.rules import Stock
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.stock import Stock
 from optimize import METHODS, Problem, search
 from optimize.constraints.lists import Lists
 from optimize.constraints.smoothness import nearest_smooth
