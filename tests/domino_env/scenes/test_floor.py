@@ -10,8 +10,6 @@ import domino_env as de
 from domino_env.envs.chain import DominoChain, DominoChainVector
 from domino_env.envs.layout import DominoLayout, DominoLayoutVector
 from domino_env.scenes import uniform
-from domino_env.scenes.io.reading import parse_scene
-from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize import Problem, search
 
@@ -63,38 +61,6 @@ def test_slopes_are_those_of_the_analytic_model_at_the_standing_speed() -> None:
         np.testing.assert_allclose(
             scaled / standing.score, exact / analytic.score, rtol=1e-12, err_msg=name
         )
-
-
-def test_scenes_with_equal_floors_are_equal() -> None:
-    same = replace(SMALL, floor_friction=np.float64(0.3))
-    assert same == SMALL
-    assert hash(same) == hash(SMALL)
-    assert SMALL != replace(SMALL, floor_friction=0.31) != replace(SMALL, floor_friction=None)
-    assert "floor_friction = 0.3" in SMALL.to_toml()
-    assert "floor" not in replace(SMALL, floor_friction=None).to_toml().split("[row]")[1]
-
-
-@pytest.mark.parametrize(
-    ("table", "said"),
-    [
-        ('objective = "toppled"', "scored by its speed"),
-        ('objective = "robust"\n[robust]\ndeviation = 0.0005', "scored by its speed"),
-        ("[limits]\nstall_margin = 0.1", r"stands beside \[limits\]"),
-    ],
-)
-def test_what_a_standing_row_cannot_be_asked_is_refused(table: str, said: str) -> None:
-    text = f"{table}\n" + SMALL.to_toml().split("\n", 3)[3]
-    if table.startswith("["):
-        text = SMALL.to_toml() + table
-    with pytest.raises(ValueError, match=said):
-        parse_scene(text, "x", "x.toml")
-
-
-def test_a_scene_made_by_hand_is_refused_as_its_file_is() -> None:
-    with pytest.raises(ValueError, match=r"stands beside \[limits\]"):
-        replace(SMALL, limits=Limits(0.1))
-    with pytest.raises(ValueError, match=r"floor_friction = -0\.1: give a finite number"):
-        replace(SMALL, floor_friction=-0.1)
 
 
 def test_the_best_uniform_row_is_the_best_on_that_floor(monkeypatch) -> None:

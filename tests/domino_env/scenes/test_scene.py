@@ -48,30 +48,6 @@ def test_the_scenes_that_ship() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "count", "friction", "push", "spacing", "thickness", "length"),
-    [
-        ("sprint", 40, 0.25, 8.0, (0.002, 0.04), (0.0075, 0.0075), None),
-        ("sprint-thickness", 40, 0.25, 8.0, (0.002, 0.04), (0.004, 0.012), None),
-        ("ideal", 40, 0.0, 8.0, (0.002, 0.04), (0.004, 0.012), None),
-        ("gentle", 30, 0.5, 3.0, (0.002, 0.025), (0.005, 0.014), None),
-        ("course", 60, 0.25, 8.0, (0.002, 0.04), (0.0075, 0.0075), 1.2),
-        ("marathon", 1000, 0.25, 8.0, (0.002, 0.04), (0.0075, 0.0075), None),
-    ],
-)
-def test_a_scene_is_what_it_is_said_to_be(
-    name, count, friction, push, spacing, thickness, length
-) -> None:
-    scene = de.load_scene(name)
-    assert (scene.name, scene.objective, scene.count) == (name, "mean_speed", count)
-    assert scene.physics == de.Physics(friction, 9.81, push)
-    assert (scene.spacing, scene.thickness, scene.length) == (spacing, thickness, length)
-    assert (scene.height, scene.width, scene.density) == (0.048, 0.024, 1040.0)
-    assert scene.first_thickness == 0.0075
-    assert scene.free_spacing
-    assert scene.free_thickness == (thickness[0] < thickness[1])
-
-
 def test_two_of_three_random_gentle_rows_die() -> None:
     scene = de.load_scene("gentle")
     scores = scene.evaluate(scene.batch(*rows(scene, 1500, seed=1))).score
@@ -104,35 +80,6 @@ def test_the_best_uniform_row(name, speed, digits, gap, thickness) -> None:
     assert mark.wave.outcome == de.Outcome.PROPAGATED
     assert scene.score(mark.layout) == mark.score
     assert scene.uniform() is mark
-
-
-@pytest.mark.parametrize("name", ["sprint", "gentle", "sprint-thickness", "ideal"])
-def test_no_uniform_row_beats_the_mark(name: str) -> None:
-    scene = de.load_scene(name)
-    mark = scene.uniform()
-    random = np.random.default_rng(5)
-    gap = random.uniform(*scene.spacing, 1500)
-    thickness = random.uniform(*scene.thickness, 1500)
-    # neighbours a micrometre away, too: the place is found to that
-    gap[:500] = mark.layout.spacing[0] + random.uniform(-1e-6, 1e-6, 500)
-    thickness[:500] = mark.layout.thickness[1] + random.uniform(-1e-6, 1e-6, 500)
-    gap, thickness = np.clip(gap, *scene.spacing), np.clip(thickness, *scene.thickness)
-    ones = np.ones(scene.count - 1)
-    scores = scene.evaluate(
-        scene.batch(gap[:, None] * ones, thickness[:, None] * ones, rtol=1e-11)
-    ).score
-    assert scores.max() <= mark.score * (1.0 + 1e-10)
-
-
-def test_the_mark_is_where_the_slope_changes_sign() -> None:
-    scene = de.load_scene("sprint")
-    best = scene.uniform().layout.spacing[0]
-    gaps = best + np.array([-1e-6, 0.0, 1e-6])
-    below, at, above = scene.evaluate(scene.batch(gaps[:, None] * np.ones(39), rtol=1e-12)).score
-    # a parabola through the three has its top within a micrometre of the middle
-    assert at > below
-    assert at > above
-    assert abs(0.5 * (above - below) / (2.0 * at - below - above)) <= 1.0
 
 
 def test_where_no_uniform_row_propagates_the_mark_says_so() -> None:
@@ -223,99 +170,9 @@ def test_a_scene_travels_to_another_process_with_its_mark() -> None:
 # files ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_scene_written_down_reads_back_the_same(name: str, tmp_path: Path) -> None:
-    scene = de.load_scene(name)
-    path = tmp_path / "scene.toml"
-    path.write_text(scene.to_toml(), encoding="utf-8")
-    other = de.load_scene(path)
-    for field in dataclasses.fields(scene):
-        assert getattr(other, field.name) == getattr(scene, field.name)
-
-
-def test_a_title_may_hold_anything_in_one_line(tmp_path: Path) -> None:
-    scene = small(title='Wörter, "quotes", \\, $x$ and <b>')
-    assert parse_scene(scene.to_toml(), "x", "x.toml").title == scene.title
-
-
 def test_a_name_that_is_not_given_is_the_file_s(tmp_path: Path) -> None:
     path = tmp_path / "garden.toml"
     path.write_text(SMALL)
     scene = de.load_scene(path)
     assert (scene.name, scene.title) == ("garden", "garden")
     assert scene.first_thickness == 0.0075  # as thick as the others, where all are the same
-
-
-def test_a_file_beside_does_not_hide_a_scene_that_ships(tmp_path: Path, monkeypatch) -> None:
-    (tmp_path / "sprint").write_text("not a scene")
-    monkeypatch.chdir(tmp_path)
-    assert de.load_scene("sprint").count == 40
-
-
-@pytest.mark.parametrize(("name", "words"), [
-    ("sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
-    ("zzz", "there is no scene 'zzz': scenes that ship: course, downhill"),
-    ("missing.toml", "missing.toml: there is no such scene file"),
-])  # fmt: skip
-def test_a_scene_that_is_not_there(name: str, words: str) -> None:
-    with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
-        de.load_scene(name)
-    assert str(refused.value).startswith(words)
-
-
-BAD = [
-    ("count = 8", "cuont = 8", "unknown key 'row.cuont': did you mean 'count'? allowed: count,"),
-    ("[row]", "[rwo]", "unknown key 'rwo': did you mean 'row'?"),
-    ("push = 8.0", "wind = 8.0", "unknown key 'physics.wind': allowed: friction, gravity, push"),
-    ("max = 0.03", "mex = 0.03", "unknown key 'spacing.mex': did you mean 'max'?"),
-    ("count = 8", "", "row.count is missing: give a whole number from 2 to"),
-    ("count = 8", "count = 1", "row.count = 1: give a whole number from 2 to"),
-    ("count = 8", "count = 8.5", "row.count = 8.5: give a whole number"),
-    ("count = 8", "count = true", "row.count = True: give a whole number"),
-    ("count = 8", "count = 8\nlength = 9.0", "row.length = 9.0 m cannot be met: 8 dominoes"),
-    ("count = 8", "count = 8\nlength = -1", "row.length = -1: give a finite number from 1e-09"),
-    ("count = 8", "count = 8\nheight = 'tall'", "row.height = 'tall': give a finite number"),
-    ("count = 8", "count = 8\nheight = nan", "row.height = nan: give a finite number"),
-    ("count = 8", "count = 8\nheight = 1" + "0" * 400, "row.height = 1000"),
-    ("count = 8", "count = 8\nheight = 1" + "0" * 5000, "not TOML"),
-    ("min = 0.004", "", "spacing.min is missing: give min and max, or fixed [m]"),
-    (
-        "min = 0.004",
-        "min = 0.0",
-        "spacing.min = 0.0: give a finite number from 1e-09 to",
-    ),
-    ("min = 0.004", "min = 0.05", "spacing.min = 0.05 m is more than max = 0.03 m"),
-    ("min = 0.004", "fixed = 0.01", "spacing.fixed stands beside max: give one"),
-    ("fixed = 0.0075", "min = 0.004\nmax = 0.01", "row.first_thickness is missing"),
-    (
-        "friction = 0.25",
-        "friction = -0.25",
-        "physics.friction = -0.25: give a finite number from",
-    ),
-    ("push = 8.0", "push = 0", "physics.push = 0: give a finite number from 1e-09"),
-    ("push = 8.0", "push = inf", "physics.push = inf: give a finite number"),
-    ("[physics]", "[physics]\nx", "not TOML: "),
-    ("[thickness]\nfixed = 0.0075", "", "thickness is missing: give a table of fixed, min, max"),
-    (
-        "[row]",
-        "objective = 'height'\n[row]",
-        "objective = 'height': choose magnify, mean_speed, robust, tempo",
-    ),
-    ("[row]", "title = 3\n[row]", "title = 3: give a line of text"),
-    ("[row]", "name = ''\n[row]", "name = '': give a line of text"),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "words"), BAD, ids=[f"{b[2][:40]}" for b in BAD])
-def test_a_bad_scene_names_file_key_value_and_what_is_allowed(old, new, words) -> None:
-    assert old in SMALL
-    with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
-        parse_scene(SMALL.replace(old, new, 1), "bad", "bad.toml")
-    assert str(refused.value).startswith(f"bad.toml: {words}")
-
-
-def test_a_scene_file_that_is_no_text(tmp_path: Path) -> None:
-    path = tmp_path / "scene.toml"
-    path.write_bytes(b"\xff\x00\xff")
-    with pytest.raises(ValueError, match="not UTF-8 text"):
-        de.load_scene(path)

@@ -1,8 +1,9 @@
-"""Scene files that ask for more: read, written back, and refused with the place named."""
+"""Scene files: read, written back, and rejected with file, key, value and what is allowed."""
 
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from hypothesis import strategies as st
 import domino_env as de
 from domino_env.core.progress import Advice
 from domino_env.scenes.io.reading import parse_scene
+from domino_env.scenes.objectives.tempo import Tempo
+from domino_env.scenes.rules import Stock
 
 BASE = """
 [row]
@@ -51,22 +54,6 @@ def test_a_step_is_a_list_of_values() -> None:
     listed = read(thickness="values = [0.01, 0.005, 0.0075]")
     assert listed.thickness_values == (0.005, 0.0075, 0.01)
     assert read(thickness="values = [0.005]").thickness_values is None  # that is fixed
-
-
-def test_the_scenes_that_ask_more() -> None:
-    stock, tempo, jitter, magnify = map(de.load_scene, ("stock", "tempo", "jitter", "magnify"))
-    assert (stock.stock.thickness, stock.stock.count) == ((0.005, 0.0075, 0.010), (16, 14, 10))
-    assert (stock.count, stock.first_thickness, stock.spacing) == (40, 0.0075, (0.002, 0.04))
-    assert (tempo.count, tempo.spacing, tempo.thickness) == (40, (0.002, 0.04), (0.004, 0.012))
-    errors = jitter.placement
-    assert (errors.deviation, errors.quantile, errors.draws) == (0.0005, 0.05, 256)
-    sprint = de.load_scene("sprint")
-    for other in (stock, tempo, jitter):
-        assert (other.physics, other.height) == (sprint.physics, sprint.height)
-    assert (magnify.count, magnify.height, magnify.growth[1]) == (12, 0.048, 1.6)
-    assert magnify.in_heights
-    assert (magnify.spacing, magnify.thickness) == ((0.05, 0.9), (0.15, 0.15))
-    assert magnify.physics == de.Physics(0.25, 9.81, 8.0)
 
 
 GROWING = {
@@ -120,6 +107,43 @@ BAD = [
     ({"top": "objective = 'time'"}, "row.length is missing: objective = 'time' needs a course"),
     ({"top": "objective = 'magnify'"}, "the table [growth] is missing: objective = 'magnify'"),
     ({"top": "stock = 3"}, "stock = 3: give a table of thickness, count"),
+    ({"row": "cuont = 8"}, "unknown key 'row.cuont': did you mean 'count'? allowed: count,"),
+    ({"rwo": "count = 8"}, "unknown key 'rwo': did you mean 'row'?"),
+    ({"row": ""}, "row.count is missing: give a whole number from 2 to"),
+    ({"row": "count = 1"}, "row.count = 1: give a whole number from 2 to"),
+    ({"row": "count = 8.5"}, "row.count = 8.5: give a whole number"),
+    ({"row": "count = true"}, "row.count = True: give a whole number"),
+    ({"row": "count = 8"}, "row.first_thickness is missing"),
+    ({"row": "count = 8\nheight = 'tall'"}, "row.height = 'tall': give a finite number"),
+    ({"row": "count = 8\nheight = nan"}, "row.height = nan: give a finite number"),
+    ({"row": "count = 8\nheight = 1" + "0" * 400}, "row.height = 1000"),
+    ({"row": "count = 8\nheight = 1" + "0" * 5000}, "not TOML"),
+    ({"row": "count = 8\nlength = 9.0\nfirst_thickness = 0.0075"}, "row.length = 9.0 m cannot be"),
+    ({"spacing": "max = 0.03"}, "spacing.min is missing: give min and max, or fixed [m]"),
+    ({"spacing": "min = 0.05\nmax = 0.03"}, "spacing.min = 0.05 m is more than max = 0.03 m"),
+    ({"spacing": "fixed = 0.01\nmax = 0.03"}, "spacing.fixed stands beside max: give one"),
+    ({"spacing": "min = 4\nmax = 30"}, "spacing: no gap may be smaller than 4 m, and no domino"),
+    ({"thickness": None}, "thickness is missing: give a table of fixed, min, max"),
+    ({"thickness": "fixed = 7.5"}, "thickness: no domino may be thinner than 7.5 m, with a height"),
+    ({"physics": "friction = -0.25"}, "physics.friction = -0.25: give a finite number from"),
+    ({"physics": "push = inf"}, "physics.push = inf: give a finite number"),
+    ({"physics": "floor_friction = -0.1"}, "physics.floor_friction = -0.1: give a finite number"),
+    ({"physics": "x"}, "not TOML: "),
+    ({"physics": "floor_friction = 0.4", "top": "objective = 'toppled'"},
+     "physics.floor_friction and objective = 'toppled': a row that stands is scored by its speed"),
+    ({"physics": "floor_friction = 0.4", "limits": "stall_margin = 0.1"},
+     "physics.floor_friction stands beside [limits]"),
+    ({"ground": "slope = 50"}, "ground.slope = 50: give a finite number from -45 to 45"),
+    ({"ground": "profile = [[0, 0]]"}, "ground.profile = [[0, 0]]: give a list"),
+    ({"ground": "profile = [[0, 0], [0, 1]]"}, "ground.profile[1] lies at x = 0 m"),
+    ({"ground": "slope = 3\nprofile = [[0, 0], [1, 0]]"}, "ground: give either slope"),
+    ({"ground": ""}, "ground: give either slope"),
+    ({"ground": "slope = 8.5"}, "the ground slopes by 8.5°, where a domino 5 mm thick and 48 mm"),
+    ({"ground": "profile = [[0, 0], [0.02, 0.0015], [0.04, 0]]", "thickness": "fixed = 0.012"},
+     "the ground bulges by"),
+    ({"top": "objective = 'height'"}, "objective = 'height': choose magnify, mean_speed, robust"),
+    ({"top": "title = 3"}, "title = 3: give a line of text"),
+    ({"top": "name = ''"}, "name = '': give a line of text"),
 ]  # fmt: skip
 
 
@@ -128,6 +152,80 @@ def test_a_bad_scene_names_the_place(tables: dict[str, str], words: str) -> None
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
         read(**tables)
     assert str(refused.value).startswith(f"asked.toml: {words}")
+
+
+def test_a_title_may_hold_anything_in_one_line() -> None:
+    scene = read().replace(title='Wörter, "quotes", \\, $x$ and <b>')
+    assert parse_scene(scene.to_toml(), "x", "x.toml").title == scene.title
+
+
+def test_a_file_beside_does_not_hide_a_scene_that_ships(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "sprint").write_text("not a scene")
+    monkeypatch.chdir(tmp_path)
+    assert de.load_scene("sprint").count == 40
+
+
+@pytest.mark.parametrize(("name", "words"), [
+    ("sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
+    ("zzz", "there is no scene 'zzz': scenes that ship: course, downhill"),
+    ("missing.toml", "missing.toml: there is no such scene file"),
+])  # fmt: skip
+def test_a_scene_that_is_not_there(name: str, words: str) -> None:
+    with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
+        de.load_scene(name)
+    assert str(refused.value).startswith(words)
+
+
+def test_a_scene_file_that_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xff\x00\xff")
+    with pytest.raises(ValueError, match="not UTF-8 text"):
+        de.load_scene(path)
+
+
+# scenes made in Python -------------------------------------------------------------------------
+
+
+def test_a_scene_is_a_value() -> None:
+    for name in de.scene_names():
+        scene, again = de.load_scene(name), de.load_scene(name)
+        assert scene == again == scene.replace()
+        assert hash(scene) == hash(again) == hash(scene.replace())
+        assert scene != scene.replace(width=0.1)
+        assert parse_scene(scene.to_toml(), "x", "x.toml") == scene
+
+
+def test_a_scene_made_in_python_has_the_defaults_of_a_file() -> None:
+    own = de.Scene(count=np.int64(9), spacing=np.array([0.002, 0.04]), thickness=(0.0075, 0.0075))
+    text = """
+    name = "own"
+    [row]
+    count = 9
+    [spacing]
+    min = 0.002
+    max = 0.04
+    [thickness]
+    fixed = 0.0075
+    [physics]
+    """
+    assert own == parse_scene(text, "own", "own.toml")
+    assert (own.title, own.first_thickness, own.height) == ("own", 0.0075, 0.048)
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"count": 1}, "row.count = 1: give a whole number from 2 to"),
+    ({"width": 0.0}, "row.width = 0.0: give a finite number"),
+    ({"name": "a/b"}, "name = 'a/b': give a line of text"),
+    ({"spacing": (0.04, 0.002)}, "spacing.min = 0.04 m is more than max = 0.002 m"),
+    ({"length": 9.0}, "row.length = 9.0 m cannot be met"),
+    ({"objective": "speed"}, "objective = 'speed': choose magnify, mean_speed"),
+    ({"objective": "robust"}, r"the table \[robust\] is missing"),
+    ({"settings": Tempo(30.0, 45.0)}, r"the table \[tempo\] stands there"),
+    ({"stock": Stock((0.005,), (3,))}, "stock.count adds up to 3 dominoes"),
+])  # fmt: skip
+def test_a_scene_made_in_python_is_checked_as_its_file(changes, words: str) -> None:
+    with pytest.raises(ValueError, match=f"^scene '.*': {words}"):
+        de.load_scene("sprint").replace(**changes)
 
 
 # random scene files -----------------------------------------------------------------------------
@@ -209,17 +307,6 @@ def test_whatever_stands_in_a_file_the_answer_is_a_sentence(text: str) -> None:
             parse_scene(document, "noise", "noise.toml")
         except ValueError as error:
             assert str(error).startswith("noise.toml: ")  # noqa: PT017
-
-
-@pytest.mark.parametrize(("tables", "words"), [
-    ({"spacing": "min = 4\nmax = 30"}, "spacing: no gap may be smaller than 4 m, and no domino"),
-    ({"spacing": "fixed = 0.05"}, "spacing: no gap may be smaller than 0.05 m"),
-    ({"thickness": "fixed = 7.5"}, "thickness: no domino may be thinner than 7.5 m, with a height"),
-    (GROWING | {"growth": None, "spacing": 'fixed = 20\nof = "height"'}, "smaller than 20 heights"),
-])  # fmt: skip
-def test_a_scene_of_another_unit_is_refused_before_time_is_spent(tables, words: str) -> None:
-    with pytest.raises(ValueError, match=f"{words}.*: lengths are in metres, 18 mm is 0.018"):
-        read(**tables)
 
 
 def test_a_scene_of_metres_for_millimetres_is_warned_of() -> None:
