@@ -65,7 +65,7 @@ def test_every_method_has_a_section(pages: ModuleType) -> None:
 
 
 def test_pictures_are_there_or_drawn() -> None:
-    from domino_env.validation.chapman.figures import FIGURES
+    from domino_env.validation.chapman import FIGURES
 
     for page in PAGES:
         for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page.read_text("utf-8")):

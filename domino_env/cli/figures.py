@@ -20,12 +20,11 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.core.files import write_text
-    from domino_env.validation.chapman.figures import FIGURES
-    from domino_env.validation.chapman.tables import markdown
+    from domino_env.validation.chapman import FIGURES, draw, markdown
 
     folder = Path(arguments.out)
-    for name, draw in FIGURES.items():
-        draw(folder / f"{name}.png")
+    for name in FIGURES:
+        draw(name, folder / f"{name}.png")
     tables = markdown()
     write_text(folder / "tables.md", tables)
     print(tables + f"\n{len(FIGURES)} figures and tables.md in {folder}")

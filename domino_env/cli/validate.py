@@ -1,8 +1,8 @@
-"""Put measured rows beside the model: friction fitted, each spacing left out in turn, a verdict.
+"""Compare measured chains with the model: friction fitted, each spacing left out in turn, reasons.
 
-Without WHAT, all sources that ship.  WHAT is the name of one, a .toml file of your own
-(copy one from domino_env/validation/measured/sources), or rows PITCH=FREQUENCY, in millimetres and
-hits a second: domino validate 16=64.4 24=42.3 32=28.1
+Without WHAT, all sources that ship. WHAT is the name of one, a .toml file of your own
+(copy one from domino_env/validation/sources), or rows PITCH=FREQUENCY, in millimetres and
+hits per second: domino validate 16=64.4 24=42.3 32=28.1
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from domino_env.validation.measured.source import Source
+    from domino_env.validation.source import Source
 
-SUMMARY = "measured rows beside the model, with the friction that explains them"
+SUMMARY = "measured chains beside the model, with the friction that explains them"
 UNCERTAINTY = 2.0  # [%] of a frequency
 
 
@@ -21,7 +21,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino validate`."""
     parser.add_argument("what", metavar="WHAT", nargs="*", help="a source, a file, or rows (all)")
     parser.add_argument("--json", metavar="FILE", help="write everything; '-' prints it alone")
-    parser.add_argument("--out", metavar="FOLDER", help="write the page and its picture there")
+    parser.add_argument(
+        "--out",
+        metavar="FOLDER",
+        help="write the page (between its marks, if it is there) and its plot",
+    )
     rows = parser.add_argument_group("rows given as PITCH=FREQUENCY")
     rows.add_argument("--thickness", type=float, default=7.5, help="[mm] (7.5)")
     rows.add_argument("--height", type=float, default=48.0, help="[mm] (48)")
@@ -37,34 +41,36 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.core.files import write_text
-    from domino_env.validation.measured.page import PAGE, PICTURE, document, markdown, text
-    from domino_env.validation.measured.validation import validate
+    from domino_env.core.tables import fill
+    from domino_env.validation.measured import validate
+    from domino_env.validation.measured_page import PAGE, PLOT, as_document, draw, markdown, text
 
     validations = [validate(source) for source in _sources(arguments)]
     if arguments.json:
-        told = json.dumps(document(validations), indent=1, ensure_ascii=False, allow_nan=False)
+        found = as_document(validations)
+        told = json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False)
         if arguments.json == "-":
             print(told)
             return 0
         write_text(Path(arguments.json), told + "\n")
-    print("\n\n".join("\n".join(text(v)) for v in validations))
-    held = sum(v.explained for v in validations)
+    print("\n\n".join("\n".join(text(one)) for one in validations))
+    held = sum(one.explained for one in validations)
     if len(validations) > 1:
         print(f"\n{held} of {len(validations)} sources explained")
     if arguments.out:
-        from domino_env.validation.measured.picture import draw
-
         folder = Path(arguments.out)
-        draw(validations, folder / PICTURE)
-        write_text(folder / PAGE, markdown(validations))
-        print(f"{folder / PAGE}, {folder / PICTURE}")
+        page = folder / PAGE
+        words = page.read_text("utf-8") if page.exists() else "<!-- sources -->\n<!-- end -->\n"
+        draw(validations, folder / PLOT)
+        write_text(page, fill(words, {"sources": markdown(validations)}))
+        print(f"{page}, {folder / PLOT}")
     return 0
 
 
 def _sources(arguments: argparse.Namespace) -> list[Source]:
     from pathlib import Path
 
-    from domino_env.validation.measured.source import read_source, shipped_sources
+    from domino_env.validation.source import read_source, shipped_sources
 
     shipped = shipped_sources()
     rows = [word for word in arguments.what if "=" in word]
@@ -87,7 +93,7 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
 def _typed(rows: list[str], arguments: argparse.Namespace) -> Source:
     """Rows of the command line as a source."""
     from domino_env.core.models import model_of
-    from domino_env.validation.measured.source import Source
+    from domino_env.validation.source import Source
 
     listed = []
     for word in rows:

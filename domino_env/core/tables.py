@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from domino_env.core.files import write_text
 from domino_env.core.reading import one_line
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how what a spreadsheet runs begins
+_MARKED = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 WIDEST = 60  # characters of a cell on a terminal
 
 
@@ -73,6 +75,25 @@ def text_table(
         )
         lines.append("  ".join(cells).rstrip())
     return lines
+
+
+def fill(page: str, tables: dict[str, list[str]]) -> str:
+    """Write tables into a page, each between its mark and the next ``<!-- end -->``.
+
+    Raises
+    ------
+    ValueError
+        For a table that the page has no mark for.
+    """
+    marks = {found[2] for found in _MARKED.finditer(page)}
+    if missing := set(tables) - marks:
+        raise ValueError(f"the page has no mark <!-- {min(missing)} --> with an <!-- end -->")
+
+    def written(found: re.Match[str]) -> str:
+        lines = tables.get(found[2])
+        return found[0] if lines is None else f"{found[1]}\n" + "\n".join(lines) + f"\n\n{found[3]}"
+
+    return _MARKED.sub(written, page)
 
 
 def _harmless(text: str) -> str:

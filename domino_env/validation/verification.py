@@ -8,7 +8,6 @@ best known layouts, and draws a contact that opens. ``--kept`` leaves the random
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -16,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from domino_env.core.files import write_text
-from domino_env.core.tables import markdown_table
+from domino_env.core.tables import fill, markdown_table
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
@@ -33,7 +32,6 @@ FRAMES, HITS = 2000, 9  # of the picture: moments, and hits after the contact ha
 FLOOR = 0.5  # of the picture
 PAGE = Path("docs/verification.md")
 PICTURE = "opening.png"
-TABLE = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def random_layouts(scene: Scene, rng: np.random.Generator) -> Iterator[Layout]:
@@ -125,25 +123,6 @@ def gap_between(layout: Layout, i: int, poses: Floats) -> Floats:
     ):
         gaps = np.where((along >= 0.0) & (along <= most), np.minimum(gaps, apart), gaps)
     return np.where(np.isfinite(gaps), np.maximum(gaps, 0.0), 0.0)
-
-
-def fill(page: str, tables: dict[str, list[str]]) -> str:
-    """Write tables into a page, each between its mark and the next ``<!-- end -->``.
-
-    Raises
-    ------
-    ValueError
-        For a table that the page has no mark for.
-    """
-    marks = {found[2] for found in TABLE.finditer(page)}
-    if missing := set(tables) - marks:
-        raise ValueError(f"the page has no mark <!-- {min(missing)} --> with an <!-- end -->")
-
-    def written(found: re.Match[str]) -> str:
-        lines = tables.get(found[2])
-        return found[0] if lines is None else f"{found[1]}\n" + "\n".join(lines) + f"\n\n{found[3]}"
-
-    return TABLE.sub(written, page)
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import domino_env as de
+from domino_env.core.tables import fill
 from domino_env.rigid.known import (
     digest,
     known_table,
@@ -12,7 +13,7 @@ from domino_env.rigid.known import (
     read_verified,
     write_verified,
 )
-from domino_env.validation.verification import PAGE, fill
+from domino_env.validation.verification import PAGE
 from optimize.experiments.best_known import best_known
 from optimize.experiments.verification import verify_records
 

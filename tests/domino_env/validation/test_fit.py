@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.validation.measured.fit import fit_friction
+from domino_env.validation.fit import fit_friction
 
 
 def test_friction_is_found_again() -> None:

@@ -1,4 +1,4 @@
-"""Measured rows beside the model: sources, fits, what is foretold, verdicts, the command."""
+"""Measured chains beside the model: sources, fits, predictions, reasons, the command."""
 
 import json
 import math
@@ -11,15 +11,20 @@ import pytest
 
 import domino_env as de
 from domino_env.cli.main import main
-from domino_env.validation.measured.comparison import compare, leave_out
-from domino_env.validation.measured.effects import slipping, uneven
-from domino_env.validation.measured.fit import least_squares
-from domino_env.validation.measured.model import row_model, speed_of
-from domino_env.validation.measured.page import section
-from domino_env.validation.measured.source import Row, Source, read_source, shipped_sources
-from domino_env.validation.measured.validation import validate
+from domino_env.validation.fit import least_squares
+from domino_env.validation.measured import (
+    compare,
+    leave_out,
+    row_model,
+    slipping,
+    speed_of,
+    uneven,
+    validate,
+)
+from domino_env.validation.measured_page import markdown
+from domino_env.validation.source import Row, Source, read_source, shipped_sources
 
-ROOT = Path(__file__).resolve().parents[4]
+ROOT = Path(__file__).resolve().parents[3]
 SOURCES = shipped_sources()
 
 
@@ -46,21 +51,17 @@ def test_a_source_is_complete_and_the_friction_of_synthetic_rows_is_found_again(
     found = compare(synthetic(source, 0.13), source.setting)
     assert found.friction == pytest.approx(0.13, abs=1e-5)
     assert found.holds
-    assert found.square < 1e-6
-    assert all(abs(left.error) < 1e-4 for left in found.left_out)
-    assert len(found.left_out) == len({row.x for row in source.rows})
+    assert found.chi_square < 1e-6
+    values = [row.value for row in found.rows]
+    np.testing.assert_allclose(found.predicted, values, rtol=1e-4)
 
 
-def test_what_is_left_out_is_foretold_by_the_others() -> None:
+def test_what_is_left_out_is_predicted_by_the_others() -> None:
     """Values f and 2f: each friction follows from the other row alone."""
     models = [lambda f: f, lambda f: 2.0 * f]
-    first, second = leave_out([1.0, 2.0], models, [0.3, 0.8], [0.1, 0.1])
-    assert (first.x, second.x) == (1.0, 2.0)
-    assert first.friction == pytest.approx(0.4, abs=1e-6)
-    assert first.error == pytest.approx(0.4 / 0.3 - 1.0, abs=1e-5)
-    assert second.error == pytest.approx(0.6 / 0.8 - 1.0, abs=1e-5)
-    assert second.off == pytest.approx((0.6 - 0.8) / 0.1, abs=1e-4)
-    assert leave_out([1.0, 1.0], models, [0.3, 0.8], [0.1, 0.1]) == ()
+    found = leave_out([1.0, 2.0], models, [0.3, 0.8], [0.1, 0.1])
+    assert found == pytest.approx((0.4, 0.6), abs=1e-5)
+    assert np.isnan(leave_out([1.0, 1.0], models, [0.3, 0.8], [0.1, 0.1])).all()
 
 
 def test_fits_weigh_rows_by_their_uncertainty_and_stay_in_bounds() -> None:
@@ -82,27 +83,30 @@ def test_the_uncertainty_of_a_spacing_counts() -> None:
     assert found.sigmas[0] == pytest.approx(math.hypot(1.3, (high - low) / 2), rel=1e-2)
 
 
-def test_verdicts_say_what_is_wrong() -> None:
+def test_reasons_say_what_is_wrong() -> None:
     source = SOURCES["toronto"]
     right = validate(synthetic(source, 0.2), {})
     assert right.explained
-    assert right.verdict[0].startswith("Explained: with friction 0.200")
+    assert right.reasons == ()
     fast = validate(synthetic(source, 0.0, 1.2), {})
     assert not fast.explained
     assert fast.main.friction == 0.0
-    assert "faster than the model without any friction" in " ".join(fast.verdict)
+    assert "faster-than-frictionless" in fast.reasons
+    assert "friction-falls-with-gap" in validate(source, {}).reasons
+    slow = validate(SOURCES["toronto"], {"half as fast": lambda *_: 0.5, "none": lambda *_: 1.0})
+    assert "helped-by: none" not in slow.reasons
     rough = msgspec.structs.replace(
         synthetic(SOURCES["chapman"], 0.6), friction=SOURCES["chapman"].friction
     )
+    assert validate(rough, {}).reasons == ("friction-disagrees",)
     assert not validate(rough, {}).explained
-    assert "which disagrees" in " ".join(validate(rough, {}).verdict)
 
 
 def test_mclachlans_abscissa_is_the_gap_rather_than_the_pitch() -> None:
     validation = validate(SOURCES["mclachlan"], {})
     (pitch,) = (r for r in validation.readings if r.setting.x_is == "pitch")
     assert validation.main.setting.x_is == "gap"
-    assert validation.main.square < pitch.square
+    assert validation.main.chi_square < pitch.chi_square
 
 
 def test_uneven_gaps_cost_more_the_more_uneven_and_the_narrower_they_are() -> None:
@@ -122,7 +126,8 @@ def test_feet_that_slip_cost_little_but_where_gaps_are_nearly_out_of_reach() -> 
 
 def test_the_page_says_what_the_command_finds() -> None:
     text = (ROOT / "docs" / "measured.md").read_text("utf-8")
-    assert "\n".join(section(validate(SOURCES["walker"]))) in text
+    lines = markdown([validate(SOURCES["walker"])])
+    assert "\n".join(lines[lines.index("## walker") :]) in text
     assert all(f"## {name}\n\n**{source.title}.**" in text for name, source in SOURCES.items())
 
 
@@ -135,7 +140,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert [s["name"] for s in found["sources"]] == ["walker", "rows"]
     assert np.isfinite(found["sources"][0]["readings"][0]["friction"])
 
-    assert main(["fit", "16=64.4", "24=42.3", "32=28.1", "--gravity", "9.8"]) == 0
+    assert main(["validate", "16=64.4", "24=42.3", "32=28.1", "--gravity", "9.8"]) == 0
     assert "friction 0.17" in capsys.readouterr().out
     for word, said in {
         "nobody": "give a source (camera, ", "5=60": "must be more than 0",
@@ -146,7 +151,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_a_file_of_ones_own_is_read_and_refused_by_key(tmp_path: Path) -> None:
-    told = (ROOT / "domino_env/validation/measured/sources/chapman.toml").read_text("utf-8")
+    told = (ROOT / "domino_env/validation/sources/chapman.toml").read_text("utf-8")
     own = tmp_path / "own.toml"
     own.write_text(told, "utf-8")
     assert read_source(own).name == "own"

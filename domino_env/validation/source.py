@@ -190,5 +190,5 @@ def read_source(path: Path) -> Source:
 
 def shipped_sources() -> dict[str, Source]:
     """Read all sources that ship, by name."""
-    folder = Path(str(files("domino_env.validation.measured") / "sources"))
+    folder = Path(str(files("domino_env.validation") / "sources"))
     return {path.stem: read_source(path) for path in sorted(folder.glob("*.toml"))}

@@ -1,0 +1,240 @@
+"""Figures and tables of Chapman, The physics of toppling dominoes, from our own numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from domino_env.core.colours import BLUE, COLOURS, PALE, PINK, RED
+from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
+from domino_env.core.tables import markdown_table
+from domino_env.physics.layout import Layout
+from domino_env.physics.motion import Motion, lean_behind
+from domino_env.physics.physics import Physics
+from domino_env.physics.standard import HEIGHT
+from domino_env.physics.steady import (
+    SteadyWave,
+    existence_limit,
+    steady_wave,
+    terminal_speed_estimate,
+)
+from domino_env.physics.wave import Wave, simulate
+from domino_env.view.energy import energies
+
+GRAVITY, THICKNESS = 9.8, 0.0075  # Chapman's [m/s²] and the standard domino's [m]
+FRICTION, PUSH = 0.25, 5.0 * np.pi
+PITCHES = (0.016, 0.024, 0.032)  # [m]
+UNIT = math.sqrt(3.0 * GRAVITY * HEIGHT)  # of speeds [m/s]
+# as printed: after and before a hit, and "true" average [rad/s]
+PRINTED = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
+# hits a second: Chapman's simulation, LMGC90, experiment
+MEASURED = ((59.7, 59.1, 64.4), (37.2, 36.9, 42.3), (26.2, 26.1, 28.1))
+MISPRINTS = """
+## Misprints in the text
+
+1. Eq. 3: the denominator is cos²(θ_i − θ_{i−1}), not (cos θ_i − cos θ_{i−1})².
+2. First lines of the two torque matrices: B_1 N_1 carries a minus sign.
+3. Energy of a cycle: ½ I (ω+² K(θ_c) − ω−² K(0)) = m g Δh, with K(θ_c) = K(0) − 1.
+4. The second closed form: ω−² = ((K−1)/K) · 6 g Δh/(L² + d²).
+5. Table 1, 32 mm: ω− is 14.80, not 17.80.
+"""
+
+
+def _steady(pitch: float, thickness: float = THICKNESS, friction: float = 0.0) -> SteadyWave:
+    return steady_wave(pitch, thickness, physics=Physics(friction, GRAVITY))
+
+
+def angular_velocities() -> list[tuple[float, ...]]:
+    """Tabulate angular velocities without friction, one line per pitch [rad/s].
+
+    Pitch [m], after a hit, before it, average (angle over time), geometric and arithmetic mean of
+    the two, and the closed forms of both by the article's energy argument.
+    """
+    lines: list[tuple[float, ...]] = []
+    for pitch in PITCHES:
+        wave = _steady(pitch)
+        after, before = float(wave.omega_release), float(wave.omega_impact)
+        average = math.asin((pitch - THICKNESS) / HEIGHT) * wave.frequency
+        means = math.sqrt(after * before), 0.5 * (after + before)
+        kept = after / before  # (K-1)/K, the part of the leader's speed that a hit leaves (eq. 9)
+        ratio, flat = THICKNESS / pitch, THICKNESS / HEIGHT
+        drop = 0.5 * HEIGHT * (1.0 - ratio - flat * math.sqrt(1.0 - ratio * ratio))  # eq. 12
+        square = 6.0 * GRAVITY * drop / (HEIGHT**2 + THICKNESS**2)
+        closed = math.sqrt(kept * square), math.sqrt(square / kept)
+        lines.append((pitch, after, before, average, *means, *closed))
+    return lines
+
+
+def frequencies() -> list[tuple[float, ...]]:
+    """Tabulate hits a second with friction: pitch [m], ours, then `MEASURED` [1/s]."""
+    return [
+        (pitch, _steady(pitch, friction=FRICTION).frequency, *told)
+        for pitch, told in zip(PITCHES, MEASURED, strict=True)
+    ]
+
+
+def markdown() -> str:
+    """Return both tables, with what is misprinted in the article."""
+    velocities = []
+    for line, printed in zip(angular_velocities(), PRINTED, strict=True):
+        pitch, average, low, high = line[0], line[3], line[6], line[7]
+        cells = [
+            f"{value:.3f} ({told:.2f}{'*' if abs(value - told) > 0.5 else ''})"
+            for value, told in zip(line[1:4], printed, strict=True)
+        ]
+        means = [f"{mean:.2f} ({mean / average - 1.0:+.1%})" for mean in line[4:6]]
+        velocities.append([f"{pitch * 1e3:.0f} mm", *cells, *means, f"{low:.3f}", f"{high:.3f}"])
+    hits = [
+        (f"{pitch * 1e3:.0f} mm", f"{ours:.2f}", *told, f"{ours / told[-1] - 1.0:+.1%}")
+        for pitch, ours, *told in frequencies()
+    ]
+    first = ("pitch", "ω−", "ω+", "average", "√(ω+ω−)", "½(ω+ + ω−)", "ω−, closed", "ω+, closed")
+    second = (
+        "pitch", "ours", "Chapman's simulation", "LMGC90", "experiment", "ours against experiment",
+    )  # fmt: skip
+    return "\n".join([
+        "# Chapman's tables, solved to rounding", "",
+        "Standard dominoes (48 × 24 × 7.5 mm), g = 9.8 m/s²; in brackets what is printed.", "",
+        "## Table 1: angular velocities without friction [rad/s]", "",
+        *markdown_table(first, velocities), "",
+        "\\* misprint: 14.80; the means printed beside it follow from 14.80. The printed averages "
+        "carry the error of steps of 0.1 ms.", "",
+        f"## Table 2: hits a second, friction {FRICTION}", "",
+        *markdown_table(second, hits), MISPRINTS,
+    ])  # fmt: skip
+
+
+# Figures ------------------------------------------------------------------------------------------
+
+
+def one_interval(axes: Axes) -> None:
+    """One fall, domino by domino (16 mm, no friction)."""
+    wave, shown = _wave(60), 16
+    layout, n = wave.layout, wave.layout.count - 5
+    angle = np.array([0.0, float(np.arcsin(layout.spacing[n] / HEIGHT))])
+    both = np.array([n, n])
+    high = lean_behind(layout, both, angle)
+    mass = layout.density * layout.height * layout.thickness * layout.width
+    lift = 0.5 * (layout.height * np.cos(high) + layout.thickness * np.sin(high))
+    given = (lift[0] - lift[1]) * mass * GRAVITY
+    inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
+    step, kinetic = 1e-6, []
+    for theta, speed in zip(
+        angle, (wave.release_velocity[n], wave.impact_velocity[n]), strict=True
+    ):
+        pair = lean_behind(layout, both, np.array([theta + step, theta + 2.0 * step]))
+        kinetic.append(0.5 * inertia * ((pair[1] - pair[0]) / step * speed) ** 2)
+    place = np.arange(shown)
+    # what a domino gives and what it has are not the same, as the contacts share it out
+    for off, energy, colour, label in (
+        (-0.2, given, BLUE, "potential, given off"),
+        (0.2, kinetic[1] - kinetic[0], RED, "kinetic, gained"),
+    ):
+        axes.bar(place + off, 1e3 * energy[n - place], 0.4, color=colour, label=label)
+    axes.set(xlabel="dominoes behind the leader", ylabel="energy [mJ]")
+
+
+def kinetic_energy(axes: Axes) -> None:
+    """Kinetic energy of a chain (16 mm, no friction)."""
+    wave = _wave(30)
+    energy = energies(Motion(wave.layout, wave.physics))
+    axes.plot(energy.time, 1e3 * energy.kinetic, color=BLUE)
+    axes.set(xlabel="time [s]", ylabel="kinetic energy [mJ]", ylim=(0.0, None))
+
+
+def angular_velocity(axes: Axes) -> None:
+    """Angular velocity of the leading domino (16 mm, no friction)."""
+    wave = _wave(30)
+    times = np.repeat(wave.arrival_times, 2)[1:-1]
+    speeds = np.column_stack([wave.release_velocity[:-1], wave.impact_velocity]).ravel()
+    average = np.arcsin((PITCHES[0] - THICKNESS) / HEIGHT) * _steady(PITCHES[0]).frequency
+    axes.plot(times, speeds, color=BLUE, label="leader")
+    axes.axhline(average, color=RED, linestyle="--", label=f"average {average:.3f} rad/s")
+    axes.set(xlabel="time [s]", ylabel="angular velocity [rad/s]")
+
+
+def correction_factor(axes: Axes) -> None:
+    """Velocity correction factor, no friction."""
+    for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=False):
+        thick = ratio * HEIGHT
+        low = max(ratio / (1.0 + ratio) * 1.05, 0.02)
+        dense = np.linspace(low, existence_limit(thick), 60)[:-1]
+        _beside_formula(axes, dense, thick, f"d/L = {ratio:g}", colour, colour, ":")
+    axes.set(xlabel="d/λ", ylabel="v / √(3gL)   (lines eq. 13, dots simulated)", ylim=(0.5, 3.0))
+
+
+def formula(axes: Axes) -> None:
+    """Eq. 13 beside simulation (d/L = 0.15625, no friction)."""
+    _beside_formula(axes, np.linspace(0.15, 0.9, 90), THICKNESS, "eq. 13", PINK, BLUE, "-")
+    axes.set(xlabel="d/λ", ylabel="v / √(3gL)")
+
+
+def friction(axes: Axes) -> None:
+    """What friction costs.
+
+    References
+    ----------
+    D. Cantor and K. Wojtacki, Effects of friction and spacing on the collaborative behavior of
+    domino toppling, Physical Review Applied 17 (2022) 064021: (1+μ)^-0.4, which does not describe
+    this model; the legend says what exponent would at the friction of the article.
+    """
+    mu = np.linspace(0.0, 0.6, 31)
+    for colour, pitch in zip(COLOURS, PITCHES, strict=False):
+        speed = np.array([_steady(pitch, friction=float(m)).speed for m in mu])
+        part = _steady(pitch, friction=FRICTION).speed / speed[0]
+        power = np.log(part) / np.log(1.0 + FRICTION)
+        name = f"pitch {pitch * 1e3:.0f} mm, at μ = {FRICTION:g} as (1+μ)^{power:.2f}"
+        axes.plot(mu, np.where(speed > 0.0, speed, np.nan) / speed[0], color=colour, label=name)
+    name = "Cantor & Wojtacki: (1+μ)^−0.4, not this model"
+    axes.plot(mu, (1.0 + mu) ** -0.4, color=PALE, linestyle="--", label=name)
+    axes.set(xlabel="friction μ", ylabel="speed over that without friction", ylim=(0.0, 1.02))
+
+
+FIGURES: dict[str, Callable[[Axes], None]] = {
+    "one-fall": one_interval,
+    "kinetic-energy": kinetic_energy,
+    "angular-velocity": angular_velocity,
+    "correction-factor": correction_factor,
+    "formula": formula,
+    "friction": friction,
+}
+
+
+def draw(name: str, path: Path) -> None:
+    """Draw a figure of `FIGURES` under the first line of its docstring."""
+    figure = new_figure(7.0, 4.2)
+    axes = figure.add_subplot()
+    style(axes, (FIGURES[name].__doc__ or name).partition("\n")[0].rstrip("."))
+    FIGURES[name](axes)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(**LEGEND)
+    write_png(figure, path)
+
+
+def _wave(count: int) -> Wave:
+    return simulate(Layout.uniform(count, pitch=PITCHES[0]), Physics(0.0, GRAVITY, PUSH))
+
+
+def _beside_formula(
+    axes: Axes, dense: np.ndarray, thick: float, label: str, colour: str, simulated: str, line: str
+) -> None:
+    """Draw speed by d/λ, eq. 13 and simulated, where a chain of 100 completes."""
+    smooth = Physics(0.0, GRAVITY, PUSH)
+    pitches = [thick / d for d in dense if thick < thick / d < HEIGHT + thick]
+    pitches = [
+        pitch
+        for pitch in pitches
+        if simulate(Layout.uniform(100, pitch=pitch, thickness=thick), smooth, rtol=1e-5).mean_speed
+    ]
+    if not pitches:
+        return
+    guess = [terminal_speed_estimate(pitch, thick, gravity=GRAVITY) / UNIT for pitch in pitches]
+    true = np.array([_steady(pitch, thick).speed / UNIT for pitch in pitches])
+    found = [thick / pitch for pitch in pitches]
+    axes.plot(found, guess, color=colour, label=label, linestyle="--" if line == "-" else "-")
+    name = "simulated" if line == "-" else None
+    axes.plot(found, np.where(true > 0, true, np.nan), color=simulated, linestyle=line, label=name)

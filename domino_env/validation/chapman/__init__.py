@@ -1,1 +1,0 @@
-"""The figures and tables of Chapman's article, from our own numbers."""

@@ -1,1 +1,0 @@
-"""Rows that people measured, a file a source, and the friction that explains them."""
