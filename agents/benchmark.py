@@ -27,15 +27,14 @@ from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import document_of_text
 from domino_env.scenes.pool import load_test_set
-from optimize.compiling import compile_for
-from optimize.evaluator import Budget, Step
+from optimize.evaluator import Evaluator, Step
 from optimize.experiments.compare import known_score, require_each_once
 from optimize.experiments.experiment import Experiment, gathered
 from optimize.experiments.runner import Failure, Progress, run_tasks
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult, digest, scene_of
 from optimize.methods import registry
-from optimize.searching import search
+from optimize.searching import compile_for, search
 
 SCENES = ("sprint", "course", "sprint-thickness", "ideal", "varied")
 BASELINES = ("ramp", "cma", "auto")  # what needs no learning
@@ -97,7 +96,7 @@ class BenchmarkTask(Task):
 
     def run(
         self,
-        watch: Callable[[Budget], None] | None = None,
+        watch: Callable[[Evaluator], None] | None = None,
         clock: Callable[[], float] = time.process_time,
     ) -> TaskResult:
         """Train and evaluate, build, or search; a training that was stopped is continued."""

@@ -25,10 +25,10 @@ from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_distribution
 from domino_env.scenes.io.reading import distribution_names
 from domino_env.scenes.pool import load_test_set
-from optimize.compiling import compile_for
+from optimize.searching import compile_for
 
 if TYPE_CHECKING:
-    from optimize.evaluator import Budget
+    from optimize.evaluator import Evaluator
 
 ROUNDING = 1e-9  # relative; a layout that is equal to the uniform one does not beat it
 NOTHING = 1e-4  # a search that gains less has found nothing to gain
@@ -87,7 +87,7 @@ def load_policy(
     return ScenePolicy.load(folder)
 
 
-def agent(run: str) -> Callable[[Budget, np.random.Generator], None]:
+def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
     """Make the method `agent:RUN` of a search: it builds its layout at once.
 
     The time of the training counts as spent.
@@ -108,10 +108,10 @@ def agent(run: str) -> Callable[[Budget, np.random.Generator], None]:
         raise ValueError(f"method 'agent:{run}': {error}") from None
     summary = summary_of(folder_of(run))
 
-    def method(budget: Budget, rng: np.random.Generator) -> None:
-        budget.already_spent(0.0 if summary is None else summary.seconds)
-        layout = policy.build(budget.problem.scene).layout
-        budget.score(budget.problem.design(layout))
+    def method(evaluator: Evaluator, rng: np.random.Generator) -> None:
+        evaluator.add_seconds(0.0 if summary is None else summary.seconds)
+        layout = policy.build(evaluator.problem.scene).layout
+        evaluator.evaluate(evaluator.problem.design(layout))
 
     return method
 

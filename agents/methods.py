@@ -23,14 +23,14 @@ from agents.rollout import build, completed  # noqa: E402
 from agents.sb3 import Learner, random_state_restored  # noqa: E402
 from domino_env.core.types import Floats, Ints  # noqa: E402
 from domino_env.physics.wave import Outcome  # noqa: E402
-from domino_env.scenes.objectives import Evaluation  # noqa: E402
-from optimize.evaluator import Budget, BudgetSpent  # noqa: E402
+from optimize.evaluator import BudgetSpent, Evaluator  # noqa: E402
+from optimize.problem import Scores  # noqa: E402
 
 EVALUATIONS = 50  # layouts built without noise in a whole search
 GENERATIONS = 8  # generations of layouts that a budget of evaluations is to last for
 
 
-def apg(budget: Budget, rng: np.random.Generator) -> None:
+def apg(budget: Evaluator, rng: np.random.Generator) -> None:
     """Search with analytic policy gradients.
 
     References
@@ -41,7 +41,7 @@ def apg(budget: Budget, rng: np.random.Generator) -> None:
     learn("apg", budget, rng)
 
 
-def ppo(budget: Budget, rng: np.random.Generator) -> None:
+def ppo(budget: Evaluator, rng: np.random.Generator) -> None:
     """Search with proximal policy optimisation.
 
     References
@@ -51,7 +51,7 @@ def ppo(budget: Budget, rng: np.random.Generator) -> None:
     learn("ppo", budget, rng)
 
 
-def ars(budget: Budget, rng: np.random.Generator) -> None:
+def ars(budget: Evaluator, rng: np.random.Generator) -> None:
     """Search with augmented random search over linear policies.
 
     References
@@ -62,7 +62,7 @@ def ars(budget: Budget, rng: np.random.Generator) -> None:
     learn("ars", budget, rng)
 
 
-def learn(algorithm: str, budget: Budget, rng: np.random.Generator) -> None:
+def learn(algorithm: str, budget: Evaluator, rng: np.random.Generator) -> None:
     """Train until the budget is spent.
 
     Bitwise reproducible under a budget of evaluations. Layouts are built side by side, and all that
@@ -83,11 +83,11 @@ def learn(algorithm: str, budget: Budget, rng: np.random.Generator) -> None:
         _Learning(algorithm, plan, budget, int(rng.integers(2**31))).run()
 
 
-def _within(plan: Hyperparameters, budget: Budget) -> Hyperparameters:
+def _within(plan: Hyperparameters, budget: Evaluator) -> Hyperparameters:
     """Reduce the environments where a budget of evaluations would not last."""
-    if budget.evaluations is None:
+    if budget.max_evaluations is None:
         return plan
-    rows = int(min(plan.rows, max(budget.evaluations // GENERATIONS, 1)))
+    rows = int(min(plan.rows, max(budget.max_evaluations // GENERATIONS, 1)))
     options = dict(plan.options)
     if "n_steps" in options:  # batches of the same part of a rollout
         options["batch_size"] = max(options["batch_size"] * rows // plan.rows, 2)
@@ -100,7 +100,7 @@ def _within(plan: Hyperparameters, budget: Budget) -> Hyperparameters:
 class _Learning:
     """A learner while it spends the budget of a search."""
 
-    def __init__(self, algorithm: str, plan: Hyperparameters, budget: Budget, seed: int) -> None:
+    def __init__(self, algorithm: str, plan: Hyperparameters, budget: Evaluator, seed: int) -> None:
         self.plan, self.budget, self.problem = plan, budget, budget.problem
         self.learner = Learner(self.problem.scene, algorithm, plan, seed)
         self.next_evaluation = 0.0
@@ -118,14 +118,14 @@ class _Learning:
         self._evaluate()
 
     def _progress(self, steps: int, total: int) -> None:
-        self.learner.model._current_progress_remaining = 1.0 - self.budget.part
+        self.learner.model._current_progress_remaining = 1.0 - self.budget.progress
 
     def between_updates(self) -> None:
         """Evaluate now and then, and set what changes along the way."""
-        if self.budget.part >= self.next_evaluation and self.budget.left > self.plan.rows:
+        if self.budget.progress >= self.next_evaluation and self.budget.remaining > self.plan.rows:
             self._evaluate()
             self.next_evaluation += 1.0 / EVALUATIONS
-        self.learner.adapt(self.budget.part, self.budget.best_score)
+        self.learner.adapt(self.budget.progress, self.budget.best_score)
 
     def after_step(self, infos: Any) -> None:
         """Count the layouts that are complete; stop where those to come could not be paid for."""
@@ -134,13 +134,13 @@ class _Learning:
             scores = np.array([info["score"] for info in ended])
             reach = np.array([_reach(info) for info in ended])
             self._note([info["layout"] for info in ended], scores, reach)
-            if self.budget.left < self.plan.rows:
+            if self.budget.remaining < self.plan.rows:
                 raise BudgetSpent
         self.budget.require_more()
 
     def _evaluate(self) -> None:
         """Evaluate a layout that is built without noise."""
-        if self.budget.left >= 1:
+        if self.budget.remaining >= 1:
             learner = self.learner
             built = build(learner.policy(), self.problem.scene, learner.reference_speed)
             self._note([built.layout], np.array([built.score]), np.array([built.wave.reach]))
@@ -153,7 +153,7 @@ class _Learning:
             vector: Floats = self.problem.design(completed(layouts[i], self.problem.scene))
             return vector
 
-        self.budget.note(Evaluation(scores, reach, falls), design)
+        self.budget.record(Scores(scores, reach, falls), design)
 
 
 def _reach(info: dict[str, Any]) -> float:

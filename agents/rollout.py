@@ -12,7 +12,7 @@ from agents.network import Policy
 from domino_env import DominoChain, Layout, Scene, SceneDistribution, UniformBaseline, Wave
 from domino_env.scenes.uniform import gain
 from domino_env.view.notebook import MadeForScene
-from optimize.compiling import compile_for
+from optimize.searching import compile_for
 
 EVALUATION_SEEDS = 64  # of placement noise: seeds 0, 1, …
 

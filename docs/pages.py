@@ -265,8 +265,9 @@ def methods_page() -> str:
     """Every method's idea, as its module tells it."""
     lines = ["# Search methods", ""]
     lines += ["`domino optimize SCENE --method NAME`, or `search(scene, method=NAME)`.", ""]
-    for name, module in METHODS.items():
-        lines += [f"## `{name}`", "", f"::: optimize.methods.{module}", *METHOD_OPTIONS, ""]
+    for name, place in METHODS.items():
+        path = f"optimize.methods.{place.replace(':', '.')}"
+        lines += [f"## `{name}`", "", f"::: {path}", *METHOD_OPTIONS, ""]
     lines += ["## Peers", "", "Methods of other projects, where these are installed:", ""]
     lines += [f"- `{name}` needs {needed}" for name, (_, needed) in PEERS.items()]
     return "\n".join(lines) + "\n"

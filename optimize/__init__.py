@@ -7,7 +7,4 @@ result = search("sprint", method="cma", budget=5000, seed=0)
 
 import lazy_loader
 
-from domino_env.core.results import register as register_drawings
-
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-register_drawings({"search": "optimize.picture:picture"})

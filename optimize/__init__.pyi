@@ -1,4 +1,4 @@
-from .evaluator import Budget as Budget
+from .evaluator import Evaluator as Evaluator
 from .executors import open_executor as open_executor
 from .experiments.best_known import BestKnown as BestKnown
 from .experiments.best_known import best_known as best_known

@@ -1,23 +1,29 @@
-"""Budget: what a search may spend, what it has spent, and the best it has found."""
+"""Evaluator: scores for a search method, within limits, with the best so far and a journal."""
 
 from __future__ import annotations
 
 import math
+import pickle
+import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from contextlib import contextmanager
+from functools import lru_cache
 
 import numpy as np
 
-from domino_env.scenes.objectives import Evaluation
-from optimize.problem import STEP_RTOL, Problem
-from optimize.recorder import Recorder
-from optimize.variables import Floats
+from domino_env.core.types import Floats
+from optimize.executors import telling_loss
+from optimize.journal import Journal
+from optimize.problem import Problem, Scores
 
 PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
-MOST_ROWS = 256  # between two looks, so that enough of the good ones become finalists
+MOST_DESIGNS = 256  # between two looks, so that enough of the good ones become finalists
 BULK = 2_000_000  # dominoes that fill an executor, some 3 s of one core
-GRADIENT_COST = 4  # waves that a gradient takes as long as
+# Dominoes in a task: some 0.1 s of one core; sending takes some 1 ms to a pool, 10 ms with Dask.
+TASK = 60_000
+GRADIENT_COST = 4  # simulations that take as long as a gradient
 GAIN = 1e-5  # a smaller relative gain is none
 PATIENT = 20_000  # least evaluations of a search without any limit
 KEPT = 8  # best designs kept for a closer look at the end
@@ -26,144 +32,159 @@ Step = tuple[int, int, float, float]
 
 
 def slope_left(design: Floats, gradient: Floats) -> float:
-    """Find the largest slope along which a design can still rise within the box.
+    """Find the largest slope along which a design vector can still rise within the box.
 
     Parameters
     ----------
     design, gradient
-        (n,) a design and the gradient of its score.
+        (n,) a design vector and the gradient of its score.
 
     Returns
     -------
     float
-        In score over the whole range of a variable.
+        Score over the whole range of a variable.
     """
     held = ((design <= 0.0) & (gradient < 0.0)) | ((design >= 1.0) & (gradient > 0.0))
     return float(np.abs(np.where(held, 0.0, gradient)).max())
 
 
 class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a search
-    """Raised into a method when its budget is used up."""
+    """Raised into a method when its evaluator has reached a limit."""
 
 
-class Budget:
-    """A meter: methods ask it for scores until it raises `BudgetSpent`.
+class Evaluator:
+    """Scores of a problem for a method, until a limit is reached: then it raises `BudgetSpent`.
 
-    The clock starts with the object.
+    It counts evaluations, keeps the best so far, and writes every answer into a journal, from which
+    a search that was stopped resumes. Its clock starts with the object.
 
     Parameters
     ----------
-    recorder
-        Who is asked, and remembers.
-    evaluations
-        Layouts that may be simulated; None for no limit.
-    seconds
+    problem
+        The problem.
+    max_evaluations
+        Largest number of layouts that may be simulated; None for no limit.
+    max_seconds
         Time that may be spent; None for no limit.
-    watch
-        Called with the budget after every batch.
+    callback
+        Called with the evaluator after every batch.
+    journal
+        Journal of the search; None for no memory.
+    executor
+        Simulates batches of several pieces; None for this process.
+    clock
+        Returns seconds, such as `time.process_time`.
 
     Attributes
     ----------
-    problem
-        What is searched.
-    spent
-        Layouts simulated so far.
+    evaluations
+        Number of layouts simulated so far.
     falls
-        Single falls simulated so far; an evaluation of a "robust" scene topples hundreds of rows.
+        Number of single falls simulated so far; an evaluation of a "robust" scene simulates
+        hundreds of layouts.
     trace
         (evaluations, falls, seconds, best score) at every improvement.
     slopes
-        The steepest slope left at each of them, see `slope_left`; None where it is not known.
+        Steepest slope left at each of them, see `slope_left`; None where it is not known.
     finalists
         The last improvements, (score, design) each, the best last.
-    standing
-        What the method says of its best so far: how much it is to be trusted, what it has tried.
+    status
+        What the method reports about its best so far: how reliable it is, what was tried.
     gained
-        Evaluations at the last gain worth the name.
+        Evaluations at the last considerable gain.
     """
 
     def __init__(
         self,
-        recorder: Recorder,
-        evaluations: int | None = None,
-        seconds: float | None = None,
-        watch: Callable[[Budget], None] | None = None,
+        problem: Problem,
+        max_evaluations: int | None = None,
+        max_seconds: float | None = None,
+        *,
+        callback: Callable[[Evaluator], None] | None = None,
+        journal: Journal | None = None,
+        executor: Executor | None = None,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.problem = recorder.problem
-        self.evaluations = evaluations
-        self.seconds = seconds
-        self.spent = 0
+        self.problem = problem
+        self.max_evaluations = max_evaluations
+        self.max_seconds = max_seconds
+        self.evaluations = 0
         self.falls = 0
         self.trace: list[Step] = []
         self.slopes: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
-        self.standing = ""
+        self.status = ""
         self.gained = 0
         self._reached = np.nan  # before the first
-        self._unlimited = evaluations is None and seconds is None
-        self._recorder = recorder
-        self._watch = watch
-        self._piece = min(max(8, PIECE // self.problem.dominoes), MOST_ROWS)
-        self._before = 0.0  # seconds that went into what the search builds on
-        recorder.start()
+        self._unlimited = max_evaluations is None and max_seconds is None
+        self._callback = callback
+        self._journal = journal
+        self._executor = executor
+        self._piece = min(max(8, PIECE // problem.dominoes), MOST_DESIGNS)
+        self._clock = clock
+        self._before = self._replayed = 0.0  # [s] spent before the search, and at the last replay
+        self._since = clock()
+
+    # limits -------------------------------------------------------------------------------------
 
     @property
-    def elapsed(self) -> float:
-        """Seconds since the search began, those before it was stopped and resumed among them."""
-        return self._before + self._recorder.seconds
+    def seconds(self) -> float:
+        """Time of the search so far, including the time before it was stopped and resumed."""
+        replaying = self._journal is not None and self._journal.replaying
+        now = 0.0 if replaying else self._clock() - self._since
+        return self._before + self._replayed + now
 
     @property
-    def replaying(self) -> bool:
-        """Whether the search still comes to what it had found before it was stopped."""
-        return self._recorder.replaying
+    def remaining(self) -> float:
+        """Evaluations that are left; inf where only the clock ends the search."""
+        if self.max_evaluations is None:
+            return np.inf
+        return float(self.max_evaluations - self.evaluations)
 
     @property
-    def bulk(self) -> int:
-        """Designs that fill an executor: so many may be asked for at once where any number may.
-
-        A multiple of what is scored between two looks at the clock.
-        """
-        return max(1, BULK // (self.problem.dominoes * self._piece)) * self._piece
-
-    @property
-    def part(self) -> float:
-        """Part that is spent, 0 to 1, of what runs out first; without limits, see `over`."""
+    def progress(self) -> float:
+        """Part that is spent, 0 to 1, of the limit that is reached first."""
         parts = [0.0]
         if self._unlimited:
-            parts.append(self.spent / max(PATIENT, 2 * self.gained))
-        if self.evaluations is not None:
-            parts.append(self.spent / self.evaluations)
-        if self.seconds is not None:
-            parts.append(self.elapsed / self.seconds)
+            parts.append(self.evaluations / max(PATIENT, 2 * self.gained))
+        if self.max_evaluations is not None:
+            parts.append(self.evaluations / self.max_evaluations)
+        if self.max_seconds is not None:
+            parts.append(self.seconds / self.max_seconds)
         return min(max(parts), 1.0)
 
     @property
-    def over(self) -> str:
-        """Why nothing more may be spent; empty while something may.
+    def stop_reason(self) -> str:
+        """Limit that is reached, in words; empty while more may be evaluated.
 
-        Without any limit it is over where half of many evaluations have gained nothing.
+        Without any limit a search stops where the second half of many evaluations gained nothing.
         """
-        if not self.finalists:  # even a budget of no time gets a first look
+        if not self.finalists:  # even a limit of no time allows a first evaluation
             return ""
-        if self.evaluations is not None and self.spent >= self.evaluations:
-            return f"limit of {self.evaluations} rows reached"
-        if self.seconds is not None and self.elapsed >= self.seconds:
-            return f"limit of {self.seconds:g} s reached"
-        if self._unlimited and self.spent >= max(PATIENT, 2 * self.gained):
-            return f"nothing gained in the last {self.spent - self.gained} rows"
+        if self.max_evaluations is not None and self.evaluations >= self.max_evaluations:
+            return f"limit of {self.max_evaluations} rows reached"
+        if self.max_seconds is not None and self.seconds >= self.max_seconds:
+            return f"limit of {self.max_seconds:g} s reached"
+        if self._unlimited and self.evaluations >= max(PATIENT, 2 * self.gained):
+            return f"nothing gained in the last {self.evaluations - self.gained} rows"
         return ""
 
     def require_more(self) -> None:
-        """Raise `BudgetSpent`, which says why, where nothing more may be spent."""
-        if self.over:
-            raise BudgetSpent(self.over)
+        """Raise `BudgetSpent`, with the reason, where a limit is reached."""
+        reason = self.stop_reason
+        if reason:
+            raise BudgetSpent(reason)
 
     @property
-    def left(self) -> float:
-        """Evaluations that may still be spent; inf where only the clock ends the search."""
-        if self.evaluations is None:
-            return np.inf
-        return float(self.evaluations - self.spent)
+    def bulk(self) -> int:
+        """Number of design vectors that fill an executor, where any number may be evaluated."""
+        return max(1, BULK // (self.problem.dominoes * self._piece)) * self._piece
+
+    def add_seconds(self, seconds: float) -> None:
+        """Count time that was spent on what the search builds on, before it began [s]."""
+        self._before += seconds
+
+    # the best so far ----------------------------------------------------------------------------
 
     @property
     def best_score(self) -> float:
@@ -172,7 +193,7 @@ class Budget:
 
     @property
     def best(self) -> Floats:
-        """Best design (n,) so far.
+        """Best design vector (n,) so far.
 
         Raises
         ------
@@ -183,196 +204,295 @@ class Budget:
             raise ValueError("nothing has been scored yet")
         return self.finalists[-1][1]
 
-    def scores(self, designs: Floats, rtol: float | None = None) -> Floats:
-        """Score designs.
+    def record(self, scores: Scores, design: Callable[[int], Floats]) -> None:
+        """Count layouts that were simulated elsewhere at the tolerance of the problem.
 
         Parameters
         ----------
-        designs
-            (B, n) designs.
-        rtol
-            How closely to simulate; as the problem does where None.
-
-        Returns
-        -------
-        ndarray
-            (B,) scores.
-
-        Raises
-        ------
-        BudgetSpent
-            Where not all can be paid for. What can be is simulated first, so that nothing of the
-            budget is lost.
-        """
-        designs = np.asarray(designs, dtype=np.float64)
-        scores = np.empty(len(designs))
-        at = 0
-        while at < len(designs):
-            self.require_more()
-            most = self.bulk if self._recorder.elsewhere else self._piece
-            size = min(most, len(designs) - at)
-            if self.evaluations is not None:
-                size = min(size, self.evaluations - self.spent)
-            # the same pieces with and without an executor: what is noted must not depend on it
-            pieces = [
-                designs[i : min(i + self._piece, at + size)]
-                for i in range(at, at + size, self._piece)
-            ]
-            parts = self._recorder.evaluations(pieces, rtol)
-            for piece, part in zip(pieces, parts, strict=True):
-                scores[at : at + len(piece)] = part.score
-                self._count(part)
-                self._note(piece, part.score)
-                at += len(piece)
-        return scores
-
-    def score(self, design: Floats) -> float:
-        """Score one design (n,)."""
-        return float(self.scores(np.asarray(design)[None])[0])
-
-    def score_and_gradient(self, design: Floats) -> tuple[float, Floats]:
-        """Score one design (n,), with its gradient (n,): see `Problem.score_and_gradient`."""
-        scores, gradients = self.scores_and_gradients(np.asarray(design)[None])
-        return float(scores[0]), gradients[0]
-
-    def scores_and_gradients(
-        self, designs: Floats, *, of_dying: bool = True, at_will: bool = False
-    ) -> tuple[Floats, Floats]:
-        """Score designs, with the gradient of each: see `Problem.scores_and_gradients`.
-
-        Parameters
-        ----------
-        designs
-            (B, n) designs.
-        of_dying
-            Whether a wave that dies gets a gradient too, which takes 2n more evaluations; otherwise
-            it is zero.
-        at_will
-            As of `Problem.scores_and_gradients`.
-
-        Returns
-        -------
-        scores : ndarray
-            (B,) scores.
-        gradients : ndarray
-            (B, n) gradients by the designs.
-
-        Raises
-        ------
-        BudgetSpent
-            Where not all can be paid for; what can be is simulated first.
-        """
-        designs = np.asarray(designs, dtype=np.float64)
-        scores, gradients = np.empty(len(designs)), np.empty(designs.shape)
-        piece = max(1, self._piece // GRADIENT_COST)
-        at = 0
-        while at < len(designs):
-            self.require_more()
-            size = min(piece, len(designs) - at)
-            if self.evaluations is not None:
-                size = min(size, self.evaluations - self.spent)
-            part = slice(at, at + size)
-            found, slopes = self._recorder.evaluations_and_gradients(designs[part], at_will=at_will)
-            self._count(found)
-            for b in np.flatnonzero(found.without_gradient) if of_dying else ():
-                around = self.scores(self.problem.neighbours(designs[at + b]), STEP_RTOL)
-                slopes[b] = self.problem.difference(designs[at + b], around)
-            scores[part], gradients[part] = found.score, slopes
-            self._note(designs[part], found.score, slopes)
-            at += size
-        return scores, gradients
-
-    def lateness(self, design: Floats) -> tuple[float, Floats, Floats]:
-        """Find how late each domino of one design is hit: see `Problem.lateness`.
-
-        Raises
-        ------
-        BudgetSpent
-            Where it cannot be paid for.
-        """
-        self.require_more()
-        design = np.asarray(design, dtype=np.float64)
-        found, late, slopes = self._recorder.lateness(design)
-        self._count(found)
-        self._note(design[None], found.score)
-        return float(found.score[0]), late, slopes
-
-    def note(self, found: Evaluation, design: Callable[[int], Floats]) -> None:
-        """Count rows that were simulated elsewhere, as closely as the problem's, and remember them.
-
-        Parameters
-        ----------
-        found
-            What the scene gives for them.
+        scores
+            Their scores.
         design
-            Gives the design of row i, asked for only where it is the best so far.
+            Returns the design vector of layout i; called only for a new best.
 
         Raises
         ------
         ValueError
-            Where there are more than the budget has left: whoever simulates has to ask.
+            Where there are more than remain: whoever simulates has to ask.
         """
-        scores = found.score
-        if len(scores) > self.left:
-            raise ValueError(f"{len(scores)} rows are noted, where {self.left:g} are left to spend")
-        self._count(found)
-        i = int(np.argmax(scores))
-        if scores[i] > self.best_score:
-            self._note(np.asarray(design(i))[None], scores[i : i + 1])
-        else:
-            self._look()
+        if len(scores.score) > self.remaining:
+            raise ValueError(
+                f"{len(scores.score)} rows are noted, where {self.remaining:g} are left to spend"
+            )
+        self._count(scores)
+        self._note(scores, design)
 
-    @contextmanager
-    def lend(self, problem: Problem, evaluations: int) -> Iterator[Budget]:
-        """Give a budget for smaller rows of the same kind, which count by their dominoes.
+    # evaluation ---------------------------------------------------------------------------------
 
-        What is asked of it no journal keeps: a search that goes on asks again.
-
-        Parameters
-        ----------
-        problem
-            Of the smaller rows.
-        evaluations
-            Most of them; half of what this budget can pay for at most.
+    def evaluate(
+        self,
+        designs: Floats,
+        gradient: bool = False,
+        *,
+        rtol: float | None = None,
+        differences: bool = True,
+        relaxed: bool = False,
+    ) -> Scores:
+        """Simulate design vectors and score them: see `Problem.evaluate`.
 
         Raises
         ------
         BudgetSpent
-            At the end, where it has used this one up; its own end is none.
+            Where fewer evaluations remain. As many as remain are simulated first.
+        """
+        designs = np.asarray(designs, dtype=np.float64)
+        if designs.ndim == 1:
+            return self.evaluate(
+                designs[None], gradient, rtol=rtol, differences=differences, relaxed=relaxed
+            ).of_one()
+        found: list[Scores] = []
+        at = 0
+        while at < len(designs):
+            self.require_more()
+            size = int(min(self._largest(gradient), len(designs) - at, self.remaining))
+            # The same pieces with and without an executor: no result may depend on it.
+            step = max(1, self._piece // GRADIENT_COST) if gradient else self._piece
+            pieces = [designs[i : min(i + step, at + size)] for i in range(at, at + size, step)]
+            answers = self._answers(pieces, gradient, rtol or self.problem.rtol, relaxed)
+            for piece, scores in zip(pieces, answers, strict=True):
+                self._count(scores)
+                if gradient and differences:
+                    self.problem.fill_gradients(piece, scores, self.evaluate)
+                self._note(scores, piece.__getitem__)
+                found.append(scores)
+                at += len(piece)
+        return _joined(found, designs, gradient)
+
+    def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
+        """Find how late each domino of one design vector is hit: see `Problem.lateness`.
+
+        Raises
+        ------
+        BudgetSpent
+            Where no evaluation remains.
+        """
+        self.require_more()
+        design = np.asarray(design, dtype=np.float64)
+
+        def simulated() -> list[Floats]:
+            scores, late, slopes = self.problem.lateness(design)
+            return [*_packed(scores), late, slopes]
+
+        *parts, late, slopes = self._answer("lateness", design[None], simulated)
+        scores = _unpacked(parts)
+        self._count(scores)
+        self._note(scores, lambda _: design)
+        return scores, late, slopes
+
+    @contextmanager
+    def borrow(self, problem: Problem, evaluations: int) -> Iterator[Evaluator]:
+        """Provide an evaluator for shorter layouts of the same kind, which count by their dominoes.
+
+        It has no journal: a resumed search evaluates these again.
+
+        Parameters
+        ----------
+        problem
+            Problem of the shorter layouts.
+        evaluations
+            Most of them; at most half of what remains here.
+
+        Raises
+        ------
+        BudgetSpent
+            At the end, where this evaluator has reached a limit.
         """
         share = problem.dominoes / self.problem.dominoes
-        if self.evaluations is not None:
-            evaluations = max(1, min(evaluations, int(0.5 * self.left / share)))
-        seconds = None if self.seconds is None else max(self.seconds - self.elapsed, 1e-9)
-        recorder = self._recorder.beside(problem)
-        own = Budget(recorder, evaluations, seconds, lambda _: self._look())
+        if self.max_evaluations is not None:
+            evaluations = max(1, min(evaluations, int(0.5 * self.remaining / share)))
+        seconds = None if self.max_seconds is None else max(self.max_seconds - self.seconds, 1e-9)
+        own = Evaluator(
+            problem, evaluations, seconds, callback=lambda _: self._call_back(), clock=self._clock
+        )
         try:
             yield own
         except BudgetSpent:
             pass
         finally:
-            self.spent += math.ceil(own.spent * share)
+            self.evaluations += math.ceil(own.evaluations * share)
             self.falls += own.falls
         self.require_more()
 
-    def already_spent(self, seconds: float) -> None:
-        """Count time that went into what the search builds on, before it began [s]."""
-        self._before += seconds
+    def _largest(self, gradient: bool) -> int:
+        """Number of design vectors that are simulated between two looks at the clock."""
+        if gradient:
+            return max(1, self._piece // GRADIENT_COST)
+        return self._piece if self._executor is None else self.bulk
 
-    def _count(self, found: Evaluation) -> None:
-        self.spent += len(found.score)
-        self.falls += int(found.falls.sum())
+    def _answers(
+        self, pieces: Sequence[Floats], gradient: bool, rtol: float, relaxed: bool
+    ) -> Iterator[Scores]:
+        """Scores of one piece after the other, from the journal as far as it has them."""
+        if gradient:
+            for piece in pieces:
 
-    def _note(self, designs: Floats, scores: Floats, gradients: Floats | None = None) -> None:
-        i = int(np.argmax(scores))
-        if scores[i] > self.best_score:
-            self.trace.append((self.spent, self.falls, self.elapsed, float(scores[i])))
-            self.slopes.append(None if gradients is None else slope_left(designs[i], gradients[i]))
-            self.finalists.append((float(scores[i]), designs[i].copy()))
-            if not scores[i] <= self._reached + GAIN * abs(self._reached):
-                self._reached, self.gained = float(scores[i]), self.spent
-        self._look()
+                def simulated(piece: Floats = piece) -> list[Floats]:
+                    found = self.problem.evaluate(piece, True, differences=False, relaxed=relaxed)
+                    return _packed(found)
 
-    def _look(self) -> None:
-        if self._watch is not None:
-            self._watch(self)
+                yield _unpacked(self._answer(f"gradient {relaxed}", piece, simulated))
+            return
+        pieces = list(pieces)
+        while pieces:
+            found = self._replay(f"scores {rtol}", pieces[0])
+            if found is None:
+                break
+            pieces.pop(0)
+            yield _unpacked(found)
+        for piece, scores in zip(
+            pieces, simulate_pieces(self.problem, pieces, rtol, self._executor), strict=True
+        ):
+            self._keep(f"scores {rtol}", piece, _packed(scores))
+            yield scores
+
+    def _answer(
+        self, kind: str, designs: Floats, simulated: Callable[[], list[Floats]]
+    ) -> list[Floats]:
+        found = self._replay(kind, designs)
+        if found is None:
+            found = simulated()
+            self._keep(kind, designs, found)
+        return found
+
+    def _replay(self, kind: str, designs: Floats) -> list[Floats] | None:
+        """The answer in the journal, whose time becomes that of the search."""
+        if self._journal is None or not self._journal.replaying:
+            return None
+        found = self._journal.find(self._journal.digest(kind, designs))
+        if found is None:
+            return None
+        seconds, arrays = found
+        self._replayed, self._since = max(self._replayed, seconds), self._clock()
+        return arrays
+
+    def _keep(self, kind: str, designs: Floats, arrays: list[Floats]) -> None:
+        if self._journal is not None:
+            seconds = self.seconds - self._before
+            self._journal.keep(self._journal.digest(kind, designs), seconds, arrays)
+
+    def _count(self, scores: Scores) -> None:
+        self.evaluations += len(scores.score)
+        self.falls += int(scores.falls.sum())
+
+    def _note(self, scores: Scores, design: Callable[[int], Floats]) -> None:
+        i = int(np.argmax(scores.score))
+        score = float(scores.score[i])
+        if score > self.best_score:
+            best = np.array(design(i))
+            slope = None if scores.gradient is None else slope_left(best, scores.gradient[i])
+            self.trace.append((self.evaluations, self.falls, self.seconds, score))
+            self.slopes.append(slope)
+            self.finalists.append((score, best))
+            if not score <= self._reached + GAIN * abs(self._reached):
+                self._reached, self.gained = score, self.evaluations
+        self._call_back()
+
+    def _call_back(self) -> None:
+        if self._callback is not None:
+            self._callback(self)
+
+
+def simulate_pieces(
+    problem: Problem, pieces: Sequence[Floats], rtol: float, executor: Executor | None
+) -> Iterator[Scores]:
+    """Score pieces of designs here or, where there are enough of them, by an executor.
+
+    Every piece is simulated as a whole, so that no bit depends on where.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    pieces
+        (B, n) design vectors each.
+    rtol
+        Relative error allowed in the arrival times.
+    executor
+        The executor; None for this process.
+
+    Yields
+    ------
+    Scores
+        Of the next piece.
+
+    Raises
+    ------
+    ExecutorLost
+        Where the executor has ended.
+    """
+    tasks = [] if executor is None else tasks_of(pieces, problem.dominoes)
+    if executor is None or len(tasks) < 2:
+        for piece in pieces:
+            yield problem.evaluate(piece, rtol=rtol)
+        return
+    pickled = pickle.dumps(problem)
+    futures = [executor.submit(run_task, pickled, task, rtol) for task in tasks]
+    try:
+        for future in futures:
+            with telling_loss(executor):
+                parts = future.result()
+            yield from parts
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def tasks_of(pieces: Sequence[Floats], dominoes: int) -> list[list[Floats]]:
+    """Group pieces of designs, so many dominoes a design, into tasks that are worth sending."""
+    groups: list[list[Floats]] = []
+    full = True
+    for piece in pieces:
+        if full:
+            groups.append([])
+        groups[-1].append(piece)
+        full = sum(map(len, groups[-1])) * dominoes >= TASK
+    if not full and len(groups) > 1:  # the last one is too small to be sent
+        last = groups.pop()
+        groups[-1] += last
+    return groups
+
+
+def run_task(pickled: bytes, pieces: Sequence[Floats], rtol: float) -> list[Scores]:
+    """Score pieces of designs of a pickled problem: the task of a worker."""
+    problem = _problem(pickled)
+    return [problem.evaluate(piece, rtol=rtol) for piece in pieces]
+
+
+@lru_cache(8)
+def _problem(pickled: bytes) -> Problem:
+    problem: Problem = pickle.loads(pickled)
+    return problem
+
+
+def _joined(found: Sequence[Scores], designs: Floats, gradient: bool) -> Scores:
+    if len(found) == 1:
+        return found[0]
+    empty = np.empty(0)
+    score, reach, falls = (
+        np.concatenate([getattr(part, name) for part in found] or [empty])
+        for name in ("score", "reach", "falls")
+    )
+    slopes = None
+    if gradient:
+        slopes = np.concatenate([part.gradient for part in found] or [np.empty_like(designs)])
+    return Scores(score, reach, falls, slopes)
+
+
+def _packed(scores: Scores) -> list[Floats]:
+    """The arrays that a journal keeps."""
+    arrays = [scores.score, scores.reach, scores.falls.astype(np.float64)]
+    return arrays if scores.gradient is None else [*arrays, scores.gradient]
+
+
+def _unpacked(arrays: Sequence[Floats]) -> Scores:
+    score, reach, falls, *gradient = arrays
+    return Scores(score, reach, falls.astype(np.int64), *gradient)

@@ -1,35 +1,38 @@
-"""search(): one method on one scene under one budget."""
+"""search(): one method on one scene within limits."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from domino_env.core.progress import progress_bar
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from optimize.compiling import compile_for
-from optimize.evaluator import Budget, BudgetSpent
+from domino_env.scenes.uniform import gain
+from optimize.evaluator import BudgetSpent, Evaluator
 from optimize.journal import Journal
 from optimize.methods import registry
-from optimize.methods.registry import name_of
 from optimize.problem import Problem
-from optimize.progress import Watch, progress_line
-from optimize.recorder import Recorder
 from optimize.result import SearchResult
-from optimize.run_folder import RunFolder
+from optimize.run_folder import JOURNAL, RunFolder
 
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
+
+Watch = Callable[[Evaluator], None]
+
+LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
+FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
 
 
 def search(
@@ -46,60 +49,60 @@ def search(
     resume: bool = False,
     clock: Callable[[], float] = time.perf_counter,
 ) -> SearchResult:
-    """Search a layout of a scene that beats the best uniform pitch.
+    """Search a layout of a scene that is better than the uniform baseline.
 
-    A search ends when its method is done, and says why; budget and seconds are limits to it. Where
-    there is no limit, one that is never done ends when its evaluations have gained nothing for
-    long. Ctrl-C ends the search with the best so far.
+    A search ends when its method is done; budget and seconds limit it. Without a limit, a method
+    that is never done ends when its evaluations have gained nothing for long. Ctrl-C ends the
+    search with the best so far.
 
     Parameters
     ----------
     scene
         A scene, its name, or the path of its file.
     method
-        One of `METHODS`, or one of your own: a function `run(budget, rng)`, or its name as
+        One of `METHODS`, or your own: a function `run(evaluator, rng)`, or its name as
         "package.module:function".
     budget
-        Layouts that may be simulated, never exceeded; None: no limit. The best few are simulated
-        once more, closely, at the end; that is not counted. On a floor those count that are toppled
-        standing, and not the analytic ones that say which.
+        Largest number of layouts that may be simulated; None for no limit. The best few are
+        simulated once more, closely, at the end; that is not counted. On a floor free-standing
+        layouts count, and not the analytic ones that select them.
     seed
-        Of all randomness; the same seed gives the same result to the bit, under a budget of
-        evaluations or none (one of seconds cannot), whatever the number of threads.
+        Of all randomness. The same seed gives bitwise the same result, with a budget of evaluations
+        or none (not with one of seconds), for any number of threads.
     seconds
-        Time that may be spent, not counting the search of the uniform pitch; None: no limit.
+        Time that may be spent, without the search of the uniform baseline; None for no limit.
     progress
-        Whether to show a line with the best so far; None: on a terminal.
+        Whether to show a line with the best so far; None for on a terminal.
     folder
-        Where to write the run, see `optimize.run_folder`; None: nowhere.
+        Folder to write the run to, see `optimize.run_folder`; None for nowhere.
     watch
-        Called with the Budget after every batch.
+        Called with the `Evaluator` after every batch.
     executor
-        Scores batches of thousands of rows, see `optimize.executors`; smaller ones are not sent.
-        None: threads of this process. The result is the same to the bit.
+        Simulates batches of thousands of layouts, see `optimize.executors`; smaller ones are not
+        sent. None for threads of this process. The result is bitwise the same.
     resume
-        Go on with the search in the folder, from where its journal ends (from the start where there
-        is none), or further with a larger budget. The result is the same to the bit as that of a
-        search that was never stopped; seconds that it took before are counted.
+        Continue the search in the folder, from where its journal ends (from the start where there
+        is none), or further with a larger budget. The result is bitwise that of a search that was
+        never stopped; earlier seconds count.
     clock
-        Gives the seconds of a search without a folder, such as `time.process_time`: processor time,
-        from which what else the machine does falls out.
+        Returns the seconds of a search, such as `time.process_time`: processor time, which does not
+        include other work of the machine.
 
     Returns
     -------
     SearchResult
-        The best layout, beside the best uniform one.
+        The best layout, beside the uniform baseline.
 
     Raises
     ------
     ValueError
-        For an unknown method or scene, a method that asks for no score, a budget that is not
+        For an unknown method or scene, a method that evaluates nothing, a budget that is not
         positive, a folder that holds a run already or, with resume, another search or more of this
-        one, a result that cannot be written, or a scene that leaves nothing free.
+        one, a result that cannot be written, or a scene without free values.
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
-    run, method = registry.load(method), name_of(method)
+    run, method = registry.load(method), registry.name_of(method)
     require_limits(budget, seconds, seed)
     if resume and folder is None:
         raise ValueError("resume: name the folder of the search to go on with")
@@ -109,38 +112,43 @@ def search(
     with ExitStack() as stack:
         if folder is not None:
             files = RunFolder(Path(folder), scene, method, seed, resume=resume, evaluations=budget)
-            journal = Journal(files.journal, scene, method, seed, versions(), resume=resume)
-        recorder = stack.enter_context(Recorder(problem, journal, executor, clock))
+            context = f"{versions()} {scene.to_toml()}"
+            journal = Journal(Path(folder) / JOURNAL, context, resume=resume)
+            stack.callback(journal.close)
         uniform = scene.uniform()
         compile_for(scene, gradients=True)
         show = stack.enter_context(
             progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
         )
 
-        def look(meter: Budget) -> None:
-            show(meter)
+        def callback(evaluator: Evaluator) -> None:
+            show(evaluator)
             if files is not None:
-                files.save(meter)
+                files.save(evaluator)
             if watch is not None:
-                watch(meter)
+                watch(evaluator)
 
-        meter = Budget(recorder, budget, seconds, look)
+        evaluator = Evaluator(
+            problem, budget, seconds,
+            callback=callback, journal=journal, executor=executor, clock=clock,
+        )  # fmt: skip
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
-                run(meter, np.random.default_rng(seed))
-            ended = f"done: {meter.standing or 'the method has nothing left to try'}"
-        except BudgetSpent as spent_up:
-            ended = "; ".join(
-                filter(None, (str(spent_up) or meter.over or "too little is left", meter.standing))
-            )
+                run(evaluator, np.random.default_rng(seed))
+            ended = f"done: {evaluator.status or 'the method has nothing left to try'}"
+        except BudgetSpent as spent:
+            reason = str(spent) or evaluator.stop_reason or "too little is left"
+            ended = "; ".join(filter(None, (reason, evaluator.status)))
         except KeyboardInterrupt:
             interrupted, ended = True, "interrupted"
-        spent = meter.elapsed
-    if not (meter.finalists or interrupted):
-        raise ValueError(f"method '{method}' ended without asking budget for a score")
-    layout, wave, score = _best(scene, meter)
-    end = (meter.spent, meter.falls, spent, meter.best_score)
+        took = evaluator.seconds
+    if not evaluator.finalists:
+        if interrupted:
+            raise KeyboardInterrupt
+        raise ValueError(f"method '{method}' ended without asking its evaluator for a score")
+    layout, wave, score = _best(scene, evaluator)
+    end = (evaluator.evaluations, evaluator.falls, took, evaluator.best_score)
     result = SearchResult(
         scene=scene,
         method=method,
@@ -149,23 +157,21 @@ def search(
         wave=wave,
         score=score,
         uniform=uniform,
-        trace=(*meter.trace, end),
-        slopes=(*meter.slopes, meter.slopes[-1] if meter.slopes else None),
-        evaluations=meter.spent,
-        falls=meter.falls,
-        seconds=spent,
+        trace=(*evaluator.trace, end),
+        slopes=(*evaluator.slopes, evaluator.slopes[-1]),
+        evaluations=evaluator.evaluations,
+        falls=evaluator.falls,
+        seconds=took,
         interrupted=interrupted,
         ended=ended,
     )
     if files is not None:
         files.finish(result)
-        if not interrupted:
-            recorder.finish()
     return result
 
 
 def require_limits(budget: int | None, seconds: float | None, seed: int) -> None:
-    """Refuse limits that leave a search nothing, and seeds that are none, as `search` does.
+    """Raise for limits that leave a search nothing, and for negative seeds.
 
     Parameters
     ----------
@@ -185,14 +191,75 @@ def require_limits(budget: int | None, seconds: float | None, seed: int) -> None
         raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
 
 
-def _best(scene: Scene, meter: Budget) -> tuple[Layout, Wave, float]:
+def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:
+    """Compile what a scene needs, before a clock starts.
+
+    Parameters
+    ----------
+    scene
+        The scene; its uniform baseline is searched here where it is not known yet.
+    gradients
+        Compile scores with gradients too.
+    episodes
+        Compile the steps of `DominoChain` too.
+    """
+    mark = scene.uniform().layout
+    gaps, thickness = np.array(mark.spacing[None]), np.array(mark.thickness[None, 1:])
+    height = None if scene.growth is None else np.array(mark.height[None, 1:])
+    scene.evaluate(scene.batch(gaps, thickness, height))
+    if gradients:
+        scene.evaluate(scene.batch(gaps, thickness, height, rtol=1e-8), gradient=True)
+    if episodes:
+        from domino_env import DominoChain
+
+        env = DominoChain(scene)
+        env.reset()
+        env.step(np.zeros(env.action_space.shape, np.float32))
+
+
+@contextmanager
+def progress_line(name: str, mark: float, shown: bool | None, unit: str = "m/s") -> Iterator[Watch]:
+    """Keep a line on the terminal, and yield the function that updates it.
+
+    Parameters
+    ----------
+    name
+        Name of the search.
+    mark
+        Score of the uniform baseline.
+    shown
+        Whether there is a line; None: where standard error is a terminal, and elsewhere a new
+        line now and then.
+    unit
+        Of the scores.
+    """
+    if shown is False:
+        yield lambda evaluator: None
+        return
+    looks: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": FORMAT, "leave": False}
+    with progress_bar(shown, line=LINE, dynamic_ncols=True, **looks) as line:
+
+        def update(evaluator: Evaluator) -> None:
+            line.set_postfix_str(_best_so_far(evaluator.best_score, mark, unit), refresh=False)
+            line.update(evaluator.progress - line.n)
+
+        yield update
+
+
+def _best_so_far(score: float, mark: float, unit: str) -> str:
+    if score <= 0.0:
+        return f"no row runs through yet, the best to {1.0 + score:.0%}"
+    lead = gain(score, mark)
+    against = "" if lead is None else f", {lead:+.2%} against uniform"
+    return f"best {score:.5f} {unit}".rstrip() + against
+
+
+def _best(scene: Scene, evaluator: Evaluator) -> tuple[Layout, Wave, float]:
     """The best of the finalists, simulated closely.
 
-    A hair above a stall, a row may run through at the search's tolerance and not at a closer one.
+    Near a stall, a wave may complete at the tolerance of the search and not at a closer one.
     """
-    if not meter.finalists:
-        raise KeyboardInterrupt  # ended by hand before anything was found
-    layouts = [meter.problem.layout(design) for _, design in reversed(meter.finalists)]
+    layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
     waves = [scene.simulate(layout) for layout in layouts]
     scores = scene.evaluate_waves(waves).score.tolist()
     return max(zip(layouts, waves, scores, strict=True), key=lambda one: one[2])

@@ -40,9 +40,9 @@ from domino_env.core.checks import require
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from domino_env.view.notebook import MadeForScene
-from optimize.compiling import compile_for
-from optimize.methods.gradient.local_search import Ascent
+from optimize.methods.gradient.local_search import LocalSearch
 from optimize.problem import Problem
+from optimize.searching import compile_for
 
 TRIES = PLANS  # that are simulated
 AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of a layout's shape where more is free than gaps
@@ -232,11 +232,11 @@ def refined(scene: Scene, layout: Layout, steps: int) -> Layout:
     inverse = ((problem.low + start * span) / span) ** 2 * (scene.count - 1) / BEND
     unit = float(np.sqrt(scene.physics.gravity * scene.height))  # of which scores are about one
     project = problem.project if problem.coupled else None
-    ascent = Ascent(start, project, inverse / unit)
-    while ascent.told < steps and not ascent.done:
-        scores, slopes = problem.scores_and_gradients(ascent.wanted[None], of_dying=False)
-        ascent.tell(float(scores[0]), slopes[0])
-    return problem.layout(ascent.design)
+    local = LocalSearch(start, project, inverse / unit)
+    while local.evaluations < steps and not local.done:
+        found = problem.evaluate(local.wanted, gradient=True, differences=False)
+        local.tell(found.score, found.gradient)
+    return problem.layout(local.design)
 
 
 def _outputs(network: Network, values: Floats) -> Floats:

@@ -14,21 +14,19 @@ import numpy as np
 from engibench.constraint import IMPL, THEORY, bounded, constraint, greater_than
 from engibench.core import ObjectiveDirection, OptiStep, Problem
 from gymnasium import spaces
-from numpy.typing import NDArray
 from PIL import Image
 
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.view.drawing import Scale, strip
-from optimize.evaluator import Budget
+from optimize.evaluator import Evaluator
 from optimize.methods import registry
-from optimize.methods.gradient.quasi_newton import descend
+from optimize.methods.scipy_methods import l_bfgs
 from optimize.problem import Problem as UnitBox
 from optimize.searching import search
-
-Floats = NDArray[np.float64]
 
 WIDTH, HEIGHT = 1000, 200  # of a drawing [px]
 
@@ -166,9 +164,9 @@ class DominoRow(Problem[Floats]):
         start = self._box.design(self.layout(starting_point))
         others = registry.load("auto")
 
-        def from_start(budget: Budget, rng: np.random.Generator) -> None:
-            descend(budget, start)
-            others(budget, rng)
+        def from_start(evaluator: Evaluator, rng: np.random.Generator) -> None:
+            l_bfgs.descend(evaluator, start)
+            others(evaluator, rng)
 
         evaluations = self._config(config).evaluations
         found = search(self._under(config), from_start, evaluations, self.seed or 0, progress=False)

@@ -1,1 +1,1 @@
-"""The nearest values that keep a scene's rules: lists, stock, smoothness, length."""
+"""Projections onto the rules of a scene: bounds, lists, stock, largest change, length."""

@@ -1,41 +1,38 @@
-"""The nearest values that a scene's rules allow."""
+"""FeasibleSet: the values that the rules of a scene allow, and the projection onto them."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from domino_env.core.types import Bools, Floats
 from domino_env.scenes.scene import Scene
-from optimize.constraints.length import nearest_with_sum
+from optimize.constraints.convex import nearest_smooth, nearest_with_sum
 from optimize.constraints.lists import Lists
-from optimize.constraints.smoothness import nearest_smooth
 from optimize.constraints.stock import nearest_from_stock
 
-Floats = NDArray[np.float64]
 
-
-class Allowed:
-    """The rules on the free values of a row: gaps first, then thicknesses (or growths).
+class FeasibleSet:
+    """The rules on the free values of a layout: gaps first, then thicknesses, then growths.
 
     Parameters
     ----------
     scene
-        Whose rules.
+        Scene whose rules they are.
     low, high
-        (n,) bounds [m], or what the scene gives in heights.
+        (n,) bounds [m], or in heights where the scene has them so.
     gaps
-        How many of the n values are gaps.
+        Number of values that are gaps.
     total
-        What all values add up to [m]; None for any.
+        Sum of all values [m]; None for any.
 
     Attributes
     ----------
     discrete
         Whether some values are from a list or the stock.
     stepped
-        (n,) which of them are.
+        (n,) values that are.
     coupled
-        Whether neighbouring gaps may differ by so much only.
+        Whether the difference of neighbouring gaps is limited.
 
     Notes
     -----
@@ -59,8 +56,7 @@ class Allowed:
             self.stock = scene.stock.without(scene.first_thickness)
         elif n > gaps:
             lists[gaps:] = [scene.thickness_values] * (n - gaps)
-        listed = np.array([one is not None for one in lists], dtype=bool)
-        self.listed = listed
+        self.listed = listed = np.array([one is not None for one in lists], dtype=bool)
         self.stepped = listed.copy()  # listed, or from the stock
         self.stepped[gaps:] |= self.stock is not None
         self.discrete = bool(self.stepped.any())
@@ -68,25 +64,23 @@ class Allowed:
         if listed.any():
             change = self.change[listed[:-1] & listed[1:]]
             chosen = [one for one in lists if one is not None]
-            self.lists = Lists(chosen, change, self._room_for_lists())
+            self.lists = Lists(chosen, change, self._total_of_lists())
 
-    def _room_for_lists(self) -> tuple[float, float] | None:
-        """Between which sums the listed values must stay for the others to meet the length."""
+    def _total_of_lists(self) -> tuple[float, float] | None:
+        """Range of the sum of the listed values with which the others can meet the length."""
         if self.total is None:
             return None
         if self.stock is not None:
             left = self.total - float(self.stock.dominoes.sum())
             return left, left
         others = ~self.listed
-        return (
-            self.total - float(self.high[others].sum()),
-            self.total - float(self.low[others].sum()),
-        )
+        most, least = float(self.high[others].sum()), float(self.low[others].sum())
+        return self.total - most, self.total - least
 
-    def nearest(self, values: Floats) -> Floats:
-        """Find the nearest allowed values to each row of `values` (B, n)."""
+    def project(self, values: Floats) -> Floats:
+        """Find the nearest allowed values to each line of `values` (B, n)."""
         if not self.discrete:
-            return self._nearest(values, np.ones(len(self.low), dtype=bool), self.total)
+            return self._project(values, np.ones(len(self.low), dtype=bool), self.total)
         values = np.clip(values, self.low, self.high)
         found = values.copy()
         if self.lists is not None:
@@ -94,18 +88,16 @@ class Allowed:
         if self.stock is not None:
             found[:, self.gaps :] = nearest_from_stock(values[:, self.gaps :], self.stock)
         rest = ~self.stepped
-        if not rest.any():
-            return found
-        if self.total is None:
-            found[:, rest] = self._nearest(values[:, rest], rest, None)
-            return found
-        left = self.total - found[:, self.stepped].sum(axis=1)
-        for b in range(len(found)):
-            found[b, rest] = self._nearest(values[b : b + 1, rest], rest, float(left[b]))[0]
+        if rest.any() and self.total is None:
+            found[:, rest] = self._project(values[:, rest], rest, None)
+        elif rest.any():
+            left = self.total - found[:, self.stepped].sum(axis=1)
+            for b in range(len(found)):
+                found[b, rest] = self._project(values[b : b + 1, rest], rest, float(left[b]))[0]
         return found
 
-    def _nearest(self, values: Floats, which: NDArray[np.bool_], total: float | None) -> Floats:
-        """Without lists, of the entries that `which` (n,) tells."""
+    def _project(self, values: Floats, which: Bools, total: float | None) -> Floats:
+        """Without lists, for the selected entries (n,)."""
         low, high = self.low[which], self.high[which]
         change = self.change[which[:-1] & which[1:]]
         if np.isfinite(change).any():
@@ -114,24 +106,23 @@ class Allowed:
         return values if total is None else nearest_with_sum(values, low, high, total)
 
     def linear(self) -> tuple[Floats, Floats] | None:
-        """Give A (m, n) and b (m,) of the rule A v ≤ b on values v; None where there is none."""
+        """Return A (m, n) and b (m,) of the rule A v ≤ b on values v; None without one."""
         if not self.coupled:
             return None
         ties = np.flatnonzero(np.isfinite(self.change))
-        up = np.zeros((len(ties), len(self.low)))
-        every = np.arange(len(ties))
-        up[every, ties + 1], up[every, ties] = 1.0, -1.0
+        up = np.diff(np.eye(len(self.low)), axis=0)[ties]
         return np.concatenate([up, -up]), np.tile(self.change[ties], 2)
 
     def tangent(
-        self, slopes: Floats, wanted: Floats, values: Floats, at_will: bool = False
+        self, slopes: Floats, wanted: Floats, values: Floats, relaxed: bool = False
     ) -> Floats:
         """Turn gradients by the nearest allowed values into gradients by the values wanted.
 
-        Values bound together move together: all where a length is asked, neighbours whose
-        difference is at its largest, and those held at a bound not at all. Where what is wanted is
-        allowed, only the length counts, so that every way out of a corner is seen. Values from a
-        list or the stock keep theirs when what is wanted changes a little: their slope is 0.
+        Values bound together move together: all where a length is given, neighbours whose
+        difference is at its largest, and those held at a bound not at all. Where the wanted values
+        are allowed, only the length counts, so that every way out of a corner is visible. Values
+        from a list or the stock do not change with a small change of the wanted ones: their slope
+        is 0.
 
         Parameters
         ----------
@@ -141,7 +132,7 @@ class Allowed:
             (B, n) values before the rules are applied.
         values
             (B, n) allowed values nearest to them.
-        at_will
+        relaxed
             Leave the gradients as they are where some values are discrete, as if all could move.
 
         Returns
@@ -149,7 +140,7 @@ class Allowed:
         ndarray
             (B, n) gradients by `wanted`.
         """
-        if at_will and self.discrete:
+        if relaxed and self.discrete:
             return slopes
         found = np.where(self.stepped, 0.0, slopes)
         if self.total is None and not self.coupled:

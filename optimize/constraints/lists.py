@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from domino_env.core.threads import compiled
+from domino_env.core.types import Floats, Ints
+from optimize.constraints.convex import nearest_with_sum
 
 QUANTUM = 1e-9  # [m] what a length and the values of a list are whole multiples of
 LARGEST_TABLE = 40_000_000  # entries of the table of a dynamic programme
@@ -96,37 +95,30 @@ class Lists:
         wanted = np.ascontiguousarray(wanted, dtype=np.float64)
         if self.total is None and not self.coupled:
             level = _nearest_levels(wanted, self.values, self.number)
-        elif self.grid > 0.0:
-            start = _nearest_levels(self._shifted(wanted), self.values, self.number)
-            offset = (wanted - self.values[:, 0]) / self.grid
-            level = np.empty_like(start)
-            for b in range(len(wanted)):
-                level[b] = _exchange(
-                    offset[b], start[b], self.number - 1, self.low_sum, self.high_sum
-                )
-        elif self.coupled:
-            level = np.empty(wanted.shape, dtype=np.int64)
-            top = self.high_sum if self.total is not None else 0
-            for b in range(len(wanted)):
-                level[b] = _smooth_lists(
-                    wanted[b], self.values, self.number, self.units, self.change + SLACK,
-                    self.low_sum, top,
-                )  # fmt: skip
         else:
+            starts = wanted
+            if self.grid > 0.0:
+                starts = _nearest_levels(self._shifted(wanted), self.values, self.number)
             level = np.empty(wanted.shape, dtype=np.int64)
-            for b in range(len(wanted)):
-                level[b] = _free_lists(
-                    wanted[b], self.values, self.number, self.units, self.low_sum, self.high_sum
-                )
+            for b, start in enumerate(starts):
+                level[b] = self._levels(wanted[b], start)
         if level.size and level.min() < 0:
             raise ValueError("no row of the values allowed has the length and the changes allowed")
-        return np.take_along_axis(np.broadcast_to(self.values, (len(level), *self.values.shape)),
-                                  level[..., None], axis=2)[..., 0]  # fmt: skip
+        return np.take_along_axis(self.values, level.T, axis=1).T
+
+    def _levels(self, wanted: Floats, start: Ints) -> Ints:
+        """Indices (n,) of the nearest allowed values, on a grid from a start near by."""
+        sums = self.low_sum, self.high_sum
+        if self.grid > 0.0:
+            offset = (wanted - self.values[:, 0]) / self.grid
+            return np.asarray(_exchange(offset, start, self.number - 1, *sums))
+        lists = wanted, self.values, self.number, self.units
+        if self.coupled:
+            return np.asarray(_smooth_lists(*lists, self.change + SLACK, *sums))
+        return np.asarray(_free_lists(*lists, *sums))
 
     def _shifted(self, wanted: Floats) -> Floats:
         """A good start: all values moved alike, to about the right sum."""
-        from optimize.constraints.length import nearest_with_sum
-
         low = self.values[:, 0]
         high = low + (self.number - 1) * self.grid
         base = float(low.sum())
@@ -139,7 +131,7 @@ class Lists:
         return found
 
 
-@numba.njit(cache=True)
+@compiled
 def _nearest_levels(wanted: Floats, values: Floats, number: Ints) -> Ints:
     """Place by place; the lower of two that are equally near."""
     level = np.zeros(wanted.shape, dtype=np.int64)
@@ -154,7 +146,7 @@ def _nearest_levels(wanted: Floats, values: Floats, number: Ints) -> Ints:
     return level
 
 
-@numba.njit(cache=True)
+@compiled
 def _exchange(offset: Floats, start: Ints, most: Ints, low_sum: int, high_sum: int) -> Ints:
     """Single steps until the sum is right, then exchanged between two places while that gains.
 
@@ -196,7 +188,7 @@ def _exchange(offset: Floats, start: Ints, most: Ints, low_sum: int, high_sum: i
     return level
 
 
-@numba.njit(cache=True)
+@compiled
 def _free_lists(
     wanted: Floats, values: Floats, number: Ints, units: Ints, low_sum: int, high_sum: int
 ) -> Ints:
@@ -229,7 +221,7 @@ def _free_lists(
     return level
 
 
-@numba.njit(cache=True)
+@compiled
 def _smooth_lists(
     wanted: Floats, values: Floats, number: Ints, units: Ints, change: Floats,
     low_sum: int, high_sum: int,

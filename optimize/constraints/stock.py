@@ -8,12 +8,9 @@ sorting: the thinnest wanted gets the thinnest taken.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from domino_env.core.types import Floats, Ints
 from domino_env.scenes.rules import Stock
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def assign(

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from optimize.evaluator import Budget
+from optimize.evaluator import Evaluator
 from optimize.executors import ExecutorLost, telling_loss
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult
@@ -150,7 +150,7 @@ def _here(tasks: list[Task], line: Any) -> _Outcomes:
     """Run each task when its result is asked for."""
     for task in tasks:
 
-        def show(budget: Budget, task: Task = task) -> None:
+        def show(budget: Evaluator, task: Task = task) -> None:
             line.set_postfix_str(f"{task.name}: best {budget.best_score:.5f}", refresh=False)
             line.update(0)
 

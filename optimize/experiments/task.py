@@ -15,7 +15,7 @@ from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.scene import Scene
-from optimize.evaluator import Budget, Step
+from optimize.evaluator import Evaluator, Step
 from optimize.searching import search
 
 Label = float | int | str
@@ -136,7 +136,7 @@ class Task:
 
     def run(
         self,
-        watch: Callable[[Budget], None] | None = None,
+        watch: Callable[[Evaluator], None] | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> TaskResult:
         """Search, and return what an experiment keeps.

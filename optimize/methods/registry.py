@@ -1,10 +1,9 @@
-"""Search methods, one idea a file, loaded when asked for.
+"""Registry of search methods: names, and how they are imported.
 
-A method is a function `run(budget, rng)`.  It asks `budget` for scores of designs in the unit box
-(`scores` of a batch, `score`, `score_and_gradient`) until BudgetSpent ends it, or returns when it
-has nothing left to try; in `budget.standing` it may say how far its best is to be trusted.  All its
-randomness comes from `rng`; what it has found is the budget's to remember.  One in a module of
-one's own is named `package.module:function`.
+A method is a function `run(evaluator, rng)`. It calls `evaluator.evaluate` with design vectors in
+the unit box until BudgetSpent ends it, or returns when it is done; in `evaluator.status` it may say
+how reliable its best is. All its randomness comes from `rng`; the evaluator remembers what it has
+found. A method in your own module is named `package.module:function`.
 """
 
 from __future__ import annotations
@@ -23,99 +22,119 @@ from typing import TYPE_CHECKING, cast
 if TYPE_CHECKING:
     import numpy as np
 
-    from optimize.evaluator import Budget
+    from optimize.evaluator import Evaluator
 
-    Method = Callable[[Budget, np.random.Generator], None]
+    Method = Callable[[Evaluator, np.random.Generator], None]
 
 METHODS = {
     "auto": "search.race",
     "cma": "search.cma_es",
-    "l-bfgs": "gradient.quasi_newton",
+    "l-bfgs": "scipy_methods:l_bfgs",
     "gauss-newton": "gradient.least_squares",
     "assign": "search.assignment",
-    "slsqp": "gradient.quadratic_programs",
+    "slsqp": "scipy_methods:slsqp",
     "scp": "gradient.convex_steps",
-    "trust-constr": "gradient.trust_regions",
-    "cobyqa": "search.quadratic_models",
-    "powell": "search.directions",
-    "nelder-mead": "search.simplex",
-    "differential-evolution": "search.differential_evolution",
-    "dual-annealing": "search.annealing",
-    "direct": "search.rectangles",
-    "random": "search.random_layouts",
-    "uniform": "search.uniform_pitch",
+    "trust-constr": "scipy_methods:trust_constr",
+    "cobyqa": "scipy_methods:cobyqa",
+    "powell": "scipy_methods:powell",
+    "nelder-mead": "scipy_methods:nelder_mead",
+    "differential-evolution": "scipy_methods:differential_evolution",
+    "dual-annealing": "scipy_methods:dual_annealing",
+    "direct": "scipy_methods:direct",
+    "random": "baselines:random",
+    "uniform": "baselines:uniform",
 }
-"""Name of each method, and the module here that holds it."""
+"""Name of each method, and where in this folder it is: a module, whose function is `run`, or
+module:function."""
 
+PEERS = {"ngopt": ("third_party:ngopt", "nevergrad"), "tpe": ("third_party:tpe", "optuna")}
+"""Methods of other projects to compare with: where it is, and the package that it needs."""
 
 GROUP = "domino.methods"
-"""Entry points of other packages: a method's name, and the function `run(budget, rng)` for it.
+"""Entry points of other packages: a method's name, and its function `run(evaluator, rng)`.
 
-The function for a name such as `agent` makes a method of what follows a colon, as in `agent:RUN`.
+The function of a name such as `agent` makes a method of the text after a colon, as in `agent:RUN`.
 """
 
-OF_SOMETHING = ("agent",)  # names that a colon and more belong to
-
-PEERS = {"ngopt": ("search.ngopt", "nevergrad"), "tpe": ("search.parzen", "optuna")}
-"""Methods of other projects to compare with: the module here, and what must be installed for it."""
+WITH_TEXT = ("agent",)  # names that a colon and a text belong to
 
 
 def installed_peers() -> list[str]:
-    """List the names of the peers that can run here."""
+    """List the names of the peers that are installed."""
     return [name for name, (_, needed) in PEERS.items() if find_spec(needed) is not None]
 
 
 def of_others() -> dict[str, EntryPoint]:
-    """List methods that installed packages bring, learned ones among them, by name."""
+    """List methods of installed packages by name, learned ones among them."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
 def load(name: str | Method) -> Method:
-    """Import the method of that name, `package.module:function` among them; or take a function.
+    """Import the method of a name, such as `package.module:function`; a function is itself.
 
     Raises
     ------
     ValueError
-        Where there is none; it suggests a name.
-    ImportError
-        Where what it needs is missing; it says what to install.
+        Where there is none, with the nearest name; where a package is missing, with its name.
     """
     if not isinstance(name, str):
-        return checked(name, name_of(name))
-    word, colon, what = name.partition(":")
+        return _checked(name, name_of(name))
+    word, colon, text = name.partition(":")
     others = {} if name in METHODS else of_others()
-    if word in others and bool(colon) == (word in OF_SOMETHING):
+    if word in others and bool(colon) == (word in WITH_TEXT):
         found = others[word].load()
-        return cast("Method", found(what) if colon else found)
-    if colon and what and word not in (*METHODS, *others):
-        return load_own(name)
+        return cast("Method", found(text) if colon else found)
+    if colon and text and word not in (*METHODS, *others):
+        return _load_own(name)
     if name in PEERS:
-        module, needed = PEERS[name]
+        place, needed = PEERS[name]
         if find_spec(needed) is None:
             raise ValueError(f"method '{name}' needs {needed}: pip install {needed}")
     elif name in METHODS:
-        module = METHODS[name]
+        place = METHODS[name]
     else:
         known = [*METHODS, *installed_peers()]
-        known += [other + ":RUN" * (other in OF_SOMETHING) for other in others]
+        known += [other + ":RUN" * (other in WITH_TEXT) for other in others]
         known += ["package.module:function"]
         near = difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(known)}")
-    method: Method = import_module(f"optimize.methods.{module}").run
-    return method
+    module, _, function = place.partition(":")
+    return cast("Method", getattr(import_module(f"optimize.methods.{module}"), function or "run"))
 
 
-def load_own(name: str) -> Method:
-    """Import the function that `package.module:function` names.
+def name_of(method: str | Method) -> str:
+    """Return the name of a method that is given by name or as the function itself."""
+    if isinstance(method, str):
+        return method
+    named = method if hasattr(method, "__qualname__") else type(method)
+    return f"{named.__module__}:{named.__qualname__}"
 
-    Modules are looked for where Python finds packages, and in the working folder.
+
+def importable_name(method: str | Method) -> str:
+    """Return the name by which other processes import a method.
 
     Raises
     ------
     ValueError
-        Where it cannot be imported, or cannot be called as `run(budget, rng)`.
+        For a function that its own name does not lead to: a lambda, one inside another.
     """
+    name = name_of(method)
+    if not isinstance(method, str):
+        try:
+            same = _load_own(name) is method
+        except ValueError:
+            same = False
+        if not same:
+            raise ValueError(
+                f"method '{name}' cannot be imported by that name, and so by no other process: "
+                "define it at the top of a module"
+            )
+    return name
+
+
+def _load_own(name: str) -> Method:
+    """Import what `package.module:function` names, also from the working folder."""
     home, _, inside = name.partition(":")
     here = str(Path.cwd())
     if here not in sys.path:  # spawned processes get this list
@@ -130,8 +149,8 @@ def load_own(name: str) -> Method:
             "packages; a method of your own is named package.module:function"
         ) from None
     except Exception as error:  # whatever a stranger's module does
-        said = f"{type(error).__name__}: {error}"
-        raise ValueError(f"method '{name}': {home} cannot be imported: {said}") from error
+        reason = f"{type(error).__name__}: {error}"
+        raise ValueError(f"method '{name}': {home} cannot be imported: {reason}") from error
     try:
         found = reduce(getattr, inside.split("."), cast("object", module))
     except AttributeError:
@@ -139,51 +158,15 @@ def load_own(name: str) -> Method:
         hint = f"; did you mean '{home}:{near[0]}'?" if near else ""
         where = getattr(module, "__file__", None) or home
         raise ValueError(f"method '{name}': {where} holds no '{inside}'{hint}") from None
-    return checked(found, name)
+    return _checked(found, name)
 
 
-def checked(method: object, name: str) -> Method:
-    """Give what can be called as a method.
-
-    Raises
-    ------
-    ValueError
-        Where it cannot.
-    """
+def _checked(method: object, name: str) -> Method:
+    """Return what can be called as a method; raise ValueError for anything else."""
     try:
         inspect.signature(cast("Method", method)).bind(None, None)
     except TypeError:
-        raise ValueError(f"method '{name}': it is not called as run(budget, rng)") from None
+        raise ValueError(f"method '{name}': it is not called as run(evaluator, rng)") from None
     except ValueError:  # compiled, without a signature
         pass
     return cast("Method", method)
-
-
-def name_of(method: str | Method) -> str:
-    """Give the name of a method that is given by name or as the function itself."""
-    if isinstance(method, str):
-        return method
-    told = method if hasattr(method, "__qualname__") else type(method)
-    return f"{told.__module__}:{told.__qualname__}"
-
-
-def importable_name(method: str | Method) -> str:
-    """Give the name by which other processes import a method.
-
-    Raises
-    ------
-    ValueError
-        For a function that its own name does not lead to: a lambda, one inside another.
-    """
-    name = name_of(method)
-    if not isinstance(method, str):
-        try:
-            same = load_own(name) is method
-        except ValueError:
-            same = False
-        if not same:
-            raise ValueError(
-                f"method '{name}' cannot be imported by that name, and so by no other process: "
-                "define it at the top of a module"
-            )
-    return name

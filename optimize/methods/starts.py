@@ -1,4 +1,9 @@
-"""Where one descent after the other begins."""
+"""Where searches begin, and schedules: layouts of few numbers.
+
+A schedule is a layout that is straight between knots. Good layouts change quickly at both ends and
+hardly in the middle, so knots stand at every place of the ends and ever further apart towards the
+middle.
+"""
 
 from __future__ import annotations
 
@@ -6,29 +11,89 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from optimize.evaluator import Budget
-from optimize.variables import Floats
+from domino_env.core.types import Floats, Ints
+from optimize.evaluator import Evaluator
+from optimize.problem import Problem
 
 KICK = 0.1  # standard deviation of a perturbation, as a part of the box
 
 
-def starts(budget: Budget, rng: np.random.Generator) -> Iterator[Floats]:
-    """Yield the uniform row, then for ever: the best so far a random step away, or anywhere.
+def uniform_design(problem: Problem) -> Floats:
+    """Return the design vector (n,) of the uniform baseline."""
+    return problem.design(problem.scene.uniform().layout)
 
-    The onset of a flush is a kink at which the steps of a smooth method shrink to nothing, so one
-    descent is not enough.
+
+def starts(evaluator: Evaluator, rng: np.random.Generator) -> Iterator[Floats]:
+    """Yield the uniform baseline, then without end a random point or one near the best so far.
+
+    At the onset of a face contact the score has a kink, at which the steps of a smooth method
+    shrink to nothing: one local search is not enough.
     """
-    problem = budget.problem
-    yield problem.design(problem.scene.uniform().layout)
+    problem = evaluator.problem
+    yield uniform_design(problem)
     while True:
         if rng.random() < 0.5:
             yield problem.project(rng.random(problem.dimension)[None])[0]
         else:
             kick = KICK * 10.0 ** (-rng.random()) * rng.standard_normal(problem.dimension)
-            yield problem.project(np.clip(budget.best + kick, 0.0, 1.0)[None])[0]
+            yield problem.project(np.clip(evaluator.best + kick, 0.0, 1.0)[None])[0]
 
 
-def cost(budget: Budget, design: Floats) -> tuple[float, Floats]:
-    """Evaluate what SciPy's methods make small: minus the score, with its gradient (n,)."""
-    score, gradient = budget.score_and_gradient(design)
-    return -score, -gradient
+def knots(pairs: int, most: int) -> Ints:
+    """Place at most `most` knots among 0 … pairs-1, both ends among them, as dense as possible."""
+    if pairs <= most:
+        return np.arange(pairs)
+    growth = 1.02  # of the distance from the end, from knot to knot
+    while True:
+        offsets = [0.0]
+        while offsets[-1] < 0.5 * pairs:
+            offsets.append(max(offsets[-1] + 1.0, offsets[-1] * growth))
+        from_end = np.array(offsets[:-1]).astype(np.int64)
+        places = np.unique(np.concatenate([from_end, pairs - 1 - from_end]))
+        if len(places) <= most or growth > pairs:
+            return places if len(places) <= most else np.array([0, pairs - 1])
+        growth = 1.0 + 1.1 * (growth - 1.0)
+
+
+def schedule(parts: int, pairs: int, most: int) -> Floats:
+    """Build the (parts pairs, m) matrix from the values at the knots to a design vector."""
+    places = knots(pairs, max(2, most // parts))
+    one = np.stack([np.interp(np.arange(pairs), places, e) for e in np.eye(len(places))], axis=1)
+    return np.asarray(np.kron(np.eye(parts), one))
+
+
+class FewVariables:
+    """A problem in few variables: the design vector itself, or the knots of a schedule.
+
+    Parameters
+    ----------
+    evaluator
+        Evaluator of the problem.
+    most
+        Largest number of variables.
+
+    Attributes
+    ----------
+    dimension
+        Number of variables.
+    """
+
+    def __init__(self, evaluator: Evaluator, most: int) -> None:
+        self._evaluator = evaluator
+        n, pairs = evaluator.problem.dimension, evaluator.problem.scene.count - 1
+        self._matrix = None if n <= most else schedule(n // pairs, pairs, most)
+        self.dimension = n if self._matrix is None else self._matrix.shape[1]
+
+    def nearest(self, design: Floats) -> Floats:
+        """Find the variables whose design vector is nearest to this one, within the box."""
+        if self._matrix is None:
+            return design
+        found = np.linalg.lstsq(self._matrix, design, rcond=None)[0]
+        return np.asarray(np.clip(found, 0.0, 1.0))
+
+    def cost(self, x: Floats) -> float:
+        """Compute minus the score."""
+        design = np.clip(x, 0.0, 1.0)
+        if self._matrix is not None:
+            design = np.clip(self._matrix @ design, 0.0, 1.0)
+        return -float(self._evaluator.evaluate(design).score)

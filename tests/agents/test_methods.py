@@ -20,11 +20,8 @@ from agents import evaluate
 from agents.policy import POLICIES
 from agents.sb3 import SideBySideARS
 from agents.vec_env import DominoVecEnv
-from domino_env.scenes.objectives import Evaluation
-from optimize import METHODS, Problem, search
-from optimize.evaluator import Budget
+from optimize import METHODS, search
 from optimize.methods.registry import load, of_others
-from optimize.recorder import Recorder
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
@@ -45,7 +42,7 @@ def test_a_learner_keeps_a_budget_and_repeats_to_the_bit(small, method: str) -> 
     before = random.getstate(), np.random.get_state()[1].tolist(), torch.get_rng_state()  # noqa: NPY002
     counted = []
     one, two = (
-        search(small, method, budget=budget, seed=5, watch=lambda m: counted.append(m.left))
+        search(small, method, budget=budget, seed=5, watch=lambda m: counted.append(m.remaining))
         for _ in range(2)
     )
     assert before[0] == random.getstate()
@@ -109,23 +106,6 @@ def test_without_the_extra_it_is_said_what_to_install() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 'pip install "domino-chains[rl]"' in done.stdout
-
-
-def test_rows_from_elsewhere_are_counted_and_not_beyond_the_budget(small) -> None:
-    problem = Problem(small)
-    budget = Budget(Recorder(problem), evaluations=5)
-    designs = np.random.default_rng(0).random((4, problem.dimension))
-    found = Problem(small).evaluate(designs)
-    scores = found.score
-    asked = []
-    budget.note(found, lambda i: asked.append(i) or designs[i])
-    assert asked == [int(np.argmax(scores))]
-    assert (budget.left, budget.spent, budget.best_score) == (1.0, 4, scores.max())
-    assert budget.falls == found.falls.sum()
-    with pytest.raises(ValueError, match="2 rows are noted, where 1 are left"):
-        budget.note(Evaluation(scores[:2], found.reach[:2], found.falls[:2]), lambda i: designs[i])
-    budget.already_spent(100.0)
-    assert budget.elapsed > 100.0
 
 
 def test_candidates_side_by_side_return_what_each_does_alone(small) -> None:

@@ -1,100 +1,91 @@
-"""Budgets: what is counted, what is kept, and when they end."""
+"""Evaluator: what is counted, what is kept, and when it ends."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from optimize import Problem, search
-from optimize.evaluator import PATIENT, Budget, BudgetSpent
-from optimize.journal import Journal
-from optimize.recorder import Recorder
-from optimize.run_folder import JOURNAL
+from optimize import Evaluator, Problem
+from optimize.evaluator import PATIENT, BudgetSpent
 
 
-def test_a_budget_that_is_spent_raises_into_the_method(scenes) -> None:
-    budget = Budget(Recorder(Problem(scenes["spacing"])), evaluations=10)
-    designs = np.random.default_rng(0).random((7, budget.problem.dimension))
-    assert budget.scores(designs).shape == (7,)
+def test_a_limit_raises_into_the_method(scenes) -> None:
+    evaluator = Evaluator(Problem(scenes["spacing"]), 10)
+    designs = np.random.default_rng(0).random((7, evaluator.problem.dimension))
+    assert evaluator.evaluate(designs).score.shape == (7,)
     with pytest.raises(BudgetSpent):
-        budget.scores(designs)
-    assert budget.spent == 10  # what could be paid for was simulated
-    assert budget.part == 1.0
-    for ask in (budget.score, budget.score_and_gradient, budget.lateness):
-        with pytest.raises(BudgetSpent):
+        evaluator.evaluate(designs)
+    assert evaluator.evaluations == 10  # as many as remained
+    assert (evaluator.progress, evaluator.remaining) == (1.0, 0.0)
+    for ask in (evaluator.evaluate, evaluator.lateness, lambda x: evaluator.evaluate(x, True)):
+        with pytest.raises(BudgetSpent, match="limit of 10 rows reached"):
             ask(designs[0])
-    assert budget.spent == 10
+    assert evaluator.evaluations == 10
 
 
-def test_a_budget_keeps_the_best(scenes) -> None:
+def test_the_best_is_kept(scenes) -> None:
     seen = []
-    recorder = Recorder(Problem(scenes["spacing"]))
-    budget = Budget(recorder, watch=lambda b: seen.append(b.best_score))
+    evaluator = Evaluator(Problem(scenes["spacing"]), callback=lambda e: seen.append(e.best_score))
     with pytest.raises(ValueError, match="nothing has been scored yet"):
-        budget.best  # noqa: B018 - reading it is the test
-    designs = np.random.default_rng(0).random((50, budget.problem.dimension))
-    scores = [budget.score(x) for x in designs]
+        evaluator.best  # noqa: B018 - reading it is the test
+    designs = np.random.default_rng(0).random((50, evaluator.problem.dimension))
+    scores = [evaluator.evaluate(x).score for x in designs]
     assert seen == np.maximum.accumulate(scores).tolist()
-    assert budget.best_score == max(scores)
-    assert np.array_equal(budget.best, designs[np.argmax(scores)])
-    assert [s for _, _, _, s in budget.trace] == sorted(set(seen))
-    assert budget.part == len(designs) / PATIENT  # nothing limits it
-    assert not budget.over
-
-
-def test_falls_count_what_was_simulated(scenes) -> None:
-    scene = scenes["dying"]
-    budget = Budget(Recorder(Problem(scene)))
-    designs = np.random.default_rng(0).random((40, budget.problem.dimension))
-    waves = [scene.simulate(budget.problem.layout(x)) for x in designs]
-    assert len({wave.outcome for wave in waves}) > 1
-    budget.scores(designs)
-    expected = sum(int(np.isfinite(wave.stall_margin).sum()) for wave in waves)
-    assert budget.falls == expected
+    assert evaluator.best_score == max(scores)
+    assert np.array_equal(evaluator.best, designs[np.argmax(scores)])
+    assert [s for _, _, _, s in evaluator.trace] == sorted(set(seen))
+    assert evaluator.progress == len(designs) / PATIENT  # nothing limits it
+    assert not evaluator.stop_reason
 
 
 @pytest.mark.parametrize("name", ["dying", "spacing"])
-def test_gradients_are_the_problems_and_every_wave_is_counted(scenes, name: str) -> None:
-    problem = Problem(scenes[name])
+def test_every_simulation_counts_also_those_of_differences(scenes, name: str) -> None:
+    scene = scenes[name]
+    problem = Problem(scene)
     designs = np.random.default_rng(0).random((12, problem.dimension))
-    budget = Budget(Recorder(problem))
-    found = budget.scores_and_gradients(designs)
-    truth = problem.scores_and_gradients(designs)
-    assert all(np.array_equal(a, b) for a, b in zip(found, truth, strict=True))
-    without = problem.evaluate(designs).without_gradient
-    dead = int(without.sum())
-    assert (dead > 0) == (name == "dying")
-    assert budget.spent == 12 + 2 * problem.dimension * dead
-    before = budget.spent
-    _, slopes = budget.scores_and_gradients(designs, of_dying=False)
-    assert budget.spent == before + 12
-    assert not slopes[without].any()
+    evaluator = Evaluator(problem)
+    evaluator.evaluate(designs)
+    waves = [scene.simulate(problem.layout(x)) for x in designs]
+    assert evaluator.falls == sum(int(np.isfinite(w.stall_margin).sum()) for w in waves)
+    found, truth = (one.evaluate(designs, True) for one in (evaluator, problem))
+    assert np.array_equal(found.score, truth.score)
+    assert np.array_equal(found.gradient, truth.gradient)
+    dead = truth.without_gradient
+    assert dead.any() == (name == "dying")
+    before = 24 + 2 * problem.dimension * int(dead.sum())
+    assert evaluator.evaluations == before
+    assert not evaluator.evaluate(designs, True, differences=False).gradient[dead].any()
+    assert evaluator.evaluations == before + 12
 
 
-@pytest.mark.parametrize("remembered", [False, True])
-def test_time_spent_before_counts_with_a_journal_too(
-    scenes, tmp_path: Path, remembered: bool
-) -> None:
-    scene, journal = scenes["spacing"], None
-    if remembered:
-        journal = Journal(tmp_path / "j", scene, "any", 0, {}, resume=False)
-    with Recorder(Problem(scene), journal) as recorder:
-        budget = Budget(recorder, seconds=1000.0)
-        budget.already_spent(400.0)
-        assert 400.0 <= budget.elapsed < 500.0
-        assert 0.4 <= budget.part < 0.5
+def test_layouts_simulated_elsewhere_are_recorded(scenes) -> None:
+    problem = Problem(scenes["spacing"])
+    evaluator = Evaluator(problem, 5, max_seconds=1000.0)
+    designs = np.random.default_rng(0).random((4, problem.dimension))
+    found, asked = problem.evaluate(designs), []
+    evaluator.record(found, lambda i: asked.append(i) or designs[i])
+    assert asked == [int(np.argmax(found.score))]
+    assert (evaluator.remaining, evaluator.best_score) == (1.0, found.score.max())
+    assert evaluator.falls == found.falls.sum()
+    with pytest.raises(ValueError, match="4 rows are noted, where 1 are left"):
+        evaluator.record(found, designs.__getitem__)
+    evaluator.add_seconds(900.0)
+    assert 0.9 <= evaluator.seconds / 1000.0 < 1.0
 
 
-def test_a_large_journal_goes_when_its_search_has_finished(
-    scenes, tmp_path: Path, monkeypatch
-) -> None:
-    def stop(budget: Budget) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("optimize.journal.KEPT", 100)
-    search(scenes["spacing"], "random", 300, folder=tmp_path, watch=stop)
-    assert (tmp_path / JOURNAL).exists()  # it can go on
-    search(scenes["spacing"], "random", 300, folder=tmp_path, resume=True)
-    assert not (tmp_path / JOURNAL).exists()
+def test_shorter_layouts_count_by_their_dominoes(scenes) -> None:
+    scene = scenes["spacing"]
+    evaluator = Evaluator(Problem(replace(scene, count=14)), 10)
+    shorter = Problem(scene)
+    with evaluator.borrow(shorter, 5) as own:
+        own.evaluate(np.full((5, shorter.dimension), 0.3))
+    assert evaluator.evaluations == 3  # five of 7 dominoes cost as much as two and a half of 14
+    assert evaluator.falls == own.falls
+    with evaluator.borrow(shorter, 1000) as own:  # at most half of what remains
+        own.evaluate(np.full((50, shorter.dimension), 0.3))
+    assert (own.evaluations, evaluator.evaluations) == (7, 7)
+    evaluator.evaluate(np.full((2, evaluator.problem.dimension), 0.3))
+    with pytest.raises(BudgetSpent), evaluator.borrow(shorter, 1) as own:
+        own.evaluate(np.full((2, shorter.dimension), 0.3))

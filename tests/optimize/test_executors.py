@@ -114,7 +114,7 @@ def test_results_are_those_of_one_process(tasks, expected, workers) -> None:
 
 def test_bulk_scoring_gives_the_same_results(scenes, workers, monkeypatch) -> None:
     monkeypatch.setattr("optimize.evaluator.PIECE", 200)  # so that little work is many pieces
-    monkeypatch.setattr("optimize.bulk.TASK", 300)
+    monkeypatch.setattr("optimize.evaluator.TASK", 300)
     alone = search(scenes["both"], "random", budget=2013)
     spread = search(scenes["both"], "random", budget=2013, executor=workers)
     assert spread.score == alone.score

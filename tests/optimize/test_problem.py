@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 import domino_env as de
 from optimize import Problem
-from optimize.constraints.length import nearest_with_sum
+from optimize.constraints.convex import nearest_with_sum
 
 FREE = ["spacing", "one-gap", "thickness", "both", "dying"]
 LENGTH = ["length", "length-both"]
@@ -105,9 +105,9 @@ def test_scores_are_the_scenes(scenes, name: str) -> None:
     scene = scenes[name]
     problem = Problem(scene, rtol=1e-10)
     designs = designs_of(problem, 12)
-    scores = problem.scores(designs)
+    scores = problem.evaluate(designs).score
     assert scores.tolist() == [scene.score(problem.layout(x)) for x in designs]
-    assert problem.score(designs[0]) == scores[0]
+    assert problem.evaluate(designs[0]).score == scores[0]
 
 
 @pytest.mark.parametrize("name", FREE + LENGTH)
@@ -120,16 +120,16 @@ def test_gradients(scenes, name: str) -> None:
         steps = []
         for h in (1e-4, 2e-4, 4e-4):
             box = h * np.eye(problem.dimension)
-            ahead, behind = exact.scores(x + box), exact.scores(x - box)
+            ahead, behind = (exact.evaluate(x + s * box).score for s in (1.0, -1.0))
             steps.append((ahead - behind) / (2.0 * h))
         fine = (4.0 * steps[0] - steps[1]) / 3.0
         coarse = (4.0 * steps[1] - steps[2]) / 3.0
         size = np.abs(fine).max()
         if np.abs(fine - coarse).max() > 1e-7 * size:
             continue  # a kink within reach of the differences, where there is no gradient
-        score, gradient = problem.score_and_gradient(x)
-        assert score == pytest.approx(exact.score(x), rel=1e-9)
-        assert gradient == pytest.approx(fine, abs=2e-7 * size)
+        found = problem.evaluate(x, gradient=True)
+        assert found.score == pytest.approx(exact.evaluate(x).score, rel=1e-9)
+        assert found.gradient == pytest.approx(fine, abs=2e-7 * size)
         checked += 1
     assert checked >= 10
 
@@ -138,24 +138,22 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes) -> None:
     problem = Problem(scenes["spacing"])
     x = np.full(problem.dimension, 0.4)
     x[0], x[1] = 0.0, 1.0
-    _, gradient = problem.score_and_gradient(x)
+    gradient = problem.evaluate(x, gradient=True).gradient
     h = 1e-4
     for i, sign in ((0, 1.0), (1, -1.0)):
         y = x.copy()
         y[i] += sign * h
-        slope = sign * (problem.score(y) - problem.score(x)) / h
+        slope = sign * (problem.evaluate(y).score - problem.evaluate(x).score) / h
         assert gradient[i] == pytest.approx(slope, rel=2e-2)
 
 
 @pytest.mark.parametrize(("ask", "designs", "message"), [
-    ("scores", np.zeros(6), r"designs have shape \(6,\): expected \(any number, 6\)"),
-    ("scores", np.zeros((2, 5)), r"designs have shape \(2, 5\)"),
-    ("scores", np.full((2, 6), np.nan), r"0 has nan at place 0: every entry is in \[0, 1\]$"),
-    ("scores", np.full((2, 6), 1.1), r"design 0 has 1.1 at place 0: .* `project` gives"),
-    ("scores_and_gradients", np.full((1, 6), -np.inf), "design 0 has -inf"),
-    ("scores_and_gradients", np.full((1, 6), -1e-3), "design 0 has -0.001 .* `project`"),
-    ("score", np.zeros((1, 6)), r"the design has shape \(1, 6\): expected \(6,\)"),
-    ("score_and_gradient", np.zeros(5), r"the design has shape \(5,\)"),
+        ("evaluate", np.zeros((2, 5)), r"designs have shape \(2, 5\)"),
+    ("evaluate", np.full((2, 6), np.nan), r"0 has nan at place 0: every entry is in \[0, 1\]$"),
+    ("evaluate", np.full((2, 6), 1.1), r"design 0 has 1.1 at place 0: .* `project` gives"),
+    ("evaluate", np.full((1, 6), -np.inf), "design 0 has -inf"),
+    ("evaluate", np.full((1, 6), -1e-3), "design 0 has -0.001 .* `project`"),
+    ("evaluate", np.zeros(5), r"the design has shape \(5,\)"),
     ("layout", np.zeros((2, 6)), r"the design has shape \(2, 6\)"),
     ("layout", np.full(6, 2.0), "design 0 has 2.0"),
     ("project", np.zeros(6), r"designs have shape \(6,\)"),
@@ -170,19 +168,19 @@ def test_rounding_is_no_way_out_of_the_box(scenes) -> None:
     problem = Problem(scenes["both"])
     corner = np.tile([0.0, 1.0], problem.dimension // 2)
     near = corner + np.tile([-1e-12, 1e-12], problem.dimension // 2)
-    assert problem.score(near) == problem.score(corner)
+    assert problem.evaluate(near).score == problem.evaluate(corner).score
     assert np.array_equal(problem.project(near[None]), problem.project(corner[None]))
 
 
 def test_processes_and_threads_may_share_it(scenes) -> None:
     problem = Problem(scenes["length-both"])
     designs = designs_of(problem, 64)
-    scores, slopes = problem.scores_and_gradients(designs)
+    whole = problem.evaluate(designs, gradient=True)
     copy = pickle.loads(pickle.dumps(problem))
     with ThreadPoolExecutor(8) as pool:
-        found = list(pool.map(copy.score_and_gradient, designs))
-    assert [score for score, _ in found] == scores.tolist()
-    assert np.array_equal([slope for _, slope in found], slopes)
+        found = list(pool.map(lambda x: copy.evaluate(x, gradient=True), designs))
+    assert [one.score for one in found] == whole.score.tolist()
+    assert np.array_equal([one.gradient for one in found], whole.gradient)
 
 
 def test_a_scene_is_named_or_given() -> None:

@@ -1,8 +1,8 @@
 """Sequential convex programming: a concave model of the score in a trust region, by cvxpy.
 
-The model is the lowest of several planes: the slopes here and at points nearby, so that both sides
-of a kink are known.  Every linear rule of the scene is a constraint of the step.  The program is
-built once with parameters (DPP), so that a step pays for numbers only.
+The model is the lowest of several planes: the gradients here and at points nearby, so that both
+sides of a kink are known. Every linear rule of the scene is a constraint of the step. The program
+is built once with parameters (DPP), so that only numbers change from step to step.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from optimize.evaluator import Budget
+from domino_env.core.types import Floats
+from optimize.evaluator import Evaluator
 from optimize.methods.starts import starts
 from optimize.problem import Problem
-from optimize.variables import Floats
 
 PLANES = 10
 FIRST, LARGEST, SMALLEST = 0.1, 0.4, 1e-6  # radius of the trust region, as a part of the box
@@ -25,11 +25,11 @@ POOR, GOOD = 0.1, 0.7  # part of the promised rise that shrinks the region, and 
 AROUND = 4.0  # radii within which planes are kept
 
 
-def run(budget: Budget, rng: np.random.Generator) -> None:
-    """Climb from one start after the other until the budget is spent."""
-    step = Step(budget.problem)
-    for start in starts(budget, rng):
-        _climb(budget, step, start)
+def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """Search from one start after the other until a limit is reached."""
+    step = Step(evaluator.problem)
+    for start in starts(evaluator, rng):
+        _ascend(evaluator, step, start)
 
 
 class Step:
@@ -57,7 +57,7 @@ class Step:
             row, _ = self._equality
             self._short, self._size = cp.Parameter(), float(np.abs(row).max())
             rules.append(row / self._size @ self._d == self._short)
-        self._linear = getattr(problem, "linear", None)
+        self._linear = problem.linear
         if self._linear is not None:
             self._room = cp.Parameter(len(self._linear[1]))
             rules.append(self._linear[0] @ self._d <= self._room)
@@ -103,10 +103,11 @@ class Step:
         return np.asarray(self._d.value), float(promised)
 
 
-def _climb(budget: Budget, step: Step, start: Floats) -> None:
-    problem = budget.problem
+def _ascend(evaluator: Evaluator, step: Step, start: Floats) -> None:
+    problem = evaluator.problem
     here = problem.project(np.clip(start, 0.0, 1.0)[None])[0]
-    score, slope = budget.score_and_gradient(here)
+    found = evaluator.evaluate(here, gradient=True)
+    score, slope = found.score, found.gradient
     known = deque([(here, score, slope)], maxlen=PLANES)
     radius = FIRST
     while radius > SMALLEST:
@@ -118,14 +119,15 @@ def _climb(budget: Budget, step: Step, start: Floats) -> None:
         slopes += [slope] * missing
         heights += [0.0] * missing
         size = max(float(np.abs(slope).max()), 1e-300)  # for a program of even size
-        found = step.best(here, np.array(slopes) / size, np.array(heights) / size, radius)
-        if found is None or found[1] * size <= 1e-10 * abs(score):
+        plan = step.best(here, np.array(slopes) / size, np.array(heights) / size, radius)
+        if plan is None or plan[1] * size <= 1e-10 * abs(score):
             radius *= 0.25
             continue
-        there = problem.project(np.clip(here + found[0], 0.0, 1.0)[None])[0]
-        fresh, fresh_slope = budget.score_and_gradient(there)
+        there = problem.project(np.clip(here + plan[0], 0.0, 1.0)[None])[0]
+        found = evaluator.evaluate(there, gradient=True)
+        fresh, fresh_slope = found.score, found.gradient
         known.append((there, fresh, fresh_slope))
-        part = (fresh - score) / (found[1] * size)
+        part = (fresh - score) / (plan[1] * size)
         if part > GOOD:
             radius = min(2.0 * radius, LARGEST)
         elif part < POOR:

@@ -1,13 +1,13 @@
 """Levenberg–Marquardt within the box, for schedules (Moré 1978).
 
-The arrival times are what a schedule is about, and the exact slope of each is known: so all of them
-are met at once by least squares, where a method that sees only their mean square error creeps. With
-more to choose than times to meet, the damped step is the shortest one that helps, and rows stay
-near where the search began. Then again from elsewhere, for some starts end at a row that cannot
-follow, or at a kink.
+The exact gradient of every arrival time is known, so all of them are met at once by least squares,
+where a method that uses only their mean square error converges slowly. With more variables than
+times, the damped step is the shortest one that helps, and layouts stay near the start. The search
+then begins again elsewhere, because some starts end at a layout that cannot follow the schedule, or
+at a kink.
 
-Without a schedule the score is the only thing to meet: the level to meet is a little above the best
-so far, and rises or falls with success (Polyak 1987, a level that is estimated).
+Without a schedule the score is the only residual: its target is a little above the best so far, and
+rises or falls with success (Polyak 1987, a level that is estimated).
 
 References
 ----------
@@ -24,9 +24,9 @@ from itertools import islice
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from optimize.evaluator import Budget
+from domino_env.core.types import Floats
+from optimize.evaluator import Evaluator
 from optimize.methods.starts import starts
-from optimize.variables import Floats
 
 ON_TIME = 1e-9  # [s] RMS error below which a row is on time
 DAMPING = 1e-2  # at first, as a part of the largest squared slope
@@ -38,25 +38,25 @@ SLOW, PATIENCE = 0.999, 8  # the error that counts as no gain, and how many such
 LEVEL = 0.02  # relative rise asked for at first, where there is no schedule
 
 
-def run(budget: Budget, rng: np.random.Generator) -> None:
-    """Descend from one start after the other until the budget is spent; a row on time ends it."""
-    descend = _level if budget.problem.scene.tempo is None else _least_squares
-    for start in starts(budget, rng):
-        if descend(budget, start):
-            budget.standing = ON_SCHEDULE
+def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """Search from one start after the other until a limit is reached or a layout is on time."""
+    descend = _level if evaluator.problem.scene.tempo is None else _least_squares
+    for start in starts(evaluator, rng):
+        if descend(evaluator, start):
+            evaluator.status = ON_SCHEDULE
             return
 
 
-def is_soon_on_time(budget: Budget, rng: np.random.Generator) -> bool:
-    """Descend from a few starts; whether a row on time was found."""
-    return any(_least_squares(budget, start) for start in islice(starts(budget, rng), FEW))
+def is_soon_on_time(evaluator: Evaluator, rng: np.random.Generator) -> bool:
+    """Search from a few starts; return whether a layout on time was found."""
+    return any(_least_squares(evaluator, start) for start in islice(starts(evaluator, rng), FEW))
 
 
-def _least_squares(budget: Budget, design: Floats) -> bool:
-    """Whether a row on time was found."""
-    problem = budget.problem
-    score, late, slopes = budget.lateness(problem.project(design[None])[0])
+def _least_squares(evaluator: Evaluator, design: Floats) -> bool:
+    """Search from one start; return whether a layout on time was found."""
+    problem = evaluator.problem
     design = problem.project(design[None])[0]
+    scores, late, slopes = evaluator.lateness(design)
     if len(late) == 0:
         return False
     damping = DAMPING
@@ -68,8 +68,8 @@ def _least_squares(budget: Budget, design: Floats) -> bool:
         for _ in range(TRIES):
             step = _step(design, late, slopes, damping * scale)
             ahead = problem.project((design + step)[None])[0]
-            found = budget.lateness(ahead)
-            if found[0] > score:
+            found = evaluator.lateness(ahead)
+            if found[0].score[0] > scores.score[0]:
                 break
             damping *= 4.0
         else:
@@ -78,7 +78,7 @@ def _least_squares(budget: Budget, design: Floats) -> bool:
         idle = 0 if gained else idle + 1
         if idle == PATIENCE:
             return False
-        design, (score, late, slopes) = ahead, found
+        design, (scores, late, slopes) = ahead, found
         damping = max(damping / 10.0, 1e-14)
     return False
 
@@ -95,20 +95,21 @@ def _step(design: Floats, late: Floats, slopes: Floats, damping: float) -> Float
     return np.asarray(lsq_linear(matrix, right, bounds=(-room[1], room[0]), method="bvls").x)
 
 
-def _level(budget: Budget, design: Floats) -> bool:
-    """Steps to where the slope promises the mark; never on time."""
-    problem = budget.problem
+def _level(evaluator: Evaluator, design: Floats) -> bool:
+    """Step to where the gradient promises the target; returns False, as nothing is on time."""
+    problem = evaluator.problem
     design = problem.project(design[None])[0]
-    best, gradient = budget.score_and_gradient(design)
+    found = evaluator.evaluate(design, gradient=True)
+    best, gradient = found.score, found.gradient
     rise = LEVEL * max(abs(best), 1e-3)
     while rise > 1e-7 * max(abs(best), 1e-3):
         if not gradient.any():
             return False
         step = np.clip(rise * gradient / float(gradient @ gradient), -0.2, 0.2)
         ahead = problem.project(np.clip(design + step, 0.0, 1.0)[None])[0]
-        score, slope = budget.score_and_gradient(ahead)
-        if score > best:
-            design, best, gradient = ahead, score, slope
+        found = evaluator.evaluate(ahead, gradient=True)
+        if found.score > best:
+            design, best, gradient = ahead, found.score, found.gradient
             rise *= 1.5
         else:
             rise *= 0.5

@@ -1,9 +1,9 @@
 """A local search that copes with kinks and can be paused: BFGS within the box.
 
-The onset of a flush is a kink of the score, and good rows sit on several of them at once. There a
-line search that asks for a large slope to vanish shrinks its steps to nothing; one that asks only
-for a rise and a turned slope (Armijo and weak Wolfe) goes past the kink, and the curvature learns
-the ridge from it. Variables at a face of the box that the slope holds there are left out of the
+The onset of a face contact is a kink of the score, and good layouts lie on several of them at once.
+There a line search that asks for a large slope to vanish shrinks its steps to nothing; one that
+asks only for a rise and a turned slope (Armijo and weak Wolfe) goes past the kink, from which the
+curvature learns the ridge. Variables that the slope holds at a face of the box are left out of the
 step.
 
 References
@@ -19,45 +19,44 @@ from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from optimize.methods.gradient.lockstep import Asked, Search, side_by_side
+from domino_env.core.types import Bools, Floats
+from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 
 if TYPE_CHECKING:
-    from optimize.evaluator import Budget
-
-Floats = NDArray[np.float64]
+    from optimize.evaluator import Evaluator
 
 RISE, TURN = 1e-4, 0.5  # least part of the promised rise, largest of the slope left
 DENSE = 200  # variables up to which the whole inverse curvature is kept
 MEMORY = 30  # pairs kept for more
 TRIES = 14  # of one line search
 LARGEST = 0.15  # of a variable's first change, as a part of the box
-LOOK = 8  # steps over which the gain is judged
+WINDOW = 8  # steps over which the gain is judged
 ENOUGH = 1e-7  # a smaller relative gain over them ends it
 
 
-class Ascent:
-    """One climb from one start, on ask and tell, so that many can share a batch.
+class LocalSearch:
+    """One local search from one start, on ask and tell, so that many can share a batch.
 
     Parameters
     ----------
     start
-        (n,) design to begin at; what lies outside the box is clipped.
+        (n,) design vector to begin at; clipped to the box.
     project
-        Maps designs (B, n) to the nearest that keep the rules; None where the box is the only rule.
+        Maps design vectors (B, n) to the nearest that keep the rules; None where the box is the
+        only rule.
     curvature
-        (n,) positive guess of the inverse curvature of the score by each variable, which the first
-        step goes by; None for a short step up the slope.
+        (n,) positive guess of the inverse curvature of the score by each variable, for the first
+        step; None for a short step along the gradient.
 
     Attributes
     ----------
     wanted
-        (n,) the design whose score and gradient it asks for next.
+        (n,) the design vector whose score and gradient it needs next.
     design, score, gradient
         The best so far; -inf and zeros before the first evaluation.
-    told
-        Evaluations so far.
+    evaluations
+        Number of evaluations so far.
     done
         Whether nothing more can be gained.
     """
@@ -72,17 +71,17 @@ class Ascent:
         self.wanted = self._feasible(start)
         self.design = self.wanted
         self.score, self.gradient = -np.inf, np.zeros(len(start))
-        self.told = 0
+        self.evaluations = 0
         self.done = False
-        self._history: deque[float] = deque(maxlen=LOOK + 1)
+        self._history: deque[float] = deque(maxlen=WINDOW + 1)
         self._guess = curvature
         self._curvature = _Dense(len(start), curvature) if len(start) <= DENSE else _Limited()
-        self._answers = self._climb()
+        self._answers = self._ascend()
         next(self._answers)
 
     def tell(self, score: float, gradient: Floats) -> None:
         """Take the score and gradient (n,) of `wanted`."""
-        self.told += 1
+        self.evaluations += 1
         try:
             self._answers.send((score, gradient))
         except StopIteration:
@@ -92,14 +91,14 @@ class Ascent:
         design = np.clip(design, 0.0, 1.0)
         return design if self._project is None else self._project(design[None])[0]
 
-    def _climb(self) -> Generator[None, tuple[float, Floats], None]:
+    def _ascend(self) -> Generator[None, tuple[float, Floats], None]:
         self.score, self.gradient = yield
         self._history.append(self.score)
         while True:
-            way = self._way()
-            if way is None:
+            direction = self._direction()
+            if direction is None:
                 return
-            found = yield from self._search(way)
+            found = yield from self._line_search(direction)
             if found is None:
                 if self._curvature.fresh:
                     return
@@ -109,39 +108,40 @@ class Ascent:
             self._curvature.learn(design - self.design, self.gradient - gradient)
             self.design, self.score, self.gradient = found
             self._history.append(score)
-            if len(self._history) > LOOK and score - self._history[0] <= ENOUGH * abs(score):
+            if len(self._history) > WINDOW and score - self._history[0] <= ENOUGH * abs(score):
                 return
 
-    def _inward(self, way: Floats) -> Floats:
-        """The way without what leads out of the box."""
-        out = ((self.design <= 0.0) & (way < 0.0)) | ((self.design >= 1.0) & (way > 0.0))
-        return np.where(out, 0.0, way)
+    def _inward(self, direction: Floats) -> Floats:
+        """The direction without what leads out of the box."""
+        low = (self.design <= 0.0) & (direction < 0.0)
+        high = (self.design >= 1.0) & (direction > 0.0)
+        return np.where(low | high, 0.0, direction)
 
-    def _way(self) -> Floats | None:
-        """Where to go from here; None at the top."""
+    def _direction(self) -> Floats | None:
+        """Direction of the next step; None at a maximum."""
         slope = self._inward(self.gradient)
         if not np.any(slope):
             return None
-        way = self._curvature.times(slope, slope != 0.0)
-        if way is not None:
-            way = self._inward(way)
-            if way @ slope > 1e-10 * np.linalg.norm(way) * np.linalg.norm(slope):
-                return way
+        step = self._curvature.times(slope, slope != 0.0)
+        if step is not None:
+            step = self._inward(step)
+            if step @ slope > 1e-10 * np.linalg.norm(step) * np.linalg.norm(slope):
+                return step
             self._curvature.forget()
         if self._guess is not None:
             return slope * self._guess
         return slope * (LARGEST / 3.0 / float(np.abs(slope).max()))
 
-    def _search(
-        self, way: Floats
+    def _line_search(
+        self, direction: Floats
     ) -> Generator[None, tuple[float, Floats], tuple[Floats, float, Floats] | None]:
-        """A point of the bent path from here that rises enough; None if none is near."""
-        largest = float(np.abs(way).max())
+        """A point of the projected path that rises enough; None if none is near."""
+        largest = float(np.abs(direction).max())
         length = min(1.0, LARGEST / largest)
         low, high = 0.0, np.inf
         best = None
         for _ in range(TRIES):
-            design = self._feasible(self.design + length * way)
+            design = self._feasible(self.design + length * direction)
             change = design - self.design
             if not np.any(change):
                 break
@@ -151,7 +151,7 @@ class Ascent:
                 high = length
             else:
                 best = design, score, gradient
-                inside = np.where((design > 0.0) & (design < 1.0), way, 0.0)
+                inside = np.where((design > 0.0) & (design < 1.0), direction, 0.0)
                 turned = gradient @ inside <= TURN * (self.gradient @ inside)
                 if turned or length * largest >= LARGEST:
                     return best
@@ -162,19 +162,19 @@ class Ascent:
         return best
 
 
-class Refined:
-    """An ascent on a coarse schedule, then on finer ones, then on the design itself.
+class CoarseToFine:
+    """A local search on a coarse schedule, then on finer ones, then on the design vector itself.
 
-    It is asked and told as an `Ascent` is.
+    It is used as a `LocalSearch`.
 
     Parameters
     ----------
     start
-        (n,) design to begin at.
+        (n,) design vector to begin at.
     matrices
-        (n, m) each: from the numbers of a schedule to a design, the coarsest first.
+        (n, m) each: from the values of a schedule to a design vector, the coarsest first.
     project
-        As of `Ascent`.
+        As of `LocalSearch`.
     """
 
     def __init__(
@@ -185,7 +185,7 @@ class Refined:
     ) -> None:
         self._matrices = list(matrices)
         self._project = project
-        self.told = 0
+        self.evaluations = 0
         self.done = False
         self.score, self.design = -np.inf, start
         self._begin(start)
@@ -193,56 +193,59 @@ class Refined:
     def _begin(self, design: Floats) -> None:
         self._matrix = self._matrices.pop(0) if self._matrices else None
         if self._matrix is None:
-            self._ascent = Ascent(design, self._project)
+            self._search = LocalSearch(design, self._project)
         else:
-            self._ascent = Ascent(np.clip(self._coarse(self._matrix, design), 0.0, 1.0))
+            self._search = LocalSearch(np.clip(self._coarse(self._matrix, design), 0.0, 1.0))
 
     def _coarse(self, matrix: Floats, design: Floats) -> Floats:
-        """The numbers of the schedule that comes nearest to a design."""
+        """Values of the schedule that is nearest to a design vector."""
         return np.asarray(np.linalg.lstsq(matrix, design, rcond=None)[0])
 
     @property
     def wanted(self) -> Floats:
-        """The design (n,) whose score and gradient it asks for next."""
+        """The design vector (n,) whose score and gradient it needs next."""
         if self._matrix is None:
-            return self._ascent.wanted
-        design = np.clip(self._matrix @ self._ascent.wanted, 0.0, 1.0)
+            return self._search.wanted
+        design = np.clip(self._matrix @ self._search.wanted, 0.0, 1.0)
         return design if self._project is None else self._project(design[None])[0]
 
     def tell(self, score: float, gradient: Floats) -> None:
         """Take the score and gradient (n,) of `wanted`."""
-        self.told += 1
+        self.evaluations += 1
         if score > self.score:
             self.score, self.design = score, self.wanted
         here = gradient if self._matrix is None else self._matrix.T @ gradient
-        self._ascent.tell(score, here)
-        if self._ascent.done:
+        self._search.tell(score, here)
+        if self._search.done:
             if self._matrix is None:
                 self.done = True
             else:
                 self._begin(self.design)
 
 
-def climbing(arms: Sequence[Ascent | Refined], gradients: int) -> Search:
-    """Go on with all in lockstep, so that they share batches.
+Searches = Sequence[LocalSearch | CoarseToFine]
+
+
+def advance(searches: Searches, gradients: int) -> Search:
+    """Advance local searches in lockstep, so that they share batches.
 
     Parameters
     ----------
-    arms
-        The climbs.
+    searches
+        The local searches.
     gradients
-        Most evaluations with gradient of each.
+        Largest number of evaluations with gradient of each.
     """
-    until = {id(arm): arm.told + gradients for arm in arms}
-    while live := [arm for arm in arms if not arm.done and arm.told < until[id(arm)]]:
-        scores, slopes = yield Asked(np.array([arm.wanted for arm in live]), gradients=True)
-        for arm, score, slope in zip(live, scores, slopes, strict=True):
-            arm.tell(float(score), slope)
+    until = {id(one): one.evaluations + gradients for one in searches}
+    while live := [one for one in searches if not one.done and one.evaluations < until[id(one)]]:
+        scores, slopes = yield Request(np.array([one.wanted for one in live]), gradient=True)
+        for one, score, slope in zip(live, scores, slopes, strict=True):
+            one.tell(float(score), slope)
 
 
-def climb(budget: Budget, arms: Sequence[Ascent | Refined], gradients: int) -> None:
-    """Let them climb, see `climbing`; raise BudgetSpent where not all can be paid for."""
-    side_by_side(budget, [climbing(arms, gradients)])
+def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int) -> None:
+    """Advance local searches, see `advance`; raise BudgetSpent where fewer evaluations remain."""
+    run_in_lockstep(evaluator, [advance(searches, gradients)])
 
 
 class _Dense:
@@ -257,7 +260,7 @@ class _Dense:
         self._inverse = self._first
         self.fresh = True
 
-    def times(self, slope: Floats, free: NDArray[np.bool_]) -> Floats | None:
+    def times(self, slope: Floats, free: Bools) -> Floats | None:
         if self.fresh:
             return None
         return np.where(free, self._inverse @ slope, 0.0)
@@ -277,7 +280,7 @@ class _Dense:
 
 
 class _Limited:
-    """Inverse curvature as the last pairs of step and turn of the slope (L-BFGS)."""
+    """Inverse curvature as the last pairs of step and change of the slope (L-BFGS)."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[Floats, Floats, float]] = deque(maxlen=MEMORY)
@@ -289,7 +292,7 @@ class _Limited:
     def forget(self) -> None:
         self._pairs.clear()
 
-    def times(self, slope: Floats, free: NDArray[np.bool_]) -> Floats | None:
+    def times(self, slope: Floats, free: Bools) -> Floats | None:
         if not self._pairs:
             return None
         q, parts = slope.copy(), []

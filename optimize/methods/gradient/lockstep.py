@@ -1,8 +1,8 @@
-"""Searches side by side: what they ask for at the same time is simulated as one batch.
+"""Searches in lockstep: what they request at the same time is simulated as one batch.
 
-A search here is a generator that yields what it wants to know and is sent the answer.  Batches of
-many rows keep all cores busy, in the threads of the simulator, while everything that decides stays
-in one thread: results are the same to the bit for any number of threads.
+A search here is a generator that yields requests and is sent the answers. Large batches keep all
+cores busy, in the threads of the simulator, while everything that decides stays in one thread:
+results are bitwise the same for any number of threads.
 """
 
 from __future__ import annotations
@@ -12,78 +12,77 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from domino_env.core.types import Floats
 
 if TYPE_CHECKING:
-    from optimize.evaluator import Budget
-
-Floats = NDArray[np.float64]
+    from optimize.evaluator import Evaluator
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Scores that a search wants to know.
+class Request:
+    """Scores that a search needs.
 
     Attributes
     ----------
     designs
-        (B, n) designs.
-    gradients
-        Whether their gradients are wanted too; that of a wave that dies is zero.
+        (B, n) design vectors.
+    gradient
+        Whether their gradients are needed too; that of a wave that stops is zero.
     """
 
     designs: Floats
-    gradients: bool = False
+    gradient: bool = False
 
 
 Answer = tuple[Floats, Floats]
-"""Scores (B,), and gradients (B, n) where they were asked for."""
+"""Scores (B,), and gradients (B, n) where they were requested."""
 
-Search = Generator[Asked | None, Answer, None]
-"""Yields None where it waits for what the others find."""
+Search = Generator[Request | None, Answer, None]
+"""A search; it yields None while it waits for the others."""
 
 
-def side_by_side(budget: Budget, searches: Sequence[Search]) -> None:
-    """Go on with all searches in lockstep until the first of them ends.
+def run_in_lockstep(evaluator: Evaluator, searches: Sequence[Search]) -> None:
+    """Advance all searches in lockstep until the first of them ends.
 
     Parameters
     ----------
-    budget
-        Pays for the evaluations.
+    evaluator
+        Evaluates the requests.
     searches
-        In the order in which they are told their answers.
+        In the order in which they get their answers.
 
     Raises
     ------
     BudgetSpent
-        Where not all can be paid for.
+        Where fewer evaluations remain.
     """
     live = list(searches)
-    asked: dict[Search, Asked | None] = {}
-    told: dict[Search, Answer] = {}
+    requests: dict[Search, Request | None] = {}
+    answers: dict[Search, Answer] = {}
     while True:
         for search in list(live):
             try:
-                asked[search] = search.send(told[search]) if search in told else next(search)
+                known = search in answers
+                requests[search] = search.send(answers[search]) if known else next(search)
             except StopIteration:
                 if search is searches[0]:
                     return
                 live.remove(search)
-                del asked[search]
-        told = _answers(budget, asked, gradients=False) | _answers(budget, asked, gradients=True)
+                del requests[search]
+        answers = _answers(evaluator, requests, gradient=False)
+        answers |= _answers(evaluator, requests, gradient=True)
 
 
 def _answers(
-    budget: Budget, asked: dict[Search, Asked | None], *, gradients: bool
+    evaluator: Evaluator, requests: dict[Search, Request | None], *, gradient: bool
 ) -> dict[Search, Answer]:
-    wanted = {s: a.designs for s, a in asked.items() if a is not None and a.gradients is gradients}
+    wanted = {s: r.designs for s, r in requests.items() if r is not None and r.gradient is gradient}
     if not wanted:
         return {}
     designs = np.concatenate(list(wanted.values()))
-    if gradients:
-        scores, slopes = budget.scores_and_gradients(designs, of_dying=False)
-    else:
-        scores, slopes = budget.scores(designs), np.empty((len(designs), 0))
-    ends = np.cumsum([len(rows) for rows in wanted.values()])[:-1]
-    parts = zip(np.split(scores, ends), np.split(slopes, ends), strict=True)
+    found = evaluator.evaluate(designs, gradient, differences=False)
+    slopes = found.gradient if gradient else np.empty((len(designs), 0))
+    ends = np.cumsum([len(part) for part in wanted.values()])[:-1]
+    parts = zip(np.split(found.score, ends), np.split(slopes, ends), strict=True)
     return dict(zip(wanted, parts, strict=True))

@@ -1,78 +1,80 @@
-"""Which domino goes where: assignments by HiGHS and exchanges, the gaps refined by climbs.
+"""Order of the dominoes of a stock: assignments by HiGHS and exchanges, with local searches.
 
-At a row whose gaps are as good as a climb makes them, the exact slopes tell what each place would
-gain from each kind in the box.  The assignment that promises most, changing no more than so many
-places, is a programme for HiGHS (see `optimize.constraints.stock`); besides, exchanges of two
-places are tried.  The best few of all these climb a little in their gaps, and the best of those is
-kept.  Values from a list go a step up or down instead.  Without either, only the climbs are left.
+At a layout whose gaps a local search has refined, the exact gradient predicts the gain of each kind
+of domino at each place. The assignment that promises most, with a limited number of changes, is an
+integer programme for HiGHS (see `optimize.constraints.stock`); besides, exchanges of two places are
+tried. Short local searches refine the gaps of the best few of all these, and the best of those is
+kept. Values from a list change by a step up or down instead. Without either, only the local
+searches are left.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from domino_env.core.types import distinct_rows
+from domino_env.core.types import Floats, distinct_rows
 from optimize.constraints.stock import assign
-from optimize.evaluator import Budget
-from optimize.methods.gradient.local_search import Ascent, climb
+from optimize.evaluator import Evaluator
+from optimize.methods.gradient.local_search import LocalSearch, run_local_searches
 from optimize.methods.starts import starts
 from optimize.problem import Problem
-from optimize.variables import Floats
 
-LONG, SHORT = 80, 10  # gradients of a climb
+LONG, SHORT = 80, 10  # gradients of a local search
 CHANGES = (2, 4, 8, 16)  # places that a programme may change
 EXCHANGES = 200  # of each kind, tried of all
-FEW = 8  # of the tried that climb
+FEW = 8  # of those tried that are refined
 GAIN = 1e-6  # a smaller relative one is none
 IDLE = 3  # rounds without gain that end a start
 
 
-def run(budget: Budget, rng: np.random.Generator) -> None:
-    """Improve one start after the other until the budget is spent."""
-    for start in starts(budget, rng):
-        _improve(budget, start, rng)
+def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """Improve one start after the other until a limit is reached."""
+    for start in starts(evaluator, rng):
+        _improve(evaluator, start, rng)
 
 
-def _improve(budget: Budget, start: Floats, rng: np.random.Generator) -> None:
-    problem = budget.problem
-    score, design = _climb(budget, problem.project(start[None]), LONG)
+def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> None:
+    problem = evaluator.problem
+    score, design = _refined(evaluator, problem.project(start[None]), LONG)
     idle = 0
     while problem.discrete and idle < IDLE:
-        tried = _others(budget, design, rng, first=idle == 0)
+        tried = _others(evaluator, design, rng, first=idle == 0)
         if len(tried) == 0:
             return
-        found = budget.scores(tried)
+        found = evaluator.evaluate(tried).score
         best = tried[np.argsort(-found, kind="stable")[:FEW]]
-        ahead, there = _climb(budget, best, SHORT)
+        ahead, there = _refined(evaluator, best, SHORT)
         if ahead > score + GAIN * abs(score):
             score, design, idle = ahead, there, 0
         else:
             idle += 1
     if problem.discrete:
-        _climb(budget, design[None], LONG)
+        _refined(evaluator, design[None], LONG)
 
 
-def _climb(budget: Budget, begins: Floats, gradients: int) -> tuple[float, Floats]:
-    """The best of some rows after a climb each."""
-    project = budget.problem.project if budget.problem.coupled else None
-    arms = [Ascent(begin, project) for begin in begins]
-    climb(budget, arms, gradients)
-    best = max(arms, key=lambda arm: arm.score)
+def _refined(evaluator: Evaluator, begins: Floats, gradients: int) -> tuple[float, Floats]:
+    """Score and design vector of the best of some layouts after a local search from each."""
+    project = evaluator.problem.project if evaluator.problem.coupled else None
+    searches = [LocalSearch(begin, project) for begin in begins]
+    run_local_searches(evaluator, searches, gradients)
+    best = max(searches, key=lambda one: one.score)
     return best.score, best.design
 
 
-def _others(budget: Budget, design: Floats, rng: np.random.Generator, *, first: bool) -> Floats:
-    """Rows that differ in what stands where, or in values from a list.
+def _others(
+    evaluator: Evaluator, design: Floats, rng: np.random.Generator, *, first: bool
+) -> Floats:
+    """Layouts with another order, or other values from a list.
 
-    first: whether this design is looked at for the first time.
+    first: whether this design vector is changed for the first time.
     """
-    problem = budget.problem
+    problem = evaluator.problem
     stock = problem.scene.stock is not None
     found = []
     if stock:
         found += [_exchanged(problem, design, rng), _inserted(problem, design, rng)]
     if stock and first:
-        found.append(_assigned(budget, design))
+        found.append(_assigned(evaluator, design))
     if problem.scene.spacing_values or (problem.scene.thickness_values and not stock):
         found.append(_stepped(problem, design, rng))
     if not found:
@@ -81,18 +83,18 @@ def _others(budget: Budget, design: Floats, rng: np.random.Generator, *, first: 
     return distinct_rows(near[np.any(near != design, axis=1)])
 
 
-def _assigned(budget: Budget, design: Floats) -> Floats:
+def _assigned(evaluator: Evaluator, design: Floats) -> Floats:
     """The most promising assignments that change few places."""
-    problem = budget.problem
+    problem = evaluator.problem
     assert problem.scene.stock is not None
     left = problem.scene.stock.without(problem.scene.first_thickness)
     kinds = np.array(left.thickness)
     pairs = problem.scene.count - 1
-    _, slopes = budget.scores_and_gradients(design[None], of_dying=False, at_will=True)
+    slopes = evaluator.evaluate(design, True, differences=False, relaxed=True).gradient
     room = (problem.high - problem.low)[-pairs:]
     now = problem.low[-pairs:] + design[-pairs:] * room
     current = np.abs(now[:, None] - kinds).argmin(axis=1)
-    prices = -(slopes[0, -pairs:] / room)[:, None] * (kinds - now[:, None])
+    prices = -(slopes[-pairs:] / room)[:, None] * (kinds - now[:, None])
     found = np.repeat(design[None], len(CHANGES), axis=0)
     for i, changes in enumerate(CHANGES):
         chosen = assign(prices, np.array(left.count), current, changes)

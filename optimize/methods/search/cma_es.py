@@ -1,9 +1,9 @@
 """CMA-ES with restarts (BIPOP), on ask and tell.
 
-A run starts at the best uniform layout with a step as wide as the box: on the scenes here that ends
-in a good basin more often than a careful start, one in the middle of the box, or one from anywhere.
-Restarts alternate between populations that double and small ones, some of which start elsewhere,
-each kind given about the same number of evaluations.
+A run starts at the uniform baseline with a wide step: on the scenes here that ends in a good basin
+more often than a small step, a start in the middle of the box, or a random one. Restarts alternate
+between populations that double and small ones, some of which start elsewhere; each kind gets about
+the same number of evaluations.
 
 References
 ----------
@@ -21,62 +21,63 @@ from typing import Any
 import cma
 import numpy as np
 
-from optimize.evaluator import Budget
-from optimize.variables import Floats
+from domino_env.core.types import Floats
+from optimize.evaluator import Evaluator
+from optimize.methods.starts import uniform_design
 
 WIDE = 0.3  # first step, as a part of the box
 MANY = 200  # variables from which on the covariance is kept diagonal
 CAREFUL = 0.003  # first step for so many: a wide one would never end
-# Many designs stand for the same layout where a length is asked.  Without a price on the distance
-# to that layout the search loses itself among them.
-ASTRAY = 100.0  # price of the mean square distance, over the score
+# Many design vectors stand for the same layout where a length is given. Without a price on the
+# distance to that layout the search drifts among them.
+DRIFT = 100.0  # price of the mean square distance, over the score
 
 
-def run(budget: Budget, rng: np.random.Generator) -> None:
-    """Run one CMA-ES after the other until the budget is spent."""
+def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """Run one CMA-ES after the other until a limit is reached."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="cma")  # of steps that it then limits itself
-        _restart(budget, rng)
+        _restart(evaluator, rng)
 
 
-def _restart(budget: Budget, rng: np.random.Generator) -> None:
-    problem = budget.problem
+def _restart(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    problem = evaluator.problem
     n = problem.dimension
     default = 2 * (4 + int(3 * np.log(n)))  # twice the usual: more often a good basin
-    start = problem.design(problem.scene.uniform().layout)
+    start = uniform_design(problem)
     wide = CAREFUL if n > MANY else WIDE
     used = {"doubling": 0, "small": 0}
     size = default
     while True:
         if used["doubling"] <= used["small"]:
-            used["doubling"] += _descend(budget, rng, start, wide, size)
+            used["doubling"] += _descend(evaluator, rng, start, wide, size)
             size = min(2 * size, 64 * default)
         elif rng.random() < 0.5:
-            used["small"] += _descend(budget, rng, start, wide, default)
+            used["small"] += _descend(evaluator, rng, start, wide, default)
         else:
-            near = budget.best if rng.random() < 0.5 else rng.random(n)
+            near = evaluator.best if rng.random() < 0.5 else rng.random(n)
             step = wide * 10.0 ** (-1.5 * rng.random())
-            used["small"] += _descend(budget, rng, near, step, default)
+            used["small"] += _descend(evaluator, rng, near, step, default)
 
 
 def _descend(
-    budget: Budget, rng: np.random.Generator, start: Floats, step: float, size: int
+    evaluator: Evaluator, rng: np.random.Generator, start: Floats, step: float, size: int
 ) -> int:
     """One run until it has converged; returns its evaluations."""
-    problem, n = budget.problem, len(start)
-    before = budget.spent
+    problem, n = evaluator.problem, len(start)
+    before = evaluator.evaluations
     centre = np.full(max(n, 2), 0.5)  # pycma wants two variables; the second may be idle
     centre[:n] = np.clip(start, 0.02, 0.98)
     strategy = cma.CMAEvolutionStrategy(centre, step, _options(rng, n, size))
-    price = ASTRAY * abs(problem.scene.uniform().score)
+    price = DRIFT * abs(problem.scene.uniform().score)
     while not strategy.stop():
         proposed = strategy.ask()
         designs = np.array(proposed)[:, :n]
-        costs = -budget.scores(designs)
+        costs = -evaluator.evaluate(designs).score
         if problem.equality is not None or problem.linear is not None:
             costs += price * np.mean((designs - problem.project(designs)) ** 2, axis=1)
         strategy.tell(proposed, costs)
-    return budget.spent - before
+    return evaluator.evaluations - before
 
 
 def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:

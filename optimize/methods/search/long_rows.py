@@ -1,14 +1,14 @@
-"""A long row as a short one repeats it: head, plateau, tail.
+"""Long layouts from short ones: head, plateau, tail.
 
-Far from both ends a good row is the same for thousands of dominoes, and its ends are those of a row
-of some hundred. So a short row of the same scene is searched and stretched in its middle, step by
-step to the length that is asked for; at each, the ends, the plateau and what lies between climb a
-little together.
+Far from both ends a good layout is the same for thousands of dominoes, and its ends are those of a
+layout of some hundred. So a short layout of the same scene is searched and stretched in its middle,
+step by step to the count of the scene. At each step a local search refines the ends, the plateau
+and what lies between.
 
 References
 ----------
 McKenzie, L. W. (1976). Turnpike theory. Econometrica 44, 841-865: why the best path over a long
-time keeps to the best steady one, but for its ends.
+time stays at the best steady one, but for its ends.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array
 
+from domino_env.core.types import Floats
 from domino_env.physics.steady import steady_wave
 from domino_env.scenes.scene import Scene
-from optimize.evaluator import Budget
-from optimize.methods.gradient.local_search import Refined, climb
+from optimize.evaluator import Evaluator
+from optimize.methods.gradient.local_search import CoarseToFine, run_local_searches
 from optimize.problem import Problem
-from optimize.variables import Floats
 
 LONG = 512  # dominoes from which on a row is long
 SHORTEST, TIMES = 160, 4  # dominoes of the row that is searched; how much longer the next one is
@@ -41,14 +41,14 @@ LOOKS = KEPT * len(PERIODS) + len(KEEPS)  # rows that are stretched in all these
 GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))  # gaps and thicknesses of steady rows, ever closer
 ENDS, GROWTH = 60, 1.5  # places of each end that are free one by one, then ever fewer
 
-Search = Callable[[Budget, np.random.Generator], None]
+Search = Callable[[Evaluator, np.random.Generator], None]
 
 
 def is_long(scene: Scene) -> bool:
-    """Say whether a shorter row of the scene shows how a long one looks.
+    """Return whether long layouts of the scene resemble shorter ones.
 
-    It does where speed counts, and the rules are the same for every domino, whatever their number:
-    no box of dominoes, no heights that grow, no hills, no length to be met with gaps from a list.
+    They do where speed counts and the rules are the same for every domino, whatever their number:
+    no stock, no growing heights, no uneven ground, no length with gaps from a list.
     """
     listed = scene.spacing_values is not None or scene.thickness_values is not None
     other = scene.stock is not None or scene.growth is not None
@@ -58,14 +58,14 @@ def is_long(scene: Scene) -> bool:
 
 
 def best_stretched(
-    budget: Budget, rng: np.random.Generator, search: Search
+    evaluator: Evaluator, rng: np.random.Generator, search: Search
 ) -> tuple[float, Floats]:
-    """Search a short row of the budget's scene, stretch it, and climb a little on the way.
+    """Search a short layout of the scene, stretch it, and refine it on the way.
 
     Parameters
     ----------
-    budget
-        Pays for it all; rows that are shorter cost less.
+    evaluator
+        Evaluates all; shorter layouts cost less.
     rng
         For the search.
     search
@@ -83,25 +83,25 @@ def best_stretched(
     BudgetSpent
         Where not all can be paid for.
     """
-    scene = budget.problem.scene
+    scene = evaluator.problem.scene
     plateau = best_steady(scene)
     shorter = Problem(_shortened(scene, SHORTEST))
-    with budget.lend(shorter, SEARCHED) as own:
+    with evaluator.borrow(shorter, SEARCHED) as own:
         search(own, rng)
     found = [own.best]
-    _score_stretched(budget, found[0])  # should time run out on the way
+    _score_stretched(evaluator, found[0])  # should time run out on the way
     for count in _counts(scene.count):
         shorter = Problem(_shortened(scene, count))
         gradients = max(LEAST, MOST * TIMES * SHORTEST // count)
         arms: list[Stretched] = []
-        with budget.lend(shorter, KEPT * gradients + LOOKS) as own:
+        with evaluator.borrow(shorter, KEPT * gradients + LOOKS) as own:
             arms = _stretched(own, found, plateau)
-            climb(own, arms, gradients)
+            run_local_searches(own, arms, gradients)
         found = [arm.design for arm in arms] or [own.best]
-    arms = _stretched(budget, found, plateau)
-    climb(budget, arms, LEAST)
+    arms = _stretched(evaluator, found, plateau)
+    run_local_searches(evaluator, arms, LEAST)
     best = max(arms, key=lambda arm: arm.score)
-    climb(budget, [best], WHOLE)
+    run_local_searches(evaluator, [best], WHOLE)
     return best.score, best.design
 
 
@@ -116,7 +116,7 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
 
     Notes
     -----
-    The push does not matter here: a uniform row of so narrow gaps may not even begin to fall.
+    The push does not matter here: a uniform layout of so narrow gaps may not even begin to fall.
     """
     if scene.length is not None:
         return None
@@ -138,11 +138,11 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
     return (float(place[0]), float(place[1])) if best > 0.0 else None
 
 
-def _score_stretched(budget: Budget, short: Floats) -> None:
-    problem = budget.problem
+def _score_stretched(evaluator: Evaluator, short: Floats) -> None:
+    problem = evaluator.problem
     pairs = problem.scene.count - 1
     longer = repeated(short.reshape(problem.dimension // pairs, -1), pairs, 1)
-    budget.scores(problem.project(longer.reshape(1, -1)))
+    evaluator.evaluate(problem.project(longer.reshape(1, -1)))
 
 
 def _counts(count: int) -> list[int]:
@@ -161,10 +161,10 @@ def _shortened(scene: Scene, count: int) -> Scene:
 
 
 def _stretched(
-    budget: Budget, shorts: Sequence[Floats], plateau: tuple[float, float] | None
+    evaluator: Evaluator, shorts: Sequence[Floats], plateau: tuple[float, float] | None
 ) -> list[Stretched]:
-    """Climbs to go on with, from designs of fewer dominoes."""
-    problem = budget.problem
+    """Local searches from the best stretched versions of layouts of fewer dominoes."""
+    problem = evaluator.problem
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
     begins = []
@@ -177,7 +177,7 @@ def _stretched(
     arms = []
     for some in begins:
         designs = problem.project(np.array([rows.ravel() for rows in some]))
-        scores = budget.scores(designs)
+        scores = evaluator.evaluate(designs).score
         i = int(np.argmax(scores))
         arm = Stretched(designs[i], parts, problem.project if problem.coupled else None)
         arm.score = float(scores[i])
@@ -223,7 +223,7 @@ def led_over(rows: Floats, flat: Floats, head: int, tail: int) -> Floats:
     return rows + part * (flat - rows)
 
 
-class Stretched(Refined):
+class Stretched(CoarseToFine):
     """A climb of the ends, the plateau and what lies between, then of the whole design.
 
     Parameters
@@ -233,7 +233,7 @@ class Stretched(Refined):
     parts
         Gaps, thicknesses and heights, as far as they are free.
     project
-        As of `Refined`.
+        As of `CoarseToFine`.
     """
 
     def __init__(

@@ -1,10 +1,10 @@
-"""Structured moves: how a good schedule is changed into another that may be better.
+"""Perturbations: changes of a good layout into another that may be better.
 
-A design is a list of columns (the gaps; the thicknesses where they are free too), each running
-along the row.  Good rows share their shape: a falling start, a plateau, a rise, a few tight gaps at
-the end and thick dominoes there.  What a local climb gets wrong is how many of the last gaps are
-tight, where the plateau ends, and the ripples that flushes have left.  These moves change just
-that.  They know nothing of the score.
+A design is given as columns (the gaps; the thicknesses where they are free too), each running along
+the layout. Good layouts share their shape: a falling start, a plateau, a rise, a few tight gaps at
+the end and thick dominoes there. Local searches get wrong how many of the last gaps are tight,
+where the plateau ends, and the ripples that face contacts have left. These perturbations change
+just that. They do not depend on the score.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Move = Callable[[Floats, Floats, np.random.Generator], Floats]
+from domino_env.core.types import Floats
+
+Perturbation = Callable[[Floats, Floats, np.random.Generator], Floats]
 """(design, another good design, rng) -> a changed design; both as columns, (parts, pairs)."""
 
 TIGHT_AT_MOST = 8
@@ -53,7 +53,7 @@ def _last_wide(design: Floats) -> float:
     return float(design[0, wide[-1]]) if len(wide) else 0.5
 
 
-# moves ------------------------------------------------------------------------------------------
+# perturbations ----------------------------------------------------------------------------------
 
 
 def another_tight_gap(design: Floats, other: Floats, rng: np.random.Generator) -> Floats:
@@ -164,7 +164,7 @@ def _stretch(pairs: int, rng: np.random.Generator) -> tuple[int, int]:
     return a, min(a + length, pairs)
 
 
-MOVES: tuple[Move, ...] = (
+PERTURBATIONS: tuple[Perturbation, ...] = (
     another_tight_gap,
     shift_the_end,
     smooth,

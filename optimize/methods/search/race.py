@@ -1,25 +1,23 @@
-"""The default: many climbs that work with the structure of good rows.
+"""The default: many local searches that use the structure of good layouts.
 
-1. Starts: the best uniform row, as it is and with one to a few tight gaps (and thick dominoes) at
-   its end, which is what local climbs get wrong. All of them climb in lockstep, as one batch, and
-   every round the worse half is dropped (successive halving), so that most gradients go where they
-   pay.
-2. Then good rows are changed by structured moves; many are scored, the best few climb a little, and
-   those that come near the best climb on. Moves that have paid are drawn more often.
-3. Beside it others do the same from random starts, each with a generator of its own and in the same
-   batches. Where one of them gains no more its best is an independent opinion of what can be
-   reached: it is joined with the best so far, start to end and end to start, and begins anew.
+1. Starts: the uniform baseline, as it is and with one to a few tight gaps (and thick dominoes) at
+   its end, which local searches get wrong. Local searches from all of them advance in lockstep, as
+   one batch, and every round the worse half is dropped (successive halving).
+2. Perturbations change good layouts. Many are scored, short local searches refine the best few, and
+   those that come near the best continue. Perturbations that gained are drawn more often.
+3. Three islands do the same from random starts, each with its own generator and in the same
+   batches. Where an island gains no more, its best is an independent estimate of what can be
+   reached: it migrates to the main search, where it is joined with the best so far, start to end
+   and end to start, and the island begins anew.
 
-The search is done when moves gain nothing any more and enough of the independent climbs agree with
-the best; where they never do, when twice as much was spent as the last gain took. Both count
+The search is done when perturbations gain nothing any more and enough of the islands agree with the
+best; where they never do, when twice as much was spent as the last gain took. Both count
 evaluations, so that the end does not depend on the machine.
 
-A long row begins as a shorter one ended, stretched: see `long_rows`.
-A row that stands on a floor is searched on the analytic model first; from there its ratio to the
-standing speed is learned from the rows that are toppled: see `two_fidelities`.
-A schedule is first tried to be met by least squares, as `gauss-newton` does.
-
-Where the score has no slope, on a grid or where all waves die, the moves alone do the search.
+A long layout begins as a stretched shorter one: see `long_rows`. A free-standing layout is searched
+on the analytic model first: see `two_fidelities`. A schedule is first fitted by least squares, as
+`gauss-newton` does. Where the score has no gradient, on a grid or where all waves stop, the
+perturbations alone do the search.
 
 References
 ----------
@@ -34,23 +32,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from domino_env.core.types import distinct_rows
-from optimize.evaluator import Budget
+from domino_env.core.types import Floats, distinct_rows
+from optimize.evaluator import Evaluator
 from optimize.methods.gradient import least_squares
-from optimize.methods.gradient.local_search import Refined, climbing
-from optimize.methods.gradient.lockstep import Asked, Search, side_by_side
-from optimize.methods.schedules import schedule
+from optimize.methods.gradient.local_search import CoarseToFine, advance
+from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 from optimize.methods.search import assignment, two_fidelities
 from optimize.methods.search.long_rows import best_stretched, is_long
 from optimize.methods.search.perturbations import (
-    MOVES,
+    PERTURBATIONS,
     TIGHT_AT_MOST,
     bend,
     free_the_end,
     tight_end,
 )
+from optimize.methods.starts import schedule, uniform_design
 from optimize.problem import Problem
-from optimize.variables import Floats
 
 FIRST = 12  # gradients of every start
 WIDE = 8  # children that climb together
@@ -64,35 +61,35 @@ LONG = 200  # places from which on a row is long
 PATIENCE, GAIN = 6, 3e-6  # generations without a relative gain after which a search has settled
 LONGEST = 2000  # dominoes up to which generations pay; then another shorter row gains more
 ALIKE = 1e-3  # largest distance of two designs that are one
-ABROAD = 3  # independent searches beside the first
+ISLANDS = 3  # independent searches beside the main one
 AGREE = 5e-5  # relative distance within which two of them agree
 ENOUGH = 3  # of them that agree, and the search is done
 MANY, AGAIN = 8, 2.0  # of them that need not agree, once so many times the evaluations were spent
 
 
-def run(budget: Budget, rng: np.random.Generator) -> None:
-    """Race the starts, then change and climb, at home and abroad, until nothing is gained."""
-    if budget.problem.scene.floor_friction is not None:
-        two_fidelities.run(budget, rng, run)  # the same on the analytic model first
+def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """Race the starts, then perturb and refine, with islands, until nothing is gained."""
+    if evaluator.problem.scene.floor_friction is not None:
+        two_fidelities.run(evaluator, rng, run)  # this search on the analytic model first
         return
-    if budget.problem.scene.stock is not None:
-        assignment.run(budget, rng)  # what stands where decides, and no climb can change it
+    if evaluator.problem.scene.stock is not None:
+        assignment.run(evaluator, rng)  # the order decides, which no local search can change
         return
-    search = _Search(budget, _Elite(budget.problem))
-    if budget.problem.scene.tempo is not None:
-        if least_squares.is_soon_on_time(budget, rng):
-            budget.standing = least_squares.ON_SCHEDULE
+    search = _Search(evaluator, _Elite(evaluator.problem))
+    if evaluator.problem.scene.tempo is not None:
+        if least_squares.is_soon_on_time(evaluator, rng):
+            evaluator.status = least_squares.ON_SCHEDULE
             return
-        search.ends.append((budget.best_score, budget.best))
-    budget.standing = "no independent climbs have ended yet; a longer search may find more"
-    if is_long(budget.problem.scene):
+        search.ends.append((evaluator.best_score, evaluator.best))
+    evaluator.status = "no independent searches have ended yet; a longer search may find more"
+    if is_long(evaluator.problem.scene):
         search.stretch(rng)
-        if budget.problem.scene.count > LONGEST:
+        if evaluator.problem.scene.count > LONGEST:
             return
-    elif budget.problem.scene.count <= LONG:  # a batch by itself, and soon over
-        side_by_side(budget, [_race(search.home, starts(budget.problem))])
-    first, *others = rng.spawn(1 + ABROAD)
-    side_by_side(budget, [search.at_home(first), *map(search.abroad, others)])
+    elif evaluator.problem.scene.count <= LONG:  # a batch by itself, and soon over
+        run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
+    first, *others = rng.spawn(1 + ISLANDS)
+    run_in_lockstep(evaluator, [search.main(first), *map(search.island, others)])
 
 
 def starts(problem: Problem) -> Floats:
@@ -127,7 +124,7 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
     ndarray
         (B, n) designs, based on the best uniform row, that keep the rules.
     """
-    mark = _columns(problem, problem.design(problem.scene.uniform().layout))
+    mark = _columns(problem, uniform_design(problem))
     found = []
     for _ in range(WIDE if mark.shape[1] <= LONG else FEW):
         design = mark.copy()
@@ -147,16 +144,16 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
 
 @dataclass
 class _Elite:
-    """The best rows so far that are not alike, and which moves have paid.
+    """The best layouts so far that are not alike, and the success of each perturbation.
 
-    guests: the best of other searches, to be joined with.
-    idle: rows tried since the last gain.
+    migrants: the best of the islands, to be joined with.
+    idle: layouts tried since the last gain.
     """
 
     problem: Problem
     rows: list[tuple[float, Floats]] = field(default_factory=list)
-    paid: Floats = field(default_factory=lambda: np.ones(len(MOVES)))
-    guests: list[Floats] = field(default_factory=list)
+    weights: Floats = field(default_factory=lambda: np.ones(len(PERTURBATIONS)))
+    migrants: list[Floats] = field(default_factory=list)
     idle: int = 0
 
     @property
@@ -177,26 +174,26 @@ class _Elite:
         del self.rows[ELITE:]
 
     def child(self, rng: np.random.Generator) -> tuple[Floats, int]:
-        """A changed row, and which move has changed it."""
+        """A perturbed layout, and the index of its perturbation."""
         ranks = np.minimum(rng.geometric(0.35, 2) - 1, len(self.rows) - 1)
         parent, other = (_columns(self.problem, self.rows[r][1]) for r in ranks)
-        if self.guests and rng.random() < 0.5:
-            other = _columns(self.problem, self.guests[int(rng.integers(len(self.guests)))])
-        move = int(rng.choice(len(MOVES), p=self.paid / self.paid.sum()))
-        child = MOVES[move](parent, other, rng)
+        if self.migrants and rng.random() < 0.5:
+            other = _columns(self.problem, self.migrants[int(rng.integers(len(self.migrants)))])
+        move = int(rng.choice(len(PERTURBATIONS), p=self.weights / self.weights.sum()))
+        child = PERTURBATIONS[move](parent, other, rng)
         if rng.random() < 0.25:
-            move = int(rng.integers(len(MOVES)))
-            child = MOVES[move](child, other, rng)
+            move = int(rng.integers(len(PERTURBATIONS)))
+            child = PERTURBATIONS[move](child, other, rng)
         return np.clip(child.ravel(), 0.0, 1.0), move
 
     def children(self, rng: np.random.Generator) -> tuple[Floats, list[int]]:
-        """A generation of changed rows, and which moves have changed them."""
+        """A generation of perturbed layouts, and the indices of their perturbations."""
         drawn = [self.child(rng) for _ in range(DRAWN)]
         return np.array([design for design, _ in drawn]), [move for _, move in drawn]
 
-    def joined(self, guest: Floats, rng: np.random.Generator) -> Floats:
-        """The best row and a guest, the start of the one before the end of the other."""
-        ours, theirs = (_columns(self.problem, row) for row in (self.rows[0][1], guest))
+    def joined(self, migrant: Floats, rng: np.random.Generator) -> Floats:
+        """The best layout and a migrant, the start of one joined to the end of the other."""
+        ours, theirs = (_columns(self.problem, row) for row in (self.rows[0][1], migrant))
         pairs = ours.shape[1]
         cuts = rng.choice(pairs, min(DRAWN // 2, pairs), replace=False)
         at = np.arange(pairs) < cuts[:, None, None]
@@ -204,76 +201,78 @@ class _Elite:
         return both.reshape(len(both), -1)
 
     def learn(self, move: int, *, gained: bool) -> None:
-        self.paid[move] = np.clip(self.paid[move] * (1.5 if gained else 0.97), 0.2, 5.0)
+        self.weights[move] = np.clip(self.weights[move] * (1.5 if gained else 0.97), 0.2, 5.0)
 
 
 @dataclass
 class _Search:
-    """One search at home, which is done some day, and others abroad, which are not.
+    """The main search, which ends, and the islands, which begin anew.
 
-    ends: what every one of these has come to, score and design.
+    ends: score and design vector that each island has come to.
     """
 
-    budget: Budget
-    home: _Elite
+    evaluator: Evaluator
+    elite: _Elite
     ends: list[tuple[float, Floats]] = field(default_factory=list)
 
     def stretch(self, rng: np.random.Generator) -> None:
-        """Begin a long row as a shorter one ended; one that is very long ends so too."""
-        problem = self.home.problem
-        mark = problem.design(problem.scene.uniform().layout)
-        self.home.add(self.budget.score(mark), mark)
-        self.home.add(*best_stretched(self.budget, rng, run))
+        """Begin a long layout as a stretched shorter one; a very long one ends so too."""
+        problem = self.elite.problem
+        mark = uniform_design(problem)
+        self.elite.add(float(self.evaluator.evaluate(mark).score), mark)
+        self.elite.add(*best_stretched(self.evaluator, rng, run))
         while problem.scene.count > LONGEST and not self.done():
-            self.ends.append(best_stretched(self.budget, rng, run))
-            self.home.add(*self.ends[-1])
+            self.ends.append(best_stretched(self.evaluator, rng, run))
+            self.elite.add(*self.ends[-1])
 
-    def at_home(self, rng: np.random.Generator) -> Search:
-        if not self.home.rows:
-            yield from _race(self.home, starts(self.home.problem))
-        yield from _settle(self.home, rng)
+    def main(self, rng: np.random.Generator) -> Search:
+        if not self.elite.rows:
+            yield from _race(self.elite, starts(self.elite.problem))
+        yield from _settle(self.elite, rng)
         met = 0
         while not self.done():
             while met == len(self.ends):
                 yield None
             for score, design in self.ends[met:]:
                 met += 1
-                self.home.add(score, design)
-                self.home.guests.append(design)
-                yield from _generation(self.home, self.home.joined(design, rng), rng)
-            yield from _settle(self.home, rng)
+                self.elite.add(score, design)
+                self.elite.migrants.append(design)
+                yield from _generation(self.elite, self.elite.joined(design, rng), rng)
+            yield from _settle(self.elite, rng)
 
-    def abroad(self, rng: np.random.Generator) -> Search:
+    def island(self, rng: np.random.Generator) -> Search:
         while True:
-            elite = _Elite(self.home.problem)
-            yield from _race(elite, random_starts(self.home.problem, rng))
+            elite = _Elite(self.elite.problem)
+            yield from _race(elite, random_starts(self.elite.problem, rng))
             yield from _settle(elite, rng)
             self.ends.append(elite.rows[0])
 
     def done(self) -> bool:
-        """Whether to stop; says in any case how much the best is to be trusted."""
-        best = max([self.home.score, *(score for score, _ in self.ends)])
+        """Return whether to stop, and report how reliable the best is."""
+        best = max([self.elite.score, *(score for score, _ in self.ends)])
         # of a schedule, what is left to gain is what counts
-        scale = abs(best) if self.home.problem.scene.tempo is None else 1.0 - best
+        scale = abs(best) if self.elite.problem.scene.tempo is None else 1.0 - best
         agree = sum(score >= best - AGREE * scale for score, _ in self.ends)
-        words = f"{agree} of {len(self.ends)} independent climbs agree to {AGREE:.3%}"
-        self.budget.standing = f"{words}, {self.home.idle} moves without gain"
+        words = f"{agree} of {len(self.ends)} independent searches agree to {AGREE:.3%}"
+        self.evaluator.status = f"{words}, {self.elite.idle} perturbations without gain"
         if agree >= ENOUGH:
             return True
-        self.budget.standing += "; a longer search may find more"
-        return len(self.ends) >= MANY and self.budget.spent >= AGAIN * self.budget.gained
+        self.evaluator.status += "; a longer search may find more"
+        return (
+            len(self.ends) >= MANY and self.evaluator.evaluations >= AGAIN * self.evaluator.gained
+        )
 
 
 def _race(elite: _Elite, designs: Floats) -> Search:
-    scores, _ = yield Asked(designs)
+    scores, _ = yield Request(designs)
     order = np.argsort(-scores, kind="stable")
     for i in order:
         elite.add(float(scores[i]), designs[i])
     levels = _levels(elite.problem, COARSE)
-    arms = [Refined(designs[i], *levels) for i in order if scores[i] > 0.0]
+    arms = [CoarseToFine(designs[i], *levels) for i in order if scores[i] > 0.0]
     gradients = FIRST
     while arms:
-        yield from climbing(arms, gradients)
+        yield from advance(arms, gradients)
         arms.sort(key=lambda arm: -arm.score)
         for arm in arms:
             elite.add(arm.score, arm.design)
@@ -294,9 +293,9 @@ def _settle(elite: _Elite, rng: np.random.Generator) -> Search:
 def _generation(
     elite: _Elite, drawn: Floats, rng: np.random.Generator, moves: Sequence[int] = ()
 ) -> Search:
-    """Score changed rows and climb a little with some of them; moves: what has changed them."""
+    """Score perturbed layouts and refine some of them; moves: indices of their perturbations."""
     designs = elite.problem.project(drawn)
-    scores, _ = yield Asked(designs)
+    scores, _ = yield Request(designs)
     before = elite.score
     order = np.argsort(-scores, kind="stable")
     # the best by their score, and some by chance: what a climb can make of them shows later
@@ -304,11 +303,11 @@ def _generation(
     for i in order[: WIDE // 2]:
         elite.add(float(scores[i]), designs[i])
     levels = _levels(elite.problem, COARSE[1:])
-    arms = {int(i): Refined(designs[i], *levels) for i in chosen if scores[i] > 0.0}
-    yield from climbing(list(arms.values()), SHORT)
+    arms = {int(i): CoarseToFine(designs[i], *levels) for i in chosen if scores[i] > 0.0}
+    yield from advance(list(arms.values()), SHORT)
     near = [i for i, arm in arms.items() if arm.score > before - NEAR * abs(before)]
     near.sort(key=lambda i: -arms[i].score)
-    yield from climbing([arms[i] for i in near[: WIDE // 2]], MORE)
+    yield from advance([arms[i] for i in near[: WIDE // 2]], MORE)
     best = max((arm.score for arm in arms.values()), default=-np.inf)
     for i, arm in arms.items():
         elite.add(arm.score, arm.design)
@@ -316,7 +315,7 @@ def _generation(
         if moves:
             elite.learn(moves[i], gained=gained)
         if gained:
-            yield from climbing([arm], 4 * MORE)
+            yield from advance([arm], 4 * MORE)
             elite.add(arm.score, arm.design)
     elite.idle = 0 if elite.score > before + GAIN * abs(before) else elite.idle + len(designs)
 

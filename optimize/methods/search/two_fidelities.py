@@ -1,25 +1,25 @@
-"""Rows that stand on a floor: the analytic model climbs, the standing simulator decides.
+"""Free-standing layouts on a floor: a search on the analytic model, corrected by the slow one.
 
-A standing row takes as long as ten thousand analytic waves, and its speed differs from theirs by a
-ratio that changes little and smoothly from row to row, most with the last gaps. So the search is
-done on the analytic model first, by `auto`, twice with other random numbers, and the rows that this
-finds are toppled standing. From then on the ratio is learned: its logarithm as a straight line in
-the design near the best row, by regression with a prior under which neighbours have similar slopes;
-by how much rows are off that line is learned as a Gaussian process. Then, round after round, the
-best rows are changed by structured moves and climb on the analytic speed times that ratio, each
-with slopes drawn from what is not yet known of them. Those that promise most are toppled, and teach
-the ratio in turn. When that gains no more the search is done.
+A free-standing simulation takes as long as ten thousand analytic ones, and its speed differs by a
+ratio that changes little and smoothly from layout to layout, most with the last gaps. So `auto`
+searches the analytic model first, twice with other random numbers, and the layouts that it finds
+are simulated free-standing. From then on the ratio is learned: its logarithm as a linear function
+of the design vector near the best, by regression with a prior under which neighbours have similar
+slopes, and the residuals as a Gaussian process. Round after round, perturbations change the best
+layouts, and local searches maximise the analytic speed times that ratio, each with slopes drawn
+from their posterior. The most promising layouts are simulated free-standing, which improves the
+ratio in turn. When that gains no more the search is done.
 
-Only rows that are toppled standing count as evaluations; the analytic waves of a round, some two
-thousand gradients, take less time than its eight standing rows.
+Only free-standing simulations count as evaluations; the analytic ones of a round, some two thousand
+gradients, take less time than its eight free-standing ones.
 
 References
 ----------
 Alexandrov, N. M., Lewis, R. M. (2001). An overview of first-order model management for engineering
-optimization. Optimization and Engineering 2, 413-430 (climbs on a cheap model that is corrected).
+optimization. Optimization and Engineering 2, 413-430 (search on a cheap model that is corrected).
 
 Thompson, W. R. (1933). On the likelihood that one unknown probability exceeds another in view of
-the evidence of two samples. Biometrika 25, 285-294 (to try what is drawn from what is known).
+the evidence of two samples. Biometrika 25, 285-294 (to try what is drawn from the posterior).
 """
 
 from __future__ import annotations
@@ -30,16 +30,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from optimize.evaluator import Budget, BudgetSpent
-from optimize.methods.gradient.local_search import Ascent
-from optimize.methods.search.perturbations import MOVES
+from domino_env.core.types import Floats
+from optimize.evaluator import BudgetSpent, Evaluator
+from optimize.methods.gradient.local_search import LocalSearch
+from optimize.methods.search.perturbations import PERTURBATIONS
 from optimize.problem import Problem
-from optimize.recorder import Recorder
-from optimize.variables import Floats
 
-Method = Callable[[Budget, np.random.Generator], None]
+Method = Callable[[Evaluator, np.random.Generator], None]
 
-RUNS, HINGED = 2, 3000  # analytic searches, and evaluations of each
+RUNS, ANALYTIC = 2, 3000  # analytic searches, and evaluations of each
 TOGETHER = 8  # rows that are toppled together, as many as share a look at the clock
 APART = 0.02  # largest difference of two candidates, as a part of the box, that makes them one
 WORSE = 0.02  # relative distance to the analytic best up to which a row is a candidate
@@ -53,29 +52,29 @@ FAR = 0.3  # of the range of a place: distance of designs that are not alike
 NOISE = 3e-5  # relative, of a standing score beside those of rows near by
 
 
-def run(budget: Budget, rng: np.random.Generator, hinged_method: Method) -> None:
-    """Search the row that is fastest on the scene's floor.
+def run(evaluator: Evaluator, rng: np.random.Generator, hinged_method: Method) -> None:
+    """Search the layout that is fastest on the floor of the scene.
 
-    hinged_method: what searches the analytic model.
+    hinged_method: the method that searches the analytic model.
     """
-    hinged = Problem(replace(budget.problem.scene, floor_friction=None))
-    known = _Known(budget, hinged)
-    known.ask(budget.problem.design(budget.problem.scene.uniform().layout)[None])
-    known.ask(_candidates(budget, hinged, hinged_method, rng))
+    hinged = Problem(replace(evaluator.problem.scene, floor_friction=None))
+    known = _Known(evaluator, hinged)
+    known.evaluate(evaluator.problem.design(evaluator.problem.scene.uniform().layout)[None])
+    known.evaluate(_candidates(evaluator, hinged, hinged_method, rng))
     idle = 0
     while idle < PATIENCE:
         before, rows = known.score, _promising(known, rng)
         if not len(rows):
             return
-        known.ask(rows)
+        known.evaluate(rows)
         idle = 0 if known.score > before + GAIN * abs(before) else idle + 1
-        budget.standing = (
-            f"{budget.spent} rows toppled standing, the last {idle} rounds without gain"
+        evaluator.status = (
+            f"{evaluator.evaluations} rows toppled standing, the last {idle} rounds without gain"
         )
 
 
 def _candidates(
-    budget: Budget, hinged: Problem, method: Method, rng: np.random.Generator
+    evaluator: Evaluator, hinged: Problem, method: Method, rng: np.random.Generator
 ) -> Floats:
     """(C, n) rows that are good on the analytic model and not alike.
 
@@ -83,12 +82,12 @@ def _candidates(
     """
     found: list[tuple[float, Floats]] = []
     for child in rng.spawn(RUNS):
-        if budget.part >= 1.0:
+        if evaluator.progress >= 1.0:
             raise BudgetSpent
-        meter = Budget(Recorder(hinged), HINGED)
+        inner = Evaluator(hinged, ANALYTIC)
         with suppress(BudgetSpent):
-            method(meter, child)
-        found += meter.finalists
+            method(inner, child)
+        found += inner.finalists
     found.sort(key=lambda one: -one[0])
     chosen: list[Floats] = []
     for score, design in found:
@@ -101,8 +100,8 @@ def _candidates(
 class _Known:
     """What is known of standing rows, and of the ratio of their scores to the analytic ones."""
 
-    def __init__(self, budget: Budget, hinged: Problem) -> None:
-        self.budget, self.hinged = budget, hinged
+    def __init__(self, evaluator: Evaluator, hinged: Problem) -> None:
+        self.evaluator, self.hinged = evaluator, hinged
         self.designs = np.empty((0, hinged.dimension))
         self.scores, self.ratios = np.empty(0), np.empty(0)
         place = np.arange(hinged.dimension)
@@ -121,9 +120,10 @@ class _Known:
         """The design (n,) of the best."""
         return np.asarray(self.designs[int(np.argmax(self.scores))])
 
-    def ask(self, designs: Floats) -> None:
-        """Topple rows, and remember what comes of them."""
-        scores, analytic = self.budget.scores(designs), self.hinged.scores(designs)
+    def evaluate(self, designs: Floats) -> None:
+        """Simulate layouts in both models, and learn from them."""
+        scores = self.evaluator.evaluate(designs).score
+        analytic = self.hinged.evaluate(designs).score
         both = (scores > 0.0) & (analytic > 0.0)
         ratios = np.log(np.where(both, scores, 1.0) / np.where(both, analytic, 1.0))
         self.designs = np.concatenate([self.designs, designs])
@@ -149,7 +149,8 @@ class _Known:
 
     def corrected(self, designs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
         """Analytic scores (B,) and gradients (B, n) times the ratio by slopes (B, n)."""
-        scores, gradients = self.hinged.scores_and_gradients(designs, of_dying=False)
+        found = self.hinged.evaluate(designs, True, differences=False)
+        scores, gradients = found.score, found.gradient
         factor = np.where(scores > 0.0, np.exp(np.sum(slopes * self._away(designs), axis=1)), 1.0)
         inside = (np.abs(designs - self.best) < BOX) & (scores > 0.0)[:, None]
         scores = scores * factor
@@ -180,18 +181,18 @@ def _near(some: Floats, others: Floats) -> Floats:
 
 def _promising(known: _Known, rng: np.random.Generator) -> Floats:
     """(B, n) rows that are likely to be better than the best, or to teach something."""
-    problem, hinged = known.budget.problem, known.hinged
+    problem, hinged = known.evaluator.problem, known.hinged
     order = np.argsort(-known.scores, kind="stable")[:PARENTS]
     pairs = problem.scene.count - 1
     designs = [known.best]
     for _ in range(CLIMBS - 1):
         ranks = np.minimum(rng.geometric(0.5, 2) - 1, len(order) - 1)
         parent, other = (known.designs[order[r]].reshape(-1, pairs) for r in ranks)
-        changed = MOVES[int(rng.integers(len(MOVES)))](parent, other, rng)
+        changed = PERTURBATIONS[int(rng.integers(len(PERTURBATIONS)))](parent, other, rng)
         designs.append(np.clip(changed.ravel(), 0.0, 1.0))
     slopes = known.slopes(CLIMBS, rng)
-    arms = [Ascent(design, hinged.project) for design in designs]
-    _climb(known, arms, slopes)
+    arms = [LocalSearch(design, hinged.project) for design in designs]
+    _refine(known, arms, slopes)
     ends = np.array([arm.design for arm in arms])
     promised = known.promised(ends, slopes[0])
     chosen: list[int] = []
@@ -202,8 +203,8 @@ def _promising(known: _Known, rng: np.random.Generator) -> Floats:
     return ends[chosen]
 
 
-def _climb(known: _Known, arms: list[Ascent], slopes: Floats) -> None:
-    """Climb on the corrected model, all rows in lockstep, each with its own slopes."""
+def _refine(known: _Known, arms: list[LocalSearch], slopes: Floats) -> None:
+    """Advance local searches on the corrected model in lockstep, each with its own slopes."""
     for _ in range(STEPS):
         left = [i for i, arm in enumerate(arms) if not arm.done]
         if not left:

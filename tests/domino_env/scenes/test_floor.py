@@ -90,7 +90,7 @@ def test_no_uniform_row_beats_that_of_the_scene_that_ships() -> None:
 def test_auto_settles_on_the_floor(monkeypatch) -> None:
     from optimize.methods.search import two_fidelities
 
-    monkeypatch.setattr(two_fidelities, "HINGED", 200)
+    monkeypatch.setattr(two_fidelities, "ANALYTIC", 200)
     scene = replace(SMALL, count=8, spacing=(0.002, 0.04))
     found = search(scene, budget=20, seed=1, progress=False)
     assert 10 < found.evaluations <= 20

@@ -14,12 +14,6 @@ from optimize.experiments.best_known import best_known
 from optimize.run_folder import FILES, JOURNAL
 
 
-@pytest.fixture(autouse=True)
-def _no_notice(monkeypatch) -> None:
-    """How long the kernel takes to load says something about the machine."""
-    monkeypatch.setattr("domino_env.cli.main.NOTICE_AFTER", 1e6)
-
-
 @pytest.fixture
 def scene_file(scenes, tmp_path: Path) -> Path:
     """A scene of one's own."""

@@ -15,8 +15,8 @@ import domino_env as de
 from domino_env.scenes.rules import Stock
 from domino_env.scenes.scene import Scene
 from optimize import METHODS, Problem, search
+from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
-from optimize.constraints.smoothness import nearest_smooth
 from optimize.constraints.stock import assign, nearest_from_stock
 
 GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
@@ -216,21 +216,21 @@ def test_gradients_of_what_a_scene_asks(name: str) -> None:
     box = 1e-5 * np.eye(problem.dimension)
     near = 0
     for x in 0.1 + 0.8 * np.random.default_rng(3).random((10, problem.dimension)):
-        score, gradient = problem.score_and_gradient(x)
-        if score < 0.0:
+        found = problem.evaluate(x, gradient=True)
+        if found.score < 0.0:
             continue
-        slope = (exact.scores(x + box) - exact.scores(x - box)) / 2e-5
-        near += np.abs(slope - gradient).max() < 1e-5 * np.abs(slope).max()
+        slope = (exact.evaluate(x + box).score - exact.evaluate(x - box).score) / 2e-5
+        near += np.abs(slope - found.gradient).max() < 1e-5 * np.abs(slope).max()
     assert near >= 5  # a kink within reach spoils the differences of some
 
 
-def test_a_value_from_a_list_has_a_slope_only_at_will() -> None:
+def test_a_value_from_a_list_has_a_slope_only_relaxed() -> None:
     problem = Problem(ASKING["stock"])
     assert problem.discrete
     x = problem.project(np.random.default_rng(0).random((1, problem.dimension)))
-    score, gradient = problem.scores_and_gradients(x)
-    same, slope = problem.scores_and_gradients(x, at_will=True)
-    assert score == same > 0.0
+    found, relaxed = (problem.evaluate(x, True, relaxed=way) for way in (False, True))
+    assert found.score == relaxed.score > 0.0
+    gradient, slope = found.gradient, relaxed.gradient
     assert np.all(gradient[:, 8:] == 0.0)
     assert np.all(slope[:, 8:] != 0.0)
     assert np.array_equal(gradient[:, :8], slope[:, :8])

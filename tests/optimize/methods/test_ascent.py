@@ -7,17 +7,17 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from optimize.methods.gradient.local_search import Ascent, Refined
-from optimize.methods.schedules import knots, schedule
-from optimize.methods.search.perturbations import MOVES, ends_tight, tight_end
+from optimize.methods.gradient.local_search import CoarseToFine, LocalSearch
+from optimize.methods.search.perturbations import PERTURBATIONS, ends_tight, tight_end
+from optimize.methods.starts import knots, schedule
 
 
-def climb(arm: Ascent | Refined, answer: Callable, most: int = 2000) -> int:
+def climb(arm: LocalSearch | CoarseToFine, answer: Callable, most: int = 2000) -> int:
     """Answer it until it is done; how often that was."""
-    while not arm.done and arm.told < most:
+    while not arm.done and arm.evaluations < most:
         assert np.all((arm.wanted >= 0.0) & (arm.wanted <= 1.0))
         arm.tell(*answer(arm.wanted))
-    return arm.told
+    return arm.evaluations
 
 
 def hill(top: np.ndarray, seed: int = 0) -> Callable:
@@ -35,7 +35,7 @@ def hill(top: np.ndarray, seed: int = 0) -> Callable:
 @pytest.mark.parametrize("n", [1, 5, 40, 300])  # the last with limited memory
 def test_it_finds_the_top_of_a_hill(n: int) -> None:
     top = np.random.default_rng(1).uniform(0.2, 0.8, n)
-    arm = Ascent(np.full(n, 0.5))
+    arm = LocalSearch(np.full(n, 0.5))
     climb(arm, hill(top))
     assert arm.done
     assert arm.score == pytest.approx(5.0, abs=1e-4)
@@ -45,7 +45,7 @@ def test_it_finds_the_best_corner_or_face_of_the_box() -> None:
     """Against the law of a maximum within bounds: no slope left that leads inside."""
     top = np.array([1.4, 0.3, -0.2, 0.6, 1.1])
     answer = hill(top, seed=3)
-    arm = Ascent(np.full(5, 0.5))
+    arm = LocalSearch(np.full(5, 0.5))
     climb(arm, answer)
     slope = answer(arm.design)[1]
     low, high = arm.design <= 0.0, arm.design >= 1.0
@@ -69,7 +69,7 @@ def test_it_climbs_along_a_kink(n: int) -> None:
         score = -8.0 * abs(off) - (x[1] - 0.7) ** 2 - ((x[2:] - 0.4) ** 2).sum()
         return 3.0 + score, slope
 
-    arm = Ascent(np.full(n, 0.1))
+    arm = LocalSearch(np.full(n, 0.1))
     climb(arm, answer)
     assert arm.score == pytest.approx(3.0, abs=1e-5)
     assert arm.design[:2] == pytest.approx([0.49, 0.7], abs=5e-3)
@@ -81,7 +81,7 @@ def test_a_cliff_turns_it_back() -> None:
     def answer(x):
         return (-0.3, np.zeros(2)) if x[0] > 0.6 else (1.0 + x[0] - x[1], np.array([1.0, -1.0]))
 
-    arm = Ascent(np.array([0.2, 0.9]))
+    arm = LocalSearch(np.array([0.2, 0.9]))
     climb(arm, answer)
     assert arm.design[0] == pytest.approx(0.6, abs=1e-3)
     assert arm.design[0] <= 0.6
@@ -89,7 +89,7 @@ def test_a_cliff_turns_it_back() -> None:
 
 
 def test_no_slope_is_the_end() -> None:
-    arm = Ascent(np.full(3, 0.5))
+    arm = LocalSearch(np.full(3, 0.5))
     assert climb(arm, lambda x: (1.0, np.zeros(3))) == 1
     assert arm.score == 1.0
 
@@ -97,7 +97,7 @@ def test_no_slope_is_the_end() -> None:
 def test_from_coarse_to_fine_it_finds_the_same_top() -> None:
     n = 60
     top = 0.5 + 0.3 * np.sin(np.arange(n) / 7.0)
-    arm = Refined(np.full(n, 0.5), [schedule(1, n, 8), schedule(1, n, 20)])
+    arm = CoarseToFine(np.full(n, 0.5), [schedule(1, n, 8), schedule(1, n, 20)])
     climb(arm, hill(top))
     assert arm.done
     assert arm.score == pytest.approx(5.0, abs=1e-3)
@@ -127,7 +127,7 @@ def test_a_schedule_is_straight_between_its_knots() -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 39), (2, 39), (2, 1), (1, 2), (1, 6)])
-@pytest.mark.parametrize("move", MOVES, ids=lambda move: move.__name__)
+@pytest.mark.parametrize("move", PERTURBATIONS, ids=lambda move: move.__name__)
 def test_a_move_keeps_the_shape_and_its_parents(move, shape) -> None:
     rng = np.random.default_rng(2)
     for _ in range(50):

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from optimize import Problem, search
-from optimize.evaluator import Budget, BudgetSpent
+from optimize import search
 from optimize.methods.search import long_rows
 from optimize.methods.search.long_rows import Stretched, best_steady, is_long, repeated
-from optimize.recorder import Recorder
 
 
 @pytest.mark.parametrize("period", [1, 4, 16])
@@ -59,22 +57,6 @@ def test_no_steady_wave_beats_the_best_one() -> None:
     for s, d in random.uniform(*np.array([scene.spacing, scene.thickness]).T, (100, 2)):
         assert speed(s, d) <= best
     assert best_steady(replace(scene, length=1.0)) is None
-
-
-def test_smaller_rows_are_paid_by_their_dominoes() -> None:
-    scene = de.load_scene("sprint")
-    budget = Budget(Recorder(Problem(replace(scene, count=80))), evaluations=10)
-    smaller = Problem(scene)
-    with budget.lend(smaller, 5) as own:
-        own.scores(np.full((5, smaller.dimension), 0.3))
-    assert budget.spent == 3  # five of 40 dominoes cost as much as two and a half of 80
-    assert budget.falls == own.falls
-    with budget.lend(smaller, 1000) as own:  # half of what is left at most
-        own.scores(np.full((50, smaller.dimension), 0.3))
-    assert (own.spent, budget.spent) == (7, 7)
-    budget.scores(np.full((2, budget.problem.dimension), 0.3))
-    with pytest.raises(BudgetSpent), budget.lend(smaller, 1) as own:
-        own.scores(np.full((2, smaller.dimension), 0.3))
 
 
 def test_a_long_search_is_the_same_to_the_bit_and_far_ahead_of_its_mark(

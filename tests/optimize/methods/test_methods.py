@@ -10,9 +10,7 @@ import pytest
 
 import domino_env as de
 from domino_env.scenes.scene import Scene
-from optimize import METHODS, search
-from optimize.evaluator import Budget
-from optimize.recorder import Recorder
+from optimize import METHODS, Evaluator, search
 from optimize.result import SearchResult
 
 SCENES = ["spacing", "one-gap", "thickness", "both", "length", "length-both", "dying", "dead"]
@@ -140,8 +138,8 @@ def test_ctrl_c_ends_it_with_the_best_so_far(scenes, monkeypatch, method: str) -
     witness = Witness(monkeypatch)
     batches = []
 
-    def press(budget: Budget) -> None:
-        batches.append(budget.spent)
+    def press(evaluator: Evaluator) -> None:
+        batches.append(evaluator.evaluations)
         if len(batches) == 5:
             raise KeyboardInterrupt
 
@@ -158,8 +156,7 @@ def test_ctrl_c_before_anything_was_found_is_ctrl_c(scenes, monkeypatch, method:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Budget, "scores", interrupted)
-    monkeypatch.setattr(Budget, "scores_and_gradients", interrupted)
+    monkeypatch.setattr(Evaluator, "evaluate", interrupted)
     with pytest.raises(KeyboardInterrupt):
         search(scenes["spacing"], method, budget=10)
 
@@ -168,7 +165,7 @@ def test_ctrl_c_before_anything_was_found_is_ctrl_c(scenes, monkeypatch, method:
 def test_a_budget_of_seconds_ends_it(scenes, monkeypatch, method: str) -> None:
     scenes["spacing"].uniform()
     ticks = iter(range(10_000_000))
-    monkeypatch.setattr(Recorder, "seconds", property(lambda _: 0.01 * next(ticks)))
+    monkeypatch.setattr(Evaluator, "seconds", property(lambda _: 0.01 * next(ticks)))
     result = search(scenes["spacing"], method, seconds=1.0)
     assert not result.interrupted
     assert 1.0 <= result.seconds < 1.1

@@ -15,9 +15,9 @@ from optimize.methods.registry import load
 MINE = """
 import sys
 
-def run(budget, rng):
+def run(evaluator, rng):
     while True:
-        budget.scores(rng.random((7, budget.problem.dimension)))
+        evaluator.evaluate(rng.random((7, evaluator.problem.dimension)))
 
 def nothing(budget, rng):
     pass
@@ -51,7 +51,7 @@ def test_a_method_is_named_or_given(folder: Path, scenes) -> None:
     assert named.method == given.method == "my_methods:run"
     assert named.evaluations == given.evaluations == 40
     assert named.layout == given.layout
-    assert search(scenes["spacing"], lambda b, _: b.score([0.4] * 6), budget=9).evaluations == 1
+    assert search(scenes["spacing"], lambda e, _: e.evaluate([0.4] * 6), budget=9).evaluations == 1
 
 
 def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
@@ -71,9 +71,9 @@ def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
     ("my_methodz:run", "there is no module 'my_methodz' in "),
     ("my_methods.deeper:run", "there is no module 'my_methods.deeper' in "),
     ("my_methods:runn", "my_methods.py holds no 'runn'; did you mean 'my_methods:run'?"),
-    ("my_methods:number", "it is not called as run(budget, rng)"),
-    ("my_methods:of_one", "it is not called as run(budget, rng)"),
-    ("my_methods:nothing", "method 'my_methods:nothing' ended without asking budget for a score"),
+    ("my_methods:number", "it is not called as run(evaluator, rng)"),
+    ("my_methods:of_one", "it is not called as run(evaluator, rng)"),
+    ("my_methods:nothing", "'my_methods:nothing' ended without asking its evaluator for a score"),
     ("my_broken:run", "my_broken cannot be imported: No module named 'no_such_thing_here'"),
     ("my_typo:run", "my_typo cannot be imported: SyntaxError: "),
     ("my_methods:", "there is no method 'my_methods:': choose auto, "),

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optimize.evaluator import Budget, BudgetSpent
-from optimize.methods.gradient.local_search import Ascent, climb, climbing
-from optimize.methods.gradient.lockstep import Asked, Search, side_by_side
+from optimize.evaluator import BudgetSpent, Evaluator
+from optimize.methods.gradient.local_search import LocalSearch, advance, run_local_searches
+from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 from optimize.problem import Problem
-from optimize.recorder import Recorder
 
 
 def test_climbs_that_ask_side_by_side_share_every_batch(scenes) -> None:
@@ -17,21 +16,21 @@ def test_climbs_that_ask_side_by_side_share_every_batch(scenes) -> None:
     starts = np.random.default_rng(0).random((3, problem.dimension))
     asked: list[int] = []
 
-    def budget() -> Budget:
+    def budget() -> Evaluator:
         asked.clear()
-        return Budget(Recorder(problem), watch=lambda b: asked.append(b.spent))
+        return Evaluator(problem, callback=lambda e: asked.append(e.evaluations))
 
-    one_climb = [Ascent(start) for start in starts]
-    climb(budget(), one_climb, 30)
+    one_climb = [LocalSearch(start) for start in starts]
+    run_local_searches(budget(), one_climb, 30)
     batches = list(asked)
-    three = [Ascent(start) for start in starts]
-    longest = max(range(3), key=lambda i: one_climb[i].told)
+    three = [LocalSearch(start) for start in starts]
+    longest = max(range(3), key=lambda i: one_climb[i].evaluations)
     # who ends last comes first, for its end is that of all
     order = [longest, *(i for i in range(3) if i != longest)]
-    side_by_side(budget(), [climbing([three[i]], 30) for i in order])
+    run_in_lockstep(budget(), [advance([three[i]], 30) for i in order])
     assert asked == batches
     assert three[longest].score == one_climb[longest].score
-    assert len(batches) == three[longest].told < sum(arm.told for arm in three)
+    assert len(batches) == three[longest].evaluations < sum(arm.evaluations for arm in three)
 
 
 def test_who_waits_is_asked_again_and_the_first_ends_it(scenes) -> None:
@@ -43,12 +42,12 @@ def test_who_waits_is_asked_again_and_the_first_ends_it(scenes) -> None:
 
     def working() -> Search:
         while True:
-            scores, slopes = yield Asked(np.full((2, 1), 0.5))
+            scores, slopes = yield Request(np.full((2, 1), 0.5))
             told.append((scores.shape, slopes.size))
 
-    budget = Budget(Recorder(problem), 100)
-    side_by_side(budget, [waiting(), working()])
+    budget = Evaluator(problem, 100)
+    run_in_lockstep(budget, [waiting(), working()])
     assert told == [((2,), 0)] * 3
-    assert budget.spent == 8  # the last two before anybody could know
+    assert budget.evaluations == 8  # the last two before anybody could know
     with pytest.raises(BudgetSpent, match="limit of 100 rows reached"):
-        side_by_side(budget, [working()])
+        run_in_lockstep(budget, [working()])

@@ -1,9 +1,10 @@
-"""The nearest row whose neighbouring gaps differ by no more than is allowed.
+"""Projections onto convex sets: bounds, a given sum, a largest change between neighbours.
 
-A dynamic programme over the row: the price of the best beginning of a row, as a function of its
-last gap, is convex, and its slope is piecewise linear. Letting the next gap move freely within ±
-the largest change pulls the falling part of the slope to the left and the rising part to the right;
-the next gap's own price adds a line. Cost n² at worst, a millisecond for a thousand gaps.
+With a largest change it is a dynamic programme along the layout: the price of the best beginning,
+as a function of its last gap, is convex, and its slope is piecewise linear. Letting the next gap
+move freely within ± the largest change pulls the falling part of the slope to the left and the
+rising part to the right; the price of the next gap adds a line. It costs n² at worst, a millisecond
+for a thousand gaps.
 
 References
 ----------
@@ -13,13 +14,53 @@ Journal of Computational and Graphical Statistics 22, 246-260.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from domino_env.core.threads import compiled
+from domino_env.core.types import Floats
 
 ROUNDS = 100  # of the search for the shift; some ten are used
+
+
+def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
+    """Find the point of {low ≤ x ≤ high, Σ x = total} nearest to each row of `values`.
+
+    Parameters
+    ----------
+    values
+        (B, n) points.
+    low, high
+        (n,) bounds, low < high.
+    total
+        Between Σ low and Σ high; beyond them the corner low or high is returned.
+
+    Returns
+    -------
+    ndarray
+        (B, n) nearest points.
+
+    Notes
+    -----
+    The projection shifts all entries alike and clips them. The sum is piecewise linear in the
+    shift, with a corner wherever an entry meets or leaves a bound, so sorting the corners gives the
+    shift exactly.
+    """
+    rows, n = values.shape
+    corners = np.concatenate([low - values, high - values], axis=1)
+    order = np.argsort(corners, axis=1, kind="stable")
+    corners = np.take_along_axis(corners, order, axis=1)
+    movable = np.cumsum(np.where(order < n, 1.0, -1.0), axis=1)  # entries between their bounds
+    rise = movable[:, :-1] * np.diff(corners, axis=1)
+    sums = low.sum() + np.concatenate([np.zeros((rows, 1)), np.cumsum(rise, axis=1)], axis=1)
+    k = np.clip((sums <= total).sum(axis=1) - 1, 0, 2 * n - 2)
+    every = np.arange(rows)
+    step = (total - sums[every, k]) / np.maximum(movable[every, k], 1.0)
+    shift = np.clip(corners[every, k] + step, corners[:, 0], corners[:, -1])
+    moved = np.clip(values + shift[:, None], low, high)
+    # what rounding has left goes to the entries that can still move
+    free = (moved > low) & (moved < high)
+    share = (total - moved.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
+    return np.asarray(np.clip(moved + free * share[:, None], low, high))
 
 
 def nearest_smooth(
@@ -82,7 +123,7 @@ def _even_out(near: Floats, low: Floats, high: Floats, total: float) -> Floats:
     return np.asarray(np.clip(near + free * share, low, high))
 
 
-@numba.njit(cache=True)
+@compiled
 def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Floats:
     n = len(values)
     # knots of the slope, at x, and its value there; from the middle, one more to each side a step

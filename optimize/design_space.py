@@ -1,46 +1,45 @@
-"""The design vector of a scene: what is free, between 0 and 1, and how it becomes a layout."""
+"""Design vectors of a scene: free values between 0 and 1, and the layouts that they stand for."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
+from domino_env.scenes.objectives import ScoreGradient
 from domino_env.scenes.scene import Scene
 from optimize.constraints.feasibility import require_feasible
-from optimize.constraints.feasible_set import Allowed
+from optimize.constraints.feasible_set import FeasibleSet
 
-Floats = NDArray[np.float64]
-
-ROUNDING = 1e-9  # so far outside the box is still within it
+ROUNDING = 1e-9  # distance outside of the box that counts as rounding
 
 
-class Variables:
-    """The design vector of a scene, and how it becomes a layout.
+class DesignSpace:
+    """Design vectors of a scene, and how they become layouts.
 
-    A design x has one entry in [0, 1] for each free gap, then one for each free thickness, then one
-    for each free height (over that of the domino before), running from its least to its largest
-    value. Any design stands for the nearest one (in metres) that keeps the scene's rules: length,
-    largest change, lists of allowed values, stock.
+    A design vector x has one entry in [0, 1] for each free gap, then one for each free thickness,
+    then one for each free height (over that of the domino before), from its least to its largest
+    value. Every design vector stands for the nearest layout (in metres) that keeps the rules of the
+    scene: length, largest change, lists of allowed values, stock.
 
     Parameters
     ----------
     scene
-        What is searched.
+        The scene.
 
     Attributes
     ----------
     dimension
-        n, length of a design.
+        n, length of a design vector.
     low, high
-        (n,) what 0 and 1 stand for [m], or what the scene gives in heights.
+        (n,) values at 0 and 1 [m], or in heights where the scene has them so.
     discrete
         Whether some values come from a list or the stock, so that scores have steps.
 
     Raises
     ------
     ValueError
-        For a scene that leaves nothing free, and for one whose rules clash, with their names.
+        For a scene without free values, and for one whose rules contradict each other.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -60,72 +59,72 @@ class Variables:
         self.dimension = len(bounds)
         gaps = pairs * scene.free_spacing
         total = None if scene.length is None else self._total
-        self._allowed = Allowed(scene, self.low, self.high, gaps, total)
-        self.discrete = self._allowed.discrete
+        self._feasible = FeasibleSet(scene, self.low, self.high, gaps, total)
+        self.discrete = self._feasible.discrete
 
     @property
     def equality(self) -> tuple[Floats, float] | None:
-        """Coefficients a (n,) and right side b of a·x = b [m]; None where no length is asked."""
+        """Coefficients a (n,) and right side b of a·x = b [m]; None without a given length."""
         if self.scene.length is None:
             return None
         return self.high - self.low, self._total - float(self.low.sum())
 
     @property
     def linear(self) -> tuple[Floats, Floats] | None:
-        """A (m, n) and b (m,) of A x ≤ b [m]: the largest change of the gaps; None where any is."""
-        rules = self._allowed.linear()
+        """A (m, n) and b (m,) of A x ≤ b [m], the largest change of the gaps; None without one."""
+        rules = self._feasible.linear()
         if rules is None:
             return None
         return rules[0] * (self.high - self.low), rules[1] - rules[0] @ self.low
 
     @property
     def coupled(self) -> bool:
-        """Whether some designs of the box stand for others: see `project`."""
-        return self.scene.length is not None or self.discrete or self._allowed.coupled
+        """Whether some design vectors of the box stand for others: see `project`."""
+        return self.scene.length is not None or self.discrete or self._feasible.coupled
+
+    @property
+    def movable(self) -> Bools:
+        """(n,) entries that may change by a little; the others come from a list or the stock."""
+        return ~self._feasible.stepped
 
     @property
     def _total(self) -> float:
-        """What the free gaps and thicknesses add up to where a length is asked [m]."""
+        """Sum of the free gaps and thicknesses where a length is given [m]."""
         scene = self.scene
         assert scene.length is not None
         fixed = scene.spacing[0] * (not scene.free_spacing)
         fixed += scene.thickness[0] * (not scene.free_thickness)
         return scene.length - (scene.count - 1) * fixed
 
-    def values(self, designs: Floats) -> Floats:
-        """Find the free gaps, thicknesses and growths (B, n) [m] that designs (B, n) stand for."""
-        return self._allowed.nearest(self._wanted(designs))
-
     def project(self, designs: Floats) -> Floats:
-        """Find the nearest designs (in metres) that keep the scene's rules.
+        """Find the nearest design vectors (in metres) that keep the rules of the scene.
 
         Parameters
         ----------
         designs
-            (B, n) any finite numbers, outside of [0, 1] too.
+            (B, n) finite numbers, also outside of [0, 1].
 
         Returns
         -------
         ndarray
-            (B, n) designs; they stand for the same rows.
+            (B, n) design vectors, which stand for the same layouts.
 
         Raises
         ------
         ValueError
-            For designs of another shape, or with entries that are not finite.
+            For another shape, or entries that are not finite.
         """
         return self._scaled(self.values(self.checked(designs, anywhere=True)))
 
     def layout(self, design: Floats) -> Layout:
-        """Give the row that one design (n,) stands for.
+        """Return the layout that a design vector (n,) stands for.
 
         Raises
         ------
         ValueError
-            For a design of another shape, or with entries that are no numbers in [0, 1].
+            For another shape, or entries outside of [0, 1].
         """
-        values = self.values(self.checked(self.one(design)))
-        spacing, thickness, height = self.split(values)
+        spacing, thickness, height = self.split(self.values(self.checked(self.one(design))))
         return self.scene.layout(
             spacing[0],
             None if thickness is None else thickness[0],
@@ -133,7 +132,7 @@ class Variables:
         )
 
     def design(self, layout: Layout) -> Floats:
-        """Give the design (n,) of a layout that keeps the scene's rules."""
+        """Return the design vector (n,) of a layout that keeps the rules of the scene."""
         scene = self.scene
         gaps, thick, tall = layout.spacing, layout.thickness[1:], layout.height
         if scene.in_heights:
@@ -143,8 +142,12 @@ class Variables:
         values += [tall[1:] / tall[:-1]] * scene.free_height
         return self._scaled(np.concatenate(values))
 
+    def values(self, designs: Floats) -> Floats:
+        """Find the free gaps, thicknesses and growths (B, n) [m] of design vectors (B, n)."""
+        return self._feasible.project(self._wanted(designs))
+
     def split(self, values: Floats) -> tuple[Floats, Floats | None, Floats | None]:
-        """Tell gaps and, where free, thicknesses and heights in free values (B, n) apart.
+        """Split free values (B, n) into gaps and, where free, thicknesses and heights.
 
         Returns
         -------
@@ -170,51 +173,39 @@ class Variables:
             thick = None if thick is None else thick * own
         return gaps, thick, tall
 
-    def by_design(
-        self,
-        designs: Floats,
-        values: Floats,
-        by_gap: Floats,
-        by_thickness: Floats,
-        by_height: Floats,
-        *,
-        at_will: bool = False,
+    def design_gradient(
+        self, designs: Floats, values: Floats, gradient: ScoreGradient, *, relaxed: bool = False
     ) -> Floats:
-        """Turn slopes by what stands there into slopes by the design.
+        """Turn derivatives by gaps, thicknesses and heights into derivatives by design vectors.
 
         Parameters
         ----------
         designs
-            (B, n) designs.
+            (B, n) design vectors.
         values
-            (B, n) what they stand for, see `values`.
-        by_gap, by_thickness, by_height
-            (B, N-1) slopes by the gaps, thicknesses and heights of dominoes 1 … N-1 [1/m].
-        at_will
-            Give values from a list or the stock the slope that they would have if they could move;
-            otherwise it is 0, since they stay where they are when a design changes a little.
+            (B, n) their free values, see `values`.
+        gradient
+            Derivatives (B, N-1) by the quantities of dominoes 1 … N-1 [1/m].
+        relaxed
+            Treat values from a list or the stock as if they could move; otherwise their derivative
+            is 0, because they stay where they are when a design vector changes a little.
 
         Returns
         -------
         ndarray
-            (B, n) slopes; at an edge of the rules those of the nearest layout within them.
+            (B, n) derivatives; at an edge of the rules those of the nearest layout within them.
         """
-        slopes = self._by_value(values, by_gap, by_thickness, by_height)
-        slopes = self._allowed.tangent(slopes, self._wanted(designs), values, at_will)
+        slopes = self._by_value(values, gradient)
+        slopes = self._feasible.tangent(slopes, self._wanted(designs), values, relaxed)
         return np.asarray(slopes * (self.high - self.low))
 
-    @property
-    def steady(self) -> NDArray[np.bool_]:
-        """(n,) which entries may change by a little; the others choose from a list or the stock."""
-        return ~self._allowed.stepped
-
     def one(self, design: Floats) -> Floats:
-        """Give one design (n,) as a batch (1, n).
+        """Return one design vector (n,) as a batch (1, n).
 
         Raises
         ------
         ValueError
-            For a design of another shape.
+            For another shape.
         """
         design = np.asarray(design, dtype=np.float64)
         if design.shape != (self.dimension,):
@@ -222,19 +213,19 @@ class Variables:
         return design[None]
 
     def checked(self, designs: Floats, *, anywhere: bool = False) -> Floats:
-        """Give designs as an array (B, n) of numbers in [0, 1], where rounding has left the box.
+        """Return design vectors (B, n) as numbers in [0, 1], rounding errors clipped.
 
         Parameters
         ----------
         designs
-            (B, n) designs.
+            (B, n) design vectors.
         anywhere
-            Let designs outside the box be as they are.
+            Accept entries outside of [0, 1] as they are.
 
         Raises
         ------
         ValueError
-            For designs of another shape, or with entries that are no numbers in [0, 1].
+            For another shape, or entries outside of [0, 1].
         """
         designs = np.asarray(designs, dtype=np.float64)
         if designs.ndim != 2 or designs.shape[1] != self.dimension:
@@ -255,36 +246,28 @@ class Variables:
             )
         return designs if anywhere else np.clip(designs, 0.0, 1.0)
 
-    def _by_value(
-        self, values: Floats, by_gap: Floats, by_thickness: Floats, by_height: Floats
-    ) -> Floats:
-        """Slopes by the free values, from those by gaps, thicknesses and heights [m]."""
-        scene = self.scene
-        free = [scene.free_spacing, scene.free_thickness, scene.free_height]
+    def _by_value(self, values: Floats, by: ScoreGradient) -> Floats:
+        """Derivatives by the free values, in heights where the scene has them so."""
+        scene, pairs = self.scene, self.scene.count - 1
+        by_gap, by_thickness, by_height = by.spacing, by.thickness, by.height
         if scene.in_heights:
-            by_gap, by_thickness, by_height = self._in_heights(
-                values, by_gap, by_thickness, by_height
-            )
+            gaps, thick, tall = self.split(values)
+            if tall is None:
+                by_gap, by_thickness = scene.height * by_gap, scene.height * by_thickness
+            else:
+                first = np.full((len(tall), 1), scene.height)
+                before = np.concatenate([first, tall[:, :-1]], axis=1)
+                thick = scene.thickness[0] * tall if thick is None else thick
+                # a height scales the thickness of its domino and the gap behind it
+                whole = by_height * tall + by_thickness * thick
+                whole[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
+                growth = values[:, -pairs:] if scene.free_height else np.ones_like(tall)
+                # a growth scales all later heights
+                by_height = np.cumsum(whole[:, ::-1], axis=1)[:, ::-1] / growth
+                by_gap, by_thickness = by_gap * before, by_thickness * tall
+        free = [scene.free_spacing, scene.free_thickness, scene.free_height]
         slopes = (by_gap, by_thickness, by_height)
         return np.concatenate([s for s, f in zip(slopes, free, strict=True) if f], axis=1)
-
-    def _in_heights(
-        self, values: Floats, by_gap: Floats, by_thickness: Floats, by_height: Floats
-    ) -> tuple[Floats, Floats, Floats]:
-        """Slopes by gaps over heights, thicknesses over heights, and growths."""
-        gaps, thick, tall = self.split(values)
-        scene, pairs = self.scene, self.scene.count - 1
-        if tall is None:
-            return scene.height * by_gap, scene.height * by_thickness, by_height
-        before = np.concatenate([np.full((len(tall), 1), scene.height), tall[:, :-1]], axis=1)
-        thick = scene.thickness[0] * tall if thick is None else thick
-        # a height carries its domino's thickness along, and the gap behind it
-        whole = by_height * tall + by_thickness * thick
-        whole[:, :-1] += by_gap[:, 1:] * gaps[:, 1:]
-        growth = values[:, -pairs:] if scene.free_height else np.ones_like(tall)
-        # and a growth all heights from there on
-        later = np.cumsum(whole[:, ::-1], axis=1)[:, ::-1] / growth
-        return by_gap * before, by_thickness * tall, later
 
     def _wanted(self, designs: Floats) -> Floats:
         """Values (B, n) before the rules are applied."""

@@ -1,4 +1,4 @@
-"""The picture: to scale, complete, for every kind of result, without pyplot."""
+"""The picture of a search: to scale, complete, for every kind of result, without pyplot."""
 
 from __future__ import annotations
 
@@ -12,17 +12,14 @@ from matplotlib.axes import Axes
 
 import domino_env as de
 from domino_env.core.plot_style import method_lines
-from optimize import search
+from optimize import SearchResult, search
 from optimize.methods.registry import METHODS, PEERS, of_others
-from optimize.picture import picture
-from optimize.result import SearchResult
 
 
 def dominoes(axes: Axes) -> np.ndarray:
     """(N, 4) left, bottom, width, height of the rectangles drawn [mm]."""
     (collection,) = axes.collections
-    boxes = [path.get_extents().bounds for path in collection.get_paths()]
-    return np.array(boxes)
+    return np.array([path.get_extents().bounds for path in collection.get_paths()])
 
 
 @pytest.fixture(scope="module")
@@ -30,15 +27,14 @@ def result(scenes) -> SearchResult:
     return search(scenes["both"], "cma", budget=200)
 
 
-def test_both_rows_stand_to_scale_and_on_the_same_scale(result: SearchResult) -> None:
-    figure = picture(result)
+def test_both_layouts_stand_to_scale_and_on_the_same_scale(result: SearchResult) -> None:
+    figure = result.plot()
     figure.draw_without_rendering()
     rows = figure.axes[:2]
     for axes, layout in zip(rows, (result.uniform.layout, result.layout), strict=True):
         boxes = dominoes(axes)
         assert boxes[:, 0] + boxes[:, 2] == pytest.approx(1e3 * layout.positions)
-        assert boxes[:, 2] == pytest.approx(1e3 * layout.thickness)
-        assert boxes[:, 3] == pytest.approx(1e3 * layout.height)
+        assert boxes[:, 2:] == pytest.approx(1e3 * np.stack([layout.thickness, layout.height], 1))
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
         place = axes.get_window_extent()
         assert place.width / (right - left) == pytest.approx(place.height / (high - low))
@@ -46,7 +42,7 @@ def test_both_rows_stand_to_scale_and_on_the_same_scale(result: SearchResult) ->
 
 
 def test_the_panels_show_spacing_thickness_speed_and_search(result: SearchResult) -> None:
-    spacing, thickness, speed, trace = picture(result).axes[2:]
+    spacing, thickness, speed, trace = result.plot().axes[2:]
     rows = [(result.uniform.layout, result.uniform.wave), (result.layout, result.wave)]
     for i, (layout, wave) in enumerate(rows):
         lines = [axes.get_lines()[i - 2] for axes in (spacing, thickness, speed)]
@@ -60,20 +56,10 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result: SearchResult
     assert steps.get_ydata().tolist() == [score for _, _, _, score in result.trace]
 
 
-def test_local_speed_is_pitch_over_time() -> None:
-    layout = de.Layout([0.02, 0.03, 0.01], 0.0075)
-    wave = de.simulate(layout, de.Physics())
-    speed = wave.local_speed
-    assert layout.pitch / speed == pytest.approx(np.diff(wave.arrival_times))
-    stopped = de.simulate(layout, de.Physics(push=1.5))
-    assert np.isnan(stopped.local_speed[-1])
-
-
-def test_a_long_row_is_shown_by_its_two_ends() -> None:
+def test_a_long_layout_is_shown_by_its_two_ends() -> None:
     scene = replace(de.load_scene("sprint"), name="long", count=300)
-    result = search(scene, "random", budget=3)
-    figure = picture(result)
-    start, end = figure.axes[2:4]  # of the row found
+    figure = search(scene, "random", budget=3).plot()
+    start, end = figure.axes[2:4]  # of the layout found
     assert dominoes(start)[0, 0] == pytest.approx(-1e3 * scene.first_thickness)
     assert dominoes(end)[-1, 0] + dominoes(end)[-1, 2] == pytest.approx(0.0)
     assert len(dominoes(start)) + len(dominoes(end)) < 150
@@ -81,22 +67,23 @@ def test_a_long_row_is_shown_by_its_two_ends() -> None:
 
 
 @pytest.mark.parametrize("name", ["one-gap", "thickness", "length", "dying", "dead"])
-@pytest.mark.parametrize("method", ["uniform", "random"])
-def test_every_result_can_be_drawn(scenes, name: str, method: str) -> None:
-    result = search(scenes[name], method, budget=30)
-    figure = picture(result)
+def test_every_result_can_be_drawn(scenes, name: str) -> None:
+    figure = search(scenes[name], "random", budget=30).plot()
     figure.canvas.draw()
     headline = figure.texts[0].get_text()
     assert headline.startswith(f"{name}: ")
     if name == "dead":
         assert headline == "dead: no row found that topples to the end"
         assert figure.axes[3].texts[0].get_text() == "neither wave came to the second domino"
-    elif method == "random":
+    else:
         assert "slower" in headline or "faster" in headline
 
 
 def test_no_global_state_of_matplotlib_is_used() -> None:
-    script = "import sys, optimize.picture; print('matplotlib.pyplot' in sys.modules)"
+    script = (
+        "import sys; from optimize import search; search('sprint', 'uniform').plot(); "
+        "print('matplotlib.pyplot' in sys.modules)"
+    )
     words = [sys.executable, "-c", script]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
@@ -105,5 +92,4 @@ def test_no_global_state_of_matplotlib_is_used() -> None:
 def test_every_method_has_a_line_of_its_own() -> None:
     methods = [*METHODS, *PEERS, *of_others()]
     lines = method_lines(methods)
-    colours = [lines[m]["color"] for m in methods]
-    assert len(set(colours)) == len(methods)
+    assert len({lines[m]["color"] for m in methods}) == len(methods)
