@@ -167,10 +167,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Raises
         ------
         ValueError
-            For other options or seeds, for a layout that breaks the scene's rules or whose wave
-            stops, and for a scene of another kind than those sampled.
-        TypeError
-            For a mask that is no array of booleans.
+            For other options, masks or seeds, for a layout that breaks the scene's rules or whose
+            wave stops, and for a scene of another kind than those sampled.
         """
         given = self.checked_options(options, "reset_mask")
         chosen = self._checked_mask(given.pop("reset_mask", None))
@@ -242,21 +240,14 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
                 raise ValueError(f"unknown reset option '{key}': allowed: {allowed}")
         return {**(options or {})}
 
-    def _checked_mask(self, mask: object) -> Bools:
-        if mask is None:
-            return np.ones(self.num_envs, np.bool_)
-        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-            kind = getattr(mask, "dtype", type(mask).__name__)
-            raise TypeError(f"options['reset_mask'] is {kind}: give a NumPy array of booleans")
-        if mask.shape != (self.num_envs,):
+    def _checked_mask(self, mask: ArrayLike | None) -> Bools:
+        chosen = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,) or not chosen.any():
             raise ValueError(
-                f"options['reset_mask'] has shape {mask.shape}: expected ({self.num_envs},)"
+                f"options['reset_mask'] is {chosen.dtype} of shape {chosen.shape}: give "
+                f"({self.num_envs},) booleans, at least one of them True"
             )
-        if not mask.any():
-            raise ValueError(
-                "options['reset_mask'] chooses no environment: at least one must be True"
-            )
-        return mask
+        return chosen
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:

@@ -1,32 +1,30 @@
 """The mapping of actions: forwards as in episodes, and backwards."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import domino_env as de
 from domino_env import DominoChain, DominoChainVector
 
-SHORT = replace(de.load_scene("sprint"), count=12)
-FREE = replace(SHORT, thickness=(0.004, 0.012))
+SHORT = de.load_scene("sprint").replace(count=12)
+FREE = SHORT.replace(thickness=(0.004, 0.012))
 KINDS = {
     "gaps": SHORT,
     "both": FREE,
-    "course": replace(SHORT, length=0.24),
-    "both over a course": replace(FREE, length=0.24),
-    "smooth": replace(FREE, largest_change=0.002),
-    "growing": replace(
-        FREE, growth=(1.0, 1.05), in_heights=True, spacing=(0.1, 0.8), thickness=(0.1, 0.2)
+    "course": SHORT.replace(length=0.24),
+    "both over a course": FREE.replace(length=0.24),
+    "smooth": FREE.replace(largest_change=0.002),
+    "growing": FREE.replace(
+        growth=(1.0, 1.05), in_heights=True, spacing=(0.1, 0.8), thickness=(0.1, 0.2)
     ),
-    "placed with errors": replace(SHORT, placement_deviation=0.001),
+    "placed with errors": SHORT.replace(placement_deviation=0.001),
 }
 
 
 @pytest.mark.parametrize("name", KINDS)
 @pytest.mark.parametrize("drift", [-0.4, 0.0, 0.4])
 def test_all_dominoes_at_once_are_placed_as_one_by_one(name, drift):
-    scene = replace(KINDS[name], placement_deviation=0.0)
+    scene = KINDS[name].replace(placement_deviation=0.0)
     env, together = DominoChain(scene), DominoChainVector(2, KINDS[name])
     size = (11, *env.action_space.shape)
     actions = drift + np.random.default_rng(1).normal(0.0, 0.6, size)

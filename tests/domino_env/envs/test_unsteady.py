@@ -1,6 +1,4 @@
-"""An unsteady hand: gaps come out wrong while a row is built."""
-
-from dataclasses import replace
+"""Placement errors: gaps come out wrong while a layout is built."""
 
 import numpy as np
 import pytest
@@ -12,7 +10,7 @@ from domino_env.envs.vector import RTOL
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.objectives.robust import LEAST_GAP
 
-SCENE = replace(load_scene("sprint"), count=12, placement_deviation=0.002)
+SCENE = load_scene("sprint").replace(count=12, placement_deviation=0.002)
 ACTION = -0.2
 
 
@@ -52,7 +50,7 @@ def test_the_errors_are_those_that_the_scene_draws_and_are_observed():
 
 
 def test_rows_are_compared_by_their_means_over_the_same_errors():
-    steady = replace(SCENE, placement_deviation=0.0)
+    steady = SCENE.replace(placement_deviation=0.0)
     gap = SCENE.uniform().layout.spacing[0]
     assert SCENE.uniform().score == steady.uniform().score
     low, high = SCENE.spacing
@@ -71,9 +69,9 @@ def test_rows_are_compared_by_their_means_over_the_same_errors():
 
 def test_what_does_not_go_with_an_unsteady_hand_is_refused():
     with pytest.raises(ValueError, match=r"stands beside \[robust\]"):
-        replace(load_scene("jitter"), placement_deviation=0.001)
+        load_scene("jitter").replace(placement_deviation=0.001)
     with pytest.raises(ValueError, match=r"stands beside row\.length"):
-        replace(load_scene("course"), placement_deviation=0.001)
+        load_scene("course").replace(placement_deviation=0.001)
     with pytest.raises(ValueError, match=r"placement\.deviation = -1"):
-        replace(SCENE, placement_deviation=-1.0)
+        SCENE.replace(placement_deviation=-1.0)
     assert parse_scene(SCENE.to_toml(), "x", "x") == SCENE

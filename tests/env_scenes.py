@@ -1,0 +1,54 @@
+"""Scenes for the tests of environments: every rule, objective and ground, and short."""
+
+import numpy as np
+
+import domino_env as de
+
+
+def short(name, count=7):
+    """Return a scene with fewer dominoes, and as much less course."""
+    scene = de.load_scene(name)
+    length = scene.length and scene.length * (count - 1) / (scene.count - 1)
+    return scene.replace(count=count, length=length)
+
+
+def courses():
+    """Return scenes with a length: usual, hardly and not at all free, with free thicknesses."""
+    course = de.load_scene("course")
+    free = course.replace(thickness=(0.004, 0.012), first_thickness=0.0075)
+    return {
+        "course": course,
+        "tight course": course.replace(length=59 * (0.0075 + 0.002) + 1e-4),
+        "stretched course": course.replace(length=59 * (0.0075 + 0.040)),
+        "free course": free,
+        "thick course": free.replace(spacing=(0.01, 0.01)),
+    }
+
+
+def demanding():
+    """Return scenes with every rule and objective beyond bounds, by name."""
+    thick, gentle = short("sprint-thickness", 9), short("gentle", 6)
+    grid = tuple((np.arange(4, 81) * 0.0005).tolist())
+    jitter = de.load_scene("jitter")
+    return {
+        "grid": thick.replace(spacing_values=grid, thickness_values=(0.004, 0.0075, 0.012)),
+        "smooth": thick.replace(largest_change=0.003),
+        "smooth grid": thick.replace(largest_change=0.0031, spacing_values=grid),
+        "box": short("stock", 9).replace(
+            name="box", stock=de.Stock((0.01, 0.005, 0.0075), (3, 4, 2))
+        ),
+        "limits": thick.replace(limits=de.Limits(0.5, 0.3)),
+        "deadly limits": gentle.replace(limits=de.Limits(0.5, 0.3)),
+        "toppled": gentle.replace(objective="toppled"),
+        "magnify": short("magnify", 8),
+        "tempo": short("tempo", 8),
+        "few draws": short("jitter", 8).replace(
+            name="few draws", settings=jitter.placement.replace(draws=8)
+        ),
+        "time": short("course", 8).replace(objective="time"),
+        "two": short("sprint-thickness", 2),
+        "three": gentle.replace(count=3),
+    }
+
+
+SCENES = {name: short(name, 12) for name in de.scene_names()} | demanding() | courses()
