@@ -35,6 +35,28 @@ SCENES, EVALUATIONS = 5000, 600
 QUALITIES = ("uniform", "noisy", "searched")
 NOISE = 0.1  # standard deviation of the actions of "noisy" rows, of which each is from -1 to 1
 STUDY = "rows"  # in the store of a dataset
+CARD_TEXT = """# {number} scenes of `{name}`, with searched layouts and episodes
+
+{title}. Sampled: {features}.
+
+`rows.parquet` has one line per scene, in the order in which the searches ended: `scene` is its text
+as a file of domino-chains, `spacing` and `thickness` the best layout that `auto` found in
+{evaluations} evaluations [m], `score` its mean speed and `uniform_score` that of the best uniform
+layout [m/s], `label.scene` the number of the scene. The layouts gain {median:.2%} over the best
+uniform one in the median, {tenth:.2%} in the tenth percentile; longer searches find more.
+
+`episodes/` holds the same scenes as episodes of `DominoChain-v0` in Minari's format, episode i
+being that of scene i (`MINARI_DATASETS_PATH`). A return is a hundred times the gain over the best
+uniform layout, to rounding of single precision.
+
+{table}
+
+Made by
+
+    {command}
+
+with {versions}.
+"""
 
 
 def make_dataset(
@@ -126,52 +148,30 @@ def _card(
     evaluations: int,
     noise: float,
 ) -> str:
-    """Say what the dataset is, with what stands in it."""
+    """Describe the dataset in Markdown."""
     gains = np.array([row.score / row.uniform_score - 1.0 for row in found])
+    built = (
+        "the best uniform row",
+        f"the searched row, normal noise of {noise:g} on each action (from -1 to 1)",
+        "the searched row",
+    )
     table = markdown_table(
         ("episodes", "how they are built", "mean return"),
         [
             (f"`{drawn.name}/{quality}-v0`", how, f"{returns[quality]:.2f}")
-            for quality, how in zip(
-                QUALITIES,
-                (
-                    "the best uniform row",
-                    f"the searched row, normal noise of {noise:g} on each action (from -1 to 1)",
-                    "the searched row",
-                ),
-                strict=True,
-            )
+            for quality, how in zip(QUALITIES, built, strict=True)
         ],
     )
-    lines = [
-        f"# {len(found)} scenes of `{drawn.name}`, with searched rows and episodes",
-        "",
-        f"{drawn.title}. Drawn: {', '.join(drawn.features)}.",
-        "",
-        f"`{ROWS}` has a line for each scene: `scene` is its text as a file of domino-chains, "
-        "`spacing` and `thickness` the best row that `auto` found in "
-        f"{evaluations} evaluations [m], `score` its mean speed and `uniform_score` that of the "
-        "best uniform row [m/s]. The column `label.scene` numbers the scenes; the lines stand in "
-        "the order in which the searches ended.",
-        "",
-        f"The rows gain {np.median(gains):.2%} over the best uniform one in the median, "
-        f"{np.quantile(gains, 0.1):.2%} in the tenth percentile. They are what a short search "
-        "finds, not the best there is.",
-        "",
-        f"`{EPISODES}/` holds the same scenes as episodes of `DominoChain-v0` in Minari's format, "
-        "episode i being that of scene i (`MINARI_DATASETS_PATH`). A return is a hundred times "
-        "the gain over the best uniform row, to rounding of single precision.",
-        "",
-        *table,
-        "",
-        "Made by",
-        "",
-        f"    domino dataset FOLDER --of {drawn.name} --scenes {len(found)} --seed {seed} "
-        f"--search {evaluations} --noise {noise:g}",
-        "",
-        "with " + ", ".join(f"{name} {number}" for name, number in versions().items()) + ".",
-    ]
-    return "\n".join(lines) + "\n"
+    command = (
+        f"domino dataset FOLDER --of {drawn.name} --scenes {len(found)} --seed {seed} "
+        f"--search {evaluations} --noise {noise:g}"
+    )
+    return CARD_TEXT.format(
+        number=len(found), name=drawn.name, title=drawn.title, features=", ".join(drawn.features),
+        evaluations=evaluations, median=np.median(gains), tenth=np.quantile(gains, 0.1),
+        table="\n".join(table), command=command,
+        versions=", ".join(f"{name} {number}" for name, number in versions().items()),
+    )  # fmt: skip
 
 
 def search_rows(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ def uniform(scene: Scene) -> Rollout:
 
 
 def greedy(scene: Scene) -> Rollout:
-    """Place each domino so that this step pays most, looking one fall ahead with the simulator."""
+    """Place each domino where the reward of this step is largest, by simulation of one interval."""
     env = DominoChain(scene)
     began = time.perf_counter()
     size = env.action_space.shape[0]  # type: ignore[index]
@@ -44,9 +44,7 @@ def greedy(scene: Scene) -> Rollout:
         terminated = env.step(chosen[-1])[2]
     steps = iter(chosen)
     built = build(lambda _: next(steps), scene)
-    return Rollout(
-        scene, built.layout, built.wave, built.score, built.uniform, time.perf_counter() - began
-    )
+    return replace(built, seconds=time.perf_counter() - began)
 
 
 def ramp(scene: Scene) -> Rollout:
@@ -61,12 +59,8 @@ def ramp(scene: Scene) -> Rollout:
     best = rng.random((SAMPLES // 2, 5))
     best = best[np.argsort(-_ramp_scores(scene, best))[:20]]
     for width in (0.1, 0.03, 0.01):  # closer and closer around the best
-        around = np.clip(
-            best[rng.integers(20, size=SAMPLES // 6)]
-            + width * rng.standard_normal((SAMPLES // 6, 5)),
-            0.0,
-            1.0,
-        )
+        centres = best[rng.integers(20, size=SAMPLES // 6)]
+        around = np.clip(centres + width * rng.standard_normal(centres.shape), 0.0, 1.0)
         pool = np.concatenate([best, around])
         best = pool[np.argsort(-_ramp_scores(scene, pool))[:20]]
     gaps, thick = _ramps(scene, best[:1])
@@ -108,9 +102,7 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
 
 
 SCRIPTED: dict[str, Callable[[Scene], Rollout]] = {
-    "uniform": uniform,
-    "greedy": greedy,
-    "ramp": ramp,
+    policy.__name__: policy for policy in (uniform, greedy, ramp)
 }
 
 
@@ -121,7 +113,7 @@ class ScriptedPolicy:
     name: str
 
     def build(self, scene: Scene | None) -> Rollout:
-        """Build a row; ValueError where no scene is named."""
+        """Build a layout; ValueError where no scene is named."""
         if scene is None:
             raise ValueError(f"{self.name} was trained on no scene: name one to build for")
         if self.name == "greedy" and scene.placement_deviation:

@@ -67,24 +67,21 @@ def outside(scene: Scene) -> tuple[str, ...]:
 
 
 def require_kind(scene: Scene) -> None:
-    """Raise ValueError for a scene that asks for something else than fast rows."""
-    other = []
-    if scene.floor_friction is not None:
-        other.append("its rows stand on a floor")
-    elif not scene.criterion.is_mean_speed:
-        other.append(f"its objective is {scene.objective}")
-    if not scene.free_spacing:
-        other.append("its gaps are not free")
-    if scene.ground is not None:
-        other.append("its ground is not flat")
-    if scene.stock is not None or scene.thickness_values is not None or scene.growth is not None:
-        other.append("its dominoes are from a stock or list, or grow")
-    if scene.spacing_values is not None or scene.largest_change is not None:
-        other.append("its gaps are listed or tied to each other")
-    if scene.limits is not None:
-        other.append("it limits the wave")
-    if scene.count < 4:
-        other.append(f"it has {scene.count} dominoes")
+    """Raise ValueError for a scene that asks for something else than fast layouts."""
+    floor, lists = scene.floor_friction is not None, (scene.stock, scene.thickness_values)
+    reasons = {
+        "its rows stand on a floor": floor,
+        f"its objective is {scene.objective}": not (floor or scene.criterion.is_mean_speed),
+        "its gaps are not free": not scene.free_spacing,
+        "its ground is not flat": scene.ground is not None,
+        "its dominoes are from a stock or list, or grow": (*lists, scene.growth) != (None,) * 3,
+        "its gaps are listed or tied to each other": (
+            (scene.spacing_values, scene.largest_change) != (None, None)
+        ),
+        "it limits the wave": scene.limits is not None,
+        f"it has {scene.count} dominoes": scene.count < 4,
+    }
+    other = [reason for reason, applies in reasons.items() if applies]
     if other:
         raise ValueError(
             f"scene '{scene.name}': {', '.join(other)}; this policy was trained on fast rows of 4 "

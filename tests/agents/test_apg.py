@@ -32,6 +32,7 @@ def test_what_is_observed_of_progress_is_what_the_environment_shows() -> None:
 @pytest.mark.parametrize(
     "scene",
     [FREE, replace(FREE, length=0.24), replace(FREE, ground=de.Ground(slope=-4.0))],
+    ids=["free", "given length", "uneven ground"],
 )
 def test_the_slope_by_the_weights_is_that_of_the_score(scene) -> None:
     """Against differences of the score of the row that the policy builds in the environment."""

