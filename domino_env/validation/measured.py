@@ -280,7 +280,7 @@ def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validat
         What the model leaves out, by its words.
     """
     main = compare(source, source.setting)
-    readings = tuple(compare(source, i.of(source.setting), i.what) for i in source.instead)
+    readings = tuple(compare(source, one, what) for what, one in source.readings.items())
     setting, tried = main.setting, []
     for what, effect in effects.items():
         factors = [effect(setting, setting.pitch(row.x), main.friction) for row in main.rows]

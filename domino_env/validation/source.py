@@ -8,7 +8,7 @@ from __future__ import annotations
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -77,28 +77,6 @@ class Setting(Table):
         return length if self.x_is == "pitch" else length + self.thickness
 
 
-class Instead(Table):
-    """Another reading of the same experiment: what differs from its setting."""
-
-    what: Line
-    thickness: Size | None = None
-    height: Size | None = None
-    width: Size | None = None
-    gravity: Size | None = None
-    measured: Measured | None = None
-    count: Annotated[int, Meta(ge=3, le=10_000)] | None = None
-    push: Size | None = None
-    x_is: Abscissa | None = None
-    x_unit: Unit | None = None
-    x_shift: Number | None = None
-    floor: str | None = None
-
-    def of(self, setting: Setting) -> Setting:
-        """Make the setting that this reading means."""
-        told = {k: v for k, v in msgspec.structs.asdict(self).items() if k != "what"}
-        return msgspec.structs.replace(setting, **{k: v for k, v in told.items() if v is not None})
-
-
 class Row(Table):
     """One spacing: what was measured at it, with one standard uncertainty."""
 
@@ -131,7 +109,7 @@ class Source(Table):
     quantity, unit
         Of the values, and the unit as it is shown.
     setting, instead
-        What the experiment is taken to be, and the other readings that are tried.
+        What the experiment is taken to be, and what differs in other readings that are tried.
     rows
         What was measured.
     friction
@@ -150,13 +128,15 @@ class Source(Table):
     unit: Line
     setting: Setting
     rows: Annotated[tuple[Row, ...], Meta(min_length=1)]
-    instead: tuple[Instead, ...] = ()
+    instead: tuple[dict[str, Any], ...] = ()
     friction: Friction | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
         """Every row can stand and be reached, in every reading."""
-        for setting in (self.setting, *(i.of(self.setting) for i in self.instead)):
+        if not all(isinstance(one.get("what"), str) for one in self.instead):
+            raise ValueError("instead: a reading has no what: say in words what differs")
+        for setting in (self.setting, *self.readings.values()):
             rows = self.kept(setting)
             if not rows:
                 raise ValueError(f"rows: none stands on the floor '{setting.floor}'")
@@ -167,6 +147,17 @@ class Source(Table):
                         f"rows: x = {row.x} is a gap of {gap:.6g} m: must be more than 0 and less "
                         f"than the height, {setting.height} m"
                     )
+
+    @property
+    def readings(self) -> dict[str, Setting]:
+        """The other readings, by their words (`what`): the setting with what differs in them."""
+        own = msgspec.to_builtins(self.setting)
+        return {
+            str(one.get("what")): model_of(
+                Setting, own | {k: v for k, v in one.items() if k != "what"}, "instead"
+            )
+            for one in self.instead
+        }
 
     def kept(self, setting: Setting) -> tuple[Row, ...]:
         """Return the rows that a setting speaks of."""
