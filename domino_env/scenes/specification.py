@@ -166,20 +166,14 @@ class Specification:
         height
             (N-1,) of dominoes 1 … N-1 [m], or a single number; None where all are equally high.
         """
-        pairs = (self.count - 1,)
-        gaps = np.broadcast_to(np.asarray(spacing, dtype=np.float64), pairs)
-        if height is None and self.growth is not None:
-            raise ValueError(f"scene '{self.name}' lets the row grow: give the heights too")
-        rest = self.height if height is None else np.asarray(height, dtype=np.float64)
-        tall = np.concatenate(([self.height], np.broadcast_to(rest, pairs)))
-        if thickness is None:
-            if self.free_thickness:
-                raise ValueError(f"scene '{self.name}' leaves the thickness free: give it too")
-            thickness = self.thickness[0] * (tall[1:] if self.in_heights else 1.0)
-        thick = np.broadcast_to(np.asarray(thickness, dtype=np.float64), pairs)
-        full = np.concatenate(([self.first_thickness], thick))
-        row = gaps, full, tall, self.width, self.density
-        return Layout(*row) if self.ground is None else self.ground.layout(*row)
+        if thickness is None and self.free_thickness:
+            raise ValueError(f"scene '{self.name}' leaves the thickness free: give it too")
+        gaps = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (1, self.count - 1))
+        thick, tall = (
+            None if part is None else np.asarray(part, dtype=np.float64)
+            for part in (thickness, height)
+        )
+        return self.batch(gaps, thick, tall).layout(0)
 
     def batch(
         self,

@@ -244,20 +244,6 @@ class Objective(ABC):
         """Say the score of a success in words and units."""
 
     @classmethod
-    def clashes(
-        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
-    ) -> Iterator[str]:
-        """Say what the rest of a scene's file lacks for it, a sentence each.
-
-        Parameters
-        ----------
-        count, length
-            Of the row; None where the length is free [m].
-        grows
-            Whether the file has a table [growth].
-        limited
-            Whether it has a table [limits].
-        settings
-            What its own table says.
-        """
+    def violations(cls, tables: Any) -> Iterator[str]:
+        """Yield what the tables of a scene, which has this objective, lack for it."""
         yield from ()

@@ -35,9 +35,7 @@ class Magnify(Objective):
         return f"last domino {score:.6f} m high"
 
     @classmethod
-    def clashes(
-        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
-    ) -> Iterator[str]:
+    def violations(cls, tables: Any) -> Iterator[str]:
         """Ask for free heights."""
-        if not grows:
+        if tables.growth is None:
             yield "the table [growth] is missing: objective = 'magnify' needs free heights"

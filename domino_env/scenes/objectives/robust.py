@@ -157,12 +157,11 @@ class Robust(Objective):
         return f"{score:.6f} m/s reached by {100.0 * part:.4g} % of the rows as placed"
 
     @classmethod
-    def clashes(
-        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
-    ) -> Iterator[str]:
+    def violations(cls, tables: Any) -> Iterator[str]:
         """Refuse more draws than memory holds."""
-        if count * settings.draws > MOST_DRAWN:
+        count, draws = tables.row.count, tables.robust.draws
+        if count * draws > MOST_DRAWN:
             yield (
-                f"robust.draws = {settings.draws} of {count} dominoes are "
-                f"{count * settings.draws:,}: draw at most {MOST_DRAWN // count} rows"
+                f"robust.draws = {draws} of {count} dominoes are {count * draws:,}: draw at most "
+                f"{MOST_DRAWN // count} rows"
             )

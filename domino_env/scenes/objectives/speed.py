@@ -51,11 +51,9 @@ class Time(Speed):
     name: ClassVar[str] = "time"
 
     @classmethod
-    def clashes(
-        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
-    ) -> Iterator[str]:
+    def violations(cls, tables: Any) -> Iterator[str]:
         """Ask for a course."""
-        if length is None:
+        if tables.row.length is None:
             yield "row.length is missing: objective = 'time' needs a course"
 
 

@@ -144,11 +144,9 @@ class InTempo(Objective):
         return f"RMS error {1e3 * self.settings.error(wave.arrival_times[None])[0]:.6g} ms"
 
     @classmethod
-    def clashes(
-        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
-    ) -> Iterator[str]:
+    def violations(cls, tables: Any) -> Iterator[str]:
         """Ask for as many times as there are hits."""
         try:
-            settings.schedule(count)
+            tables.tempo.schedule(tables.row.count)
         except ValueError as error:
             yield f"tempo.{error}"

@@ -35,9 +35,7 @@ class Toppled(Objective):
         return f"{wave.toppled} of {wave.layout.count} toppled"
 
     @classmethod
-    def clashes(
-        cls, *, count: int, length: float | None, grows: bool, limited: bool, settings: Any
-    ) -> Iterator[str]:
+    def violations(cls, tables: Any) -> Iterator[str]:
         """Refuse limits."""
-        if limited:
+        if tables.limits is not None:
             yield "[limits] judge waves that run through: not with objective = 'toppled'"
