@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hostile import CORPUS, FUZZ, entered, mutated
 from hypothesis import given
+from hypothesis import strategies as st
 
 import domino_env as de
 from domino_env.cli.main import main
@@ -21,6 +23,11 @@ from domino_env.view.report import read_racers, write_report
 from domino_env.view.sound import clicks, listen, read_wav
 from domino_env.view.template import strips
 
+CORPUS = Path(__file__).parent / "data" / "hostile"
+TRICKS = [
+    b"\0", b"\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\n", b'"', b'"""', b",", b";", b"\t",
+    b"=1+1", b"1e400", b"-1", b"nan", b"1e-320", b"true", b"[" * 20, b"#", b"\x1b[2J", b"../x",
+]  # fmt: skip
 # the words of the refusal, or None where the file is good
 EXPECTED: dict[str, str | None] = {
     "layouts/deep.json": "nested too deep",
@@ -51,6 +58,41 @@ EXPECTED: dict[str, str | None] = {
     "runs/verification_number.json": "engine = 1: give a line of text",
     "runs/verification_script.json": None,
 }
+
+
+@st.composite
+def mutated(draw: Any, data: bytes) -> bytes:
+    """Valid bytes with some damage: torn, doubled, with strange signs in them."""
+    for _ in range(draw(st.integers(1, 5))):
+        at = draw(st.integers(0, len(data)))
+        to = min(len(data), at + draw(st.integers(0, 30)))
+        kind = draw(st.sampled_from(["bytes", "trick", "cut", "again", "end"]))
+        if kind == "bytes":
+            data = data[:at] + draw(st.binary(max_size=4)) + data[to:]
+        elif kind == "trick":
+            data = data[:at] + draw(st.sampled_from(TRICKS)) + data[at:]
+        elif kind == "cut":
+            data = data[:at] + data[to:]
+        elif kind == "again":
+            data = data[:to] + data[at:]
+        else:
+            data = data[:at]
+    return data
+
+
+def outcome_of(read: Callable[[Path], Any], path: Path) -> Any:
+    """What a reader makes of a file; None where it refuses it in one line that names the file."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", Advice)  # of a length that is read as it stands
+        try:
+            return read(path)
+        except (ValueError, OSError) as error:
+            said = str(error)
+    assert said.isprintable()
+    assert str(path) in said
+    assert len(said) < 500 + len(str(path))
+    return None
 
 
 def read_layout(path: Path) -> de.Layout:
@@ -105,7 +147,7 @@ def test_the_corpus_is_refused_or_read(name: str, tmp_path: Path) -> None:
     words, read = EXPECTED[name], READERS[name.split("/")[0]]
     path = tmp_path / Path(name).name
     path.write_bytes((CORPUS / name).read_bytes())
-    assert (entered(read, path) is None) == (words is not None)
+    assert (outcome_of(read, path) is None) == (words is not None)
     if words is not None:
         with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
             read(path)
@@ -117,7 +159,6 @@ TABLE = b"number,spacing,thickness,height,density\n0,0.018,0.0075,0.048,1040\n1,
 DOCUMENT = b'{"spacing": [0.018], "thickness": [0.0075, 0.007], "width": 0.02}'
 
 
-@FUZZ
 @given(table=mutated(TABLE), document=mutated(DOCUMENT), scene=mutated(SPRINT.read_bytes()))
 def test_damaged_files_are_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, table: bytes, document: bytes, scene: bytes
@@ -125,7 +166,7 @@ def test_damaged_files_are_read_or_refused(
     folder = tmp_path_factory.getbasetemp()
     for name, data in (("any.csv", table), ("any.json", document), ("any.toml", scene)):
         (folder / name).write_bytes(data)
-        entered(read_scene if name == "any.toml" else read_layout, folder / name)
+        outcome_of(read_scene if name == "any.toml" else read_layout, folder / name)
 
 
 def test_millimetres_that_pass_for_metres_are_seen_in_the_wave() -> None:
