@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
+from domino_env.core.checks import require
 from domino_env.core.results import brief
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
@@ -108,9 +109,7 @@ def pull(
             f"arrival_bar has shape {bar.shape}: give one number for each of the {layout.count} "
             "dominoes"
         )
-    if not np.isfinite(bar).all():
-        k = int(np.flatnonzero(~np.isfinite(bar))[0])
-        raise ValueError(f"arrival_bar[{k}] = {bar[k]}: must be finite")
+    require("arrival_bar", bar)
     if bar[hit:].any():
         k = hit + int(np.flatnonzero(bar[hit:])[0])
         raise ValueError(

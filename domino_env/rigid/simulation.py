@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domino_env.core.checks import require
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.rigid import dynamics
@@ -186,17 +187,13 @@ def simulate_standing(
     (1999), The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177, 235-257.
     """
     begun = time.perf_counter()
-    if floor_friction is not None and not 0.0 <= floor_friction < math.inf:
-        raise ValueError(
-            f"floor_friction = {floor_friction}: give 0 or more, or None for fixed pivots"
-        )
-    if not 1e-5 <= rtol < 1.0:
-        raise ValueError(f"rtol = {rtol}: steps of time reach 1e-5 to 1; 1e-3 is quick")
+    if floor_friction is not None:
+        require("floor_friction", floor_friction, 0.0, hint="None for fixed pivots")
+    require("rtol", rtol, 1e-5, below=1.0, hint="1e-3 is quick")
     moments = np.array(times, dtype=np.float64).reshape(-1)
-    if not (
-        np.isfinite(moments).all() and (moments >= 0.0).all() and (np.diff(moments) >= 0).all()
-    ):
-        raise ValueError("times: give finite moments from 0 on, in their order [s]")
+    require("times", moments, 0.0, unit="s")
+    if (np.diff(moments) < 0.0).any():
+        raise ValueError("times: give moments in their order [s]")
     run, largest = _run(layout, physics, floor_friction, COARSEST), 0.0
     fineness = COARSEST
     while fineness > FINEST:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from domino_env.core.checks import require
 from domino_env.core.files import write_text
 from domino_env.core.results import brief
 from domino_env.core.tables import text_table
@@ -177,8 +178,7 @@ def verify(
     if layout.count < 2:
         raise ValueError("one domino has no wave: give a layout of two or more")
     for floor in floors:
-        if not 0.0 < floor < math.inf:
-            raise ValueError(f"floor = {floor}: give a coefficient of friction, above 0")
+        require("floor", floor, above=0.0, hint="a coefficient of friction")
     places = (None, *floors)
     return Verification(
         wave=simulate(layout, physics),

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from domino_env.core.checks import require, require_choice
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -67,10 +68,8 @@ def integrate(
     ValueError
         For an unknown method, or a setting that is not positive and finite.
     """
-    if method not in (*FIXED, *ADAPTIVE):
-        raise ValueError(f"method = {method!r}: choose one of {', '.join((*FIXED, *ADAPTIVE))}")
-    if not 0.0 < setting < math.inf:
-        raise ValueError(f"setting = {setting}: a step [s] or tolerance, positive and finite")
+    require_choice("method", method, (*FIXED, *ADAPTIVE))
+    require("setting", setting, above=0.0, hint="a step [s] or a tolerance")
     sizes = layout.spacing, layout.thickness, layout.height, layout.density
     rows = eq.table(*sizes, layout.rise, layout.tilt)
     arrival = np.full(layout.count, np.inf)

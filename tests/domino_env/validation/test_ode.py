@@ -126,5 +126,5 @@ def test_what_cannot_be_stepped_is_refused() -> None:
     with pytest.raises(ValueError, match="choose one of euler, rk4-step, rk4, RK45"):
         integrate(row, physics, "heun", 1e-3)
     for bad in (0.0, -1e-3, math.inf, math.nan):
-        with pytest.raises(ValueError, match="positive and finite"):
+        with pytest.raises(ValueError, match="give a finite number, more than 0"):
             integrate(row, physics, "rk4", bad)
