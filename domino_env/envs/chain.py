@@ -36,14 +36,14 @@ PIECE = 128  # environments from which on it pays to wake another thread
 
 
 class DominoChain(DominoEnv):
-    """A row of dominoes, placed one by one while the wave runs through them.
+    """A chain of dominoes, placed one by one while the wave runs through them.
 
     ## Description
-    A scene says how many dominoes stand in a row and what may be chosen: the gaps between them,
-    their thickness, or both. The first domino is the scene's and has been pushed. Each step
-    places the next domino and lets the front of the wave fall onto it. What is placed later never
-    changes what has fallen before, so this is an exact Markov decision process: an episode's row
-    is simulated to the tolerance asked for, and a step costs microseconds.
+    A scene says how many dominoes stand in the chain and what may be chosen: the gaps between
+    them, their thickness, or both. The first domino is the scene's and has been pushed. Each step
+    places the next domino and lets the leading domino fall onto it. What is placed later never
+    changes what has fallen before, so this is an exact Markov decision process: the layout of an
+    episode is simulated to the tolerance asked for, and a step costs microseconds.
 
     ## Action space
     `Box(-1, 1, (A,), float32)`: of these entries, in this order, those that the scene leaves free.
@@ -51,94 +51,95 @@ class DominoChain(DominoEnv):
 
     | entry     | meaning                                     | unit                     |
     |-----------|---------------------------------------------|--------------------------|
-    | gap       | free gap in front of the domino that leads  | m, or heights (scene)    |
+    | gap       | free gap in front of the leading domino     | m, or heights (scene)    |
     | thickness | thickness of the domino that is placed      | m, or heights (scene)    |
     | growth    | its height over that of the one before      | 1                        |
 
-    The bounds narrow to what the scene's rules leave; no row that breaks them can be built.
+    The bounds narrow to what the scene's rules leave; no layout that breaks them can be built.
 
     - A total length: with R left of it and m dominoes to place after this one, the pitch (gap and
       thickness) lies between R - m (largest gap + largest thickness) and R - m (least gap + least
       thickness). The thickness ranges over what leaves some gap for such a pitch, the gap over
-      what fits the thickness chosen; the last pitch is what is left. `bounds_ahead()` tells.
+      what fits the thickness chosen; the last pitch is what is left. `bounds_ahead()` returns them.
     - A largest change: the gap stays that close to the one before.
-    - Lists, steps: the nearest value that is allowed. A stock: the nearest thickness that is left
-      in the box.
+    - Lists, steps: the nearest value that is allowed. A stock: the nearest thickness that is left.
 
-    A length together with lists, a stock or a largest change is refused.
+    A length together with lists, a stock or a largest change is rejected.
 
     ## Observation space
     `Box(low, high, (O,), float32)`, finite. h is the height of the first domino, g gravity, N the
-    number of dominoes, k how many are placed after the first. Entries marked * are there only
-    where the scene asks for a length, + where rows grow, # where there is a stock, ^ where a scene
-    is drawn at every reset: in the order of `distribution.features`, beyond ±1 only for scenes that
-    are given from beyond the ranges. Windows only of what the scene leaves free.
+    number of dominoes, k how many are placed after the first, W the window. `observation_layout`
+    maps each part to its slice: `observation[env.unwrapped.observation_layout["gaps"]]`.
 
-    | entries | meaning                                                             | range     |
-    |---------|---------------------------------------------------------------------|-----------|
-    | 1       | angular velocity of the front [rad/s], times √(h/g); 0 if it died   | 0, 50     |
-    | 1       | lead over the reference speed, in 10 h                              | -100, 100 |
-    | 1       | mean speed so far over the reference speed, less 1; 0 at the start  | -1, 20    |
-    | 1 *     | length left, part of the whole                                      | 0, 1      |
-    | 1 *     | mean pitch left: -1 the least, 1 the largest                        | -1, 1     |
-    | W       | last W gaps, the latest first: -1 least, 1 largest, 0 not there yet | -1, 1     |
-    | W       | last W thicknesses, likewise (the first domino's is not among them) | -1, 1     |
-    | W +     | last W growths, likewise                                            | -1, 1     |
-    | 1 +     | log of the height over the first's, over its largest possible value | 0, 1      |
-    | K #     | part of each kind that is left in the box, thin to thick            | 0, 1      |
-    | 1       | k / (N - 1)                                                         | 0, 1      |
-    | 4       | exp(-k / c) for c = 1, 2, 4, 8: closeness to the start              | 0, 1      |
-    | 4       | exp(-(N - 1 - k) / c) for the same c: closeness to the end          | 0, 1      |
-    | F ^     | numbers of the scene that was drawn: -1 least, 1 largest            | -3, 3     |
-    | W ~     | slopes of the ground at the next W places, downhill, over the least | -1, 1     |
-    |         | that tips the thinnest domino                                       |           |
-    | W ~     | its rise there over the last pivot, in heights h                    | -50, 50   |
+    | part        | size | meaning                                                  | range     |
+    |-------------|------|----------------------------------------------------------|-----------|
+    | front       | 1    | angular velocity of the leading domino, times √(h/g)     | 0, 50     |
+    | lead        | 1    | lead over the reference speed, in 10 h                   | -100, 100 |
+    | speed       | 1    | mean speed over the reference speed, less 1; 0 at first  | -1, 20    |
+    | length_left | 1    | length left, part of the whole                           | 0, 1      |
+    | pitch_left  | 1    | mean pitch left: -1 the least, 1 the largest             | -1, 1     |
+    | gaps        | W    | last gaps, the latest first: -1 the least, 1 the largest | -1, 1     |
+    | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -1, 1     |
+    | growths     | W    | last growths, likewise                                   | -1, 1     |
+    | height      | 1    | log of the height over the first's, over its largest one | 0, 1      |
+    | stock       | K    | part of each kind that is left, thin to thick            | 0, 1      |
+    | placed      | 1    | k / (N - 1)                                              | 0, 1      |
+    | near_start  | 4    | exp(-k / c) for c = 1, 2, 4, 8                           | 0, 1      |
+    | near_end    | 4    | exp(-(N - 1 - k) / c) for the same c                     | 0, 1      |
+    | features    | F    | numbers of the sampled scene: -1 the least, 1 the largest| -3, 3     |
+    | slopes      | W    | slopes of the next W places, downhill, over the least    | -1, 1     |
+    |             |      | that tips the thinnest domino                            |           |
+    | rises       | W    | heights of those places over the last pivot, in h        | -50, 50   |
 
-    Entries marked ~ are there only where the ground is not flat. The next places lie ahead of the
-    last pivot, one mean pitch apart along x: the middles of the bounds of gap and thickness.
+    Parts are there only where they can vary: length_left and pitch_left where the scene asks for a
+    length, gaps and thicknesses where they are free, growths and height where heights grow, stock
+    where there is one, features where scenes are sampled (in the order of `distribution.features`,
+    beyond ±1 only for scenes that are given from beyond the ranges), slopes and rises on uneven
+    ground. The front is 0 where the wave has stopped, and windows are 0 where no domino is placed
+    yet. The next places lie ahead of the last pivot, one mean pitch apart along x: the middles of
+    the bounds of gap and thickness.
 
     ## Rewards
     Each step but the last pays (pitch - reference speed × time of the fall) / h: the lead gained
-    over a wave at the reference speed, by default that of the best uniform row, in domino heights.
-    The last step pays what makes the undiscounted return 100 (score / score of the best uniform
-    row - 1), whatever the reference speed. So the return orders layouts as `scene.score` does.
-    A wave that dies scores between -1 and 0, higher the further it came (see `Scene.score`): its
-    return is below -100, and below that of every row that topples. (Where even the best uniform
-    row scores 0 or less, the return is 100 (score - its score) / |its score|.)  Where the objective
-    is no speed ("tempo", "toppled", "magnify"), only the last step pays.
+    over a wave at the reference speed, by default that of the uniform baseline, in domino heights.
+    The last step pays what makes the undiscounted return 100 (score / score of the uniform
+    baseline - 1), whatever the reference speed. So the return orders layouts as `scene.score` does.
+    A wave that stops scores between -1 and 0, higher the further it came (see `Scene.score`): its
+    return is below -100, and below that of every layout that completes. (Where even the uniform
+    baseline scores 0 or less, the return is 100 (score - its score) / |its score|.)  Where the
+    objective is no speed ("tempo", "toppled", "magnify"), only the last step pays.
 
-    On a floor (`floor_friction`) steps are paid by the analytic wave all the same, and the last
-    one settles: a row that is whole is toppled standing, and the return is 100 (its score / that of
-    the uniform row best on this floor - 1), negative where it does not topple. `score` and `gain`
-    in the info are of the row as it stands, `outcome` and `wave` of the analytic wave, whose death
-    ends an episode here too. It costs a standing row an episode: with forty dominoes (`table`) an
-    episode takes some 130 ms of one core in place of 0.4; the rows that end together in the vector
-    environment are shared among all threads.
+    On a floor (`floor_friction`) steps are paid by the analytic wave all the same, and the last one
+    settles: a complete layout is simulated free-standing, and the return is 100 (its score / that
+    of the uniform baseline on this floor - 1), negative where it does not topple. `score` and
+    `gain` in the info are of the free-standing layout, `outcome` and `wave` of the analytic wave,
+    whose stop ends an episode here too. With forty dominoes (`table`) an episode takes some 130 ms
+    of one core in place of 0.4; layouts that end together in a batch are shared among all threads.
 
     ## Starting state
     The first domino alone. `reset(options={"layout": layout})` starts from a layout of fewer
     dominoes, which stand and have fallen; what they have gained counts as paid, so that
     the rewards to come are those of a whole episode.
 
-    A fixed scene is not random at all, unless its hand is unsteady (`placement_deviation`): then
-    every reset draws normal errors by `np_random`, and the gap that an action stands for comes out
+    A fixed scene is not random, unless it has placement noise (`placement_deviation`): then every
+    reset samples normal errors by `np_random`, and the gap that an action stands for comes out
     wrong by the next of them, but never less than 0.2 mm. The observation that follows shows where
-    the domino stands (gaps beyond the scene's bounds at their ends), and the row is scored as it
-    stands; the best uniform row remains the one that a steady hand would build.
+    the domino stands (gaps beyond the scene's bounds at their ends), and the layout is scored as it
+    stands; the uniform baseline remains the one without errors.
 
-    Otherwise the seed changes nothing. Where `scene` is a distribution of
-    scenes, such as "varied", every reset draws one by `np_random`, and
-    `reset(options={"scene": scene})` chooses one; then the row is `scene.count` dominoes long, and
-    whatever is said here of the scene is of the one that was drawn.
+    Otherwise the seed changes nothing. Where `scene` is a distribution of scenes, such as "varied",
+    every reset samples one by `np_random`, and `reset(options={"scene": scene})` chooses one; then
+    the chain has `scene.count` dominoes, and this page speaks of the scene that was sampled.
 
     ## Episode end
-    Terminated when the last domino is placed, or when the wave dies. Never truncated.
+    Terminated when the last domino is placed, or when the wave stops. Never truncated.
 
     ## Info
-    Empty but on the last step: `score` (that of `wave`), `gain` (over the best uniform row, 0.01 is
+    Empty but on the last step: `score` (that of `wave`), `gain` (over the uniform baseline, 0.01 is
     one per cent), `outcome` (an `Outcome`), `layout` (what was placed) and `wave` (its wave at the
-    environment's tolerance; its `reach` counts against all N dominoes). Layout and wave are worked
-    out when they are looked at. Where a scene is drawn, `scene` is told then and after the reset.
+    environment's tolerance; its `reach` counts against all N dominoes). Layout and wave are
+    computed when they are read. Where a scene is sampled, `scene` is there then and after the
+    reset.
 
     ## Version history
     - v0: first version.
@@ -147,15 +148,15 @@ class DominoChain(DominoEnv):
     ----------
     scene
         A name, the path of a TOML file, a `Scene`, or a `SceneDistribution`, from which one is
-        drawn at every reset.
+        sampled at every reset.
     render_mode
         None, "rgb_array", "human" or "ansi".
     rtol
         Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
         that of `scene.simulate(layout, rtol)`, which `scene.score` computes at 1e-10.
     reference_speed
-        Speed that the rewards of single steps count against [m/s]; None for the best uniform
-        row's. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
+        Speed that the rewards of single steps count against [m/s]; None for that of the uniform
+        baseline. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
     window
         W, how many gaps and thicknesses are observed; at most N - 1.
     """
@@ -192,20 +193,20 @@ class DominoChain(DominoEnv):
 
 
 class DominoChainVector(DominoVectorEnv):
-    """`DominoChain` times num_envs, bit for bit, with all rows moved by one compiled call a step.
+    """`DominoChain` times num_envs, bit for bit, with one compiled call per step.
 
     Actions (B, A), observations (B, O), rewards (B,) float64, as Gymnasium's vector environments
     have them; infos hold an array of length B for each key of the single environment's info, and
     under "_key" which entries are set. The number of threads is Numba's (`numba.set_num_threads`).
 
-    The options of a reset are "reset_mask", (B,) which rows begin anew, and "layout", the first
-    dominoes of the rows: a Layout that all of them start from, or one (or None) for each. Where
-    scenes are drawn, "scene" chooses: one for all rows, or one (or None) for each.
+    The options of a reset are "reset_mask", (B,) which environments are reset, and "layout", the
+    first dominoes: a Layout that all of them start from, or one (or None) for each. Where scenes
+    are sampled, "scene" chooses: one for all environments, or one (or None) for each.
 
     Parameters
     ----------
     num_envs
-        B, the number of rows.
+        B, the number of environments.
     scene
         As of `DominoChain`.
     render_mode

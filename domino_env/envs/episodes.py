@@ -7,7 +7,7 @@ simulated when it is read, unless the score has needed it already.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -69,14 +69,14 @@ class EpisodeResults:
         Outcome and reach of a wave that stopped before all dominoes were placed stay as they are:
         its layout ends where nothing is placed yet.
         """
-        alike: dict[int, list[int]] = {}
+        alike: dict[tuple[int, int], list[int]] = {}
         for i in which:
-            alike.setdefault(id(self.scenes[i]), []).append(i)
-        for episodes in alike.values():
+            alike.setdefault((id(self.scenes[i]), self.placed[i]), []).append(i)
+        for (_, placed), episodes in alike.items():
             scene = self.scenes[episodes[0]]
-            waves = simulate_all([self.layout(i) for i in episodes], scene.physics, self.rtol)
+            waves = _simulate([self.layout(i) for i in episodes], scene.physics, self.rtol)
             for i, wave in zip(episodes, waves, strict=True):
-                if self.placed[i] == scene.count - 1:
+                if placed == scene.count - 1:
                     self.outcome[i], self.reach[i] = wave.outcome, wave.reach
                     self._waves[i] = wave
                 else:
@@ -177,50 +177,27 @@ class LazyWave(_Lazy, Wave):
         return hash((self.layout, self.physics, self.rtol))
 
 
-def simulate_all(layouts: list[Layout], physics: Physics, rtol: float) -> list[Wave]:
-    """Simulate rows, those of the same length in one call over all cores; see `simulate`."""
-    places: dict[int, list[int]] = {}
-    for i, layout in enumerate(layouts):
-        places.setdefault(layout.count, []).append(i)
-    waves: dict[int, Wave] = {}
-    for alike in places.values():
-        if len(alike) == 1:
-            waves[alike[0]] = simulate(layouts[alike[0]], physics, rtol=rtol)
-            continue
-        rows = [layouts[i] for i in alike]
-        batch = simulate_batch(
-            np.stack([row.spacing for row in rows]),
-            np.stack([row.thickness for row in rows]),
-            physics,
-            height=np.stack([row.height for row in rows]),
-            density=np.stack([row.density for row in rows]),
-            rise=np.stack([row.rise for row in rows]),
-            tilt=np.stack([row.tilt for row in rows]),
-            rtol=rtol,
-        )
-        for b, i in enumerate(alike):
-            waves[i] = _wave_of(batch, b, layouts[i], physics, rtol)
-    return [waves[i] for i in range(len(layouts))]
+def _simulate(layouts: list[Layout], physics: Physics, rtol: float) -> list[Wave]:
+    """Simulate layouts of equally many dominoes, several in one call over all cores."""
+    if len(layouts) == 1:
+        return [simulate(layouts[0], physics, rtol=rtol)]
+    spacing, thickness, height, density, rise, tilt = (
+        np.stack([getattr(layout, name) for layout in layouts])
+        for name in ("spacing", "thickness", "height", "density", "rise", "tilt")
+    )
+    batch = simulate_batch(
+        spacing, thickness, physics,
+        height=height, density=density, rise=rise, tilt=tilt, rtol=rtol,
+    )  # fmt: skip
+    return [_wave_of(batch, b, layout, physics, rtol) for b, layout in enumerate(layouts)]
 
 
 def _wave_of(batch: WaveBatch, b: int, layout: Layout, physics: Physics, rtol: float) -> Wave:
     """One wave of a batch, as `simulate` gives it."""
-    return Wave(
-        layout=layout,
-        physics=physics,
-        outcome=Outcome(batch.outcome[b]),
-        hit=int(batch.hit[b]),
-        toppled=int(batch.toppled[b]),
-        arrival_times=batch.arrival_times[b].copy(),
-        release_velocity=batch.release_velocity[b].copy(),
-        impact_velocity=batch.impact_velocity[b].copy(),
-        stall_margin=batch.stall_margin[b].copy(),
-        reach=float(batch.reach[b]),
-        error_estimate=float(batch.error_estimate[b]),
-        converged=bool(batch.converged[b]),
-        flushes=int(batch.flushes[b]),
-        releases=int(batch.releases[b]),
-        largest_flush_loss=float(batch.largest_flush_loss[b]),
-        rtol=rtol,
-        run_time=batch.run_time / len(batch),
-    )
+    own: dict[str, Any] = {"layout": layout, "physics": physics, "rtol": rtol, "tape": None}
+    own |= {"outcome": Outcome(batch.outcome[b]), "run_time": batch.run_time / len(batch)}
+    for one in fields(Wave):
+        if one.name not in own:
+            value = getattr(batch, one.name)[b]
+            own[one.name] = value.copy() if isinstance(value, np.ndarray) else value.item()
+    return Wave(**own)

@@ -38,15 +38,15 @@ class DominoLayout(DominoEnv):
     `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
     thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
     them free; -1 stands for the least, 1 for the largest value, beyond them the value is cut off.
-    Where the scene asks for a total length, the row is the nearest one (in metres) that has it;
+    Where the scene asks for a total length, the layout is the nearest one (in metres) that has it;
     other rules narrow the entries from the first domino to the last, as in `DominoChain-v0`.
 
     ## Observation space
-    `Box(0, 1, (1,), float32)`: 0 before the row is placed, 1 after.
+    `Box(0, 1, (1,), float32)`: 0 before the layout is placed, 1 after.
 
     ## Rewards
-    100 (score / score of the best uniform row - 1), as the return of `DominoChain-v0`. On a floor
-    the row is toppled standing, which takes some 130 ms of one core with forty dominoes.
+    100 (score / score of the uniform baseline - 1), as the return of `DominoChain-v0`. On a floor
+    the layout is simulated free-standing, some 130 ms of one core with forty dominoes.
 
     ## Starting state, episode end, info
     Nothing stands but the first domino; every step ends its episode. `info` has `score`, `gain`,
@@ -75,14 +75,14 @@ class DominoLayout(DominoEnv):
 
 
 class DominoLayoutVector(DominoVectorEnv):
-    """`DominoLayout` times num_envs, bit for bit, with all rows simulated as one batch.
+    """`DominoLayout` times num_envs, bit for bit, with all layouts simulated in one call.
 
     Infos, seeds and the option "reset_mask" are those of `DominoChainVector`.
 
     Parameters
     ----------
     num_envs
-        B, the number of rows.
+        B, the number of environments.
     scene
         As of `DominoLayout`.
     render_mode

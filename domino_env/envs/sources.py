@@ -163,9 +163,7 @@ def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
     """The fields of RULES of a scene, whose uniform baseline has that speed [m/s]."""
     # where even that stops, compare with free fall
     free = float(np.sqrt(scene.physics.gravity * scene.height))
-    gap_low, gap_high = scene.spacing
-    thick_low, thick_high = scene.thickness
-    growth_low, growth_high = scene.growth or (1.0, 1.0)
+    growth = scene.growth or (1.0, 1.0)
     values = {
         "count": scene.count,
         "friction": scene.physics.friction,
@@ -174,14 +172,14 @@ def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
         "rtol": rtol,
         "reference_speed": speed if speed > 0.0 else free,
         "length": scene.length or 0.0,
-        "gap_low": gap_low,
-        "gap_high": gap_high,
-        "thick_low": thick_low,
-        "thick_high": thick_high,
+        "gap_low": scene.spacing[0],
+        "gap_high": scene.spacing[1],
+        "thick_low": scene.thickness[0],
+        "thick_high": scene.thickness[1],
         "largest_change": scene.largest_change or 0.0,
         "least_placed": LEAST_GAP,
-        "growth_low": growth_low,
-        "growth_high": growth_high,
+        "growth_low": growth[0],
+        "growth_high": growth[1],
         "unit": scene.height,
         "grows": scene.growth is not None,
         "in_heights": scene.in_heights,
