@@ -7,7 +7,7 @@ simulated when it is read, unless the score has needed it already.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate, simulate_batch
+from domino_env.physics.wave import Outcome, Wave, simulate, simulate_batch
 from domino_env.scenes.scene import Scene
 
 _OUTCOMES = np.array([Outcome(i) for i in range(len(Outcome))], object)
@@ -189,15 +189,4 @@ def _simulate(layouts: list[Layout], physics: Physics, rtol: float) -> list[Wave
         spacing, thickness, physics,
         height=height, density=density, rise=rise, tilt=tilt, rtol=rtol,
     )  # fmt: skip
-    return [_wave_of(batch, b, layout, physics, rtol) for b, layout in enumerate(layouts)]
-
-
-def _wave_of(batch: WaveBatch, b: int, layout: Layout, physics: Physics, rtol: float) -> Wave:
-    """One wave of a batch, as `simulate` gives it."""
-    own: dict[str, Any] = {"layout": layout, "physics": physics, "rtol": rtol, "tape": None}
-    own |= {"outcome": Outcome(batch.outcome[b]), "run_time": batch.run_time / len(batch)}
-    for one in fields(Wave):
-        if one.name not in own:
-            value = getattr(batch, one.name)[b]
-            own[one.name] = value.copy() if isinstance(value, np.ndarray) else value.item()
-    return Wave(**own)
+    return [batch.wave(b, layout) for b, layout in enumerate(layouts)]

@@ -35,15 +35,21 @@ def pivots(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Fl
 
 
 def trouble(
-    spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
+    spacing: Floats,
+    thickness: Floats,
+    height: Floats,
+    rise: Floats | None = None,
+    tilt: Floats | None = None,
 ) -> tuple[tuple[int, ...], str] | None:
-    """Find what cannot stand or fall on such ground.
+    """Find what cannot stand or fall on such ground; without rise and tilt it is flat.
 
     Returns
     -------
     tuple or None
         The index of the first domino concerned and the sentence about it; None where all is well.
     """
+    if rise is None or tilt is None:
+        return _high_tip(spacing, height)
     height = np.broadcast_to(height, thickness.shape)
     for name, values, unit in (("rise", rise, "m"), ("tilt", tilt, "rad")):
         if (at := _first(~np.isfinite(values))) is not None:
@@ -82,6 +88,26 @@ def trouble(
             f"m, or make domino {i + 1} taller or the ground less hollow"
         )
     return None
+
+
+def _high_tip(spacing: Floats, height: Floats) -> tuple[tuple[int, ...], str] | None:
+    """Find a tip that would strike above the next top: L_i² - s_i² > L_{i+1}²."""
+    tall, short = height[..., :-1], height[..., 1:]
+    if (tall <= short).all():
+        return None
+    tall, short = np.broadcast_to(tall, spacing.shape), np.broadcast_to(short, spacing.shape)
+    strike = tall**2 - spacing**2
+    at = _first((spacing < tall) & (strike > short**2 * (1.0 + 1e-12)))
+    if at is None:
+        return None
+    # rounded up, so that doing what the sentence says is enough
+    need = np.ceil(np.sqrt([tall[at] ** 2 - short[at] ** 2, strike[at]]) * 1e6) / 1e6
+    i = at[-1]
+    return at, (
+        f"domino {i} (height {tall[at]} m) would strike {np.sqrt(strike[at]):.6g} m up, above the "
+        f"top of domino {i + 1} (height[{i + 1}] = {short[at]} m): make spacing[{i}] = "
+        f"{spacing[at]} m at least {need[0]:.6g} m, or height[{i + 1}] at least {need[1]:.6g} m"
+    )
 
 
 def impassable(

@@ -18,8 +18,9 @@ def row_of(layout: Layout) -> Row:
 
 def batch_of(layout: Layout) -> Row:
     """Return the arrays of a layout as a batch of one."""
-    arrays: Any = (None if array is None else array[None] for array in row_of(layout))
-    return Row(*arrays)
+    ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
+    row = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
+    return Row(*row, *ground)
 
 
 def bars_of(row: Row) -> Row:

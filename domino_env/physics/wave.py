@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from domino_env.core.threads import share_pieces
 from domino_env.physics import footing
 from domino_env.physics.gradient import (
     Gradient,
+    Tape,
     gradient_of,
     longer,
     pull,
@@ -229,21 +231,29 @@ class Wave:
         )
 
 
+def _summary(name: str) -> Any:
+    return property(lambda self: self.summaries[name])
+
+
+def _arrival(name: str) -> Any:
+    return property(lambda self: self.arrivals[name])
+
+
 @dataclass(frozen=True, eq=False)
 class WaveBatch:
-    """The waves of B layouts of N dominoes each: the fields of `Wave` with a leading B.
+    """The waves of B layouts of N dominoes each; `batch[b]` is a `Wave`, fields have a leading B.
 
     The fields of each domino, such as `arrival_times`, are empty, (B, 0), where `record=False` left
     them out. Besides the fields of `Wave`:
 
     Attributes
     ----------
+    rows
+        The layouts as the kernels take them.
     outcome
         (B,) values of `Outcome`.
     total_time
         (B,) arrival at the last domino [s]; inf where the wave did not come.
-    mean_speed
-        (B,) as `Wave.mean_speed` [m/s].
     lowest_stall_margin
         (B,) smallest stall margin of all falls; without a record it is taken over the nodes of the
         quadrature only.
@@ -252,27 +262,71 @@ class WaveBatch:
         None unless asked for.
     """
 
-    outcome: Ints
-    hit: Ints
-    toppled: Ints
-    reach: Floats
-    total_time: Floats
-    mean_speed: Floats
-    error_estimate: Floats
-    converged: NDArray[np.bool_]
-    flushes: Ints
-    releases: Ints
-    largest_flush_loss: Floats
-    lowest_stall_margin: Floats
-    arrival_times: Floats
-    release_velocity: Floats
-    impact_velocity: Floats
-    stall_margin: Floats
+    rows: kernels.Row
+    physics: Physics
+    rtol: float
+    summaries: NDArray[np.record]
+    arrivals: NDArray[np.record]
     run_time: float
     gradient: Gradient | None = None
 
+    outcome = _summary("outcome")
+    hit = _summary("hit")
+    toppled = _summary("toppled")
+    reach = _summary("reach")
+    total_time = _summary("total_time")
+    error_estimate = _summary("estimate")
+    flushes = _summary("flushes")
+    releases = _summary("releases")
+    largest_flush_loss = _summary("flush_loss")
+    lowest_stall_margin = _summary("lowest_margin")
+    arrival_times = _arrival("time")
+    release_velocity = _arrival("release")
+    impact_velocity = property(lambda self: self.arrivals["impact"][:, :-1])
+    stall_margin = _arrival("margin")
+    converged = property(lambda self: self.error_estimate <= self.rtol)
+
+    @cached_property
+    def mean_speed(self) -> Floats:
+        """(B,) as `Wave.mean_speed` [m/s]."""
+        rows, total = self.rows, self.total_time
+        # summed as Layout.length sums it, so that speeds agree to the last bit
+        if rows.rise is None or rows.tilt is None:
+            pitches = rows.spacing + rows.thickness[:, 1:]
+        else:
+            pitches = footing.pitches(rows.spacing, rows.thickness, rows.rise, rows.tilt)
+        way = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(self))
+        return np.where(np.isfinite(total) & (total > 0.0), way / np.maximum(total, 1e-300), 0.0)
+
+    def wave(self, b: int, layout: Layout | None = None) -> Wave:
+        """Return wave b as `simulate` gives it.
+
+        Parameters
+        ----------
+        b
+            Which.
+        layout
+            The layout that was simulated, if it is at hand.
+
+        Raises
+        ------
+        ValueError
+            Where `record=False` left out what is kept of each domino.
+        """
+        if not self.arrivals.shape[1]:
+            raise ValueError("this batch kept nothing of each domino: simulate it with record=True")
+        if layout is None:
+            parts = self.rows._asdict().items()
+            layout = Layout(**{name: a[b % len(a)] for name, a in parts if a is not None})
+        share = self.run_time / len(self)
+        summary = kernels.Summary._make(self.summaries.item(b))
+        return _wave(layout, self.physics, self.rtol, summary, self.arrivals[b].copy(), share)
+
+    def __getitem__(self, b: int) -> Wave:
+        return self.wave(b)
+
     def __len__(self) -> int:
-        return len(self.outcome)
+        return len(self.summaries)
 
     def __repr__(self) -> str:
         ends = [(int(np.sum(self.outcome == kind)), _ended(kind)) for kind in Outcome]
@@ -323,40 +377,17 @@ def simulate(
     """
     began = time.perf_counter()
     require_row(layout, physics)
-    count = layout.count
-    summaries = np.empty(1, kernels.SUMMARY)
-    arrivals = np.empty((1, count), kernels.ARRIVAL)
     rows = batch_of(layout)
-    tape = room_for(count) if gradient else np.empty(0, kernels.EVENT)
+    tape = room_for(layout.count) if gradient else np.empty(0, kernels.EVENT)
     while True:
-        kernels.solve_rows(
-            0, 1, rows, physics.friction, physics.gravity, physics.push, _checked(rtol), True,
-            summaries, arrivals, tape,
-        )  # fmt: skip
-        summary, arrival = kernels.Summary._make(summaries.item()), arrivals[0]
+        summaries, arrivals = _solve(rows, physics, rtol, tape=tape)
+        summary = kernels.Summary._make(summaries.item())
         if summary.taped <= len(tape) or not gradient:
             break
         tape = np.empty(summary.taped, kernels.EVENT)  # the same run writes as many again
-    return Wave(
-        layout=layout,
-        physics=physics,
-        outcome=Outcome(summary.outcome),
-        hit=summary.hit,
-        toppled=summary.toppled,
-        arrival_times=arrival["time"],
-        release_velocity=arrival["release"],
-        impact_velocity=arrival["impact"][:-1],
-        stall_margin=arrival["margin"],
-        reach=summary.reach,
-        error_estimate=summary.estimate,
-        converged=summary.estimate <= rtol,
-        flushes=summary.flushes,
-        releases=summary.releases,
-        largest_flush_loss=summary.flush_loss,
-        rtol=rtol,
-        run_time=time.perf_counter() - began,
-        tape=tape[: summary.taped].copy() if gradient else None,
-    )
+    kept = tape[: summary.taped].copy() if gradient else None
+    run_time = time.perf_counter() - began
+    return _wave(layout, physics, rtol, summary, arrivals[0], run_time, kept)
 
 
 def simulate_batch(
@@ -410,49 +441,74 @@ def simulate_batch(
     began = time.perf_counter()
     rows = _checked_batch(spacing, thickness, height, density, rise, tilt)
     number, count = rows.thickness.shape
-    summaries = np.empty(number, kernels.SUMMARY)
-    record = record and not gradient
-    arrivals = np.empty((number, count) if record else (0, 0), kernels.ARRIVAL)
-    setting = (rows, physics.friction, physics.gravity, physics.push, _checked(rtol))
     slopes = None
     if gradient:
-        bars = bars_of(rows)
-        wholes = np.empty(number, kernels.WHOLE)
-        share_pieces(kernels.pull_rows, number, count, *setting, summaries, bars, wholes)
+        summaries = np.empty(number, kernels.SUMMARY)
+        arrivals = np.empty((number, 0), kernels.ARRIVAL)
+        bars, wholes = bars_of(rows), np.empty(number, kernels.WHOLE)
+        setting = physics.friction, physics.gravity, physics.push, _checked(rtol)
+        share_pieces(kernels.pull_rows, number, count, rows, *setting, summaries, bars, wholes)
         slopes = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
+    else:
+        summaries, arrivals = _solve(rows, physics, rtol, record=record)
+    return WaveBatch(rows, physics, rtol, summaries, arrivals, time.perf_counter() - began, slopes)
+
+
+def _solve(
+    rows: kernels.Row,
+    physics: Physics,
+    rtol: float,
+    *,
+    record: bool = True,
+    tape: Tape | None = None,
+) -> tuple[NDArray[np.record], NDArray[np.record]]:
+    """Simulate a batch: summaries (B,), and arrivals (B, N), or (B, 0) without a record.
+
+    A tape is written for a batch of one.
+    """
+    number, count = rows.thickness.shape
+    summaries = np.empty(number, kernels.SUMMARY)
+    arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
+    setting = physics.friction, physics.gravity, physics.push, _checked(rtol)
+    if tape is not None:
+        kernels.solve_rows(0, 1, rows, *setting, True, summaries, arrivals, tape)
     else:
         untaped = np.empty(0, kernels.EVENT)
         share_pieces(
-            kernels.solve_rows, number, count, *setting, record, summaries, arrivals, untaped
+            kernels.solve_rows, number, count, rows, *setting, record, summaries, arrivals, untaped
         )
-    total = summaries["total_time"]
-    # summed as Layout.length sums it, so that speeds agree to the last bit
-    if rows.rise is None or rows.tilt is None:
-        pitches = rows.spacing + rows.thickness[:, 1:]
-    else:
-        pitches = footing.pitches(rows.spacing, rows.thickness, rows.rise, rows.tilt)
-    way = np.cumsum(pitches, axis=1)[:, -1] if count > 1 else np.zeros(number)
-    speed = np.where(np.isfinite(total) & (total > 0.0), way / np.maximum(total, 1e-300), 0.0)
-    empty = np.empty((number, 0))
-    return WaveBatch(
-        outcome=summaries["outcome"],
-        hit=summaries["hit"],
-        toppled=summaries["toppled"],
-        reach=summaries["reach"],
-        total_time=total,
-        mean_speed=speed,
-        error_estimate=summaries["estimate"],
-        converged=summaries["estimate"] <= rtol,
-        flushes=summaries["flushes"],
-        releases=summaries["releases"],
-        largest_flush_loss=summaries["flush_loss"],
-        lowest_stall_margin=summaries["lowest_margin"],
-        arrival_times=arrivals["time"] if record else empty,
-        release_velocity=arrivals["release"] if record else empty,
-        impact_velocity=arrivals["impact"][:, :-1] if record else empty,
-        stall_margin=arrivals["margin"] if record else empty,
-        run_time=time.perf_counter() - began,
-        gradient=slopes,
+    return summaries, arrivals
+
+
+def _wave(
+    layout: Layout,
+    physics: Physics,
+    rtol: float,
+    told: kernels.Summary,
+    arrival: NDArray[np.record],
+    run_time: float,
+    tape: Tape | None = None,
+) -> Wave:
+    """Make a wave of what the kernels have written."""
+    return Wave(
+        layout=layout,
+        physics=physics,
+        outcome=Outcome(told.outcome),
+        hit=told.hit,
+        toppled=told.toppled,
+        arrival_times=arrival["time"],
+        release_velocity=arrival["release"],
+        impact_velocity=arrival["impact"][:-1],
+        stall_margin=arrival["margin"],
+        reach=told.reach,
+        error_estimate=told.estimate,
+        converged=told.estimate <= rtol,
+        flushes=told.flushes,
+        releases=told.releases,
+        largest_flush_loss=told.flush_loss,
+        rtol=rtol,
+        run_time=run_time,
+        tape=tape,
     )
 
 
@@ -474,43 +530,31 @@ def _checked_batch(
     tilt: ArrayLike,
 ) -> kernels.Row:
     """The arrays of a batch as the kernels take them; all that cannot stand is refused."""
-    s = np.ascontiguousarray(spacing, dtype=np.float64)
+    s = np.asarray(spacing, dtype=np.float64)
     if s.ndim != 2:
         raise ValueError(
             f"spacing has shape {s.shape}: give one row a layout, (B, N-1); for one layout use "
             "simulate()"
         )
     rows, count = s.shape[0], s.shape[1] + 1
-    d = _rows("thickness", thickness, rows, count)
-    d = np.ascontiguousarray(np.broadcast_to(d, (rows, count)))
+    d = np.broadcast_to(_rows("thickness", thickness, rows, count), (rows, count))
     length, rho = _rows("height", height, rows, count), _rows("density", density, rows, count)
     for name, values in (("spacing", s), ("thickness", d), ("height", length), ("density", rho)):
         require(name, values, above=0.0, unit="kg/m³" if name == "density" else "m")
-    flat = not (np.any(rise) or np.any(tilt))
-    if not flat:
-        e, slope = _rows("rise", rise, rows, count - 1), _rows("tilt", tilt, rows, count)
-        e, slope = np.broadcast_to(e, s.shape), np.broadcast_to(slope, d.shape)
-        if found := footing.trouble(s, d, length, e, slope):
-            raise ValueError(f"layout {found[0][0]}: {found[1]}")
-        arrays = (np.ascontiguousarray(a) for a in (s, d, length, rho, e, slope))
-        return kernels.Row(*(_read_only(array) for array in arrays))
-    if np.any(length[:, 1:] != length[:, :-1]) and count > 1:
-        tall, short = length[:, :-1], length[:, 1:]
-        low = (s >= tall) | (tall**2 - s**2 <= short**2 * (1.0 + 1e-12))
-        if not low.all():
-            b, i = np.argwhere(~low)[0]
-            raise ValueError(
-                f"layout {b}: domino {i} would strike above the top of domino {i + 1}; widen "
-                f"spacing[{b}, {i}] = {s[b, i]} m or make domino {i + 1} taller"
-            )
-    return kernels.Row(_read_only(s), _read_only(d), _read_only(length), _read_only(rho))
+    arrays = [s, d, length, rho]
+    if np.any(rise) or np.any(tilt):
+        arrays.append(np.broadcast_to(_rows("rise", rise, rows, count - 1), s.shape))
+        arrays.append(np.broadcast_to(_rows("tilt", tilt, rows, count), d.shape))
+    if found := footing.trouble(s, d, length, *arrays[4:]):
+        raise ValueError(f"layout {found[0][0]}: {found[1]}")
+    return kernels.Row(*(_read_only(array) for array in arrays))
 
 
 def _read_only(array: Floats) -> Floats:
-    """A view like the arrays of a Layout, for which the kernel is compiled."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
+    """A copy like the arrays of a Layout, for which the kernel is compiled."""
+    copy = np.array(array, order="C")
+    copy.flags.writeable = False
+    return copy
 
 
 def _rows(name: str, values: ArrayLike, rows: int, count: int) -> Floats:

@@ -165,7 +165,7 @@ def test_a_tolerance_out_of_range_is_refused(rtol):
         ({"spacing": [[0.02, np.nan]]}, r"spacing\[0, 1\] = nan m"),
         ({"thickness": [[0.0, 0.01, 0.01]]}, r"thickness\[0, 0\] = 0.0 m"),
         ({"thickness": [0.01, 0.01]}, r"thickness has shape \(2,\)"),
-        ({"height": [0.1, 0.05, 0.05]}, "strike above the top of domino 1"),
+        ({"height": [0.1, 0.05, 0.05]}, "above the top of domino 1"),
         ({"density": -1.0}, r"density\[0, 0\] = -1.0 kg/m³"),
     ],
 )
@@ -207,3 +207,15 @@ def test_the_stack_is_cut_anew_as_a_strong_push_fades(friction, gap):
         wave = de.simulate(layout, physics, rtol=rtol)
         error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
         assert error <= wave.error_estimate <= rtol
+
+
+def test_a_wave_of_a_batch_is_that_of_its_layout():
+    gaps = np.random.default_rng(5).uniform(0.004, 0.03, (3, 8))
+    batch = de.simulate_batch(gaps, 0.0075, de.Physics(), rtol=1e-8)
+    for b, row in enumerate(gaps):
+        wave, alone = batch[b], de.simulate(de.Layout(row, 0.0075), de.Physics())
+        assert wave.layout == alone.layout
+        assert wave.outcome is alone.outcome
+        np.testing.assert_array_equal(wave.arrival_times, alone.arrival_times)
+    with pytest.raises(ValueError, match="record=True"):
+        de.simulate_batch(gaps, 0.0075, de.Physics(), record=False)[0]
