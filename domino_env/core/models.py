@@ -42,9 +42,9 @@ class Value(Table, frozen=True):  # type: ignore[misc]
     """A frozen table whose constructor checks as `model_of` does, and takes NumPy's numbers too."""
 
     def __post_init__(self) -> None:
-        for name, told, kind in _annotated(type(self)):
-            value = model_of(kind, plain(getattr(self, name)), told)
-            msgspec.structs.force_setattr(self, name, value)
+        checked = model_of(_fields_alone(type(self)), plain(self))
+        for name in self.__struct_fields__:
+            msgspec.structs.force_setattr(self, name, getattr(checked, name))
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed."""
@@ -52,8 +52,11 @@ class Value(Table, frozen=True):  # type: ignore[misc]
 
 
 @cache
-def _annotated(kind: type[Value]) -> list[tuple[str, str, Any]]:
-    return [(f.name, f.encode_name, f.type) for f in msgspec.structs.fields(kind)]
+def _fields_alone(kind: type[Value]) -> type[msgspec.Struct]:
+    """Return a Struct with the fields of a class, without its checks and defaults."""
+    told = msgspec.structs.fields(kind)
+    names = {field.name: field.encode_name for field in told}
+    return msgspec.defstruct(kind.__name__, [(f.name, f.type) for f in told], rename=names)
 
 
 def plain(value: Any) -> Any:
@@ -64,7 +67,7 @@ def plain(value: Any) -> Any:
 def _from_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    raise NotImplementedError
+    return shown(value)  # which no field takes
 
 
 class Document(msgspec.Struct):

@@ -164,11 +164,14 @@ class Scene(Specification):
         waves
             Waves of layouts of the scene.
         """
-        found = self.criterion.score(Waves.of_waves(waves, self.count))
+        criterion = self.criterion
+        found = criterion.score(Waves.of_waves(waves, self.count))
+        if not criterion.simulates_anew:
+            return found
         complete = [b for b, wave in enumerate(waves) if wave.layout.count == self.count]
-        if self.criterion.simulates_anew and complete:
+        if complete:
             batch = LayoutBatch.of_waves([waves[b] for b in complete], self.ground)
-            again = self.criterion.evaluate(batch)
+            again = criterion.evaluate(batch)
             for name in ("score", "reach", "falls"):
                 getattr(found, name)[complete] = getattr(again, name)
         return found

@@ -179,23 +179,18 @@ class Waves:
             Number N of dominoes of the complete layouts.
         """
         times = np.full((len(waves), count), np.inf)
-        margins = np.zeros(len(waves))
+        numbers = np.empty((len(waves), 7))
         for b, wave in enumerate(waves):
             times[b, : wave.layout.count] = wave.arrival_times
-            finite = wave.stall_margin[np.isfinite(wave.stall_margin)]
-            margins[b] = finite.min() if len(finite) else 0.0
-        return cls(
-            np.array([wave.outcome == Outcome.PROPAGATED for wave in waves], np.bool_),
-            np.array([wave.reach for wave in waves]),
-            np.array([wave.mean_speed for wave in waves]),
-            np.array([float(wave.toppled) for wave in waves]),
-            times,
-            margins,
-            np.array([wave.largest_flush_loss for wave in waves]),
-            np.array([wave.layout.height[-1] for wave in waves]),
-            count,
-            max((wave.rtol for wave in waves), default=0.0),
-        )
+            margins = wave.stall_margin[np.isfinite(wave.stall_margin)]
+            numbers[b] = (
+                wave.outcome == Outcome.PROPAGATED, wave.reach, wave.mean_speed, wave.toppled,
+                margins.min() if len(margins) else 0.0, wave.largest_flush_loss,
+                wave.layout.height[-1],
+            )  # fmt: skip
+        propagated, reach, speed, toppled, margin, loss, last = numbers.T.copy()
+        rtol = max((wave.rtol for wave in waves), default=0.0)
+        return cls(propagated > 0.0, reach, speed, toppled, times, margin, loss, last, count, rtol)
 
     @property
     def falls(self) -> Ints:

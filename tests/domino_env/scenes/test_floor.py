@@ -11,7 +11,7 @@ from domino_env.envs.chain import DominoChain, DominoChainVector
 from domino_env.envs.layout import DominoLayout, DominoLayoutVector
 from domino_env.scenes import uniform
 from domino_env.scenes.uniform_layouts import UniformLayouts
-from optimize import Problem, search
+from optimize import search
 
 SMALL = replace(
     de.load_scene("table"), name="small table", count=5, floor_friction=0.3, spacing=(0.01, 0.025)
@@ -98,10 +98,6 @@ def test_auto_settles_on_the_floor(monkeypatch) -> None:
     assert search(scene, budget=20, seed=1, progress=False).layout == found.layout
     hinged = search(replace(scene, floor_friction=None), budget=600, progress=False)
     assert found.score > scene.score(hinged.layout) * (1.0 - 5e-5)
-
-
-def test_a_problem_of_a_floor_asks_for_few_rows_at_once() -> None:
-    assert Problem(SMALL).dominoes > 1000 * SMALL.count
 
 
 @pytest.mark.parametrize(
