@@ -10,12 +10,12 @@ from __future__ import annotations
 import os
 import shutil
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import gymnasium
 import numpy as np
@@ -306,24 +306,12 @@ def write_episodes(
             rng = np.random.default_rng([seed, i])
             buffers.append(EpisodeBuffer(id=i, **build_episode(env, scene, target, error, rng)))
         returns[quality] = float(np.mean([np.sum(buffer.rewards) for buffer in buffers]))
-        with minari_folder(folder), warnings.catch_warnings():
+        home = str(folder.resolve())  # Minari repeats what is relative
+        environment = mock.patch.dict(os.environ, MINARI_DATASETS_PATH=home)
+        with environment, warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # no e-mail address is known
             create_dataset_from_buffers(
                 f"{distribution.name}/{quality}-v0", buffers, env=made, data_format="arrow",
                 algorithm_name=quality, author="domino-chains", description=distribution.title,
             )  # fmt: skip
     return returns
-
-
-@contextmanager
-def minari_folder(folder: Path) -> Iterator[None]:
-    """Let Minari find its datasets in a folder."""
-    name, before = "MINARI_DATASETS_PATH", os.environ.get("MINARI_DATASETS_PATH")
-    os.environ[name] = str(folder.resolve())  # Minari repeats what is relative
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
-        else:
-            os.environ[name] = before

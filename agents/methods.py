@@ -30,7 +30,7 @@ EVALUATIONS = 50  # layouts built without noise in a whole search
 GENERATIONS = 8  # generations of layouts that a budget of evaluations is to last for
 
 
-def apg(budget: Evaluator, rng: np.random.Generator) -> None:
+def apg(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search with analytic policy gradients.
 
     References
@@ -38,20 +38,20 @@ def apg(budget: Evaluator, rng: np.random.Generator) -> None:
     Freeman, C. D., et al. (2021). Brax: a differentiable physics engine for large scale rigid body
     simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281.
     """
-    learn("apg", budget, rng)
+    learn("apg", evaluator, rng)
 
 
-def ppo(budget: Evaluator, rng: np.random.Generator) -> None:
+def ppo(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search with proximal policy optimisation.
 
     References
     ----------
     Schulman, J., et al. (2017). Proximal policy optimization algorithms. arXiv:1707.06347.
     """
-    learn("ppo", budget, rng)
+    learn("ppo", evaluator, rng)
 
 
-def ars(budget: Evaluator, rng: np.random.Generator) -> None:
+def ars(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search with augmented random search over linear policies.
 
     References
@@ -59,10 +59,10 @@ def ars(budget: Evaluator, rng: np.random.Generator) -> None:
     Mania, H., Guy, A., Recht, B. (2018). Simple random search provides a competitive approach to
     reinforcement learning. arXiv:1803.07055.
     """
-    learn("ars", budget, rng)
+    learn("ars", evaluator, rng)
 
 
-def learn(algorithm: str, budget: Evaluator, rng: np.random.Generator) -> None:
+def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Train until the budget is spent.
 
     Bitwise reproducible under a budget of evaluations. Layouts are built side by side, and all that
@@ -72,22 +72,23 @@ def learn(algorithm: str, budget: Evaluator, rng: np.random.Generator) -> None:
     ----------
     algorithm
         One of `agents.algorithms.ALGORITHMS`.
-    budget
+    evaluator
         Of the search.
     rng
         Of all randomness.
     """
-    plan = _within(hyperparameters(algorithm, budget.problem.scene.count - 1), budget)
+    plan = _within(hyperparameters(algorithm, evaluator.problem.scene.count - 1), evaluator)
     with random_state_restored(), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        _Learning(algorithm, plan, budget, int(rng.integers(2**31))).run()
+        seed = int(rng.integers(2**31))
+        _Learning(Learner(evaluator.problem.scene, algorithm, plan, seed), evaluator).run()
 
 
-def _within(plan: Hyperparameters, budget: Evaluator) -> Hyperparameters:
+def _within(plan: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
     """Reduce the environments where a budget of evaluations would not last."""
-    if budget.max_evaluations is None:
+    if evaluator.max_evaluations is None:
         return plan
-    rows = int(min(plan.rows, max(budget.max_evaluations // GENERATIONS, 1)))
+    rows = int(min(plan.rows, max(evaluator.max_evaluations // GENERATIONS, 1)))
     options = dict(plan.options)
     if "n_steps" in options:  # batches of the same part of a rollout
         options["batch_size"] = max(options["batch_size"] * rows // plan.rows, 2)
@@ -100,9 +101,9 @@ def _within(plan: Hyperparameters, budget: Evaluator) -> Hyperparameters:
 class _Learning:
     """A learner while it spends the budget of a search."""
 
-    def __init__(self, algorithm: str, plan: Hyperparameters, budget: Evaluator, seed: int) -> None:
-        self.plan, self.budget, self.problem = plan, budget, budget.problem
-        self.learner = Learner(self.problem.scene, algorithm, plan, seed)
+    def __init__(self, learner: Learner, evaluator: Evaluator) -> None:
+        self.learner, self.rows = learner, learner.hyperparameters.rows
+        self.evaluator, self.problem = evaluator, evaluator.problem
         self.next_evaluation = 0.0
 
     def run(self) -> None:
@@ -112,20 +113,20 @@ class _Learning:
         model._update_current_progress_remaining = self._progress
         optimizer = getattr(model.policy, "optimizer", None)  # ARS has none
         if optimizer is not None:
-            optimizer.register_step_pre_hook(lambda *_: self.budget.require_more())
+            optimizer.register_step_pre_hook(lambda *_: self.evaluator.require_more())
         with suppress(BudgetSpent):
             self.learner.learn(10**12, self.between_updates, self.after_step)
         self._evaluate()
 
     def _progress(self, steps: int, total: int) -> None:
-        self.learner.model._current_progress_remaining = 1.0 - self.budget.progress
+        self.learner.model._current_progress_remaining = 1.0 - self.evaluator.progress
 
     def between_updates(self) -> None:
         """Evaluate now and then, and set what changes along the way."""
-        if self.budget.progress >= self.next_evaluation and self.budget.remaining > self.plan.rows:
+        if self.evaluator.progress >= self.next_evaluation and self.evaluator.remaining > self.rows:
             self._evaluate()
             self.next_evaluation += 1.0 / EVALUATIONS
-        self.learner.adapt(self.budget.progress, self.budget.best_score)
+        self.learner.adapt(self.evaluator.progress, self.evaluator.best_score)
 
     def after_step(self, infos: Any) -> None:
         """Count the layouts that are complete; stop where those to come could not be paid for."""
@@ -134,13 +135,13 @@ class _Learning:
             scores = np.array([info["score"] for info in ended])
             reach = np.array([_reach(info) for info in ended])
             self._note([info["layout"] for info in ended], scores, reach)
-            if self.budget.remaining < self.plan.rows:
+            if self.evaluator.remaining < self.rows:
                 raise BudgetSpent
-        self.budget.require_more()
+        self.evaluator.require_more()
 
     def _evaluate(self) -> None:
         """Evaluate a layout that is built without noise."""
-        if self.budget.remaining >= 1:
+        if self.evaluator.remaining >= 1:
             learner = self.learner
             built = build(learner.policy(), self.problem.scene, learner.reference_speed)
             self._note([built.layout], np.array([built.score]), np.array([built.wave.reach]))
@@ -153,7 +154,7 @@ class _Learning:
             vector: Floats = self.problem.design(completed(layouts[i], self.problem.scene))
             return vector
 
-        self.budget.record(Scores(scores, reach, falls), design)
+        self.evaluator.record(Scores(scores, reach, falls), design)
 
 
 def _reach(info: dict[str, Any]) -> float:

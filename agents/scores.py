@@ -44,10 +44,6 @@ class SceneScore:
         built.layout.to_csv(self.folder / "layout.csv")
         built.layout.to_json(self.folder / "layout.json")
 
-    def in_words(self, best: float) -> str:
-        """Describe the best score for the progress bar."""
-        return f"best {best:.4f}, uniform {self.scene.uniform().score:.4f}"
-
 
 class PoolScore:
     """Median gain over the uniform baselines, in scenes of a distribution's pool."""
@@ -63,7 +59,3 @@ class PoolScore:
 
     def keep(self, steps: int, seconds: float) -> None:
         """Keep nothing: the weights say all."""
-
-    def in_words(self, best: float) -> str:
-        """Describe the best score for the progress bar."""
-        return f"median gain {best:+.2%}"

@@ -347,7 +347,7 @@ class Training:
         ))  # fmt: skip
         learner.model.logger.record("design/score", score)
         learner.model.logger.record("design/best_score", self.best)
-        self.bar.set_postfix_str(self.score.in_words(self.best), refresh=False)
+        self.bar.set_postfix_str(f"best score {self.best:.4f}", refresh=False)
 
     def checkpoint(self) -> None:
         """Write the checkpoint and the learning curve."""
