@@ -213,7 +213,7 @@ def gathered(
         if task.key in found
     )
     if not results:
-        reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else ""
+        reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else " yet"
         raise ValueError(f"no run has a result{reason}")
     best: dict[str, float] = {}
     for result in results:

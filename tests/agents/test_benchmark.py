@@ -46,6 +46,12 @@ def test_an_interval_is_that_of_all_draws_of_two_runs() -> None:
     assert np.allclose(beside.high, [2.2 / 3, 5.0])
 
 
+def test_a_run_without_a_layout_so_far_leaves_an_interval() -> None:
+    found = interquartile_mean([np.array([-np.inf, -np.inf]), np.array([0.5, 0.7, 0.9])])
+    assert found.low == -np.inf
+    assert found.high <= 0.9
+
+
 def test_runs_are_resampled_within_their_scene() -> None:
     """Scenes differ, their runs do not: the interval has no width."""
     found = interquartile_mean([np.full(3, 0.2), np.full(3, 0.9)])
