@@ -24,7 +24,10 @@ SCORE_RTOL = 1e-10  # what is reported; searches may look less closely
 
 @dataclass(frozen=True, kw_only=True)
 class Scene(Specification):
-    """A design problem: what stands, what may be chosen, what counts; equal if all of it is.
+    """A design problem: the dominoes, what may be chosen, what counts.
+
+    Scenes are equal if all of their fields are. One that is made in Python has the defaults of a
+    file and is checked as a file is; `count`, `spacing` and `thickness` or `stock` are needed.
 
     Parameters
     ----------
@@ -79,17 +82,14 @@ class Scene(Specification):
     ground
         What the row stands on, a slope or a landscape; None for flat ground.
     placement_deviation
-        Of the hand that builds in the environments: every gap comes out wrong by a normal error of
-        this standard deviation [m], but never less than 0.2 mm. 0 for a steady hand. Searches
-        know nothing of it: what they look for is the row as it is meant.
-
+        Placement noise of the environments: every gap comes out wrong by a normal error of this
+        standard deviation [m], but never less than 0.2 mm. 0 for none. Searches do not apply it:
+        they look for the layout as it is meant.
 
     Raises
     ------
     ValueError
-        For an objective that there is not, or that lacks its settings or has those of another, for
-        a floor under an objective that is no speed, or beside limits, and for ground on which not
-        every row within the bounds can stand.
+        For a value out of its range, and for fields that do not go together.
     """
 
     known_point: ClassVar[tuple[float, float] | None] = None  # of the best uniform row, if told
