@@ -265,9 +265,12 @@ def methods_page() -> str:
     """Every method's idea, as its module tells it."""
     lines = ["# Search methods", ""]
     lines += ["`domino optimize SCENE --method NAME`, or `search(scene, method=NAME)`.", ""]
+    modules: dict[str, list[str]] = {}
     for name, place in METHODS.items():
-        path = f"optimize.methods.{place.replace(':', '.')}"
-        lines += [f"## `{name}`", "", f"::: {path}", *METHOD_OPTIONS, ""]
+        modules.setdefault(place.partition(":")[0], []).append(f"`{name}`")
+    for module, names in modules.items():
+        lines += [f"## {', '.join(names)}", "", f"::: optimize.methods.{module}", *METHOD_OPTIONS]
+        lines.append("")
     lines += ["## Peers", "", "Methods of other projects, where these are installed:", ""]
     lines += [f"- `{name}` needs {needed}" for name, (_, needed) in PEERS.items()]
     return "\n".join(lines) + "\n"

@@ -278,11 +278,12 @@ class Evaluator:
         self.require_more()
         design = np.asarray(design, dtype=np.float64)
 
-        def simulated() -> list[Floats]:
+        answer = self._replay("lateness", design[None])
+        if answer is None:
             scores, late, slopes = self.problem.lateness(design)
-            return [*_packed(scores), late, slopes]
-
-        *parts, late, slopes = self._answer("lateness", design[None], simulated)
+            answer = [*_packed(scores), late, slopes]
+            self._keep("lateness", design[None], answer)
+        *parts, late, slopes = answer
         scores = _unpacked(parts)
         self._count(scores)
         self._note(scores, lambda _: design)
@@ -332,36 +333,20 @@ class Evaluator:
         self, pieces: Sequence[Floats], gradient: bool, rtol: float, relaxed: bool
     ) -> Iterator[Scores]:
         """Scores of one piece after the other, from the journal as far as it has them."""
-        if gradient:
-            for piece in pieces:
-
-                def simulated(piece: Floats = piece) -> list[Floats]:
-                    found = self.problem.evaluate(piece, True, differences=False, relaxed=relaxed)
-                    return _packed(found)
-
-                yield _unpacked(self._answer(f"gradient {relaxed}", piece, simulated))
-            return
+        kind = f"gradient {relaxed}" if gradient else f"scores {rtol}"
         pieces = list(pieces)
-        while pieces:
-            found = self._replay(f"scores {rtol}", pieces[0])
-            if found is None:
-                break
+        found: Iterator[Scores]
+        while pieces and (known := self._replay(kind, pieces[0])) is not None:
             pieces.pop(0)
-            yield _unpacked(found)
-        for piece, scores in zip(
-            pieces, simulate_pieces(self.problem, pieces, rtol, self._executor), strict=True
-        ):
-            self._keep(f"scores {rtol}", piece, _packed(scores))
+            yield _unpacked(known)
+        if gradient:
+            options = {"differences": False, "relaxed": relaxed}
+            found = (self.problem.evaluate(piece, True, **options) for piece in pieces)
+        else:
+            found = simulate_pieces(self.problem, pieces, rtol, self._executor)
+        for piece, scores in zip(pieces, found, strict=True):
+            self._keep(kind, piece, _packed(scores))
             yield scores
-
-    def _answer(
-        self, kind: str, designs: Floats, simulated: Callable[[], list[Floats]]
-    ) -> list[Floats]:
-        found = self._replay(kind, designs)
-        if found is None:
-            found = simulated()
-            self._keep(kind, designs, found)
-        return found
 
     def _replay(self, kind: str, designs: Floats) -> list[Floats] | None:
         """The answer in the journal, whose time becomes that of the search."""
@@ -429,10 +414,10 @@ def simulate_pieces(
     ExecutorLost
         Where the executor has ended.
     """
-    tasks = [] if executor is None else tasks_of(pieces, problem.dominoes)
+    per_task = max(1, round(TASK / (problem.dominoes * len(pieces[0])))) if pieces else 1
+    tasks = [pieces[i : i + per_task] for i in range(0, len(pieces), per_task)]
     if executor is None or len(tasks) < 2:
-        for piece in pieces:
-            yield problem.evaluate(piece, rtol=rtol)
+        yield from (problem.evaluate(piece, rtol=rtol) for piece in pieces)
         return
     pickled = pickle.dumps(problem)
     futures = [executor.submit(run_task, pickled, task, rtol) for task in tasks]
@@ -444,21 +429,6 @@ def simulate_pieces(
     finally:
         for future in futures:
             future.cancel()
-
-
-def tasks_of(pieces: Sequence[Floats], dominoes: int) -> list[list[Floats]]:
-    """Group pieces of designs, so many dominoes a design, into tasks that are worth sending."""
-    groups: list[list[Floats]] = []
-    full = True
-    for piece in pieces:
-        if full:
-            groups.append([])
-        groups[-1].append(piece)
-        full = sum(map(len, groups[-1])) * dominoes >= TASK
-    if not full and len(groups) > 1:  # the last one is too small to be sent
-        last = groups.pop()
-        groups[-1] += last
-    return groups
 
 
 def run_task(pickled: bytes, pieces: Sequence[Floats], rtol: float) -> list[Scores]:
@@ -474,17 +444,12 @@ def _problem(pickled: bytes) -> Problem:
 
 
 def _joined(found: Sequence[Scores], designs: Floats, gradient: bool) -> Scores:
+    """The scores of all pieces; of none where there are no designs."""
     if len(found) == 1:
         return found[0]
-    empty = np.empty(0)
-    score, reach, falls = (
-        np.concatenate([getattr(part, name) for part in found] or [empty])
-        for name in ("score", "reach", "falls")
-    )
-    slopes = None
-    if gradient:
-        slopes = np.concatenate([part.gradient for part in found] or [np.empty_like(designs)])
-    return Scores(score, reach, falls, slopes)
+    none = Scores(np.empty(0), np.empty(0), np.empty(0, np.int64), np.empty_like(designs))
+    names = ("score", "reach", "falls", *(["gradient"] if gradient else []))
+    return Scores(*(np.concatenate([getattr(one, n) for one in found or [none]]) for n in names))
 
 
 def _packed(scores: Scores) -> list[Floats]:

@@ -24,7 +24,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.view.drawing import Scale, strip
 from optimize.evaluator import Evaluator
 from optimize.methods import registry
-from optimize.methods.scipy_methods import l_bfgs
+from optimize.methods.scipy_methods import descend
 from optimize.problem import Problem as UnitBox
 from optimize.searching import search
 
@@ -165,7 +165,7 @@ class DominoRow(Problem[Floats]):
         others = registry.load("auto")
 
         def from_start(evaluator: Evaluator, rng: np.random.Generator) -> None:
-            l_bfgs.descend(evaluator, start)
+            descend("L-BFGS-B", evaluator, start)
             others(evaluator, rng)
 
         evaluations = self._config(config).evaluations

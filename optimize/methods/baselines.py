@@ -1,4 +1,4 @@
-"""Methods to compare with: layouts drawn at random, and the uniform baseline."""
+"""Methods to compare with: layouts drawn at random from the whole box, and the uniform baseline."""
 
 from __future__ import annotations
 

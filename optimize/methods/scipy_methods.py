@@ -1,10 +1,56 @@
-"""Methods of SciPy: local solvers restarted from one point after the other, and global ones."""
+"""Methods of SciPy: local solvers restarted from one point after the other, and global ones.
+
+- `l-bfgs`: L-BFGS-B on exact gradients (Byrd, Lu, Nocedal, Zhu 1995).
+- `slsqp`: a quadratic program for each step, on exact gradients (Kraft 1988). A given length and a
+  largest change are its constraints. A step costs the cube of the number of variables.
+- `trust-constr`: an interior point method in trust regions, on exact gradients (Byrd, Hribar,
+  Nocedal 1999).
+- `cobyqa`: quadratic models through known scores, without gradients (Ragonneau 2022).
+- `powell`: conjugate directions, one line search after the other, without gradients (Powell 1964).
+- `nelder-mead`: a simplex with the step sizes of Gao and Han (2012) for several variables.
+- `direct`: the box in ever finer thirds, locally biased (Jones et al. 1993, Gablonsky and Kelley
+  2001). When a box is divided finely enough, a smaller one around the best so far is next.
+- `dual-annealing`: random leaps that cool, and local searches after good ones (Xiang et al. 1997).
+- `differential-evolution`: populations that move along their own differences (Storn and Price
+  1997), each with the uniform baseline in it.
+
+Methods without gradients handle few variables: they search long layouts as schedules.
+
+References
+----------
+Byrd, R. H., Hribar, M. E., Nocedal, J. (1999). An interior point algorithm for large-scale
+nonlinear programming. SIAM Journal on Optimization 9, 877-900.
+
+Byrd, R. H., Lu, P., Nocedal, J., Zhu, C. (1995). A limited memory algorithm for bound constrained
+optimization. SIAM Journal on Scientific Computing 16, 1190-1208.
+
+Gablonsky, J. M., Kelley, C. T. (2001). A locally-biased form of the DIRECT algorithm. Journal of
+Global Optimization 21, 27-37.
+
+Gao, F., Han, L. (2012). Implementing the Nelder-Mead simplex algorithm with adaptive parameters.
+Computational Optimization and Applications 51, 259-277.
+
+Jones, D. R., Perttunen, C. D., Stuckman, B. E. (1993). Lipschitzian optimization without the
+Lipschitz constant. Journal of Optimization Theory and Applications 79, 157-181.
+
+Kraft, D. (1988). A software package for sequential quadratic programming. DFVLR-FB 88-28, Cologne.
+
+Powell, M. J. D. (1964). An efficient method for finding the minimum of a function of several
+variables without calculating derivatives. The Computer Journal 7, 155-162.
+
+Ragonneau, T. M. (2022). Model-based derivative-free optimization methods and software. PhD thesis,
+The Hong Kong Polytechnic University.
+
+Storn, R., Price, K. (1997). Differential evolution: a simple and efficient heuristic for global
+optimization over continuous spaces. Journal of Global Optimization 11, 341-359.
+
+Xiang, Y., Sun, D. Y., Fan, W., Gong, X. G. (1997). Generalized simulated annealing algorithm and
+its application to the Thomson model. Physics Letters A 233, 216-220.
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -18,8 +64,21 @@ from optimize.problem import Problem
 
 SIMPLEX = 0.1  # size of the first simplex, as a part of the box
 MANY = 200  # variables from which on trust-constr uses the cheaper SR1
-DIRECT_VARIABLES, DIRECT_EVALUATIONS = 24, 100  # at most; for each variable and box
+DIRECT_EVALUATIONS = 100  # for each variable and box
 MEMBERS_PER_VARIABLE, MOST_MEMBERS = 3, 256
+MOST_VARIABLES = {"COBYQA": 45, "Powell": 200, "Nelder-Mead": 40, "DIRECT": 24}
+
+TOLERANCES: dict[str, dict[str, Any]] = {
+    "L-BFGS-B": {"maxiter": 1000, "ftol": 1e-10, "gtol": 1e-7},
+    "SLSQP": {"maxiter": 1000, "ftol": 1e-10},
+    "trust-constr": {
+        "maxiter": 1000, "gtol": 1e-6, "xtol": 1e-6, "initial_tr_radius": 0.3,
+        "initial_barrier_parameter": 1e-4, "initial_barrier_tolerance": 1e-4,
+    },
+    "COBYQA": {"initial_tr_radius": 0.1, "final_tr_radius": 1e-5, "maxiter": 10**6},
+    "Powell": {"maxiter": 10**9, "maxfev": 10**9, "xtol": 1e-4, "ftol": 1e-7},
+    "Nelder-Mead": {"maxiter": 10**9, "maxfev": 10**9, "xatol": 1e-6, "fatol": 1e-8},
+}  # fmt: skip
 
 
 def cost(evaluator: Evaluator, design: Floats) -> tuple[float, Floats]:
@@ -28,8 +87,45 @@ def cost(evaluator: Evaluator, design: Floats) -> tuple[float, Floats]:
     return -found.score, -found.gradient
 
 
-def _no_constraints(problem: Problem) -> list[optimize.LinearConstraint]:
-    return []
+def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
+    """Search from one design vector (n,) until a solver of SciPy ends.
+
+    Parameters
+    ----------
+    solver
+        Its name in SciPy, a key of `TOLERANCES`.
+    evaluator
+        Evaluates.
+    start
+        (n,) a design vector.
+    """
+    x, options = start, TOLERANCES[solver]
+    words: dict[str, Any] = {"jac": True, "bounds": [(0.0, 1.0)] * len(x)}
+    function: Any = partial(cost, evaluator)
+    if solver in MOST_VARIABLES:
+        few = FewVariables(evaluator, MOST_VARIABLES[solver])
+        function, x = few.cost, few.nearest(start)
+        words = {"bounds": [(0.0, 1.0)] * len(x)}
+    if solver == "trust-constr":
+        x = np.clip(x, 1e-3, 1.0 - 1e-3)  # strictly inside, as the method begins
+        words["bounds"] = optimize.Bounds(0.0, 1.0, keep_feasible=True)
+        words["hess"] = optimize.BFGS() if len(x) <= MANY else optimize.SR1()
+    elif solver == "SLSQP":
+        words["constraints"] = _linear_rules(evaluator.problem)
+    elif solver == "COBYQA":
+        options = options | {"maxfev": 500 * (len(x) + 1)}
+    elif solver == "Nelder-Mead":
+        corners = np.concatenate([x[None], x + np.diag(np.where(x < 0.5, SIMPLEX, -SIMPLEX))])
+        options = options | {"initial_simplex": corners, "adaptive": len(x) > 1}
+    optimize.minimize(function, x, method=solver, options=options, **words)
+
+
+def _restarted(solver: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """Search from one start after the other until a limit is reached."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="scipy")  # of slopes that did not change
+        for start in starts(evaluator, rng):
+            descend(solver, evaluator, start)
 
 
 def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
@@ -46,151 +142,17 @@ def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
     return rules
 
 
-def _simplex(x: Floats) -> dict[str, Any]:
-    inwards = np.where(x < 0.5, SIMPLEX, -SIMPLEX)
-    corners = np.concatenate([x[None], x + np.diag(inwards)])
-    return {"initial_simplex": corners, "adaptive": len(x) > 1}
-
-
-@dataclass(frozen=True)
-class LocalSolver:
-    """A solver of `scipy.optimize.minimize`, called as a method.
-
-    Parameters
-    ----------
-    name
-        Its name in SciPy.
-    options
-        Its options.
-    most
-        Largest number of variables, with more of which the search is one over schedules; None for a
-        solver that follows the gradient, in all variables.
-    options_at
-        Returns further options for a start.
-    constraints
-        Returns the constraints of a problem.
-    """
-
-    name: str
-    options: dict[str, Any]
-    most: int | None = None
-    options_at: Callable[[Floats], dict[str, Any]] = field(default=lambda x: {})
-    constraints: Callable[[Problem], list[optimize.LinearConstraint]] = _no_constraints
-
-    def __call__(self, evaluator: Evaluator, rng: np.random.Generator) -> None:
-        """Search from one start after the other until a limit is reached."""
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="scipy")  # of slopes that did not change
-            for start in starts(evaluator, rng):
-                self.descend(evaluator, start)
-
-    def descend(self, evaluator: Evaluator, start: Floats) -> None:
-        """Search from one design vector (n,) until the solver ends."""
-        x = start
-        function: Any = partial(cost, evaluator)
-        words: dict[str, Any] = {"jac": True}
-        if self.most is not None:
-            few = FewVariables(evaluator, self.most)
-            function, x, words = few.cost, few.nearest(start), {}
-        bounds: Any = [(0.0, 1.0)] * len(x)
-        if self.name == "trust-constr":
-            x = np.clip(x, 1e-3, 1.0 - 1e-3)  # strictly inside, as the method begins
-            bounds = optimize.Bounds(0.0, 1.0, keep_feasible=True)
-            words["hess"] = optimize.BFGS() if len(x) <= MANY else optimize.SR1()
-        constraints = self.constraints(evaluator.problem)
-        if constraints:
-            words["constraints"] = constraints
-        optimize.minimize(
-            function, x, method=self.name, bounds=bounds,
-            options=self.options | self.options_at(x), **words,
-        )  # fmt: skip
-
-
-l_bfgs = LocalSolver("L-BFGS-B", {"maxiter": 1000, "ftol": 1e-10, "gtol": 1e-7})
-"""L-BFGS-B on exact gradients.
-
-Byrd, R. H., Lu, P., Nocedal, J., Zhu, C. (1995). A limited memory algorithm for bound constrained
-optimization. SIAM Journal on Scientific Computing 16, 1190-1208.
-"""
-
-slsqp = LocalSolver("SLSQP", {"maxiter": 1000, "ftol": 1e-10}, constraints=_linear_rules)
-"""SLSQP on exact gradients: a quadratic program for each step.
-
-A given length and a largest change are constraints of the program. Each step costs the cube of the
-number of variables.
-
-Kraft, D. (1988). A software package for sequential quadratic programming. DFVLR-FB 88-28, Cologne.
-"""
-
-trust_constr = LocalSolver(
-    "trust-constr",
-    {
-        "maxiter": 1000, "gtol": 1e-6, "xtol": 1e-6, "initial_tr_radius": 0.3,
-        "initial_barrier_parameter": 1e-4, "initial_barrier_tolerance": 1e-4,
-    },
-)  # fmt: skip
-"""An interior point method in trust regions, on exact gradients.
-
-Byrd, R. H., Hribar, M. E., Nocedal, J. (1999). An interior point algorithm for large-scale
-nonlinear programming. SIAM Journal on Optimization 9, 877-900.
-"""
-
-cobyqa = LocalSolver(
-    "COBYQA",
-    {"initial_tr_radius": 0.1, "final_tr_radius": 1e-5, "maxiter": 10**6},
-    most=45,
-    options_at=lambda x: {"maxfev": 500 * (len(x) + 1)},
-)
-"""COBYQA: quadratic models through known scores, in a trust region, without gradients.
-
-A step costs the cube of the number of variables: long layouts are searched as schedules.
-
-Ragonneau, T. M. (2022). Model-based derivative-free optimization methods and software. PhD thesis,
-The Hong Kong Polytechnic University.
-"""
-
-powell = LocalSolver(
-    "Powell", {"maxiter": 10**9, "maxfev": 10**9, "xtol": 1e-4, "ftol": 1e-7}, most=200
-)
-"""Powell's conjugate directions: one line search after the other, without gradients.
-
-Powell, M. J. D. (1964). An efficient method for finding the minimum of a function of several
-variables without calculating derivatives. The Computer Journal 7, 155-162.
-"""
-
-nelder_mead = LocalSolver(
-    "Nelder-Mead",
-    {"maxiter": 10**9, "maxfev": 10**9, "xatol": 1e-6, "fatol": 1e-8},
-    most=40,
-    options_at=_simplex,
-)
-"""Nelder–Mead with the step sizes of Gao and Han for several variables.
-
-A simplex of more than some forty corners does not converge: long layouts are searched as schedules.
-
-Nelder, J. A., Mead, R. (1965). A simplex method for function minimization. The Computer Journal 7,
-308-313.
-
-Gao, F., Han, L. (2012). Implementing the Nelder-Mead simplex algorithm with adaptive parameters.
-Computational Optimization and Applications 51, 259-277.
-"""
+l_bfgs = partial(_restarted, "L-BFGS-B")
+slsqp = partial(_restarted, "SLSQP")
+trust_constr = partial(_restarted, "trust-constr")
+cobyqa = partial(_restarted, "COBYQA")
+powell = partial(_restarted, "Powell")
+nelder_mead = partial(_restarted, "Nelder-Mead")
 
 
 def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """DIRECT, locally biased: the box in ever finer thirds.
-
-    When a box is divided finely enough, a smaller one around the best so far is next. Long layouts
-    are searched as schedules.
-
-    References
-    ----------
-    Jones, D. R., Perttunen, C. D., Stuckman, B. E. (1993). Lipschitzian optimization without the
-    Lipschitz constant. Journal of Optimization Theory and Applications 79, 157-181.
-
-    Gablonsky, J. M., Kelley, C. T. (2001). A locally-biased form of the DIRECT algorithm. Journal
-    of Global Optimization 21, 27-37.
-    """
-    few = FewVariables(evaluator, DIRECT_VARIABLES)
+    """Run DIRECT on one box after the other."""
+    few = FewVariables(evaluator, MOST_VARIABLES["DIRECT"])
     evaluator.evaluate(uniform_design(evaluator.problem))
     radius = 1.0
     while True:
@@ -208,13 +170,7 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 def dual_annealing(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Dual annealing: random leaps that cool, and local searches after good ones.
-
-    References
-    ----------
-    Xiang, Y., Sun, D. Y., Fan, W., Gong, X. G. (1997). Generalized simulated annealing algorithm
-    and its application to the Thomson model. Physics Letters A 233, 216-220.
-    """
+    """Run dual annealing from one start after the other."""
     problem = evaluator.problem
     bounds = [(0.0, 1.0)] * problem.dimension
     start = uniform_design(problem)
@@ -230,15 +186,7 @@ def dual_annealing(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 def differential_evolution(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Differential evolution: populations that move along their own differences.
-
-    Each has the uniform baseline in it.
-
-    References
-    ----------
-    Storn, R., Price, K. (1997). Differential evolution: a simple and efficient heuristic for global
-    optimization over continuous spaces. Journal of Global Optimization 11, 341-359.
-    """
+    """Run one differential evolution after the other."""
     problem = evaluator.problem
     n = problem.dimension
     mark = uniform_design(problem)

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import domino_env as de
 from optimize import Problem
 from optimize.constraints.convex import nearest_with_sum
 
@@ -58,15 +57,6 @@ def test_every_design_has_the_length_exactly(scenes, name: str) -> None:
         assert coefficients @ near == pytest.approx(total, abs=1e-14)
 
 
-def test_the_length_of_course() -> None:
-    scene = de.load_scene("course")
-    problem = Problem(scene)
-    for x in designs_of(problem, 50):
-        layout = problem.layout(x)
-        assert abs(layout.length - 1.2) < 1e-14
-        assert scene.violations(layout) == []
-
-
 numbers = st.floats(-2.0, 2.0)
 
 
@@ -91,13 +81,6 @@ def test_the_projection_is_the_nearest_point(values, low, room, part, elsewhere)
     way = end.sum() - y.sum()
     y = y + (end - y) * ((total - y.sum()) / way if way else 0.0)
     assert np.all(((values - near) * (y - near)).sum(axis=1) <= 1e-12)
-
-
-def test_the_projection_at_the_ends_of_what_is_possible() -> None:
-    low, high = np.array([0.0, 0.1, 0.2]), np.array([1.0, 0.5, 0.9])
-    values = np.random.default_rng(0).random((4, 3))
-    assert np.all(nearest_with_sum(values, low, high, low.sum()) == low)
-    assert nearest_with_sum(values, low, high, high.sum()) == pytest.approx(np.tile(high, (4, 1)))
 
 
 @pytest.mark.parametrize("name", [*FREE, *LENGTH, "dead"])
@@ -181,10 +164,6 @@ def test_processes_and_threads_may_share_it(scenes) -> None:
         found = list(pool.map(lambda x: copy.evaluate(x, gradient=True), designs))
     assert [one.score for one in found] == whole.score.tolist()
     assert np.array_equal([one.gradient for one in found], whole.gradient)
-
-
-def test_a_scene_is_named_or_given() -> None:
-    assert Problem("sprint").scene == de.load_scene("sprint")
 
 
 def test_the_example_is_true() -> None:

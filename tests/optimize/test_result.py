@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -77,16 +75,6 @@ def test_every_result_can_be_drawn(scenes, name: str) -> None:
         assert figure.axes[3].texts[0].get_text() == "neither wave came to the second domino"
     else:
         assert "slower" in headline or "faster" in headline
-
-
-def test_no_global_state_of_matplotlib_is_used() -> None:
-    script = (
-        "import sys; from optimize import search; search('sprint', 'uniform').plot(); "
-        "print('matplotlib.pyplot' in sys.modules)"
-    )
-    words = [sys.executable, "-c", script]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"
 
 
 def test_every_method_has_a_line_of_its_own() -> None:

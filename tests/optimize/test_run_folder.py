@@ -13,7 +13,7 @@ import domino_env as de
 from domino_env.cli.main import main
 from optimize import Evaluator, Problem, search
 from optimize.evaluator import slope_left
-from optimize.run_folder import DERIVED, FILES, JOURNAL, RunFolder
+from optimize.run_folder import DERIVED, FILES, JOURNAL
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -60,14 +60,6 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path: Path) -> None:
     }  # fmt: skip
     assert {name: summary[name] for name in expected} == expected
     assert set(summary["versions"]) == {"python", "domino-chains", "numpy", "scipy", "numba", "cma"}
-
-
-def test_a_wave_that_stops_is_written_too(scenes, tmp_path: Path) -> None:
-    search(scenes["dead"], "random", budget=20, folder=tmp_path)
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["score"] < 0.0 == summary["mean_speed"]
-    assert summary["gain"] is summary["total_time"] is None
-    assert summary["outcome"] == "STALLED"
 
 
 @pytest.mark.parametrize("name", ["layout.csv", "scene.toml", "summary.json", "result.png"])
@@ -156,14 +148,6 @@ def test_the_best_so_far_is_on_disk_while_the_search_runs(
 
     search(scenes["both"], "cma", budget=300, folder=tmp_path, watch=look)
     assert len(set(seen)) > 3
-
-
-def test_saving_is_rare(scenes, monkeypatch, tmp_path: Path) -> None:
-    saved = []
-    monkeypatch.setattr(RunFolder, "_write", lambda *words: saved.append(words))
-    monkeypatch.setattr("optimize.run_folder.time.monotonic", lambda: 0.0)  # no time passes
-    search(scenes["both"], "random", budget=2000, folder=tmp_path)
-    assert len(saved) == 2  # the first, and the result
 
 
 def test_a_full_disk_leaves_the_earlier_run_as_it_was(

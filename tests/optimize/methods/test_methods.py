@@ -101,12 +101,6 @@ def test_it_is_repeatable_to_the_bit(scenes, method: str, name: str) -> None:
     assert same(first, search(scenes[name], method, budget=250, seed=11))
 
 
-@pytest.mark.parametrize("method", ["random", "cma"])
-def test_another_seed_is_another_search(scenes, method: str) -> None:
-    first = search(scenes["spacing"], method, budget=50, seed=1)
-    assert not same(first, search(scenes["spacing"], method, budget=50, seed=2))
-
-
 @every_method
 def test_it_leaves_global_random_state_alone(scenes, method: str) -> None:
     before = np.random.get_state(legacy=False), random.getstate()  # noqa: NPY002
