@@ -1,11 +1,16 @@
-"""Methods to compare with: layouts drawn at random from the whole box, and the uniform baseline."""
+"""Methods to compare with: random layouts, the uniform baseline, and two of other projects."""
 
 from __future__ import annotations
+
+import warnings
+from typing import Any
 
 import numpy as np
 
 from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
+
+PLANNED = 20_000  # evaluations that NGOpt plans for where there is no limit
 
 
 def random(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -17,3 +22,54 @@ def random(evaluator: Evaluator, rng: np.random.Generator) -> None:
 def uniform(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Evaluate the uniform baseline once, the best layout with equal gaps."""
     evaluator.evaluate(uniform_design(evaluator.problem))
+
+
+def ngopt(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """NGOpt (Meunier et al. 2021), Nevergrad's own choice among its many methods.
+
+    References
+    ----------
+    Meunier, L., et al. (2021). Black-box optimization revisited: improving algorithm selection
+    wizards through massive benchmarking. arXiv:2010.04542.
+    """
+    import nevergrad
+
+    # a wide first step, which is one of the things that NGOpt does not choose itself
+    array = nevergrad.p.Array(init=uniform_design(evaluator.problem))
+    array = array.set_mutation(sigma=0.2).set_bounds(0.0, 1.0)
+    array.random_state = np.random.RandomState(int(rng.integers(2**31)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        peer = nevergrad.optimizers.NGOpt(array, budget=evaluator.max_evaluations or PLANNED)
+        while True:
+            candidate = peer.ask()
+            peer.tell(candidate, -evaluator.evaluate(candidate.value).score)
+
+
+def tpe(evaluator: Evaluator, rng: np.random.Generator) -> None:
+    """Tree-structured Parzen estimators (Bergstra et al. 2011), the default of Optuna.
+
+    References
+    ----------
+    Bergstra, J., Bardenet, R., Bengio, Y., Kégl, B. (2011). Algorithms for hyper-parameter
+    optimization. Advances in Neural Information Processing Systems 24.
+    """
+    import optuna
+
+    problem = evaluator.problem
+    names = [f"x{i:04d}" for i in range(problem.dimension)]
+    space: dict[str, Any] = {
+        name: optuna.distributions.FloatDistribution(0.0, 1.0) for name in names
+    }
+    before = optuna.logging.get_verbosity()
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    try:
+        sampler = optuna.samplers.TPESampler(seed=int(rng.integers(2**31)))
+        study = optuna.create_study(direction="maximize", sampler=sampler)
+        study.enqueue_trial(dict(zip(names, uniform_design(problem).tolist(), strict=True)))
+        while True:
+            trial = study.ask(space)
+            design = np.array([trial.params[name] for name in names])
+            study.tell(trial, evaluator.evaluate(design).score)
+    finally:
+        optuna.logging.set_verbosity(before)

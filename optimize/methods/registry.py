@@ -47,7 +47,7 @@ METHODS = {
 """Name of each method, and where in this folder it is: a module, whose function is `run`, or
 module:function."""
 
-PEERS = {"ngopt": ("third_party:ngopt", "nevergrad"), "tpe": ("third_party:tpe", "optuna")}
+PEERS = {"ngopt": ("baselines:ngopt", "nevergrad"), "tpe": ("baselines:tpe", "optuna")}
 """Methods of other projects to compare with: where it is, and the package that it needs."""
 
 GROUP = "domino.methods"
