@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from domino_env import kernels
 from domino_env.core.results import brief
+from domino_env.physics.gradient import row_of
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_row
-from domino_env.physics.rows import row_of
 from domino_env.physics.wave import Outcome
 
 Floats = NDArray[np.float64]

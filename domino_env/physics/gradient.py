@@ -14,7 +14,6 @@ from domino_env.core.results import brief
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.rows import bars_of, row_of
 
 Floats = NDArray[np.float64]
 
@@ -70,6 +69,28 @@ class Gradient:
         """Return the gradient of `factor` times the number."""
         parts = {part.name: getattr(self, part.name) for part in fields(self)}
         return replace(self, **{k: x * factor for k, x in parts.items() if x is not None})
+
+
+def row_of(layout: Layout) -> kernels.Row:
+    """Return the arrays of a layout."""
+    ground = () if layout.is_flat else (layout.rise, layout.tilt)
+    return kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density, *ground)
+
+
+def batch_of(layout: Layout) -> kernels.Row:
+    """Return the arrays of a layout as a batch of one."""
+    ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
+    row = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
+    return kernels.Row(*row, *ground)
+
+
+def bars_of(row: kernels.Row) -> kernels.Row:
+    """Return room for the derivatives by all that a row, or each of a batch, is made of."""
+    arrays: Any = (None if array is None else np.zeros(array.shape) for array in row)
+    bars = kernels.Row(*arrays)
+    return bars._replace(
+        height=np.zeros_like(bars.thickness), density=np.zeros_like(bars.thickness)
+    )
 
 
 def gradient_of(bars: kernels.Row, friction: Any, gravity: Any, push: Any) -> Gradient:

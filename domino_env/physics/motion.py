@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
 from domino_env.physics import footing
+from domino_env.physics.gradient import row_of
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.rows import row_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
+from domino_env.physics.gradient import row_of
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_row
-from domino_env.physics.rows import row_of
 from domino_env.physics.standard import DENSITY, HEIGHT
 from domino_env.physics.wave import Outcome
 

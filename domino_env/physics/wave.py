@@ -19,6 +19,8 @@ from domino_env.physics import footing
 from domino_env.physics.gradient import (
     Gradient,
     Tape,
+    bars_of,
+    batch_of,
     gradient_of,
     longer,
     pull,
@@ -26,7 +28,6 @@ from domino_env.physics.gradient import (
 )
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_row
-from domino_env.physics.rows import bars_of, batch_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
