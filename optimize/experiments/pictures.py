@@ -77,6 +77,7 @@ def draw_curves(
             line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
             line |= {"linestyle": "--"} if method in dashed else {}
             axes.fill_between(places, low, high, color=line["color"], alpha=0.12, linewidth=0)
+            line |= {"marker": "o", "markersize": 3.5, "markevery": [-1]}  # of a single layout, all
             drawn[method] = axes.plot(places, middle, **line)[0]
     all_axes[0].set_ylabel(labels[1])
     figure.legend(list(drawn.values()), list(drawn), loc="outside right center", **LEGEND)

@@ -186,7 +186,7 @@ def draw_reached(summary: Summary, path: Path) -> None:
         subtitle="95 % intervals over seeds, all scenes together",
     )  # fmt: skip
     order = summary.ordered(())[::-1]
-    lines = method_lines(order)
+    lines = method_lines(summary.experiment.methods)
     for place, name in enumerate(order):
         found, colour = summary.gain(name), lines[name]["color"]
         ends = [max(float(found.low), LOWEST), max(float(found.high), LOWEST)]
