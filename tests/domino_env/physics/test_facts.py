@@ -61,13 +61,6 @@ def test_eulers_steps_are_told_apart():
         assert stepped - mean > 0.02
 
 
-def test_no_single_exponent_tells_of_friction():
-    """Speeds fall like (1+μ)^-1.4 to -2, far more than Cantor & Wojtacki's (1+μ)^-0.4."""
-    for free, rubbing in zip(UNIFORM[:3], UNIFORM[3:], strict=True):
-        f = [1.0 / np.diff(uniform_wave(*row[:2]).arrival_times)[-1] for row in (free, rubbing)]
-        assert -2.0 < np.log(f[1] / f[0]) / np.log(1.25) < -1.4
-
-
 def test_first_falls():
     times = uniform_wave(0.016, 0.25).arrival_times
     expected = [0.011453522, 0.023813754, 0.033659993, 0.035582197, 0.032064033]
@@ -181,31 +174,6 @@ def test_hinged_rows_of_a_rigid_body_engine():
         engine = np.array(row["hit_times"])
         ours, theirs = wave.arrival_times[39] - wave.arrival_times[10], engine[39] - engine[10]
         assert ours == pytest.approx(theirs, rel=1e-3)
-
-
-@pytest.mark.parametrize(("pitch", "frequency"), [(16, 64.4), (24, 42.3), (32, 28.1)])
-def test_chapmans_measured_rows(pitch, frequency):
-    """A hundred real dominoes: an unfitted model is held to a quarter."""
-    times = uniform_wave(pitch * MM, 0.25, push=8.0).arrival_times
-    assert 90.0 / (times[99] - times[9]) == pytest.approx(frequency, rel=0.25)
-
-
-@pytest.mark.parametrize(("multiple", "speed"), [(1, 0.877), (2, 0.867), (3, 0.859)])
-def test_photogates_in_toronto(multiple, speed):
-    """Gaps of one, two and three times the thickness."""
-    pitch = (multiple + 1) * 0.0075
-    times = uniform_wave(pitch, 0.25, push=8.0).arrival_times
-    assert 90.0 * pitch / (times[99] - times[9]) == pytest.approx(speed, rel=0.25)
-
-
-@pytest.mark.parametrize(
-    ("pitch", "speed"),
-    [(0.284, 1.481), (0.357, 1.322), (0.427, 1.256), (0.568, 1.177), (0.714, 1.10)],
-)
-def test_mclachlans_measured_rows(pitch, speed):
-    """McLachlan et al. 1983, thickness/height 0.179: v/√(gh) over pitch/h."""
-    steady = de.steady_wave(pitch, 0.179, 1.0, de.Physics(0.25, 1.0))
-    assert steady.speed == pytest.approx(speed, rel=0.25)
 
 
 @pytest.mark.parametrize(("friction", "gap"), [(0.0, 1.0), (0.1, 1.6), (0.25, 3.0), (0.5, 7.2)])
