@@ -590,7 +590,7 @@ def objects(values: Iterable[Any]) -> NDArray[Any]:
 def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) -> kernels.Batch:
     """Allocate the arrays of the environments."""
     scene, longest = source.first, source.longest
-    kinds, stock = _kinds_to_choose(scene)
+    kinds = _kinds_to_choose(scene)
     sampled = source.distribution
     own_height = scene.growth is not None or (sampled is not None and "height" in sampled.features)
     size = 2  # a power of two that holds the chain, or as much of it as is felt
@@ -604,8 +604,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         closeness=closeness(longest),
         gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
         kinds=kinds,
-        stock=stock,
-        left=np.tile(stock, (num_envs, 1)),
+        left=np.tile(kinds[1], (num_envs, 1)),
         errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
         rings=np.zeros((num_envs, size), link),
         states=np.zeros(num_envs, kernels.STATE),
@@ -627,11 +626,11 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
     )
 
 
-def _kinds_to_choose(scene: Scene) -> tuple[Floats, Floats]:
-    """The thicknesses that dominoes may have [m], if only some, and how many of each."""
+def _kinds_to_choose(scene: Scene) -> Floats:
+    """The thicknesses that dominoes may have [m], if only some, and how many of each, (2, K)."""
     if scene.stock is not None:
         box = scene.stock.without(scene.first_thickness)
-        order = np.argsort(box.thickness)
-        return np.array(box.thickness)[order], np.array(box.count, dtype=np.float64)[order]
-    kinds = np.array(scene.thickness_values or (), dtype=np.float64)
-    return kinds, np.full(len(kinds), np.inf)
+        kinds = np.array([box.thickness, box.count], dtype=np.float64)
+        return np.ascontiguousarray(kinds[:, np.argsort(box.thickness)])
+    values = scene.thickness_values or ()
+    return np.array([values, np.full(len(values), np.inf)], dtype=np.float64)

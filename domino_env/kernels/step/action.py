@@ -107,10 +107,10 @@ def choose(action, rules, batch, left, n, way, row):
     if rules.thick_low < rules.thick_high:
         low, high = thickness_bounds(rules, len(spacing) - n, way)
         thick = between(action[column], low, high)
-        if len(batch.kinds) > 0:
-            k = nearest_left(batch.kinds, left, thick)
+        if batch.kinds.shape[1] > 0:
+            k = nearest_left(batch.kinds[0], left, thick)
             left[k] -= 1.0
-            thick = batch.kinds[k]
+            thick = batch.kinds[0, k]
     gap = rules.gap_low
     if rules.gap_low < rules.gap_high:
         low, high = gap_bounds(rules, spacing, n, way, thick)

@@ -52,8 +52,7 @@ class Batch(NamedTuple):
     features: NDArray[np.float32]  # (B, F) of the scene, to be observed; F = 0 where it is fixed
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c), k dominoes away from an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or none
-    kinds: NDArray[np.float64]  # (K,) the only thicknesses allowed, or none
-    stock: NDArray[np.float64]  # (K,) how many there are of each
+    kinds: NDArray[np.float64]  # (2, K) the only thicknesses allowed, and how many of each
     left: NDArray[np.float64]  # (B, K) how many of them each has left
     errors: NDArray[np.float64]  # (B, N-1) placement errors, added to the gaps [m]; or (0, N-1)
     rings: NDArray[np.record]  # (B, …) LINK or UNEVEN_LINK

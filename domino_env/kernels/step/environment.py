@@ -121,10 +121,10 @@ def reset_batch(first, last, batch, chosen, given, observations):
         episode.way = episode.paid = episode.reach = episode.score = 0.0
         episode.placed, episode.phase, episode.outcome, episode.unsure = 0, RUNNING, 0, False
         for k in range(len(left)):
-            left[k] = batch.stock[k]
+            left[k] = batch.kinds[1, k]
         for i in range(given[b]):
-            if len(batch.kinds) > 0:
-                left[nearest_left(batch.kinds, left, row.thickness[i + 1])] -= 1.0
+            if len(left) > 0:
+                left[nearest_left(batch.kinds[0], left, row.thickness[i + 1])] -= 1.0
             stand_next(batch, batch.curve, b, row, i)
             lead = place_next(rules, lanes, ring, state, episode, row, untaped)
             episode.paid += lead * rules.reward_scale
@@ -174,7 +174,7 @@ def place_batch(first, last, batch, chosen, actions):
             continue
         rules, row, left, way = rules_of(lent, b), row_built(lent, b), lent.left[b], 0.0
         for k in range(len(left)):
-            left[k] = lent.stock[k]
+            left[k] = lent.kinds[1, k]
         for n in range(len(row.spacing)):
             choose(actions[b, n], rules, lent, left, n, way, row)
             put_down(rules, lent.errors, b, n, row.spacing)

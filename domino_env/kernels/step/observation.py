@@ -118,8 +118,8 @@ def observe(batch, b, row, observation):
         most = math.log(rules.growth_high) * pairs
         observation[part.height] = min(math.log(row.height[placed] / row.height[0]) / most, 1.0)
     if part.stock >= 0:
-        for k in range(len(batch.kinds)):
-            observation[part.stock + k] = batch.left[b, k] / max(batch.stock[k], 1.0)
+        for k in range(batch.kinds.shape[1]):
+            observation[part.stock + k] = batch.left[b, k] / max(batch.kinds[1, k], 1.0)
     observation[part.placed] = placed / pairs
     for j in range(batch.closeness.shape[1]):
         observation[part.near_start + j] = batch.closeness[placed, j]
