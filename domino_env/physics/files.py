@@ -12,7 +12,7 @@ import math
 import re
 from array import array
 from collections.abc import Iterator
-from itertools import count, repeat
+from itertools import repeat
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,7 +24,6 @@ from domino_env.core.files import write_text
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, model_of
 from domino_env.core.reading import encoding_of, naming, one_line, read_bytes
 from domino_env.core.reading import read_json as read_document
-from domino_env.core.types import Floats
 from domino_env.physics.standard import DENSITY, HEIGHT
 
 MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
@@ -71,51 +70,23 @@ class LayoutTable(Table):
         return {k: v for k, v in values.items() if k != "unit" and v is not UNSET}
 
 
-def write_csv(
-    path: Path,
-    spacing: Floats,
-    thickness: Floats,
-    height: Floats,
-    width: float,
-    density: Floats,
-    ground: tuple[Floats, Floats] | None = None,
-) -> None:
+def write_csv(path: Path, parts: dict[str, Any]) -> None:
     """Write one row a domino, SI units, shortest digits that read back to the same bits.
 
-    ground: rise and tilt, where it is not flat.
+    parts: arrays of a layout by name, and its width.
     """
-    gaps = [*spacing.tolist(), None]
-    tall, dense = height.tolist(), density.tolist()
-    columns = [count(), gaps, thickness.tolist(), tall, repeat(width), dense]
-    names = ["number", "spacing", "thickness", "height", "width", "density"]
-    if ground:
-        rise, tilt = ground
-        columns += [[*rise.tolist(), None], tilt.tolist()]
-        names += _GROUND
-    tables.write_csv(path, tuple(names), zip(*columns, strict=False))
+    count = len(parts["thickness"])
+    columns = [
+        [*part.tolist(), None] if isinstance(part, np.ndarray) else repeat(part)
+        for part in parts.values()
+    ]
+    tables.write_csv(path, ("number", *parts), zip(range(count), *columns, strict=False))
 
 
-def write_json(
-    path: Path,
-    spacing: Floats,
-    thickness: Floats,
-    height: Floats,
-    width: float,
-    density: Floats,
-    ground: tuple[Floats, Floats] | None = None,
-) -> None:
-    """Write every array in full, SI units; ground: rise and tilt, where it is not flat."""
-    document = {
-        "unit": UNIT,
-        "spacing": spacing.tolist(),
-        "thickness": thickness.tolist(),
-        "height": height.tolist(),
-        "width": width,
-        "density": density.tolist(),
-    }
-    if ground:
-        document |= {name: array.tolist() for name, array in zip(_GROUND, ground, strict=True)}
-    write_text(path, json.dumps(document, indent=1) + "\n")
+def write_json(path: Path, parts: dict[str, Any]) -> None:
+    """Write every array in full, SI units; parts: as of `write_csv`."""
+    document = {name: np.asarray(part).tolist() for name, part in parts.items()}
+    write_text(path, json.dumps({"unit": UNIT} | document, indent=1) + "\n")
 
 
 def read_csv(path: Path) -> dict[str, Any]:

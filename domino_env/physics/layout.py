@@ -232,17 +232,18 @@ class Layout:
         """
         from domino_env.physics.files import write_csv
 
-        columns = self.spacing, self.thickness, self.height
-        ground = None if self.is_flat else (self.rise, self.tilt)
-        write_csv(Path(path), *columns, self.width, self.density, ground)
+        write_csv(Path(path), self._parts())
 
     def to_json(self, path: str | Path) -> None:
         """Write every array, in SI units."""
         from domino_env.physics.files import write_json
 
-        columns = self.spacing, self.thickness, self.height
-        ground = None if self.is_flat else (self.rise, self.tilt)
-        write_json(Path(path), *columns, self.width, self.density, ground)
+        write_json(Path(path), self._parts())
+
+    def _parts(self) -> dict[str, Any]:
+        names = ["spacing", "thickness", "height", "width", "density"]
+        names += [] if self.is_flat else ["rise", "tilt"]
+        return {name: getattr(self, name) for name in names}
 
     @classmethod
     def from_csv(cls, path: str | Path, width: float = WIDTH) -> Layout:
