@@ -163,16 +163,6 @@ def test_single_steps_pay_the_lead_gained_whatever_the_sum():
             env.reference_speed = bad
 
 
-def test_the_uniform_baseline_is_worth_nothing_in_both_environments():
-    scene = de.load_scene("sprint")
-    low, high = scene.spacing
-    action = 2.0 * (scene.uniform().layout.spacing[0] - low) / (high - low) - 1.0
-    for env in (DominoChain(scene), DominoLayout(scene)):
-        *_, rewards, info = play(env, lambda k, env=env: np.full(env.action_space.shape, action))
-        assert rewards.sum() == pytest.approx(0.0, abs=1e-6)
-        assert info["gain"] == pytest.approx(0.0, abs=1e-8)
-
-
 def test_both_environments_agree_on_a_layout():
     chain, whole = DominoChain("gentle"), DominoLayout("gentle")
     rng = np.random.default_rng(4)
