@@ -227,7 +227,11 @@ def verification_table(checked: Verification) -> list[str]:
     for one, other in zip(checked.reference, checked.engine, strict=False):
         apart = largest_difference(one.arrival_times, other.arrival_times)
         both = one.error_estimate + other.error_estimate
-        word = "agree" if max(apart - both, 0.0) <= AGREES else "differ"
+        word = "agree"
+        if apart == math.inf or apart - both > AGREES:
+            word = "differ"
+        elif max(one.error_estimate, other.error_estimate) > AGREES:
+            word = "are undecided"
         lines.append(
             f"{in_words(one.floor_friction)}: {one.simulator} and {other.simulator} {word}, "
             f"arrival times at most {apart:.3%} apart, uncertainty of both {both:.3%}"

@@ -59,7 +59,10 @@ def test_only_what_exceeds_the_uncertainty_counts(
     read = json.loads((tmp_path / "verification.json").read_text())
     table = verification_table(checked)
     assert table[-2:] == [read["verdict"]] * 2
-    assert any("agree" in line for line in table)
+    same = "are undecided" if uncertainty > 1e-3 else "agree"
+    for place in ("fixed pivots", "floor 0.5"):
+        start = f"{place}: simulate_standing and simulate_standing {same}, arrival times"
+        assert any(line.startswith(start) for line in table)
     assert any("has not converged" in line for line in table) == (uncertainty >= 1e-3)
     assert [one["floor"] for one in read["floors"]] == [None, 0.5]
     assert read["engine_floors"] == read["floors"]
@@ -74,13 +77,12 @@ def test_a_wave_that_ends_does_so_in_the_reference_too() -> None:
     assert ended.verdict.startswith("AGREES")
 
 
-def test_uniform_and_random_layouts_agree() -> None:
+def test_a_random_layout_agrees() -> None:
     rng = np.random.default_rng(4)
     random = de.Layout(rng.uniform(0.008, 0.024, 13), rng.uniform(0.005, 0.009, 14))
-    for layout in (LAYOUT, random):
-        checked = verify(layout, PHYSICS, floors=[])
-        assert checked.verdict.startswith("AGREES")
-        assert checked.standing == checked.engine == ()
+    checked = verify(random, PHYSICS, floors=[])
+    assert checked.verdict.startswith("AGREES")
+    assert checked.standing == checked.engine == ()
 
 
 @pytest.fixture
@@ -96,11 +98,7 @@ HILL = de.Layout(
 
 
 @pytest.mark.usefixtures("quick")
-@pytest.mark.parametrize(
-    "layout",
-    [LAYOUT, de.Layout.uniform(14, pitch=0.02, slope=-0.07), HILL],
-    ids=["flat", "uphill", "over a hill"],
-)
+@pytest.mark.parametrize("layout", [LAYOUT, HILL], ids=["flat", "over a hill"])
 def test_the_engine_agrees_with_both(layout: de.Layout) -> None:
     checked = verify(layout, PHYSICS, floors=[0.5], engine=True)
     assert checked.engine[0].converged
@@ -116,9 +114,9 @@ def test_an_engine_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(engine, "MOST_SWEEPS", 60)
     lines: list[str] = []
     found = verify(LAYOUT, PHYSICS, floors=[], engine=True, progress=lines.append)
-    assert not found.engine[0].converged
     assert "has not converged within its limits" in "\n".join(verification_table(found))
-    # nothing was doubled: nobody knows what more sweeps would do
+    # nothing was doubled, so what more sweeps would do is unknown
+    assert not found.engine[0].converged
     assert found.engine[0].error_estimate == math.inf
     assert found.verdicts[1].startswith("UNDECIDED")
     assert len(lines) == 2
@@ -126,20 +124,12 @@ def test_an_engine_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatc
 
 def test_dominoes_far_behind_may_be_taken_away() -> None:
     pytest.importorskip("pymunk")
-    # they were held in place once, and pushed the others on, the more the more sweeps there were
-    layout, physics = de.Layout.uniform(40, pitch=0.02), de.Physics(push=8.0)
-    whole, near, far = (
-        engine.follow(layout, physics, None, 2e-4, 60, window)[0] for window in (None, 24, 8)
+    # those held in place instead would push the others on, the more the more sweeps there are
+    layout = de.Layout.uniform(40, pitch=0.02)
+    whole, near = (
+        engine.follow(layout, PHYSICS, None, 2e-4, 60, window)[0] for window in (None, 24)
     )
     assert largest_difference(near, whole) < 1e-5
-    assert largest_difference(far, whole) > 1e-3
-
-
-def test_extrapolation_is_exact_for_errors_of_first_order() -> None:
-    limit = np.array([0.0, 0.1, 0.3, np.inf])
-    coarse, fine = (limit + step * np.array([0.0, 3.0, 7.0, 1.0]) for step in (4e-5, 1e-5))
-    found = engine.extrapolated((4e-5, 1e-5), (coarse, fine))
-    np.testing.assert_allclose(found, limit, rtol=1e-13)
 
 
 def test_bad_questions_are_refused() -> None:
@@ -149,35 +139,33 @@ def test_bad_questions_are_refused() -> None:
         verify(de.Layout([], [0.0075]), PHYSICS)
 
 
-@pytest.fixture(scope="module")
-def short() -> de.Scene:
-    return de.load_scene("sprint").replace(count=12)
+SHORT = de.load_scene("sprint").replace(count=12)
 
 
 def test_the_command_verifies_without_the_engine(
-    short: de.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    short.uniform().layout.to_csv(tmp_path / "layout.csv")
-    (tmp_path / "scene.toml").write_text(short.to_toml())
+    SHORT.uniform().layout.to_csv(tmp_path / "layout.csv")
+    (tmp_path / "scene.toml").write_text(SHORT.to_toml())
     line = ["verify", str(tmp_path / "layout.csv"), "--floor", "free"]
     assert main([*line, "--no-engine", "--plot", str(tmp_path / "plot.png")]) == 0
-    said = capsys.readouterr().out
-    assert "AGREES" in said
-    assert "floor 1:" in said  # what was called free
+    printed = capsys.readouterr().out
+    assert "AGREES" in printed
+    assert "floor 1:" in printed  # what was called free
     assert (tmp_path / "plot.png").stat().st_size > 10_000
     with pytest.raises(SystemExit):
         main([*line[:-1], "rough"])
     assert "coefficients of friction" in capsys.readouterr().err
 
 
-def test_the_best_uniform_layout_of_a_floor_beats_its_neighbours(short: de.Scene) -> None:
-    baseline = short.uniform().layout
-    best = best_uniform_on(short, baseline, 0.3)
-    assert best_uniform_on(short, baseline, None) is baseline
-
-    def speed(gap: float) -> float:
-        layout = de.Layout.uniform(short.count, pitch=gap + 0.0075)
-        return simulate_standing(layout, short.physics, 0.3).mean_speed
-
-    gap = float(best.spacing[0])
-    assert speed(gap) > max(speed(gap - 0.003), speed(gap + 0.003))
+def test_the_best_uniform_layout_of_a_floor_beats_its_neighbours() -> None:
+    baseline = SHORT.uniform().layout
+    assert best_uniform_on(SHORT, baseline, None) is baseline
+    gap = float(best_uniform_on(SHORT, baseline, 0.3).spacing[0])
+    less, best, more = (
+        simulate_standing(
+            de.Layout.uniform(SHORT.count, spacing=gap + change), SHORT.physics, 0.3
+        ).mean_speed
+        for change in (-0.003, 0.0, 0.003)
+    )
+    assert best > max(less, more)
