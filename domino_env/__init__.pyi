@@ -36,8 +36,7 @@ from .scenes.pool import load_test_set as load_test_set
 from .scenes.rules import Stock as Stock
 from .scenes.scene import Scene as Scene
 from .scenes.uniform import UniformBaseline as UniformBaseline
-from .validation.fit import Fit as Fit
-from .validation.fit import fit_friction as fit_friction
+from .validation.measured import fit_friction as fit_friction
 from .view.sound import Heard as Heard
 from .view.sound import clicks as clicks
 from .view.sound import listen as listen

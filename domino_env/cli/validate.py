@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from domino_env.validation.source import Source
 
 SUMMARY = "measured chains beside the model, with the friction that explains them"
-UNCERTAINTY = 2.0  # [%] of a frequency
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     rows.add_argument("--height", type=float, default=48.0, help="[mm] (48)")
     rows.add_argument("--gravity", type=float, default=9.81, help="[m/s²] (9.81)")
     rows.add_argument(
-        "--uncertainty", type=float, default=UNCERTAINTY, help="one standard, of each [%%] (2)"
+        "--uncertainty", type=float, default=2.0, help="one standard, of each [%%] (2)"
     )
 
 
@@ -70,58 +69,33 @@ def run(arguments: argparse.Namespace) -> int:
 def _sources(arguments: argparse.Namespace) -> list[Source]:
     from pathlib import Path
 
-    from domino_env.validation.source import read_source, shipped_sources
+    from domino_env.validation.source import read_source, shipped_sources, source_of_frequencies
 
-    shipped = shipped_sources()
-    rows = [word for word in arguments.what if "=" in word]
-    found = []
+    shipped, found, rows = shipped_sources(), [], []
     for word in arguments.what:
         if word in shipped:
             found.append(shipped[word])
         elif word.endswith(".toml"):
             found.append(read_source(Path(word)))
-        elif word not in rows:
+        elif "=" in word:
+            rows.append(_pair(word))
+        else:
             raise ValueError(
                 f"'{word}': give a source ({', '.join(shipped)}), a .toml file, or rows as in "
                 "16=64.4"
             )
     if rows:
-        found.append(_typed(rows, arguments))
+        pitches, frequencies = zip(*rows, strict=True)
+        sizes = 1e-3 * arguments.thickness, 1e-3 * arguments.height, arguments.gravity
+        rest = (*sizes, 0.01 * arguments.uncertainty)
+        found.append(source_of_frequencies(pitches, frequencies, *rest))
     return found or list(shipped.values())
 
 
-def _typed(rows: list[str], arguments: argparse.Namespace) -> Source:
-    """Rows of the command line as a source."""
-    from domino_env.core.models import model_of
-    from domino_env.validation.source import Source
-
-    listed = []
-    for word in rows:
-        try:
-            pitch, told = (float(part) for part in word.split("="))
-        except ValueError:
-            raise ValueError(f"'{word}': write PITCH=FREQUENCY, as in 16=64.4") from None
-        doubt = 0.01 * arguments.uncertainty * told
-        listed.append({"x": pitch * 1e-3, "value": told, "uncertainty": doubt})
-    setting = {
-        "thickness": arguments.thickness * 1e-3,
-        "height": arguments.height * 1e-3,
-        "gravity": arguments.gravity,
-        "x_is": "pitch",
-    }
-    return model_of(
-        Source,
-        {
-            "name": "rows",
-            "title": "rows of the command line",
-            "reference": "the command line",
-            "read": "all of it",
-            "method": "as you know",
-            "errors": f"{arguments.uncertainty:g} % each",
-            "unknown": [],
-            "quantity": "frequency",
-            "unit": "1/s",
-            "setting": setting,
-            "rows": listed,
-        },
-    )
+def _pair(word: str) -> tuple[float, float]:
+    """Read PITCH=FREQUENCY as a pitch [m] and hits per second."""
+    try:
+        pitch, told = map(float, word.split("="))
+    except ValueError:
+        raise ValueError(f"'{word}': write PITCH=FREQUENCY, as in 16=64.4") from None
+    return 1e-3 * pitch, told

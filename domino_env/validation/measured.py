@@ -15,16 +15,28 @@ import numpy as np
 
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
+from domino_env.physics.standard import HEIGHT
 from domino_env.physics.steady import steady_wave
 from domino_env.physics.wave import simulate, simulate_batch
 from domino_env.rigid.simulation import simulate_standing
-from domino_env.validation.fit import Model, friction_of, least_squares
-from domino_env.validation.source import Quantity, Row, Setting, Source
+from domino_env.validation.source import (
+    Quantity,
+    Row,
+    Setting,
+    Source,
+    source_of_frequencies,
+)
 
+Model = Callable[[float], float]
+"""What is measured, as a function of the friction between dominoes."""
 Effect = Callable[[Setting, float, float], float]
 """Speed with the effect over speed without, of a setting at a pitch and a friction."""
 
 RTOL = 1e-6  # of times; what is measured is known to a thousandth at best
+ROUGHEST = 1.5  # friction looked for
+TRIED = 61  # frictions tried before the best of them is refined
+CLOSE = 1e-7  # of the friction
+STEP = 1e-4  # of the friction, for slopes
 MOST = 2.0  # standard uncertainties that a row may deviate and still count as explained
 CLEARLY = 1.0  # standard uncertainties by which both ends of a trend have to deviate
 HELPFUL = 0.75  # of the largest deviation without an effect
@@ -226,6 +238,85 @@ def leave_out(
         others = [row[1:] for row in rows if row[0] != place]
         found.append(model(least_squares(*zip(*others, strict=True))[0]) if others else math.nan)
     return tuple(found)
+
+
+def least_squares(
+    models: Sequence[Model], values: Sequence[float], sigmas: Sequence[float]
+) -> tuple[float, float]:
+    """Find the friction of the smallest sum of squared errors in units of their uncertainty.
+
+    Parameters
+    ----------
+    models
+        One a value.
+    values
+        What was measured.
+    sigmas
+        One standard uncertainty of each.
+
+    Returns
+    -------
+    tuple
+        The friction, between 0 and `ROUGHEST`, and its standard error as the `sigmas` imply it;
+        infinite where a wave of the model stops there, or no row depends on the friction.
+    """
+    from scipy.optimize import minimize_scalar
+
+    rows = list(zip(models, values, sigmas, strict=True))
+
+    def misfit(friction: float) -> float:
+        return sum(((m(friction) - v) / s) ** 2 for m, v, s in rows)
+
+    tried = np.linspace(0.0, ROUGHEST, TRIED)
+    k = int(np.argmin([misfit(float(x)) for x in tried]))
+    around = float(tried[max(k - 1, 0)]), float(tried[min(k + 1, TRIED - 1)])
+    refined = minimize_scalar(misfit, bounds=around, method="bounded", options={"xatol": CLOSE})
+    # the refinement never tries its bounds
+    best = 0.0 if misfit(0.0) <= refined.fun else float(refined.x)
+    low = max(best - STEP, 0.0)
+    slopes = [(m(best + STEP) - m(low)) / (best + STEP - low) / s for m, _, s in rows]
+    steep = sum(s * s for s in slopes)
+    known = np.isfinite(steep) and steep > 0.0
+    return best, float(1.0 / np.sqrt(steep)) if known else float("inf")
+
+
+def friction_of(model: Model, value: float) -> float:
+    """Find the friction at which a model gives a value; nan where none up to `ROUGHEST` does."""
+    from scipy.optimize import brentq
+
+    smooth, rough = model(0.0) - value, model(ROUGHEST) - value
+    if smooth * rough > 0.0:
+        return float("nan")
+    return float(brentq(lambda m: model(m) - value, 0.0, ROUGHEST, xtol=CLOSE))
+
+
+def fit_friction(
+    pitches: Sequence[float],
+    frequencies: Sequence[float],
+    thickness: float = 0.0075,
+    height: float = HEIGHT,
+    gravity: float = 9.81,
+) -> Comparison:
+    """Find the friction that explains measured hit frequencies of long uniform rows.
+
+    Parameters
+    ----------
+    pitches
+        (K,) pivot to pivot, of each row [m].
+    frequencies
+        (K,) hits a second, each known to 2 %.
+    thickness, height
+        Of all dominoes [m].
+    gravity
+        [m/s²]
+
+    Raises
+    ------
+    ValueError
+        For pitches that no row can have, frequencies that are not positive, or no pairs of them.
+    """
+    source = source_of_frequencies(pitches, frequencies, thickness, height, gravity)
+    return compare(source, source.setting)
 
 
 # What the model leaves out ------------------------------------------------------------------------

@@ -6,6 +6,7 @@ One TOML file each in `sources/`, found by itself.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -177,6 +178,36 @@ def read_source(path: Path) -> Source:
     with naming(path):
         document = tomllib.loads(decoded(read_bytes(path)))
         return model_of(Source, {**document, "name": path.stem})
+
+
+def source_of_frequencies(
+    pitches: Sequence[float],
+    frequencies: Sequence[float],
+    thickness: float = 0.0075,
+    height: float = HEIGHT,
+    gravity: float = 9.81,
+    uncertainty: float = 0.02,
+) -> Source:
+    """Make a source of hits per second [1/s] at pitches [m], each with a relative uncertainty.
+
+    Raises
+    ------
+    ValueError
+        For pitches that no row can have, frequencies that are not positive, or no pairs of them.
+    """
+    if len(pitches) != len(frequencies):
+        raise ValueError(f"{len(pitches)} pitches and {len(frequencies)} frequencies: give pairs")
+    sizes = {"thickness": thickness, "height": height, "gravity": gravity}
+    rows = [
+        {"x": float(pitch), "value": float(told), "uncertainty": uncertainty * float(told)}
+        for pitch, told in zip(pitches, frequencies, strict=True)
+    ]
+    words = {
+        "title": "rows that were given", "reference": "given", "read": "all of it",
+        "method": "as you know", "errors": f"{uncertainty:.3g} of each", "unknown": [],
+    }  # fmt: skip
+    numbers = {"quantity": "frequency", "unit": "1/s", "setting": {**sizes, "x_is": "pitch"}}
+    return model_of(Source, {"name": "rows", **words, **numbers, "rows": rows})
 
 
 def shipped_sources() -> dict[str, Source]:

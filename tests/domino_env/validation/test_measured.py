@@ -11,9 +11,9 @@ import pytest
 
 import domino_env as de
 from domino_env.cli.main import main
-from domino_env.validation.fit import least_squares
 from domino_env.validation.measured import (
     compare,
+    least_squares,
     leave_out,
     row_model,
     slipping,
@@ -42,9 +42,6 @@ def test_a_source_is_complete_and_the_friction_of_synthetic_rows_is_found_again(
     source = SOURCES[name]
     assert re.search(r"https?://|\d{4}|University", source.reference)
     assert source.unknown
-    assert ":" in source.title
-    assert source.unit
-    assert source.errors
     for row in source.rows:  # better than a tenth of a per cent nobody measured
         assert 1e-3 < row.uncertainty / row.value < 0.5
         assert 0.3 < speed_of(source.quantity, source.setting, row.x, row.value) < 2.0
@@ -56,21 +53,31 @@ def test_a_source_is_complete_and_the_friction_of_synthetic_rows_is_found_again(
     np.testing.assert_allclose(found.predicted, values, rtol=1e-4)
 
 
-def test_what_is_left_out_is_predicted_by_the_others() -> None:
-    """Values f and 2f: each friction follows from the other row alone."""
-    models = [lambda f: f, lambda f: 2.0 * f]
-    found = leave_out([1.0, 2.0], models, [0.3, 0.8], [0.1, 0.1])
-    assert found == pytest.approx((0.4, 0.6), abs=1e-5)
-    assert np.isnan(leave_out([1.0, 1.0], models, [0.3, 0.8], [0.1, 0.1])).all()
+def test_friction_is_found_from_frequencies() -> None:
+    pitches, measured = (0.016, 0.024, 0.032), (64.4, 42.3, 28.1)
+    found = de.fit_friction(pitches, measured, gravity=9.8)
+    assert found.friction == pytest.approx(0.178, abs=1e-3)
+    assert found.uncertainty == pytest.approx(0.016, abs=1e-3)
+    for pitch, told, alone in zip(pitches, measured, found.single, strict=True):
+        wave = de.steady_wave(pitch, 0.0075, physics=de.Physics(alone, 9.8))
+        assert wave.frequency == pytest.approx(told, rel=1e-5)
+    assert np.isnan(de.fit_friction((0.016,), (500.0,)).single[0])
+    for pitches, told, said in [((0.005,), (60.0,), "more than 0"), ((0.016,), (), "give pairs")]:
+        with pytest.raises(ValueError, match=said):
+            de.fit_friction(pitches, told)
 
 
-def test_fits_weigh_rows_by_their_uncertainty_and_stay_in_bounds() -> None:
+def test_fits_weigh_rows_by_their_uncertainty_and_predict_those_left_out() -> None:
     models = [lambda f: f, lambda f: 2.0 * f]
     best, error = least_squares(models, [0.3, 0.8], [0.1, 0.4])
     assert best == pytest.approx((0.3 / 0.01 + 2 * 0.8 / 0.16) / (1 / 0.01 + 4 / 0.16), abs=1e-6)
     assert error == pytest.approx(1.0 / math.sqrt(1 / 0.01 + 4 / 0.16), rel=1e-6)
     assert least_squares(models, [-1.0, -1.0], [0.1, 0.1])[0] == 0.0
     assert least_squares([lambda f: math.inf], [1.0], [0.1])[1] == math.inf
+    # each friction follows from the other row alone
+    found = leave_out([1.0, 2.0], models, [0.3, 0.8], [0.1, 0.1])
+    assert found == pytest.approx((0.4, 0.6), abs=1e-5)
+    assert np.isnan(leave_out([1.0, 1.0], models, [0.3, 0.8], [0.1, 0.1])).all()
 
 
 def test_the_uncertainty_of_a_spacing_counts() -> None:
@@ -84,40 +91,32 @@ def test_the_uncertainty_of_a_spacing_counts() -> None:
 
 
 def test_reasons_say_what_is_wrong() -> None:
-    source = SOURCES["toronto"]
-    right = validate(synthetic(source, 0.2), {})
-    assert right.explained
-    assert right.reasons == ()
-    fast = validate(synthetic(source, 0.0, 1.2), {})
-    assert not fast.explained
-    assert fast.main.friction == 0.0
+    toronto, chapman = SOURCES["toronto"], SOURCES["chapman"]
+    right = validate(synthetic(toronto, 0.2), {})
+    assert (right.explained, right.reasons) == (True, ())
+    fast = validate(synthetic(toronto, 0.0, 1.2), {})
+    assert (fast.explained, fast.main.friction) == (False, 0.0)
     assert "faster-than-frictionless" in fast.reasons
-    assert "friction-falls-with-gap" in validate(source, {}).reasons
-    slow = validate(SOURCES["toronto"], {"half as fast": lambda *_: 0.5, "none": lambda *_: 1.0})
+    slow = validate(toronto, {"half as fast": lambda *_: 0.5, "none": lambda *_: 1.0})
+    assert "friction-falls-with-gap" in slow.reasons
     assert "helped-by: none" not in slow.reasons
-    rough = msgspec.structs.replace(
-        synthetic(SOURCES["chapman"], 0.6), friction=SOURCES["chapman"].friction
+    rough = validate(
+        msgspec.structs.replace(synthetic(chapman, 0.6), friction=chapman.friction), {}
     )
-    assert validate(rough, {}).reasons == ("friction-disagrees",)
-    assert not validate(rough, {}).explained
+    assert (rough.explained, rough.reasons) == (False, ("friction-disagrees",))
+    # McLachlan's abscissa is the gap rather than the pitch
+    other = validate(SOURCES["mclachlan"], {})
+    (pitch,) = (r for r in other.readings if r.setting.x_is == "pitch")
+    assert other.main.setting.x_is == "gap"
+    assert other.main.chi_square < pitch.chi_square
 
 
-def test_mclachlans_abscissa_is_the_gap_rather_than_the_pitch() -> None:
-    validation = validate(SOURCES["mclachlan"], {})
-    (pitch,) = (r for r in validation.readings if r.setting.x_is == "pitch")
-    assert validation.main.setting.x_is == "gap"
-    assert validation.main.chi_square < pitch.chi_square
-
-
-def test_uneven_gaps_cost_more_the_more_uneven_and_the_narrower_they_are() -> None:
+def test_effects_are_as_large_as_simulated_layouts_have_them() -> None:
     setting = SOURCES["toronto"].setting
     assert uneven(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
     narrow = [uneven(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
     assert 1.0 > narrow[0] > narrow[1] > 0.9
     assert narrow[1] < uneven(0.02, setting, 0.03, 0.2) < 1.001
-
-
-def test_feet_that_slip_cost_little_but_where_gaps_are_nearly_out_of_reach() -> None:
     setting = SOURCES["camera"].setting
     assert slipping(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
     assert slipping(0.3, setting, 0.017, 0.05) > 1.02
