@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from domino_env.core.reading import naming, read_bytes
+from domino_env.core.files import naming, read_bytes
 from domino_env.core.results import brief
 from domino_env.core.types import Singles
 

@@ -23,8 +23,8 @@ from agents.algorithms import require_learning
 from agents.network import Policy, acting, actor_of, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
+from domino_env.core.files import naming, read_json
 from domino_env.core.models import Document, model_of
-from domino_env.core.reading import naming, read_json
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import load_any
 

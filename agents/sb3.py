@@ -34,8 +34,7 @@ from agents.apg import APG
 from agents.network import Policy, acting, actor_of
 from agents.vec_env import DominoVecEnv
 from domino_env import Scene, SceneDistribution
-from domino_env.core.files import write_bytes
-from domino_env.core.reading import naming
+from domino_env.core.files import naming, write_bytes
 from domino_env.envs.spaces import SCALES
 
 NEAR_END = SCALES.index(4.0)  # of the entries "near_end": exp(-(dominoes to come) / 4)

@@ -30,10 +30,9 @@ from agents.rollout import Rollout
 from agents.scores import PoolScore, SceneScore
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require, require_choice
-from domino_env.core.files import require_none, write_text
+from domino_env.core.files import naming, read_json, require_none, write_text
 from domino_env.core.models import Document, model_of
 from domino_env.core.progress import progress_bar
-from domino_env.core.reading import naming, read_json
 from domino_env.core.results import draw, versions
 from domino_env.core.tables import write_csv
 from domino_env.scenes.distribution import load_any

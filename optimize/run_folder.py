@@ -20,9 +20,8 @@ from typing import Annotated, Any
 
 from msgspec import Meta
 
-from domino_env.core.files import require_none, require_room, write_text
+from domino_env.core.files import naming, read_json, require_none, require_room, write_text
 from domino_env.core.models import Document, model_of
-from domino_env.core.reading import naming, read_json
 from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
 from domino_env.physics.layout import Layout

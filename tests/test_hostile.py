@@ -189,7 +189,7 @@ def test_a_file_too_large_to_be_one_of_ours_is_not_read(tmp_path: Path, monkeypa
     monkeypatch.setattr("domino_env.physics.files.MOST_DOMINOES", 9)
     with pytest.raises(ValueError, match="it has 10 dominoes, where at most 9 are read"):
         de.Layout.read(tmp_path / "row.csv")
-    monkeypatch.setattr("domino_env.core.reading.LARGEST_FILE", 100)
+    monkeypatch.setattr("domino_env.core.files.LARGEST_FILE", 100)
     with pytest.raises(ValueError, match=r"row\.csv: .* bytes, where files of at most 100"):
         de.Layout.read(tmp_path / "row.csv")
 

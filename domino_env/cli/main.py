@@ -20,8 +20,8 @@ from importlib.metadata import entry_points
 from typing import Any, TextIO
 
 from domino_env import __version__
+from domino_env.core.files import one_line
 from domino_env.core.progress import Advice
-from domino_env.core.reading import one_line
 
 
 def parser() -> argparse.ArgumentParser:

@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, draw, write."""
     from pathlib import Path
 
-    from domino_env.core.reading import one_line, row_name
+    from domino_env.core.files import one_line, row_name
     from domino_env.physics.wave import simulate
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
     from domino_env.view.race import Racer

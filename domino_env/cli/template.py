@@ -18,7 +18,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write, and say what to do with it."""
     from pathlib import Path
 
-    from domino_env.core.reading import row_name
+    from domino_env.core.files import row_name
     from domino_env.scenes.io.reading import read_row, scene_beside
     from domino_env.view.template import strips, words, write_template
 

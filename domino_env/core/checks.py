@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.reading import one_line, shown
+from domino_env.core.files import one_line, shown
 
 INF = math.inf
 

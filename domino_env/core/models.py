@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import Meta, inspect
 
 from domino_env.core.checks import range_in_words
-from domino_env.core.reading import one_line, shown
+from domino_env.core.files import one_line, shown
 
 SMALLEST, LARGEST = 1e-9, 1e9  # of every size in a file, SI: products of four still have digits
 

@@ -8,8 +8,7 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
-from domino_env.core.files import write_text
-from domino_env.core.reading import one_line
+from domino_env.core.files import one_line, write_text
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how what a spreadsheet runs begins
 _MARKED = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

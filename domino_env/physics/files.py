@@ -20,10 +20,9 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from domino_env.core import tables
-from domino_env.core.files import write_text
+from domino_env.core.files import encoding_of, naming, one_line, read_bytes, write_text
+from domino_env.core.files import read_json as read_document
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, model_of
-from domino_env.core.reading import encoding_of, naming, one_line, read_bytes
-from domino_env.core.reading import read_json as read_document
 from domino_env.physics.standard import DENSITY, HEIGHT
 
 MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory

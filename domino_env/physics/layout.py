@@ -302,8 +302,8 @@ class Layout:
     def _read(
         cls, path: str | Path, arguments: Callable[[Path], dict[str, Any]], width: float
     ) -> Layout:
+        from domino_env.core.files import naming, one_line
         from domino_env.core.progress import advise
-        from domino_env.core.reading import naming, one_line
         from domino_env.physics.standard import unit_slip
 
         with naming(path):

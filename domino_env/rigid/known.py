@@ -15,9 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from domino_env.core.files import write_text
+from domino_env.core.files import naming, read_json, write_text
 from domino_env.core.models import model_of
-from domino_env.core.reading import naming, read_json
 from domino_env.core.tables import markdown_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics

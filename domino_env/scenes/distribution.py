@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from domino_env.core.reading import naming, refuse
+from domino_env.core.files import naming, refuse
 from domino_env.core.types import Floats
 from domino_env.scenes.io.ranges import (
     COUNT,

@@ -9,7 +9,7 @@ import hashlib
 
 import numpy as np
 
-from domino_env.core.reading import refuse
+from domino_env.core.files import refuse
 from domino_env.core.types import Floats
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
 from domino_env.scenes.io.reading import DISTRIBUTIONS

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from domino_env.core.files import one_line
 from domino_env.core.progress import notice
-from domino_env.core.reading import one_line
 from domino_env.core.results import brief
 from domino_env.core.types import Floats, distinct_rows
 from domino_env.physics.layout import Layout

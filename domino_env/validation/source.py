@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from domino_env.core.files import decoded, naming, read_bytes
 from domino_env.core.models import Number, Size, Table, model_of
-from domino_env.core.reading import decoded, naming, read_bytes
 from domino_env.physics.standard import HEIGHT, WIDTH
 
 Line = Annotated[str, Meta(min_length=1)]

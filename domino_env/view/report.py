@@ -19,9 +19,16 @@ from typing import Annotated, Any
 
 from msgspec import Meta
 
-from domino_env.core.files import write_text
+from domino_env.core.files import (
+    decoded,
+    naming,
+    one_line,
+    read_bytes,
+    read_json,
+    shown,
+    write_text,
+)
 from domino_env.core.models import Document, Number, model_of
-from domino_env.core.reading import decoded, naming, one_line, read_bytes, read_json, shown
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domino_env.core.checks import require
-from domino_env.core.files import write_bytes
-from domino_env.core.reading import naming, read_bytes
+from domino_env.core.files import naming, read_bytes, write_bytes
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave
 

@@ -87,7 +87,7 @@ def _list(store: Store) -> None:
 
 
 def _show(study: Study, *, everything: bool) -> None:
-    from domino_env.core.reading import one_line
+    from domino_env.core.files import one_line
     from domino_env.core.tables import text_table
     from optimize.experiments.experiment import in_words
 
@@ -119,7 +119,7 @@ def _show(study: Study, *, everything: bool) -> None:
 
 
 def _export_best(study: Study, path: Path, which: str | None) -> None:
-    from domino_env.core.reading import one_line
+    from domino_env.core.files import one_line
     from optimize.experiments.store import best_result
 
     write = {".csv": "to_csv", ".json": "to_json"}.get(path.suffix.lower())

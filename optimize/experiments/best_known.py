@@ -15,9 +15,8 @@ import numpy as np
 from msgspec import Meta
 
 from domino_env import __version__
-from domino_env.core.files import write_text
+from domino_env.core.files import naming, read_json, write_text
 from domino_env.core.models import LARGEST, Number, model_of
-from domino_env.core.reading import naming, read_json
 from domino_env.core.types import Floats
 from domino_env.physics.files import LayoutTable
 from domino_env.physics.layout import Layout

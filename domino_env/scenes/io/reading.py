@@ -10,8 +10,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
+from domino_env.core.files import naming, one_line, read_bytes, refuse
 from domino_env.core.progress import advise
-from domino_env.core.reading import naming, one_line, read_bytes, refuse
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import WIDTH, unit_slip
 from domino_env.scenes.io.ranges import has_ranges
