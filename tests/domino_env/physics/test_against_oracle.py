@@ -8,17 +8,16 @@ from hilly_rows import hilly_row
 import domino_env as de
 
 AGREE = 1e-11  # relative, of times and velocities
+D, H = 0.0075, 0.048
 
 
-def compare(spacing, thickness, *, rtol=AGREE, reach=1e-9, **given):
-    """Topple both, hold all they say against each other; returns what simulate says."""
-    slow = oracle.topple(spacing, thickness, **given)
-    ground = {name: given[name] for name in ("rise", "tilt") if name in given}
-    height, density = given.get("height", 0.048), given.get("density", 1040.0)
-    layout = de.Layout(spacing, thickness, height, density=density, **ground)
-    physics = de.Physics(
-        given.get("friction", 0.25), given.get("gravity", 9.81), given.get("push", 8.0)
-    )
+def compare(layout, physics, *, rtol=AGREE, reach=1e-9, slow=None):
+    """Topple with both, compare all they report; return the result of simulate."""
+    if slow is None:
+        slow = oracle.topple(
+            layout.spacing, layout.thickness, physics.friction, physics.gravity, physics.push,
+            layout.height, layout.density, rise=layout.rise, tilt=layout.tilt,
+        )  # fmt: skip
     wave = de.simulate(layout, physics, rtol=1e-12)
     assert wave.outcome.name == slow.outcome
     assert (wave.hit, wave.toppled) == (slow.hit, slow.toppled)
@@ -37,206 +36,100 @@ def compare(spacing, thickness, *, rtol=AGREE, reach=1e-9, **given):
     return wave
 
 
-# rows drawn by chance ----------------------------------------------------------------------------
+# random layouts ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.25, 0.6])
-@pytest.mark.parametrize("seed", range(4))
-def test_random_gaps(friction, seed):
-    rng = np.random.default_rng(seed)
-    compare(rng.uniform(0.002, 0.034, 9), np.full(10, 0.0075), friction=friction, push=11.0)
+def gaps_alone(rng):
+    return de.Layout(rng.uniform(0.002, 0.034, 9), D), 11.0
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_every_domino_different(seed):
-    """Gaps, thickness, height and density all vary; heights so that every tip strikes a face."""
-    rng = np.random.default_rng(100 + seed)
-    height = 0.048 * np.cumprod(rng.uniform(1.0, 1.15, 10))
-    compare(
-        rng.uniform(0.1, 0.8, 9) * height[:-1],
-        rng.uniform(0.08, 0.25, 10) * height,
-        height=height,
-        density=rng.uniform(400.0, 2500.0, 10),
-        friction=rng.uniform(0.0, 0.4),
-        push=14.0,
-    )
+def all_different(rng):
+    """Heights such that every tip strikes a face."""
+    height = H * np.cumprod(rng.uniform(1.0, 1.15, 10))
+    gaps, thick = rng.uniform(0.1, 0.8, 9) * height[:-1], rng.uniform(0.08, 0.25, 10) * height
+    return de.Layout(gaps, thick, height, density=rng.uniform(400.0, 2500.0, 10)), 14.0
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_heights_up_and_down(seed):
+def up_and_down(rng):
     """A shorter domino follows wherever the gap lets the tip strike below its top."""
-    rng = np.random.default_rng(200 + seed)
-    height = 0.048 * rng.uniform(0.9, 1.1, 9)
+    height = H * rng.uniform(0.9, 1.1, 9)
     room = np.sqrt(np.maximum(height[:-1] ** 2 - height[1:] ** 2, 0.0))
-    spacing = np.maximum(room * 1.001, rng.uniform(0.005, 0.03, 8))
-    thickness = rng.uniform(0.005, 0.01, 9)
-    compare(spacing, thickness, height=height, friction=0.3 * (seed % 2), push=16.0)
+    gaps = np.maximum(room * 1.001, rng.uniform(0.005, 0.03, 8))
+    return de.Layout(gaps, rng.uniform(0.005, 0.01, 9), height), 16.0
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.2, 0.5])
-@pytest.mark.parametrize("seed", [1, 2, 3, 5])
-def test_over_hills(seed, friction):
+def equal_stretches(rng):
+    """Several contacts close at once, and again later."""
+    gaps = np.repeat(rng.choice([0.004, 0.006, 0.012, 0.022], 6), rng.integers(1, 4, 6))
+    return de.Layout(gaps, D), 13.0
+
+
+def uneven_ground(rng):
     """Crests, hollows and steps; thin dominoes, which slip off, among them."""
-    layout = hilly_row(seed, 9)
-    row = layout.spacing, layout.thickness
-    compare(*row, friction=friction, push=16.0, rise=layout.rise, tilt=layout.tilt)
+    return hilly_row(int(rng.integers(1, 6)), 9), 16.0
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "draw", [gaps_alone, all_different, up_and_down, equal_stretches, uneven_ground]
+)
+def test_random_layouts(draw, seed, friction):
+    layout, push = draw(np.random.default_rng([seed, round(100 * friction)]))
+    compare(layout, de.Physics(friction, push=push))
 
 
 @pytest.mark.parametrize("slope", [-0.12, 0.14])
-def test_on_an_even_slope(slope):
-    """Uphill this one dies."""
+def test_a_slope_is_level_ground_under_turned_gravity(slope):
+    """Uphill this one stops."""
     rng = np.random.default_rng(7)
-    spacing, thickness = rng.uniform(0.006, 0.034, 11), rng.uniform(0.007, 0.01, 12)
-    rise = -(spacing + thickness[1:]) * np.sin(slope)
-    compare(spacing, thickness, push=7.0, rise=rise, tilt=slope)
+    gaps, thick = rng.uniform(0.006, 0.034, 11), rng.uniform(0.007, 0.01, 12)
+    layout = de.Layout(gaps, thick, rise=-(gaps + thick[1:]) * np.sin(slope), tilt=slope)
+    compare(layout, de.Physics(push=7.0), slow=oracle.topple(gaps, thick, push=7.0, turned=slope))
+    np.testing.assert_allclose(layout.positions, de.Layout(gaps, thick).positions, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["sprint", "sprint-thickness", "ideal", "gentle"])
-@pytest.mark.parametrize("seed", range(2))
-def test_rows_within_the_bounds_of_a_scene(name, seed):
+def test_layouts_within_the_bounds_of_a_scene(name):
     """The first fourteen dominoes of a random layout, under the scene's physics."""
-    scene = de.load_scene(name)
-    rng = np.random.default_rng(300 + seed)
+    scene, rng = de.load_scene(name), np.random.default_rng(300)
     thickness = np.full(14, scene.first_thickness)
     if scene.free_thickness:
         thickness[1:] = rng.uniform(*scene.thickness, 13)
-    physics = scene.physics
-    compare(
-        rng.uniform(*scene.spacing, 13),
-        thickness,
-        height=scene.height,
-        density=scene.density,
-        friction=physics.friction,
-        gravity=physics.gravity,
-        push=physics.push,
-    )
+    gaps = rng.uniform(*scene.spacing, 13)
+    compare(de.Layout(gaps, thickness, scene.height, density=scene.density), scene.physics)
 
 
-def test_a_longer_row():
-    rng = np.random.default_rng(0)
-    wave = compare(rng.uniform(0.004, 0.034, 24), np.full(25, 0.0075))
-    assert wave.outcome is de.Outcome.PROPAGATED
-    assert wave.flushes > 5
-
-
-# switches ----------------------------------------------------------------------------------------
-
-
-def test_a_run_of_equal_gaps_goes_flush_as_one():
-    wave = compare(np.r_[np.full(8, 0.005), np.full(5, 0.020)], np.full(14, 0.0075), push=15.0)
-    assert wave.flushes == 8
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.25])
-@pytest.mark.parametrize("seed", range(3))
-def test_gaps_on_a_grid(friction, seed):
-    """Stretches of equal gaps, several of them flush at once, and again later."""
-    rng = np.random.default_rng(400 + seed)
-    gaps = np.repeat(rng.choice([0.004, 0.006, 0.012, 0.022], 6), rng.integers(1, 4, 6))
-    wave = compare(gaps, np.full(len(gaps) + 1, 0.0075), friction=friction, push=13.0)
-    assert wave.flushes > 2
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_a_flush_at_the_very_angle_of_a_hit(friction):
-    """Link 0 goes flush at θ_1 = acos(d/p), where domino 1 strikes if s_1 = √(p² - d²) L/p."""
-    spacing = [0.005, 0.048 * 0.8, 0.02]
-    wave = compare(spacing, np.full(4, 0.0075), friction=friction, push=18.0)
-    assert wave.flushes >= 1
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
-def test_releases_from_tip_and_from_corner(friction):
-    spacing = [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020]
-    wave = compare(spacing, np.full(9, 0.0075), friction=friction, push=24.0)
-    assert wave.releases >= 2
-
-
-def test_high_friction_and_large_flush_losses():
-    spacing = [0.03, 0.002, 0.03, 0.002, 0.03, 0.03]
-    wave = compare(spacing, np.full(7, 0.006), friction=0.6, push=20.0)
-    assert wave.largest_flush_loss > 0.05
-
-
-@pytest.mark.parametrize("factor", [1.2, 1.5])
-def test_growing_dominoes(factor):
-    scale = 0.048 * factor ** np.arange(8)
-    compare(0.3 * scale[:-1], 0.15625 * scale, height=scale, push=9.0)
-
-
-# how waves end -----------------------------------------------------------------------------------
+# events ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("gap", "push", "leader"), [(0.005, 4.0, 1), (0.003, 6.0, 2), (0.009, 2.69, 0)]
-)
-def test_stalls_happen_under_the_same_leader(gap, push, leader):
-    wave = compare(np.full(12, gap), np.full(13, 0.0075), friction=0.5, push=push)
-    assert wave.outcome is de.Outcome.STALLED
-    assert int(wave.reach * 13) == leader
-    assert wave.hit == leader + 1
-    assert wave.stall_margin[leader] == 0.0
-    assert wave.mean_speed == 0.0
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_stalls_of_random_rows(seed):
-    """Narrow gaps wear a wave out somewhere; both see it die there."""
-    rng = np.random.default_rng(500 + seed)
-    gaps = np.r_[rng.uniform(0.01, 0.02, 4), rng.uniform(0.0005, 0.004, 8)]
-    thickness = rng.uniform(0.009, 0.013, 13)
-    wave = compare(gaps, thickness, friction=0.4, push=9.0)
-    assert wave.outcome is de.Outcome.STALLED
-    assert wave.hit > 4
-
-
-@pytest.mark.parametrize("excess", [1e-2, 1e-4, -1e-4])
-@pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_on_either_side_of_a_stall(excess, friction):
-    """A push a little above the smallest that topples the row, and one a little below."""
-    gaps, thickness = np.array([0.012, 0.016, 0.009, 0.02, 0.011]), np.full(6, 0.0075)
-    least = de.smallest_push(de.Layout(gaps, thickness), de.Physics(friction))
-    wave = compare(gaps, thickness, friction=friction, push=least * (1.0 + excess), rtol=1e-10)
-    assert (wave.outcome is de.Outcome.PROPAGATED) is (excess > 0.0)
-
-
-def test_jamming_at_a_hit():
-    thickness = [0.0075, 0.0075, 0.05, 0.05, 0.0075, 0.0075, 0.0075]
-    wave = compare(np.full(6, 0.02), thickness, friction=1.0)
-    assert wave.outcome is de.Outcome.JAMMED
-    assert wave.hit == 3  # the third was struck in vain
-    assert np.isfinite(wave.arrival_times[2])
-    assert np.isnan(wave.release_velocity[2])
-
-
-def test_jamming_at_a_flush():
-    """A flush that would throw the leader back."""
-    spacing, thickness = [0.005, 0.035, 0.03], [0.044, 0.025, 0.0115, 0.045]
-    wave = compare(spacing, thickness, friction=0.5, push=25.0)
-    assert wave.outcome is de.Outcome.JAMMED
-    assert (wave.hit, wave.flushes) == (2, 1)
-    assert 0.1 < wave.reach < 0.5
-
-
-def test_out_of_reach():
-    wave = compare([0.02, 0.02, 0.048, 0.02], np.full(5, 0.0075))
-    assert wave.outcome is de.Outcome.OUT_OF_REACH
-    assert (wave.hit, wave.toppled) == (3, 3)
-
-
-def test_no_rigid_answer():
-    """A heavy, thick domino wedged behind a thick one: the effective inertia falls to nothing."""
-    wave = compare(
-        [0.008, 0.021], [0.068, 0.045, 0.0075], density=[2600.0, 1000.0, 1000.0],
-        friction=1.0, push=40.0, reach=1e-5,
-    )  # fmt: skip
-    assert wave.outcome is de.Outcome.NO_RIGID_ANSWER
-    assert wave.mean_speed == 0.0
+    ("gaps", "thickness", "push", "frictions", "flushes", "releases"),
+    [
+        pytest.param([*[0.005] * 8, *[0.020] * 5], D, 15.0, (0.25,), 8, 0, id="eight at once"),
+        # contact 0 closes at θ_1 = acos(d/p), where domino 1 strikes if s_1 = √(p² - d²) L/p
+        pytest.param([0.005, H * 0.8, 0.02], D, 18.0, (0.0, 0.25), 1, 0, id="at a hit"),
+        pytest.param(
+            [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], D, 24.0, (0.0, 0.1, 0.3),
+            0, 2, id="separation from tip and from corner",
+        ),
+        pytest.param(
+            [0.03, 0.002, 0.03, 0.002, 0.03, 0.03], 0.006, 20.0, (0.6,), 1, 0, id="large losses"
+        ),
+    ],
+)  # fmt: skip
+def test_face_impacts_and_separations(gaps, thickness, push, frictions, flushes, releases):
+    for friction in frictions:
+        wave = compare(de.Layout(gaps, thickness), de.Physics(friction, push=push))
+        assert wave.flushes >= flushes
+        assert wave.releases >= releases
+        if friction == 0.6:
+            assert wave.largest_flush_loss > 0.05
 
 
 @pytest.mark.parametrize("seed", [1203, 1354])
-def test_links_behind_a_release_are_not_counted_flush(seed):
-    """What slips off takes the links behind it along as they are: once counted flush too soon."""
+def test_contacts_behind_a_separation_are_not_counted_as_face_contacts(seed):
+    """They keep their state as they leave: once a face contact was counted too soon."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(4, 13))
     friction = rng.choice([0, 0.25, rng.uniform(0, 0.8)])
@@ -247,8 +140,67 @@ def test_links_behind_a_release_are_not_counted_flush(seed):
         else rng.choice([0.002, 0.005, 0.01, 0.02, 0.03], count - 1)
     )
     thick = rng.random() < 0.5
-    thickness = rng.uniform(0.003, 0.02, count) if thick else np.full(count, 0.0075)
+    thickness = rng.uniform(0.003, 0.02, count) if thick else np.full(count, D)
     push = rng.uniform(4, 40)
     density = rng.uniform(200, 4000, count) if rng.random() < 0.5 else np.full(count, 1040.0)
-    wave = compare(spacing, thickness, friction=friction, push=push, density=density)
-    assert wave.releases > 0
+    layout = de.Layout(spacing, thickness, density=density)
+    assert compare(layout, de.Physics(friction, push=push)).releases > 0
+
+
+# how waves end -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("gap", "push", "leader"), [(0.005, 4.0, 1), (0.003, 6.0, 2), (0.009, 2.69, 0)]
+)
+def test_stalls_happen_under_the_same_leader(gap, push, leader):
+    wave = compare(de.Layout(np.full(12, gap), D), de.Physics(0.5, push=push))
+    assert wave.outcome is de.Outcome.STALLED
+    assert int(wave.reach * 13) == leader
+    assert wave.hit == leader + 1
+    assert wave.stall_margin[leader] == 0.0
+    assert wave.mean_speed == 0.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_narrow_gaps_stop_a_wave_late(seed):
+    rng = np.random.default_rng(500 + seed)
+    gaps = np.r_[rng.uniform(0.01, 0.02, 4), rng.uniform(0.0005, 0.004, 8)]
+    wave = compare(de.Layout(gaps, rng.uniform(0.009, 0.013, 13)), de.Physics(0.4, push=9.0))
+    assert wave.outcome is de.Outcome.STALLED
+    assert wave.hit > 4
+
+
+@pytest.mark.parametrize("excess", [1e-2, 1e-4, -1e-4])
+@pytest.mark.parametrize("friction", [0.0, 0.25])
+def test_on_either_side_of_a_stall(excess, friction):
+    """A push a little above the smallest that topples the chain, and one a little below."""
+    layout = de.Layout([0.012, 0.016, 0.009, 0.02, 0.011], D)
+    push = de.smallest_push(layout, de.Physics(friction)) * (1.0 + excess)
+    wave = compare(layout, de.Physics(friction, push=push), rtol=1e-10)
+    assert (wave.outcome is de.Outcome.PROPAGATED) is (excess > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "layout", "physics", "hit"),
+    [
+        (  # the third was struck in vain
+            "JAMMED", de.Layout(np.full(6, 0.02), [D, D, 0.05, 0.05, D, D, D]), de.Physics(1.0), 3,
+        ),
+        (  # a face impact that would throw the leader back
+            "JAMMED", de.Layout([0.005, 0.035, 0.03], [0.044, 0.025, 0.0115, 0.045]),
+            de.Physics(0.5, push=25.0), 2,
+        ),
+        ("OUT_OF_REACH", de.Layout([0.02, 0.02, H, 0.02], D), de.Physics(), 3),
+        (  # a heavy, thick domino behind a thick one: the effective inertia falls to nothing
+            "NO_RIGID_ANSWER",
+            de.Layout([0.008, 0.021], [0.068, 0.045, D], density=[2600.0, 1000.0, 1000.0]),
+            de.Physics(1.0, push=40.0), 2,
+        ),
+    ],
+    ids=["jams at a hit", "jams at a face impact", "out of reach", "no rigid answer"],
+)  # fmt: skip
+def test_other_ends(outcome, layout, physics, hit):
+    wave = compare(layout, physics, reach=1e-5 if outcome == "NO_RIGID_ANSWER" else 1e-9)
+    assert (wave.outcome.name, wave.hit) == (outcome, hit)
+    assert wave.mean_speed == 0.0

@@ -1,10 +1,12 @@
-"""simulate and simulate_batch: what they promise besides the physics."""
+"""Waves, batches, steady waves and smallest pushes: what they promise besides the physics."""
 
+import math
 import threading
 
 import numba
 import numpy as np
 import pytest
+from hilly_rows import hilly_row
 
 import domino_env as de
 from domino_env.core.threads import share_pieces, share_rows
@@ -14,45 +16,58 @@ SUMMARY = (
     "releases", "largest_flush_loss",
 )  # fmt: skip
 RECORD = ("arrival_times", "release_velocity", "impact_velocity", "stall_margin")
+PHYSICS = de.Physics(0.5, 9.81, 3.0)
 
 
-def rows(count=60, n=30, seed=0):
-    """Gentle rows: about a third propagate, the others stall; some gaps are out of reach."""
-    rng = np.random.default_rng(seed)
+def rows(count=60, n=30):
+    """Gentle chains: about a third propagate, the others stall; some gaps are out of reach."""
+    rng = np.random.default_rng(0)
     spacing = rng.uniform(0.002, 0.026, (count, n - 1))
     spacing[::9, 11] = 0.05
     return spacing, rng.uniform(0.005, 0.014, (count, n))
 
 
-PHYSICS = de.Physics(0.5, 9.81, 3.0)
-
-
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-10])
-def test_a_batch_is_bit_for_bit_its_rows(rtol):
+def test_a_batch_is_bit_for_bit_its_layouts(rtol):
+    """Whether recorded or not, taken as waves or simulated alone."""
     spacing, thickness = rows()
     batch = de.simulate_batch(spacing, thickness, PHYSICS, rtol=rtol)
+    brief = de.simulate_batch(spacing, thickness, PHYSICS, rtol=rtol, record=False)
     assert len(set(batch.outcome)) >= 2
     for b in range(len(spacing)):
         wave = de.simulate(de.Layout(spacing[b], thickness[b]), PHYSICS, rtol=rtol)
+        assert batch[b].layout == wave.layout
         for name in SUMMARY:
-            assert getattr(wave, name) == getattr(batch, name)[b], name
+            known = getattr(wave, name)
+            assert known == getattr(batch, name)[b] == getattr(brief, name)[b], name
+            assert known == getattr(batch[b], name), name
         for name in RECORD:
             np.testing.assert_array_equal(getattr(wave, name), getattr(batch, name)[b])
+    assert brief.arrival_times.shape == (len(spacing), 0)
+    with pytest.raises(ValueError, match="record=True"):
+        brief[0]
 
 
 def test_order_and_threads_change_nothing():
     spacing, thickness = rows(200)
-    batch = de.simulate_batch(spacing, thickness, PHYSICS)
+    expected = de.simulate_batch(spacing, thickness, PHYSICS).arrival_times
     order = np.random.default_rng(1).permutation(200)
     shuffled = de.simulate_batch(spacing[order], thickness[order], PHYSICS)
-    np.testing.assert_array_equal(shuffled.arrival_times, batch.arrival_times[order])
-    threads = numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
-        alone = de.simulate_batch(spacing, thickness, PHYSICS)
-    finally:
+    np.testing.assert_array_equal(shuffled.arrival_times, expected[order])
+    found = []
+
+    def call(threads):
         numba.set_num_threads(threads)
-    np.testing.assert_array_equal(alone.arrival_times, batch.arrival_times)
+        found.append(de.simulate_batch(spacing, thickness, PHYSICS).arrival_times)
+
+    callers = [threading.Thread(target=call, args=(n,)) for n in (1, 1, numba.get_num_threads())]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert len(found) == 3
+    for times in found:
+        np.testing.assert_array_equal(times, expected)
 
 
 def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
@@ -73,43 +88,15 @@ def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
     assert calls == [(0, 100, threading.get_ident())] * 2
 
 
-def test_several_python_threads_may_call_at_once():
-    spacing, thickness = rows(100)
-    expected = de.simulate_batch(spacing, thickness, PHYSICS).arrival_times
-    found = []
-
-    def call():
-        found.append(de.simulate_batch(spacing, thickness, PHYSICS).arrival_times)
-
-    callers = [threading.Thread(target=call) for _ in range(4)]
-    for caller in callers:
-        caller.start()
-    for caller in callers:
-        caller.join()
-    assert len(found) == 4
-    for times in found:
-        np.testing.assert_array_equal(times, expected)
-
-
-def test_without_a_record_the_summary_is_the_same():
-    spacing, thickness = rows()
-    full = de.simulate_batch(spacing, thickness, PHYSICS)
-    brief = de.simulate_batch(spacing, thickness, PHYSICS, record=False)
-    for name in SUMMARY:
-        np.testing.assert_array_equal(getattr(brief, name), getattr(full, name))
-    assert brief.arrival_times.shape == (len(spacing), 0)
-
-
-def test_what_a_wave_tells():
+def test_the_attributes_of_a_wave():
     wave = de.simulate(de.Layout.uniform(30, pitch=0.024), de.Physics())
     assert wave.outcome is de.Outcome.PROPAGATED
     assert (wave.hit, wave.toppled, wave.reach) == (30, 30, 1.0)
     assert wave.arrival_times[0] == 0.0
     assert np.all(np.diff(wave.arrival_times) > 0.0)
     assert wave.release_velocity[0] == 8.0
-    assert wave.release_velocity.shape == (30,)
-    assert wave.impact_velocity.shape == (29,)
-    assert wave.stall_margin.shape == (30,)
+    shapes = [getattr(wave, name).shape for name in RECORD]
+    assert shapes == [(30,), (30,), (29,), (30,)]
     assert np.all((wave.stall_margin > 0.0) & (wave.stall_margin <= 1.0))
     assert wave.mean_speed == wave.layout.length / wave.arrival_times[-1]
     assert 0.0 < wave.error_estimate <= 1e-8
@@ -117,8 +104,8 @@ def test_what_a_wave_tells():
     assert wave.run_time > 0.0
 
 
-def test_a_wave_that_dies_says_where_and_what_to_do():
-    wave = de.simulate(de.Layout.uniform(30, spacing=0.004), de.Physics(0.25, 9.81, 3.0))
+def test_a_wave_that_stops_says_where_and_what_to_do():
+    wave = de.simulate(de.Layout.uniform(30, spacing=0.004), de.Physics(push=3.0))
     assert wave.outcome is de.Outcome.STALLED
     assert wave.mean_speed == 0.0
     assert 0.0 < wave.reach < 1.0
@@ -128,31 +115,108 @@ def test_a_wave_that_dies_says_where_and_what_to_do():
     assert "push harder" in wave.explanation
 
 
-def test_a_single_domino_topples_or_does_not():
-    layout = de.Layout([], [0.0075])
+# steady waves ------------------------------------------------------------------------------------
+
+RNG = np.random.default_rng(0)
+PATTERNS = [  # gaps and thicknesses, with face impacts, and now and then separations, in each
+    *((np.array([gap]), np.array([0.0075]), slope)
+      for gap, slope in ((0.0085, 0.0), (0.0325, 0.0), (0.0165, -0.06), (0.0165, 0.1))),
+    *((RNG.uniform(0.008, 0.034, n), RNG.uniform(0.005, 0.010, n), 0.0) for n in (2, 3, 4)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize(("gaps", "thickness", "slope"), PATTERNS)
+def test_a_long_chain_tends_to_the_steady_wave(gaps, thickness, slope, friction):
+    physics, period, repeats = de.Physics(friction, push=15.0), len(gaps), 250 // len(gaps)
+    pitch = gaps + np.roll(thickness, -1)
+    if period == 1:
+        layout = de.Layout.uniform(repeats, pitch=pitch[0], slope=slope)
+        steady = de.steady_wave(pitch[0], 0.0075, physics=physics, slope=slope)
+    else:
+        layout = de.Layout(np.tile(gaps, repeats)[:-1], np.tile(thickness, repeats))
+        steady = de.steady_wave(pitch, thickness, physics=physics)
+    wave = de.simulate(layout, physics, rtol=1e-12)
+    assert steady.exists
+    last, rtol = (
+        slice((repeats - 2) * period, (repeats - 1) * period),
+        1e-9 if period == 1 else 1e-8,
+    )
+    times = np.diff(wave.arrival_times)[last]
+    np.testing.assert_allclose(steady.omega_release, wave.release_velocity[last], rtol=rtol)
+    np.testing.assert_allclose(steady.omega_impact, wave.impact_velocity[last], rtol=rtol)
+    np.testing.assert_allclose(steady.fall_times, times, rtol=rtol)
+    assert steady.speed == pytest.approx(pitch.sum() / times.sum(), rel=rtol)
+
+
+def test_where_there_is_no_steady_wave():
+    tight = de.steady_wave(0.0078, 0.0075)
+    assert not tight.exists
+    assert tight.speed == 0.0
+    assert math.isnan(tight.omega_release)
+    assert "energy" in tight.explanation
+    assert "out of reach" in de.steady_wave(0.06, 0.0075).explanation
+    with pytest.raises(ValueError, match="overlap"):
+        de.steady_wave(0.007, 0.0075)
+
+
+def test_the_closed_form_is_near_for_thin_dominoes():
+    for pitch in (0.008, 0.012):
+        steady = de.steady_wave(pitch, 0.001, physics=de.Physics(0.0))
+        assert de.terminal_speed_estimate(pitch, 0.001) == pytest.approx(steady.speed, rel=0.05)
+    with pytest.raises(ValueError, match="releases no energy"):
+        de.terminal_speed_estimate(0.0077, 0.0075)
+
+
+# the smallest push -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_smallest_push_divides_propagation_from_a_stall(friction, seed):
+    rng = np.random.default_rng(seed)
+    flat = de.Layout(rng.uniform(0.002, 0.02, 30), rng.uniform(0.005, 0.012, 31))
+    for layout in (flat, hilly_row(5, 8)):
+        least = de.smallest_push(layout, de.Physics(friction))
+        if math.isinf(least):
+            ends = de.simulate(layout, de.Physics(friction, 9.81, 1e4)).outcome
+            assert ends not in (de.Outcome.PROPAGATED, de.Outcome.STALLED)
+            continue
+        for excess, outcome in ((-1e-9, "STALLED"), (1e-9, "PROPAGATED")):
+            physics = de.Physics(friction, push=least * (1.0 + excess))
+            assert de.simulate(layout, physics, rtol=1e-13).outcome.name == outcome
+
+
+def test_the_smallest_push_of_one_domino_and_where_none_helps():
     least = np.sqrt(3.0 * 9.81 * (np.hypot(0.048, 0.0075) - 0.048) / (0.048**2 + 0.0075**2))
-    assert de.smallest_push(layout, de.Physics()) == pytest.approx(least, rel=1e-12)
-    for factor, outcome in ((1 - 1e-9, "STALLED"), (1 + 1e-9, "PROPAGATED")):
-        wave = de.simulate(layout, de.Physics(push=factor * least))
-        assert wave.outcome.name == outcome
-    assert wave.mean_speed == 0.0
+    alone = de.Layout([], [0.0075])
+    assert de.smallest_push(alone, de.Physics()) == pytest.approx(least, rel=1e-12)
+    for excess, outcome in ((-1e-9, "STALLED"), (1e-9, "PROPAGATED")):
+        wave = de.simulate(alone, de.Physics(push=least * (1.0 + excess)))
+        assert (wave.outcome.name, wave.mean_speed) == (outcome, 0.0)
+    assert de.smallest_push(de.Layout([0.02, 0.05], 0.0075), de.Physics()) == math.inf
 
 
-def test_painleve_has_no_rigid_answer():
-    """A light domino behind a heavy, rough, thick one: the effective inertia turns negative."""
-    thickness = [0.048, 0.0005, 0.048, 0.02, 0.02]
-    found = set()
-    for friction in np.linspace(0.5, 3.0, 26):
-        layout = de.Layout([0.03, 0.01, 0.01, 0.01], thickness, density=[9000, 100, 100, 1, 1])
-        wave = de.simulate(layout, de.Physics(friction, 9.81, 20.0))
-        found.add(wave.outcome)
-        assert wave.explanation
-    assert found <= set(de.Outcome)
-    assert de.Outcome.PROPAGATED not in found
+@pytest.mark.parametrize("friction", [0.0, 0.25])
+def test_just_above_a_stall_the_estimate_stays_honest(friction):
+    """One unit in the last place of the push moves the time by far more than rtol."""
+    layout = de.Layout(np.random.default_rng(5).uniform(0.004, 0.02, 15), 0.0075)
+    push = de.smallest_push(layout, de.Physics(friction)) * (1.0 + 1e-12)
+    wave, other = (
+        de.simulate(layout, de.Physics(friction, 9.81, p), rtol=1e-10)
+        for p in (push, np.nextafter(push, 10.0))
+    )
+    moved = np.max(np.abs(other.arrival_times[1:] / wave.arrival_times[1:] - 1.0))
+    assert moved > 1e-8
+    assert not wave.converged
+    assert moved < wave.error_estimate < 1e-2
+
+
+# errors ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-14, 0.0, -1.0, float("nan")])
-def test_a_tolerance_out_of_range_is_refused(rtol):
+def test_a_tolerance_out_of_range(rtol):
     with pytest.raises(ValueError, match=r"rtol = .*: give a finite number from"):
         de.simulate(de.Layout.uniform(3, pitch=0.02), de.Physics(), rtol=rtol)
 
@@ -161,61 +225,49 @@ def test_a_tolerance_out_of_range_is_refused(rtol):
     ("given", "message"),
     [
         ({"spacing": [0.02, 0.02]}, "one row a layout"),
-        ({"spacing": [[0.02, -0.01]]}, r"spacing\[0, 1\] = -0.01 m"),
         ({"spacing": [[0.02, np.nan]]}, r"spacing\[0, 1\] = nan m"),
         ({"thickness": [[0.0, 0.01, 0.01]]}, r"thickness\[0, 0\] = 0.0 m"),
         ({"thickness": [0.01, 0.01]}, r"thickness has shape \(2,\)"),
         ({"height": [0.1, 0.05, 0.05]}, "above the top of domino 1"),
         ({"density": -1.0}, r"density\[0, 0\] = -1.0 kg/m³"),
+        ({"tilt": [[0.3, 0.0, 0.0]]}, "layout 0: domino 0 does not stand"),
+        ({"rise": [[0.0, 0.021]]}, "layout 0: .* above domino 1"),
     ],
 )
-def test_a_batch_that_cannot_stand_is_refused(given, message):
+def test_a_batch_that_cannot_stand(given, message):
     good = {"spacing": [[0.02, 0.02]], "thickness": [[0.01, 0.01, 0.01]]}
     with pytest.raises(ValueError, match=message):
         de.simulate_batch(physics=de.Physics(), **(good | given))
 
 
-def test_looser_runs_agree_within_what_they_say():
-    spacing, thickness = rows(150, seed=3)
-    spacing = np.minimum(spacing, 0.026)
-    tight = de.simulate_batch(spacing, thickness, de.Physics(0.3), rtol=1e-13)
-    for rtol in (1e-3, 1e-5, 1e-7, 1e-9, 1e-11):
-        loose = de.simulate_batch(spacing, thickness, de.Physics(0.3), rtol=rtol)
-        np.testing.assert_array_equal(loose.outcome, tight.outcome)
-        came = np.isfinite(tight.arrival_times[:, 1:])
-        reference = np.where(came, tight.arrival_times[:, 1:], 1.0)
-        error = np.where(came, np.abs(loose.arrival_times[:, 1:] / reference - 1.0), 0.0).max(1)
-        assert np.all(error <= loose.error_estimate + tight.error_estimate)
-        assert np.all(loose.error_estimate[loose.converged] <= rtol)
+@pytest.mark.parametrize(("name", "value", "words"), [
+    ("friction", -0.1, "friction = -0.1: give a finite number from 0 to 1e+09"),
+    ("friction", float("nan"), "friction = nan"),
+    ("gravity", 0.0, "gravity = 0.0: give a finite number from 1e-09"),
+    ("gravity", float("inf"), "gravity = inf"),
+    ("push", -1.0, "push = -1.0: give a finite number from 1e-09"),
+])  # fmt: skip
+def test_physics_out_of_range(name, value, words):
+    with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
+        de.Physics(**{name: value})
+    assert str(refused.value).startswith(words)
 
 
-@pytest.mark.parametrize("count", [100_000])
-def test_a_hundred_thousand_dominoes(count):
-    rng = np.random.default_rng(0)
-    wave = de.simulate(de.Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075), de.Physics())
-    assert wave.outcome is de.Outcome.PROPAGATED
-    assert wave.error_estimate < 1e-8
+def test_physics_are_floats_and_immutable():
+    physics = de.Physics(friction=0, gravity=10, push=3)
+    values = physics.friction, physics.gravity, physics.push
+    assert values == (0.0, 10.0, 3.0)
+    assert all(type(value) is float for value in values)
+    assert de.Physics(push=np.float64(3.0)).replace(friction=0, gravity=np.int64(10)) == physics
+    assert de.Physics() == de.Physics(0.25, 9.81, 8.0)
+    with pytest.raises(AttributeError, match="immutable"):
+        physics.push = 1.0
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.25])
-@pytest.mark.parametrize("gap", [0.004, 0.016, 0.030])
-def test_the_stack_is_cut_anew_as_a_strong_push_fades(friction, gap):
-    """What was nothing beside a push of 2700 rad/s is much when the wave has slowed down."""
-    layout, physics = de.Layout.uniform(60, spacing=gap), de.Physics(friction, 9.81, 2694.0)
-    exact = de.simulate(layout, physics, rtol=1e-13).arrival_times[1:]
-    for rtol in (1e-3, 1e-4, 1e-6):
-        wave = de.simulate(layout, physics, rtol=rtol)
-        error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
-        assert error <= wave.error_estimate <= rtol
-
-
-def test_a_wave_of_a_batch_is_that_of_its_layout():
-    gaps = np.random.default_rng(5).uniform(0.004, 0.03, (3, 8))
-    batch = de.simulate_batch(gaps, 0.0075, de.Physics(), rtol=1e-8)
-    for b, row in enumerate(gaps):
-        wave, alone = batch[b], de.simulate(de.Layout(row, 0.0075), de.Physics())
-        assert wave.layout == alone.layout
-        assert wave.outcome is alone.outcome
-        np.testing.assert_array_equal(wave.arrival_times, alone.arrival_times)
-    with pytest.raises(ValueError, match="record=True"):
-        de.simulate_batch(gaps, 0.0075, de.Physics(), record=False)[0]
+@pytest.mark.parametrize("function", [de.simulate, de.diagnose, de.smallest_push])
+def test_arguments_of_another_type(function):
+    wanted = r"layout is a list: give a Layout, such as Layout\(spacing="
+    with pytest.raises(TypeError, match=wanted):
+        function([0.018, 0.02], de.Physics())
+    with pytest.raises(TypeError, match=r"physics is a float: give a Physics, such as Physics\("):
+        function(de.Layout([0.018], 0.0075), 0.25)
