@@ -96,7 +96,7 @@ class BenchmarkTask(Task):
 
     def run(
         self,
-        watch: Callable[[Evaluator], None] | None = None,
+        callback: Callable[[Evaluator], None] | None = None,
         clock: Callable[[], float] = time.process_time,
     ) -> TaskResult:
         """Train and evaluate, build, or search; a training that was stopped is continued."""
@@ -106,7 +106,7 @@ class BenchmarkTask(Task):
         compile_for(problem, gradients=True, episodes=True)  # before any clock
         n = problem.count - 1
         if self.method not in (*ALGORITHMS, *SCRIPTED):
-            found = super().run(watch, clock)
+            found = super().run(callback, clock)
             steps = [(n * rows, falls, t, score) for rows, falls, t, score in found.trace]
             return msgspec.structs.replace(found, trace=steps, evaluations=steps[-1][0])
         if self.method in ALGORITHMS:

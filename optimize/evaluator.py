@@ -162,11 +162,11 @@ class Evaluator:
         if not self.finalists:  # even a limit of no time allows a first evaluation
             return ""
         if self.max_evaluations is not None and self.evaluations >= self.max_evaluations:
-            return f"limit of {self.max_evaluations} rows reached"
+            return f"limit of {self.max_evaluations} layouts reached"
         if self.max_seconds is not None and self.seconds >= self.max_seconds:
             return f"limit of {self.max_seconds:g} s reached"
         if self._unlimited and self.evaluations >= max(PATIENT, 2 * self.gained):
-            return f"nothing gained in the last {self.evaluations - self.gained} rows"
+            return f"nothing gained in the last {self.evaluations - self.gained} layouts"
         return ""
 
     def require_more(self) -> None:
@@ -221,7 +221,7 @@ class Evaluator:
         """
         if len(scores.score) > self.remaining:
             raise ValueError(
-                f"{len(scores.score)} rows are noted, where {self.remaining:g} are left to spend"
+                f"{len(scores.score)} layouts are noted, where {self.remaining:g} are left to spend"
             )
         self._count(scores)
         self._note(scores, design)

@@ -77,7 +77,7 @@ class SearchResult(MadeForScene):
 
     def __repr__(self) -> str:
         found = self.scene.against_uniform(self.score, self.wave)
-        how = f"{self.evaluations} rows in {self.seconds:.2g} s"
+        how = f"{self.evaluations} layouts in {self.seconds:.2g} s"
         return f"SearchResult({self.scene.name} by {self.method}, seed {self.seed}: {found}; {how})"
 
     def plot(self) -> Any:
@@ -112,7 +112,7 @@ class SearchResult(MadeForScene):
         unit = f" [{self.scene.unit}]" if self.scene.unit else ""
         axes.set_ylabel(f"best score{unit}" if high > 0.0 else "best score (below 0: it dies)")
         axes.set_xlabel(
-            f"seconds of search ({self.method}, seed {self.seed}, {self.evaluations} rows)"
+            f"seconds of search ({self.method}, seed {self.seed}, {self.evaluations} layouts)"
         )
 
     def summary(self) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from optimize.run_folder import JOURNAL, RunFolder
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
 
-Watch = Callable[[Evaluator], None]
+Callback = Callable[[Evaluator], None]
 
 LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
 FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
@@ -44,7 +44,7 @@ def search(
     seconds: float | None = None,
     progress: bool | None = None,
     folder: str | Path | None = None,
-    watch: Watch | None = None,
+    callback: Callback | None = None,
     executor: Executor | None = None,
     resume: bool = False,
     clock: Callable[[], float] = time.perf_counter,
@@ -75,7 +75,7 @@ def search(
         Whether to show a line with the best so far; None for on a terminal.
     folder
         Folder to write the run to, see `optimize.run_folder`; None for nowhere.
-    watch
+    callback
         Called with the `Evaluator` after every batch.
     executor
         Simulates batches of thousands of layouts, see `optimize.executors`; smaller ones are not
@@ -121,16 +121,16 @@ def search(
             progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
         )
 
-        def callback(evaluator: Evaluator) -> None:
+        def after_batch(evaluator: Evaluator) -> None:
             show(evaluator)
             if files is not None:
                 files.save(evaluator)
-            if watch is not None:
-                watch(evaluator)
+            if callback is not None:
+                callback(evaluator)
 
         evaluator = Evaluator(
             problem, budget, seconds,
-            callback=callback, journal=journal, executor=executor, clock=clock,
+            callback=after_batch, journal=journal, executor=executor, clock=clock,
         )  # fmt: skip
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
@@ -218,7 +218,9 @@ def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False
 
 
 @contextmanager
-def progress_line(name: str, mark: float, shown: bool | None, unit: str = "m/s") -> Iterator[Watch]:
+def progress_line(
+    name: str, mark: float, shown: bool | None, unit: str = "m/s"
+) -> Iterator[Callback]:
     """Keep a line on the terminal, and yield the function that updates it.
 
     Parameters
@@ -248,7 +250,7 @@ def progress_line(name: str, mark: float, shown: bool | None, unit: str = "m/s")
 
 def _best_so_far(score: float, mark: float, unit: str) -> str:
     if score <= 0.0:
-        return f"no row runs through yet, the best to {1.0 + score:.0%}"
+        return f"no layout completes yet, the best comes to {1.0 + score:.0%}"
     lead = gain(score, mark)
     against = "" if lead is None else f", {lead:+.2%} against uniform"
     return f"best {score:.5f} {unit}".rstrip() + against

@@ -119,7 +119,7 @@ class DominoRow(Problem[Floats]):
             Always.
         """
         raise ValueError(
-            "there is no published data set of rows: random_design and optimize make designs"
+            "there is no published data set of layouts: random_design and optimize make designs"
         )
 
     def layout(self, design: Floats) -> Layout:

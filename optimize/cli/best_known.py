@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     records = best_known()
     unknown = [name for name in arguments.scenes if name not in records]
     if unknown:
-        raise ValueError(f"no row is known of '{unknown[0]}'; known are {', '.join(records)}")
+        raise ValueError(f"no layout is known of '{unknown[0]}'; known are {', '.join(records)}")
     wanted = {name: records[name] for name in arguments.scenes or records}
     if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
         raise ValueError("--engine, --json and --update go with --verify")

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="auto (default), cma, l-bfgs, slsqp, scp, …, or package.module:function",
     )
     parser.add_argument(
-        "--evaluations", type=int, help="rows that may be simulated (until the search is done)"
+        "--evaluations", type=int, help="layouts that may be simulated (until the search is done)"
     )
     parser.add_argument("--seconds", type=float, help="time that may be spent (the same)")
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
@@ -119,6 +119,6 @@ def _found(result: SearchResult) -> str:
     ended = "interrupted after " if result.interrupted else ""
     text = (
         f"{worth}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
-        f"{ended}{result.evaluations} rows in {result.seconds:.1f} s)"
+        f"{ended}{result.evaluations} layouts in {result.seconds:.1f} s)"
     )
     return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

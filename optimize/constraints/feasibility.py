@@ -15,13 +15,13 @@ MM = 1e3  # the programme is in millimetres: HiGHS takes rules as kept to 1e-6, 
 
 
 def require_feasible(scene: Scene) -> None:
-    """Raise ValueError naming the rules that clash, if no row keeps all of them."""
+    """Raise ValueError naming the rules that clash, if no layout keeps all of them."""
     if _plainly_feasible(scene):
         return
     found = clashing_rules(scene)
     if found:
         raise ValueError(
-            f"scene '{scene.name}': no row of {scene.count} dominoes keeps all its rules; these "
+            f"scene '{scene.name}': no layout of {scene.count} dominoes keeps all its rules; these "
             f"clash: {'; '.join(found)}: change one of them"
         )
 

@@ -103,7 +103,9 @@ class Lists:
             for b, start in enumerate(starts):
                 level[b] = self._levels(wanted[b], start)
         if level.size and level.min() < 0:
-            raise ValueError("no row of the values allowed has the length and the changes allowed")
+            raise ValueError(
+                "no layout of the values allowed has the length and the changes allowed"
+            )
         return np.take_along_axis(self.values, level.T, axis=1).T
 
     def _levels(self, wanted: Floats, start: Ints) -> Ints:

@@ -136,14 +136,14 @@ class Task:
 
     def run(
         self,
-        watch: Callable[[Evaluator], None] | None = None,
+        callback: Callable[[Evaluator], None] | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> TaskResult:
         """Search, and return what an experiment keeps.
 
         Parameters
         ----------
-        watch, clock
+        callback, clock
             As of `optimize.search`.
 
         Raises
@@ -155,7 +155,7 @@ class Task:
         """
         result = search(
             scene_of(self.scene), self.method, self.evaluations, self.seed, seconds=self.seconds,
-            progress=False, watch=watch, clock=clock,
+            progress=False, callback=callback, clock=clock,
         )  # fmt: skip
         if result.interrupted:
             raise KeyboardInterrupt

@@ -70,7 +70,7 @@ def test_a_profile_counts_the_runs_beyond_each_target() -> None:
 class KnownTask(BenchmarkTask):
     """One whose result is known."""
 
-    def run(self, watch=None, clock=None) -> TaskResult:
+    def run(self, callback=None, clock=None) -> TaskResult:
         seconds = 2.0 * SHORT if self.method == "ppo" else 1.0
         trace = [(10, 10, 0.5 * seconds, 0.5), (20, 20, seconds, 1.0)]
         return self.result_of(None, 1.0, 0.5, trace, gain=None)

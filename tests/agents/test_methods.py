@@ -42,7 +42,7 @@ def test_a_learner_keeps_a_budget_and_repeats_to_the_bit(small, method: str) -> 
     before = random.getstate(), np.random.get_state()[1].tolist(), torch.get_rng_state()  # noqa: NPY002
     counted = []
     one, two = (
-        search(small, method, budget=budget, seed=5, watch=lambda m: counted.append(m.remaining))
+        search(small, method, budget=budget, seed=5, callback=lambda m: counted.append(m.remaining))
         for _ in range(2)
     )
     assert before[0] == random.getstate()

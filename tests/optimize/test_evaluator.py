@@ -20,7 +20,7 @@ def test_a_limit_raises_into_the_method(scenes) -> None:
     assert evaluator.evaluations == 10  # as many as remained
     assert (evaluator.progress, evaluator.remaining) == (1.0, 0.0)
     for ask in (evaluator.evaluate, evaluator.lateness, lambda x: evaluator.evaluate(x, True)):
-        with pytest.raises(BudgetSpent, match="limit of 10 rows reached"):
+        with pytest.raises(BudgetSpent, match="limit of 10 layouts reached"):
             ask(designs[0])
     assert evaluator.evaluations == 10
 
@@ -69,7 +69,7 @@ def test_layouts_simulated_elsewhere_are_recorded(scenes) -> None:
     assert asked == [int(np.argmax(found.score))]
     assert (evaluator.remaining, evaluator.best_score) == (1.0, found.score.max())
     assert evaluator.falls == found.falls.sum()
-    with pytest.raises(ValueError, match="4 rows are noted, where 1 are left"):
+    with pytest.raises(ValueError, match="4 layouts are noted, where 1 are left"):
         evaluator.record(found, designs.__getitem__)
     evaluator.add_seconds(900.0)
     assert 0.9 <= evaluator.seconds / 1000.0 < 1.0

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -213,9 +214,7 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
 
 @pytest.mark.parametrize(("workers", "dask", "message"), [
     (0, None, "--workers 0: give 1 to"),
-    (5000, None, "--workers 5000: give 1 to"),
     (None, "nonsense", "--dask nonsense: give the address of a scheduler"),
-    (None, "tcp://a b:1", "give the address of a scheduler"),
     (2, "tcp://127.0.0.1:9", "its workers are its own"),
 ])  # fmt: skip
 def test_executors_that_cannot_be(workers, dask, message: str) -> None:
@@ -231,32 +230,15 @@ def test_without_the_extra_it_says_what_installs_it(monkeypatch) -> None:
         pass
 
 
-class Client:
-    """Of workers that have what they are given."""
-
-    def __init__(self, numba: str | None) -> None:
-        self.numba = numba
-
-    def run(self, _: object) -> dict:
-        if self.numba is None:
-            raise ModuleNotFoundError("none", name="optimize")
-        return {"tcp://worker": versions() | {"numba": self.numba}}
-
-
 def test_workers_with_other_versions_are_refused() -> None:
+    client = SimpleNamespace(run=lambda _: {"tcp://worker": versions() | {"numba": "0.1"}})
     with pytest.raises(ValueError, match=r"tcp://worker has numba 0\.1, and here it is"):
-        require_same_versions(Client("0.1"), "tcp://here")
-    with pytest.raises(ValueError, match="cannot import optimize: install domino-chains there"):
-        require_same_versions(Client(None), "tcp://here")
+        require_same_versions(client, "tcp://here")
 
 
-def test_an_executor_that_does_not_come_leaves_no_study(
-    scenes, tmp_path: Path, monkeypatch
-) -> None:
+def test_an_executor_that_does_not_come_leaves_no_study(tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "ANSWER", 0.2)
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.toml").write_text(scenes["spacing"].to_toml())
-    for words in (["compare", "mine.toml"], ["sweep", "mine.toml", "--set", "physics.push=8"]):
-        assert main([*words, "--dask", "tcp://127.0.0.1:9", "--evaluations", "9"]) == 2
+    assert main(["compare", "sprint", "--dask", "tcp://127.0.0.1:9", "--evaluations", "9"]) == 2
     assert not (tmp_path / "runs").exists()

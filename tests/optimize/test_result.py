@@ -9,9 +9,7 @@ import pytest
 from matplotlib.axes import Axes
 
 import domino_env as de
-from domino_env.core.plot_style import method_lines
 from optimize import SearchResult, search
-from optimize.methods.registry import METHODS, PEERS, of_others
 
 
 def dominoes(axes: Axes) -> np.ndarray:
@@ -75,9 +73,3 @@ def test_every_result_can_be_drawn(scenes, name: str) -> None:
         assert figure.axes[3].texts[0].get_text() == "neither wave came to the second domino"
     else:
         assert "slower" in headline or "faster" in headline
-
-
-def test_every_method_has_a_line_of_its_own() -> None:
-    methods = [*METHODS, *PEERS, *of_others()]
-    lines = method_lines(methods)
-    assert len({lines[m]["color"] for m in methods}) == len(methods)

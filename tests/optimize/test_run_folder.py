@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import main
 from optimize import Evaluator, Problem, search
 from optimize.evaluator import slope_left
 from optimize.run_folder import DERIVED, FILES, JOURNAL
@@ -71,16 +70,12 @@ def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path: Path, nam
 
 
 def test_a_place_that_cannot_be_written_is_reported_first(
-    scenes, no_search, monkeypatch, tmp_path: Path
+    scenes, no_search, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(ValueError, match="is a file: name a folder"):
-        search(scenes["spacing"], "random", budget=10, folder=tmp_path / "file")
-    with pytest.raises(ValueError, match="cannot be written"):
-        search(scenes["spacing"], "random", budget=10, folder=tmp_path / "file" / "run")
-    monkeypatch.setattr("domino_env.core.files.write_text", full)
-    with pytest.raises(ValueError, match="cannot be written: No space left"):
-        search(scenes["both"], "random", budget=300, folder=tmp_path)
+    for folder, message in (("file", "is a file: name a folder"), ("file/run", "cannot be writt")):
+        with pytest.raises(ValueError, match=message):
+            search(scenes["spacing"], "random", budget=10, folder=tmp_path / folder)
 
 
 def test_files_of_others_are_left_alone(scenes, tmp_path: Path) -> None:
@@ -105,7 +100,7 @@ def test_less_of_a_search_replaces_nothing(scenes, tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt, match="what is there stays"):
-        search(*words, budget=700, folder=tmp_path, resume=True, watch=interrupted)
+        search(*words, budget=700, folder=tmp_path, resume=True, callback=interrupted)
     after = files(tmp_path)
     assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}
 
@@ -146,27 +141,21 @@ def test_the_best_so_far_is_on_disk_while_the_search_runs(
         assert not (tmp_path / "result.png").exists()
         seen.append(evaluator.best_score)
 
-    search(scenes["both"], "cma", budget=300, folder=tmp_path, watch=look)
+    search(scenes["both"], "cma", budget=300, folder=tmp_path, callback=look)
     assert len(set(seen)) > 3
 
 
-def test_a_full_disk_leaves_the_earlier_run_as_it_was(
-    capsys, monkeypatch, scenes, tmp_path: Path
-) -> None:
-    scene, out = tmp_path / "both.toml", tmp_path / "run"
-    scene.write_text(scenes["both"].to_toml())
-    words = ["optimize", str(scene), "--method", "cma", "--out", str(out), "--evaluations"]
-    assert main([*words, "200"]) == 0
-    before = files(out)
-    monkeypatch.setattr("os.fsync", full)  # where a disk that is full is reported at the latest
-    monkeypatch.setattr("optimize.run_folder.require_room", lambda _: None)  # it filled up later
-    capsys.readouterr()
-    assert main([*words, "300", "--resume"]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"domino: {out}: the result cannot be written: No space")
-    assert "make room, and go on with --resume" in error
-    assert error.count("\n") == 1
-    after = files(out)
+def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_path: Path) -> None:
+    def run(budget: int) -> None:
+        search(scenes["both"], "cma", budget, folder=tmp_path, resume=True)
+
+    run(200)
+    before = files(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr("os.fsync", full)  # where a disk that is full is reported at the latest
+        patch.setattr("optimize.run_folder.require_room", lambda _: None)  # it filled up later
+        with pytest.raises(ValueError, match=r"No space .*; make room, and go on"):
+            run(300)
+    after = files(tmp_path)
     assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}
-    monkeypatch.undo()
-    assert main([*words, "300", "--resume"]) == 0
+    run(300)

@@ -51,11 +51,11 @@ def test_without_limits_a_search_ends_where_half_of_it_has_gained_nothing(
 
 def test_a_search_says_why_it_ended(scenes) -> None:
     scene = scenes["spacing"]
-    assert search(scene, "random", 7).ended == "limit of 7 rows reached"
+    assert search(scene, "random", 7).ended == "limit of 7 layouts reached"
     assert search(scene, "random", seconds=1e-9).ended == "limit of 1e-09 s reached"
     assert search(scene, "uniform").ended == "done: the method has nothing left to try"
     early = search(scene, "auto", 60).ended
-    assert early.startswith("limit of 60 rows reached; no independent searches have ended")
+    assert early.startswith("limit of 60 layouts reached; no independent searches have ended")
 
 
 def test_auto_ends_where_independent_climbs_agree_on_any_number_of_threads(
@@ -69,7 +69,7 @@ def test_auto_ends_where_independent_climbs_agree_on_any_number_of_threads(
         numba.set_num_threads(kept)
     assert re.fullmatch(r"done: ([3-9]) of \d+ independent .* without gain", alone.ended)
     limited = search(scenes["both"], budget=alone.evaluations - 1, seed=1, folder=tmp_path)
-    assert limited.ended.startswith(f"limit of {alone.evaluations - 1} rows reached; ")
+    assert limited.ended.startswith(f"limit of {alone.evaluations - 1} layouts reached; ")
     assert search(scenes["both"], seed=2).score == pytest.approx(alone.score, rel=1e-4)
     resumed = search(scenes["both"], seed=1, folder=tmp_path, resume=True)
     assert resumed.ended == alone.ended

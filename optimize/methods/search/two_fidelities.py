@@ -68,9 +68,8 @@ def run(evaluator: Evaluator, rng: np.random.Generator, hinged_method: Method) -
             return
         known.evaluate(rows)
         idle = 0 if known.score > before + GAIN * abs(before) else idle + 1
-        evaluator.status = (
-            f"{evaluator.evaluations} rows toppled standing, the last {idle} rounds without gain"
-        )
+        spent = f"{evaluator.evaluations} free-standing layouts simulated"
+        evaluator.status = f"{spent}, the last {idle} rounds without gain"
 
 
 def _candidates(

@@ -10,6 +10,7 @@ import pytest
 
 import domino_env as de
 from domino_env.cli.main import main
+from optimize import search
 from optimize.experiments.best_known import best_known
 from optimize.run_folder import FILES, JOURNAL
 
@@ -43,14 +44,8 @@ def test_a_search_says_what_it_found_and_where_it_is(
     assert lines[1].endswith("(PROPAGATED)")
     speed, gain = summary["mean_speed"], summary["gain"]
     assert lines[2].startswith(f"best row found:   {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; auto,")
-    assert lines[3].startswith("the search ended: limit of 400 rows reached; ")
+    assert lines[3].startswith("the search ended: limit of 400 layouts reached; ")
     assert lines[4] == f"written to {out}: {', '.join(FILES)}"
-
-
-@pytest.mark.parametrize("method", ["uniform", "random", "l-bfgs"])
-def test_methods(capsys, scene_file: Path, tmp_path: Path, method: str) -> None:
-    words = ["--method", method, "--evaluations", 100, "--out", tmp_path / method]
-    assert f"(PROPAGATED; {method}, seed 0, " in said(capsys, "optimize", scene_file, *words)
 
 
 def test_a_run_goes_to_runs_and_the_name_of_the_scene(
@@ -107,30 +102,8 @@ def test_what_is_wrong_is_said_in_one_line(capsys, monkeypatch, tmp_path, words,
     assert [f.name for f in tmp_path.rglob("*")] == ["notes.txt"]
 
 
-class Terminal:
-    """Stands for standard error on a terminal."""
-
-    def __init__(self) -> None:
-        self.text = ""
-
-    def write(self, text: str) -> int:
-        self.text += text
-        return len(text)
-
-    def flush(self) -> None: ...
-
-    def isatty(self) -> bool:
-        return True
-
-
-def test_a_terminal_sees_a_line_with_the_best_speed_and_the_gain(
-    monkeypatch, scene_file: Path, tmp_path: Path
-) -> None:
-    terminal = Terminal()
-    monkeypatch.setattr("sys.stderr", terminal)
-    monkeypatch.setattr("tqdm.tqdm.monitor_interval", 0)
-    words = ["--evaluations", "4000", "--out", str(tmp_path / "run")]
-    assert main(["optimize", str(scene_file), *words]) == 0
-    shown = terminal.text.split("\r")
-    assert any(line.startswith("both, auto") and "%|" in line for line in shown)
-    assert any("m/s, +" in line and "% against uniform" in line for line in shown)
+def test_a_line_shows_the_best_speed_and_the_gain(capsys, scenes) -> None:
+    search(scenes["both"], "random", 4000, progress=True)
+    shown = capsys.readouterr().err
+    assert "both, random" in shown
+    assert re.search(r"%\|.*best 0.\d+ m/s, [+-]\d.*% against uniform", shown)

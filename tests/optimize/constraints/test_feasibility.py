@@ -35,7 +35,9 @@ CLASHES = [
 @pytest.mark.parametrize(("scene", "names"), CLASHES)
 def test_the_rules_that_clash_are_named_and_no_others(scene: Scene, names: list[str]) -> None:
     assert clashing_rules(scene) == names
-    with pytest.raises(ValueError, match=r"scene 'asking': no row of 9 dominoes keeps all") as told:
+    with pytest.raises(
+        ValueError, match=r"scene 'asking': no layout of 9 dominoes keeps all"
+    ) as told:
         search(scene, "random", budget=10)
     assert all(name in str(told.value) for name in names)
 

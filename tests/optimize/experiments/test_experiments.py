@@ -7,8 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,21 +108,15 @@ def test_the_report_of_a_comparison(compared: Experiment, tmp_path: Path) -> Non
         assert line in comparison_page(compared)
 
 
-def test_the_best_of_many_methods_have_a_colour(
-    compared: Experiment, tmp_path: Path, monkeypatch
-) -> None:
+def test_the_best_of_many_methods_have_a_colour(compared: Experiment, monkeypatch) -> None:
     drawn = []
     monkeypatch.setattr(pictures, "write_png", lambda figure, path: drawn.append(figure))
     first = [r for r in compared.results if r.seed == 0]
     many = [msgspec.structs.replace(r, method=f"{r.method} {k}") for k in range(4) for r in first]
-    for one in (replace(compared, results=tuple(many)), compared):
-        pictures.draw_over_time(one, tmp_path / "a", tmp_path / "b")
-    names = [[text.get_text() for text in figure.legends[0].texts] for figure in drawn]
-    assert sorted(names[2]) == compared.methods
-    assert len(names[0]) == pictures.MOST + 1
-    assert {f"auto {k}" for k in range(4)} | {"others"} <= set(names[0])
-    assert "one seed" in drawn[0].texts[1].get_text()
-    assert "2 seeds" in drawn[2].texts[1].get_text()
+    pictures.draw_over_time(replace(compared, results=tuple(many)), Path("a"), Path("b"))
+    names = [text.get_text() for text in drawn[0].legends[0].texts]
+    assert len(names) == pictures.MOST + 1
+    assert {f"auto {k}" for k in range(4)} | {"others"} <= set(names)
 
 
 def test_a_title_cannot_write_markdown(scenes) -> None:
@@ -159,7 +151,6 @@ def test_the_command_stops_and_continues(here: Path, monkeypatch, capsys) -> Non
         return search(*asked, **more)
 
     monkeypatch.setattr("optimize.experiments.task.search", stopped_at_the_third)
-    monkeypatch.setattr(best_known, "PATH", here / "best.json")
     assert main(words) == 130
     assert "2 runs are complete; " in capsys.readouterr().err
     first = lines_of(here / "runs/comparison/runs.csv")
@@ -167,25 +158,17 @@ def test_the_command_stops_and_continues(here: Path, monkeypatch, capsys) -> Non
     assert main([*words, "--resume"]) == 0
     assert len(calls) == 5  # the third once more, and the fourth
     lines = lines_of(here / "runs/comparison/runs.csv")
-    assert [(r["method"], r["seed"]) for r in lines] == [
-        ("random", "0"), ("uniform", "0"), ("random", "1"), ("uniform", "1")
-    ]  # fmt: skip
+    runs = [(r["method"], r["seed"]) for r in lines]
+    assert runs == [("random", "0"), ("uniform", "0"), ("random", "1"), ("uniform", "1")]
     assert lines[:2] == first
-    said = capsys.readouterr().out
-    assert "| `random` |" in said
-    assert "new records: none" in said
-    assert not (here / "best.json").exists()  # which is for scenes that ship
+    assert "new records: none" in capsys.readouterr().out  # they are of scenes that ship
 
 
 # the best known ---------------------------------------------------------------------------------
 
 
-def test_every_scene_has_a_record() -> None:
-    assert sorted(best_known.best_known()) == sorted(scene_names())
-
-
-@pytest.mark.parametrize("name", best_known.best_known())
-def test_a_record_is_valid_and_has_its_score(name: str) -> None:
+@pytest.mark.parametrize("name", scene_names())
+def test_every_scene_has_a_record_that_is_valid(name: str) -> None:
     record, scene = best_known.best_known()[name], de.load_scene(name)
     assert scene.violations(record.layout) == []
     known = 1e-11 if scene.floor_friction is None else 3e-4  # as closely as a score is known
@@ -230,13 +213,11 @@ def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
 
 @pytest.mark.parametrize(("text", "message"), [
     ("physics.friction", "write KEY=FROM:TO:NUMBER"),
-    ("row.count=3:4", "write KEY=FROM:TO:NUMBER"),
     ("row.count=3:x:4", "write KEY="),
     ("row.count=3:4:0", "give 1 to 100000 values, not 0"),
     ("physics.push=0:inf:3", "give finite numbers"),
     ("physics.push=0:1:3:log", "give finite numbers of more than 0"),
     ("physics.push=4,8,4", "give each value once"),
-    ("physics.push=4,,8", "a value is empty"),
     ("spacing.values=[1, ", "not JSON"),
     ("spacing.values=[null]", "give a list of numbers"),
 ])  # fmt: skip
@@ -259,19 +240,14 @@ def test_drawn_points_are_within_their_ranges_and_repeat_with_their_seed() -> No
     axes = [axis_of(text, drawn=True) for text in [*texts, "objective=mean_speed,robust"]]
     points = drawn_points(axes, 300, np.random.default_rng(1))
     assert points == drawn_points(axes, 300, np.random.default_rng(1))
-    assert points != drawn_points(axes, 300, np.random.default_rng(2))
     counts, frictions, deviations, words = zip(*(p.values() for p in points), strict=True)
     assert set(counts) == {5, 6, 7, 8, 9}
     assert set(words) == {"mean_speed", "robust"}
     assert 0.1 <= min(frictions) < 0.12 < 0.38 < max(frictions) <= 0.4
     assert 0.3 < np.mean(np.array(deviations) < 1e-4) < 0.7
     assert len(drawn_points(axes[:1], 300, np.random.default_rng(1))) == 5  # each once
-    for text, message in (
-        ("9:5", "the first number must be less"),
-        ("5:9:3", "write KEY=FROM:TO,"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            axis_of(f"row.count={text}", drawn=True)
+    with pytest.raises(ValueError, match="the first number must be less"):
+        axis_of("row.count=9:5", drawn=True)
 
 
 def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
@@ -379,45 +355,22 @@ def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
     assert "2 of them done before" in capsys.readouterr().out
 
 
-def still_there(group: int) -> bool:
-    """Whether a process of a group, other than those that wait to be buried, outlives seconds."""
-    for _ in range(100):
-        states = []
-        for file in Path("/proc").glob("[0-9]*/stat"):
-            with suppress(OSError):
-                state, _, its_group = file.read_text().rpartition(")")[2].split()[:3]
-                states += [state] * (int(its_group) == group)
-        if all(state == "Z" for state in states):
-            return False
-        time.sleep(0.05)
-    return True
-
-
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_a_command_and_resume_continues_it(
     here: Path, scenes, number: int, status: int
 ) -> None:
-    """In a session of its own, as from a terminal: Ctrl-C reaches the workers too."""
     words = ["sweep", "mine.toml", "--set", "physics.push=6:10:9", "--methods", "random"]
     words += ["--evaluations", "15000"]
     with subprocess.Popen(
         [sys.executable, "-m", "domino_env", *words, "--workers", "2"],
         env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"},
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
-        try:
-            assert process.stderr is not None
-            first = process.stderr.readline()
-            assert first.startswith("1/9"), first + process.stderr.read()
-            if number == signal.SIGINT:
-                os.killpg(process.pid, number)
-            else:
-                process.send_signal(number)
-            _, said = process.communicate(timeout=60)
-            assert not still_there(process.pid)  # no worker is left
-        finally:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
+        assert process.stderr is not None
+        first = process.stderr.readline()
+        process.send_signal(number)
+        said = first + process.communicate(timeout=60)[1]
+    assert first.startswith("1/9"), said
     assert process.returncode == status, said
     assert "what is done is in study 'sweep-spacing'; the same command with --resume" in said
     assert "Traceback" not in said
@@ -426,9 +379,8 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
     assert 1 <= len(kept) < 9
     assert main([*words, "--resume"]) == 0
     found = study.done()
+    assert len(found) == 9
     assert {key: found[key] for key in kept} == kept
-    fresh = sweep_tasks(scenes["spacing"], ["physics.push=6:10:9"], ["random"], evaluations=15000)
-    assert found[fresh[-1].key].score == fresh[-1].run().score
 
 
 # progress ---------------------------------------------------------------------------------------

@@ -49,5 +49,5 @@ def test_who_waits_is_asked_again_and_the_first_ends_it(scenes) -> None:
     run_in_lockstep(budget, [waiting(), working()])
     assert told == [((2,), 0)] * 3
     assert budget.evaluations == 8  # the last two before anybody could know
-    with pytest.raises(BudgetSpent, match="limit of 100 rows reached"):
+    with pytest.raises(BudgetSpent, match="limit of 100 layouts reached"):
         run_in_lockstep(budget, [working()])

@@ -25,9 +25,6 @@ def nothing(budget, rng):
 def inside():
     return lambda budget, rng: None
 
-def of_one(budget):
-    pass
-
 number = 3
 """
 
@@ -69,10 +66,8 @@ def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
 
 @pytest.mark.parametrize(("method", "message"), [
     ("my_methodz:run", "there is no module 'my_methodz' in "),
-    ("my_methods.deeper:run", "there is no module 'my_methods.deeper' in "),
     ("my_methods:runn", "my_methods.py holds no 'runn'; did you mean 'my_methods:run'?"),
     ("my_methods:number", "it is not called as run(evaluator, rng)"),
-    ("my_methods:of_one", "it is not called as run(evaluator, rng)"),
     ("my_methods:nothing", "'my_methods:nothing' ended without asking its evaluator for a score"),
     ("my_broken:run", "my_broken cannot be imported: No module named 'no_such_thing_here'"),
     ("my_typo:run", "my_typo cannot be imported: SyntaxError: "),
