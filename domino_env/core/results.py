@@ -62,16 +62,19 @@ def document(value: Any, names: str) -> dict[str, Any]:
     dict
         Arrays as lists, enumerations by name, null for numbers that are not finite.
     """
-    return {name: _plain(getattr(value, name)) for name in names.split()}
+    return {name: as_json(getattr(value, name)) for name in names.split()}
 
 
-def _plain(value: Any) -> Any:
+def as_json(value: Any) -> Any:
+    """Return a value as JSON has it, what it holds too; see `document`."""
     if isinstance(value, Enum):
         return value.name
     if hasattr(value, "tolist"):  # of NumPy
         value = value.tolist()
+    if isinstance(value, dict):
+        return {key: as_json(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [as_json(one) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

@@ -200,7 +200,7 @@ def simulate_standing(
         fineness /= 2.0
         finer = _run(layout, physics, floor_friction, fineness)
         # an error halves with the steps; a change smaller than that may be small by chance
-        largest = max(largest_difference(run.arrivals, finer.arrivals), 0.5 * largest)
+        largest = max(largest_difference(run.arrival_times, finer.arrival_times), 0.5 * largest)
         uncertainty = SAFETY * largest + GRAIN * fineness
         run = finer
         if uncertainty <= rtol and fineness <= COARSEST / 4.0:
@@ -211,18 +211,12 @@ def simulate_standing(
         layout=layout,
         physics=physics,
         floor_friction=None if floor_friction is None else float(floor_friction),
-        arrival_times=run.arrivals,
-        lean=run.lean,
-        slid=run.slid,
-        opened=run.opened,
-        opened_at=run.opened_at,
         error_estimate=uncertainty,
         converged=uncertainty <= rtol,
         rtol=rtol,
         times=moments,
-        poses=run.poses,
-        steps=run.steps,
         run_time=time.perf_counter() - begun,
+        **vars(run),
     )
 
 
@@ -245,7 +239,7 @@ def window_of(layout: Layout) -> int:
 class _Run:
     """One run with steps of one fineness."""
 
-    arrivals: Floats
+    arrival_times: Floats
     lean: Floats
     slid: Floats
     opened: Floats
@@ -258,37 +252,21 @@ def _run(
     layout: Layout, physics: Physics, floor: float | None, fineness: float, times: Floats = NEVER
 ) -> _Run:
     count, tallest = layout.count, float(layout.height.max())
-    arrivals = np.full(count, np.inf)
-    arrivals[0] = 0.0
-    lean, slid = np.zeros(count), np.zeros(count)
-    opened, opened_at = np.zeros(max(count - 1, 0)), np.zeros(max(count - 1, 0))
+    arrivals = np.append(0.0, np.full(count - 1, np.inf))
+    moved = np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1)
     poses = np.zeros((len(times), count, 3))
     follow: Any = dynamics.follow
     steps, _, _ = follow(
-        layout.height,
-        layout.thickness,
-        layout.density * layout.height * layout.thickness,
-        layout.pivots,
-        layout.tilt,
-        physics.friction,
-        -1.0 if floor is None else float(floor),
-        physics.gravity,
-        physics.push,
-        fineness,
-        CALM * fineness * math.sqrt(physics.gravity * tallest),
-        window_of(layout),
+        layout.height, layout.thickness, layout.density * layout.height * layout.thickness,
+        layout.pivots, layout.tilt, physics.friction, -1.0 if floor is None else float(floor),
+        physics.gravity, physics.push, fineness,
+        CALM * fineness * math.sqrt(physics.gravity * tallest), window_of(layout),
         PATIENCE * math.sqrt(tallest / physics.gravity) + 2.0 / physics.push,
-        times,
-        arrivals,
-        lean,
-        slid,
-        opened,
-        opened_at,
-        poses,
-    )
+        times, arrivals, *moved, poses,
+    )  # fmt: skip
     if steps < 0:
         raise ArithmeticError(
             f"a velocity is not a number any more after {np.isfinite(arrivals).sum()} of {count} "
             "dominoes were struck: this is a fault of the simulator, so please report the layout"
         )
-    return _Run(arrivals, lean, slid, opened, opened_at, poses, steps)
+    return _Run(arrivals, *moved, poses, steps)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from domino_env.core.checks import require
 from domino_env.core.files import write_text
-from domino_env.core.results import brief
+from domino_env.core.results import as_json, brief, document
 from domino_env.core.tables import text_table
-from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Wave, simulate
@@ -73,11 +73,6 @@ class Verification:
     def largest_difference(self) -> float:
         """The largest relative one of all arrival times with fixed pivots."""
         return common_difference(self.wave, self.fixed)
-
-    @property
-    def toppled(self) -> bool:
-        """Whether the last domino toppled, with fixed pivots."""
-        return self.fixed.staying_up == 0
 
     @property
     def verdict(self) -> str:
@@ -181,11 +176,12 @@ def verify(
         require("floor", floor, above=0.0, hint="a coefficient of friction")
     places = (None, *floors)
     return Verification(
-        wave=simulate(layout, physics),
-        reference=tuple(simulate_standing(layout, physics, floor, rtol) for floor in places),
-        engine=tuple(simulate_in_engine(layout, physics, floor, progress) for floor in places)
-        if engine
-        else (),
+        simulate(layout, physics),
+        tuple(simulate_standing(layout, physics, floor, rtol) for floor in places),
+        tuple(
+            simulate_in_engine(layout, physics, place, progress)
+            for place in (places if engine else ())
+        ),
     )
 
 
@@ -205,11 +201,8 @@ def verification_table(checked: Verification) -> list[str]:
     """Tabulate by how much arrival times differ, every tenth domino and the last; the verdicts."""
     model, count = checked.wave.arrival_times, checked.wave.layout.count
     waves = (*checked.reference, *checked.engine)
-    names = ["domino", "model [s]"]
-    names += [
-        ("engine, " if one in checked.engine else "") + in_words(one.floor_friction)
-        for one in waves
-    ]
+    names = ["domino", "model [s]", *(in_words(one.floor_friction) for one in checked.reference)]
+    names += [f"engine, {in_words(one.floor_friction)}" for one in checked.engine]
     rows = [
         [str(i), f"{model[i]:.6f}" if np.isfinite(model[i]) else "never"]
         + [_percent(one.arrival_times[i], model[i]) for one in waves]
@@ -239,38 +232,36 @@ def verification_table(checked: Verification) -> list[str]:
     return [*lines, *checked.verdicts]
 
 
-def document(checked: Verification) -> dict[str, object]:
+def as_document(checked: Verification) -> dict[str, Any]:
     """Collect what `verification.json` holds; null where the wave did not come."""
     wave = checked.wave
-    return {
-        "engine": checked.fixed.simulator,
-        "friction": wave.physics.friction,
-        "gravity": wave.physics.gravity,
-        "push": wave.physics.push,
-        "model": _cells(wave.arrival_times),
-        "difference": _cells([checked.difference])[0],
-        "largest_difference": checked.largest_difference,
-        "toppled": checked.toppled,
-        "verdict": checked.verdict,
-    } | {
-        name: [
-            {
-                "simulator": one.simulator,
-                "floor": one.floor_friction,
-                "arrivals": _cells(one.arrival_times),
-                "difference": _cells([last_difference(wave, one)])[0],
-                "uncertainty": _cells([one.error_estimate])[0],
-                "staying_up": one.staying_up,
-            }
-            for one in waves
-        ]
-        for name, waves in (("floors", checked.reference), ("engine_floors", checked.engine))
-    }
+
+    def floor(rigid: RigidWave) -> dict[str, Any]:
+        return document(rigid, "simulator staying_up") | {
+            "floor": rigid.floor_friction,
+            "arrivals": rigid.arrival_times,
+            "difference": last_difference(wave, rigid),
+            "uncertainty": rigid.error_estimate,
+        }
+
+    told: dict[str, Any] = as_json(
+        {
+            "engine": checked.fixed.simulator,
+            "model": wave.arrival_times,
+            "difference": checked.difference,
+            "largest_difference": checked.largest_difference,
+            "toppled": checked.fixed.staying_up == 0,
+            "verdict": checked.verdict,
+            "floors": list(map(floor, checked.reference)),
+            "engine_floors": list(map(floor, checked.engine)),
+        }
+    )
+    return document(wave.physics, "friction gravity push") | told
 
 
 def write_verification(checked: Verification, path: Path) -> None:
     """Write the document as JSON, whole."""
-    write_text(path, json.dumps(document(checked), indent=1, allow_nan=False) + "\n")
+    write_text(path, json.dumps(as_document(checked), indent=1, allow_nan=False) + "\n")
 
 
 def write_plot(checked: Verification, path: Path, title: str) -> None:
@@ -300,10 +291,6 @@ def write_plot(checked: Verification, path: Path, title: str) -> None:
             axes.legend(ncols=2, **LEGEND)
     below.set_xlabel("domino")
     write_png(figure, path)
-
-
-def _cells(values: Iterable[float] | Floats) -> list[float | None]:
-    return [float(x) if math.isfinite(x) else None for x in values]
 
 
 def _percent(value: float, model: float) -> str:

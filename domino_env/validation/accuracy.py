@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core.results import as_json
 from domino_env.core.tables import csv_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import TIGHTEST, Outcome, Wave, simulate
 from domino_env.scenes.scene import Scene
-from domino_env.validation.edge_cases import TIP, error_of
+from domino_env.validation.edge_cases import TIP, EdgeCase, error_of
 from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
 
 Progress = Callable[[str], object]
@@ -28,27 +29,7 @@ Progress = Callable[[str], object]
 SIMULATE = "simulate"
 SOLVERS = (SIMULATE, *FIXED, *ADAPTIVE)
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)  # errors at which run times are compared
-TURNS = 3  # after the first
-
-
-@dataclass(frozen=True, eq=False)
-class Example:
-    """A layout to measure on.
-
-    Attributes
-    ----------
-    name
-        For tables and files.
-    title
-        What makes it worth measuring on.
-    layout, physics
-        As of `simulate`.
-    """
-
-    name: str
-    title: str
-    layout: Layout
-    physics: Physics
+LONG_ENOUGH = 0.01  # [s] of repeated runs
 
 
 @dataclass(frozen=True)
@@ -58,7 +39,7 @@ class Measurement:
     Attributes
     ----------
     example
-        Name of the example.
+        Group of the example, its short name.
     solver
         One of `SOLVERS`.
     setting
@@ -86,44 +67,40 @@ class Measurement:
     outcome: str
 
 
-def standard_examples() -> list[Example]:
+def standard_examples() -> list[EdgeCase]:
     """List a classic layout, a random one with face impacts, one near a stall and a stiff one."""
     random = np.random.default_rng(3).uniform(0.002, 0.040, 39)
     tight = Layout([0.02, 0.012, 0.004, *[0.015] * 36], 0.0075)
-    near, stiff = Physics(push=TIP / math.sqrt(1.0 - 1e-3)), Physics(0.6, 9.81, 200.0)
-    classic = Physics(0.25, 9.8, 5.0 * math.pi)
-    return [
-        Example(
-            "classic", "100 equal dominoes, pitch 16 mm", Layout.uniform(100, pitch=0.016), classic
+    equal, stiff = Layout.uniform(100, pitch=0.016), Layout.uniform(60, spacing=0.0015)
+    near = Physics(push=TIP / math.sqrt(1.0 - 1e-3))
+    examples = {
+        "classic": ("100 equal dominoes, pitch 16 mm", equal, Physics(0.25, 9.8, 5.0 * math.pi)),
+        "face-impacts": (
+            "40 dominoes at random gaps of 2 to 40 mm", Layout(random, 0.0075), Physics()
         ),
-        Example(
-            "face-impacts", "40 dominoes at random gaps of 2 to 40 mm", Layout(random, 0.0075),
-            Physics(),
+        "near-stall": ("40 dominoes; the first keeps a thousandth of its ω²", tight, near),
+        "stiff": (
+            "60 equal dominoes, gaps of 1.5 mm, friction 0.6", stiff, Physics(0.6, 9.81, 200.0)
         ),
-        Example("near-stall", "40 dominoes; the first keeps a thousandth of its ω²", tight, near),
-        Example(
-            "stiff", "60 equal dominoes, gaps of 1.5 mm, friction 0.6",
-            Layout.uniform(60, spacing=0.0015), stiff,
-        ),
-    ]  # fmt: skip
+    }  # fmt: skip
+    return [EdgeCase(group, *rest) for group, rest in examples.items()]
 
 
-def scene_examples(scene: Scene) -> list[Example]:
+def scene_examples(scene: Scene) -> list[EdgeCase]:
     """List the uniform baseline of a scene and, where gaps are free, a random layout."""
-    uniform = scene.uniform().layout
-    found = [Example("uniform", f"{scene.name}: uniform baseline", uniform, scene.physics)]
-    rng = np.random.default_rng(0)
+    baseline, rng = scene.uniform().layout, np.random.default_rng(0)
+    found = [EdgeCase("uniform", f"{scene.name}: uniform baseline", baseline, scene.physics)]
     for _ in range(200 if scene.free_spacing and scene.length is None else 0):
         gaps = rng.uniform(*scene.spacing, scene.count - 1)
         thick = rng.uniform(*scene.thickness, scene.count - 1) if scene.free_thickness else None
         layout = scene.layout(gaps, thick)
         if simulate(layout, scene.physics, rtol=1e-6).outcome == Outcome.PROPAGATED:
-            title = f"{scene.name}: a random layout"
-            return [*found, Example("random", title, layout, scene.physics)]
+            name = f"{scene.name}: a random layout"
+            return [*found, EdgeCase("random", name, layout, scene.physics)]
     return found
 
 
-def settings(solver: str, example: Example, quick: bool = False) -> tuple[float, ...]:
+def settings(solver: str, example: EdgeCase, quick: bool = False) -> tuple[float, ...]:
     """List the steps or tolerances of a solver, coarse to fine.
 
     Steps are 0.1 ms times powers of two for a standard domino on Earth, in units of √(L/g) for
@@ -139,7 +116,7 @@ def settings(solver: str, example: Example, quick: bool = False) -> tuple[float,
 
 
 def measure(
-    examples: Iterable[Example],
+    examples: Iterable[EdgeCase],
     budget: float = 3.0,
     quick: bool = False,
     progress: Progress = lambda line: None,
@@ -149,18 +126,13 @@ def measure(
     Parameters
     ----------
     examples
-        What is simulated.
+        Layouts, each with a short name as its group.
     budget
         Time for one solver on one example [s]; finer settings that would not fit are left out.
     quick
-        Few settings, each measured once.
+        Few settings.
     progress
         Called with a line of text before every run.
-
-    Notes
-    -----
-    What is quick is measured again in later turns, as other programs may keep the machine busy for
-    a while.
     """
     for example in examples:
         exact = simulate(example.layout, example.physics, rtol=TIGHTEST)
@@ -168,26 +140,22 @@ def measure(
             if solver != SIMULATE:  # compile
                 integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
             growth = 2.2 if solver in FIXED else 4.0  # how much longer the next setting may take
-            found: dict[float, Measurement] = {}
+            spent = 0.0
             for setting in settings(solver, example, quick):
-                progress(f"{example.name}: {solver} at {setting:.3g}")
-                one = found[setting] = _measured(example, exact, solver, setting)
-                if sum(m.seconds for m in found.values()) + growth * one.seconds > budget:
+                progress(f"{example.group}: {solver} at {setting:.3g}")
+                one = _measured(example, exact, solver, setting)
+                yield one
+                spent += one.seconds
+                if spent + growth * one.seconds > budget:
                     break
-            for _ in range(0 if quick else TURNS):
-                for setting, one in found.items():
-                    if one.seconds < 0.2:
-                        again = _measured(example, exact, solver, setting)
-                        found[setting] = min(one, again, key=lambda m: m.seconds)
-            yield from found.values()
 
 
-def _measured(example: Example, exact: Wave, solver: str, setting: float) -> Measurement:
-    """One setting: the best of as many runs as fit into 10 ms."""
+def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Measurement:
+    """Measure one setting: the best of as many runs as fit into `LONG_ENOUGH`."""
     seconds: list[float] = []
     estimate, evaluations = math.nan, 0
     outcome: Outcome | None
-    while sum(seconds) < 0.01:
+    while sum(seconds) < LONG_ENOUGH:
         began = time.process_time()  # whatever else the machine does
         if solver == SIMULATE:
             wave = simulate(example.layout, example.physics, rtol=setting)
@@ -200,7 +168,7 @@ def _measured(example: Example, exact: Wave, solver: str, setting: float) -> Mea
     error = error_of(times, exact.arrival_times) if outcome == exact.outcome else math.inf
     name = "UNFINISHED" if outcome is None else outcome.name
     return Measurement(
-        example.name, solver, setting, error, estimate, min(seconds), evaluations, name
+        example.group, solver, setting, error, estimate, min(seconds), evaluations, name
     )
 
 
@@ -243,11 +211,5 @@ def compare(measurements: Sequence[Measurement]) -> list[str]:
 
 def as_csv(records: Sequence[Any]) -> str:
     """Write measurements or answers as a table in CSV; SI units, empty where there is no number."""
-
-    def cell(value: object) -> object:
-        if isinstance(value, float):
-            return f"{value:.6g}" if math.isfinite(value) else ""
-        return str(value).lower() if isinstance(value, bool) else value
-
     names = [field.name for field in fields(records[0])]
-    return csv_table(names, (map(cell, astuple(one)) for one in records))
+    return csv_table(names, (as_json(astuple(one)) for one in records))

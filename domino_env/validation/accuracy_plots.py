@@ -25,8 +25,8 @@ from domino_env.core.colours import (
     UNIFORM,
 )
 from domino_env.core.plot_style import LEGEND, new_panels, style, write_png
-from domino_env.validation.accuracy import SIMULATE, Example, Measurement, time_to_reach
-from domino_env.validation.edge_cases import RTOL, Answer
+from domino_env.validation.accuracy import SIMULATE, Measurement, time_to_reach
+from domino_env.validation.edge_cases import RTOL, Answer, EdgeCase
 
 FLOOR = 1e-16  # errors below rounding are drawn here
 
@@ -51,7 +51,7 @@ OUTCOMES = {
 
 
 def draw_accuracy(
-    examples: Sequence[Example], measurements: Sequence[Measurement], path: Path
+    examples: Sequence[EdgeCase], measurements: Sequence[Measurement], path: Path
 ) -> None:
     """Draw error against run time, one panel per example; best is the lower left corner."""
     across = 2
@@ -62,7 +62,7 @@ def draw_accuracy(
         sharex=True, sharey=True,
     )  # fmt: skip
     for axes, example in zip(panels, examples, strict=True):
-        runs = [m for m in measurements if m.example == example.name]
+        runs = [m for m in measurements if m.example == example.group]
         for solver, (colour, marker, label) in LOOKS.items():
             mine, ours = [m for m in runs if m.solver == solver], solver == SIMULATE
             good = [m for m in mine if math.isfinite(m.error)]
@@ -78,7 +78,7 @@ def draw_accuracy(
             _draw_ratio(axes, runs, level)
         _errors(axes, 30.0)
         axes.xaxis.set_major_formatter(FuncFormatter(_seconds))
-        style(axes, example.title)
+        style(axes, example.name)
     for axes in panels[-across:]:
         axes.set_xlabel("processor time")
     for axes in panels[::across]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import tracemalloc
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -117,48 +117,27 @@ def test_long_layouts_do_not_lose_digits(width: float) -> None:
     assert errors[1] < 1e-12 + 30.0 * errors[0]  # √1000, of the error of the time itself
 
 
-def _found(
-    gaps: list[float],
-    thickness: ArrayLike,
-    density: ArrayLike = 1.0,
-    *,
-    push: float,
-    friction: float = 0.0,
-) -> tuple[Layout, Physics]:
-    return Layout(gaps, thickness, 1.0, 1.0, density), Physics(friction, 1.0, push)  # fmt: skip
-
-
-# layouts that longer searches have found
-WEAKEST = "a heavy domino almost touched, estimates 1e-8, errs by 7e-8 at 1e-6"
-FOUND = {
-    "ends at its tipping angle, hardly moving": _found(
-        [1.0] * 10, 0.00036485, push=0.0004468513023334257
+# gaps, thickness, density, friction and push, in heights and units of gravity, that longer searches
+# have found
+PUSH, WEAKEST = 7.882387605032138, "a heavy domino almost touched, errs by 7e-8 at 1e-6"
+FOUND: dict[str, tuple[Any, Any, Any, float, float]] = {
+    "ends at its tipping angle": ([1.0] * 10, 0.00036485, 1.0, 0.0, 0.0004468513023334257),
+    "errs by 2e-6 at 1e-3": (
+        [0.1, 1e-5, 0.316227766, 1, 1, 1], [1, 0.1, *[1] * 5], [1, 1, 10, *[1] * 4], 0.0, PUSH
     ),
-    "estimates 1e-7, errs by 2e-6 at 1e-3": _found(
-        [0.1, 1e-5, 0.316227766, 1.0, 1.0, 1.0], [1.0, 0.1, *[1.0] * 5],
-        [1.0, 1.0, 10.0, *[1.0] * 4], push=7.882387605032138,
-    ),
-    "both ends agree by chance": (
-        Layout.uniform(40, spacing=0.030911384993333128, thickness=0.00924701313940406),
-        Physics(0.0, 9.81, 15.0),
-    ),
-    "a sharp corner before a long calm": _found(
-        [7.49894209e-07, 7.49894210e-02, 1.0, 1.0], 1.0, push=7.882387605032138
-    ),
-    "friction of next to nothing": _found(
-        [1.0, 0.1, 1.0, 1.0, 1.0], 1.0, push=7.882387605032138, friction=4.2840694269053945e-60
-    ),
-    WEAKEST: _found(
-        [1e-05, 0.562341326, *[1.0] * 8], 1.0, [1.0, 100.0, *[1.0] * 9], push=78.82387605032137
-    ),
+    "a sharp corner before a long calm": ([7.49894209e-07, 7.49894210e-02, 1, 1], 1, 1, 0.0, PUSH),
+    "next to no friction": ([1.0, 0.1, 1, 1, 1], 1, 1, 4.2840694269053945e-60, PUSH),
+    WEAKEST: ([1e-05, 0.562341326, *[1] * 8], 1, [1, 100, *[1] * 9], 0.0, 10.0 * PUSH),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FOUND)
 def test_what_was_found_once_stays_right(name: str) -> None:
-    tight, slack = simulate(*FOUND[name], rtol=1e-13), 0.1 if name == WEAKEST else 0.02
+    gaps, thickness, density, friction, push = FOUND[name]
+    case = Layout(gaps, thickness, 1.0, 1.0, density), Physics(friction, 1.0, push)
+    tight, slack = simulate(*case, rtol=1e-13), 0.1 if name == WEAKEST else 0.02
     for rtol in (1e-3, 1e-4, 1e-6, 1e-10):
-        wave = simulate(*FOUND[name], rtol=rtol)
+        wave = simulate(*case, rtol=rtol)
         assert inconsistencies(wave) == []
         assert wave.outcome == tight.outcome
         error = error_of(wave.arrival_times, tight.arrival_times)

@@ -123,7 +123,7 @@ def test_effects_are_as_large_as_simulated_layouts_have_them() -> None:
     assert slipping(1.0, setting, 0.0508, 0.05) < 0.9
 
 
-def test_the_page_says_what_the_command_finds() -> None:
+def test_the_page_shows_what_the_command_finds() -> None:
     text = (ROOT / "docs" / "measured.md").read_text("utf-8")
     lines = markdown([validate(SOURCES["walker"])])
     assert "\n".join(lines[lines.index("## walker") :]) in text
@@ -139,24 +139,14 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert [s["name"] for s in found["sources"]] == ["walker", "rows"]
     assert np.isfinite(found["sources"][0]["readings"][0]["friction"])
 
-    assert main(["validate", "16=64.4", "24=42.3", "32=28.1", "--gravity", "9.8"]) == 0
-    assert "friction 0.17" in capsys.readouterr().out
+    own = tmp_path / "own.toml"
+    told = (ROOT / "domino_env/validation/sources/chapman.toml").read_text("utf-8")
+    own.write_text(told.replace("height = 0.048", "heihgt = 0.048"), "utf-8")
     for word, said in {
         "nobody": "give a source (camera, ", "5=60": "must be more than 0",
-        "16=x": "write PITCH=FREQUENCY",
+        "16=x": "write PITCH=FREQUENCY", str(own): "own.toml: unknown key 'setting.heihgt'",
     }.items():  # fmt: skip
         assert main(["validate", word]) == 2
         assert said in capsys.readouterr().err
-
-
-def test_a_file_of_ones_own_is_read_and_refused_by_key(tmp_path: Path) -> None:
-    told = (ROOT / "domino_env/validation/sources/chapman.toml").read_text("utf-8")
-    own = tmp_path / "own.toml"
     own.write_text(told, "utf-8")
-    assert read_source(own).name == "own"
-    own.write_text(told.replace("height = 0.048", "heihgt = 0.048"), "utf-8")
-    with pytest.raises(ValueError, match=r"own\.toml: unknown key 'setting\.heihgt'"):
-        read_source(own)
-    own.write_text(told.replace("x = 0.032", "x = 0.096"), "utf-8")
-    with pytest.raises(ValueError, match="less than the height"):
-        read_source(own)
+    assert msgspec.structs.replace(read_source(own), name="chapman") == SOURCES["chapman"]
