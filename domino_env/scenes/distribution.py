@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,8 @@ import numpy as np
 
 from domino_env.core.files import naming, refuse
 from domino_env.core.types import Floats
+from domino_env.physics.physics import Physics
+from domino_env.physics.standard import HEIGHT
 from domino_env.scenes.io.ranges import (
     COUNT,
     PUSH,
@@ -27,7 +28,7 @@ from domino_env.scenes.io.reading import (
 )
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
-from domino_env.scenes.tables import PhysicsTable, RowTable, text_of
+from domino_env.scenes.tables import text_of
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
 IS_SCENE = "it is one scene, none of its numbers is a range: load it by load_scene"
@@ -179,30 +180,22 @@ class SceneDistribution:
             For numbers that no scene has.
         """
         drawn = dict(zip(self.ranges, map(float, numbers), strict=True))
-        units = self._units(drawn.get(("row", "height")), drawn.get(("physics", "gravity")))
+        held = filled(self.document, drawn)
+        units = self._units(
+            held.get("row", {}).get("height", HEIGHT),
+            held.get("physics", {}).get("gravity", Physics().gravity),
+        )
         values = {place: value * units.get(place, 1.0) for place, value in drawn.items()}
-        document = filled(self.document, values) | {"name": name, "title": self.title}
+        document = filled(held, values) | {"name": name, "title": self.title}
         return scene_of_document(document, name, self.file)
 
-    def _units(self, height: float | None, gravity: float | None) -> dict[Place, float]:
-        """What numbers in heights are multiplied by, to be in SI units."""
-        known = self._constants
-        h = known[0] if height is None else height
-        g = known[1] if gravity is None else gravity
+    def _units(self, height: float, gravity: float) -> dict[Place, float]:
+        """Return what numbers in heights are multiplied by, to be in SI units."""
         return {
-            place: float(np.sqrt(g / h)) if place == PUSH else h
+            place: float(np.sqrt(gravity / height)) if place == PUSH else height
             for place, drawn in self.ranges.items()
             if drawn.of is not None
         }
-
-    @cached_property
-    def _constants(self) -> tuple[float, float]:
-        """Height and gravity, where they are not drawn."""
-        row, physics = self.document.get("row", {}), self.document.get("physics", {})
-        return (
-            row.get("height", RowTable(count=2).height),
-            physics.get("gravity", PhysicsTable().gravity),
-        )
 
     # what was drawn -------------------------------------------------------------------------------
 

@@ -19,34 +19,33 @@ ON_GROUND = 1e-9  # [m], [rad] how far from the ground still is on it
 ON_LIST = 1e-9  # [m] how far from a value of the list still is that value
 
 
-def outside(name: str, values: Floats, bounds: Bounds, first: int, unit: str = "m") -> list[str]:
-    """Values beyond their bounds; `first` is the index of the first of them in its array."""
+def outside(
+    name: str, values: Floats, bounds: Bounds, first: int, unit: str = "m", slack: float = 1e-12
+) -> list[str]:
+    """List values beyond their bounds by more than `slack` of the upper one.
+
+    `first` is the index of the first value in the array of the layout.
+    """
     low, high = bounds
-    slack = 1e-12 * high
+    over = slack * high
     allowed = f"{low} to {high} {unit}" if low < high else f"{low} {unit}"
-    return _told(name, values, (values >= low - slack) & (values <= high + slack), first, unit,
-                 allowed)  # fmt: skip
+    good = (values >= low - over) & (values <= high + over)
+    return _told(f"{name}[{{0}}]", values, good, allowed, first, unit)
 
 
 def off_list(name: str, values: Floats, allowed: tuple[float, ...], first: int) -> list[str]:
-    """Values that are not on the list."""
+    """List values that are not on the list."""
     near = nearest_of(values, np.array(allowed))
     few = ", ".join(f"{v:g}" for v in allowed[:4]) + (", …" if len(allowed) > 4 else "")
-    return _told(name, values, np.abs(values - near) <= ON_LIST, first, "m", f"only {few} m")
+    return _told(f"{name}[{{0}}]", values, np.abs(values - near) <= ON_LIST, f"only {few} m", first)
 
 
 def too_steep(spacing: Floats, largest_change: float) -> list[str]:
     """List neighbouring gaps that differ by more than is allowed."""
     change = np.diff(spacing)
-    bad = np.flatnonzero(~(np.abs(change) <= largest_change + 1e-12))
-    if len(bad) == 0:
-        return []
-    i = int(bad[0])
-    more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-    return [
-        f"spacing[{i + 1}] - spacing[{i}] = {change[i]:.9g} m{more}: the scene allows a change of "
-        f"at most {largest_change} m"
-    ]
+    allowed = f"a change of at most {largest_change} m"
+    good = np.abs(change) <= largest_change + 1e-12
+    return _told("spacing[{1}] - spacing[{0}]", change, good, allowed)
 
 
 def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
@@ -54,19 +53,18 @@ def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
     if ground is None:
         flat = "its ground is not flat, as the scene's is: rise and tilt must be 0"
         return [] if layout.is_flat else [flat]
-    for name, unit, wanted in zip(
-        ("rise", "tilt"), ("m", "rad"), ground.lay(layout.spacing, layout.thickness), strict=True
+    rise, tilt = ground.lay(layout.spacing, layout.thickness)
+    found = []
+    for name, values, wanted, unit in (
+        ("rise", layout.rise, rise, "m"),
+        ("tilt", layout.tilt, tilt, "rad"),
     ):
-        values = getattr(layout, name)
-        bad = np.flatnonzero(~(np.abs(values - wanted) <= ON_GROUND))
-        if len(bad):
-            i = int(bad[0])
-            more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-            return [
-                f"{name}[{i}] = {values[i]:.9g} {unit}{more}: on the scene's ground it is "
-                f"{wanted[i]:.9g} {unit}; `layout` of the scene lays rows on it"
-            ]
-    return []
+        good = np.abs(values - wanted) <= ON_GROUND
+        there = (
+            f"{wanted[np.argmin(good)]:.9g} {unit}, as its ground lies; `layout` lays rows on it"
+        )
+        found += _told(f"{name}[{{0}}]", values, good, there, unit=unit)
+    return found
 
 
 def nearest_of(values: Floats, allowed: Floats) -> Floats:
@@ -79,15 +77,20 @@ def nearest_of(values: Floats, allowed: Floats) -> Floats:
 
 
 def _told(
-    name: str, values: Floats, good: NDArray[np.bool_], first: int, unit: str, allowed: str
+    place: str,
+    values: Floats,
+    good: NDArray[np.bool_],
+    allowed: str,
+    first: int = 0,
+    unit: str = "m",
 ) -> list[str]:
-    bad = np.flatnonzero(~good)
-    if len(bad) == 0:
+    if good.all():
         return []
+    bad = np.flatnonzero(~good)
     i = int(bad[0])
     more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-    given = f"{values[i]} {unit}".strip()
-    return [f"{name}[{i + first}] = {given}{more}: the scene allows {allowed.strip()}"]
+    given = f"{place.format(i + first, i + first + 1)} = {values[i]:.13g} {unit}".strip()
+    return [f"{given}{more}: the scene allows {allowed.strip()}"]
 
 
 MOST_DOMINOES = 100_000  # the best uniform row takes some 3 ms a domino

@@ -17,7 +17,6 @@ from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.consistency import tables_of
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.base import Limits
-from domino_env.scenes.objectives.robust import Placement
 from domino_env.scenes.objectives.standing import StandingSpeed
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import Stock, off_list, on_other_ground, outside, too_steep
@@ -122,11 +121,6 @@ class Specification:
         return self.settings if isinstance(self.settings, Tempo) else None
 
     @property
-    def placement(self) -> Placement | None:
-        """The errors of the objective "robust"."""
-        return self.settings if isinstance(self.settings, Placement) else None
-
-    @property
     def free_spacing(self) -> bool:
         """Whether the designer chooses the gaps."""
         return bool(self.spacing[0] < self.spacing[1])
@@ -222,21 +216,14 @@ class Specification:
         """
         if complete and layout.count != self.count:
             return [f"{layout.count} dominoes stand where the scene asks for {self.count}"]
-        found = []
-        found += on_other_ground(layout, self.ground)
-        if not np.isclose(layout.thickness[0], self.first_thickness, rtol=1e-9, atol=0.0):
-            found.append(
-                f"thickness[0] = {layout.thickness[0]} m: the first domino is the scene's, "
-                f"{self.first_thickness} m thick"
-            )
-        told = layout.height if self.growth is None else layout.height[:1]
-        for name, values, wanted in (
-            ("height", told, self.height),
-            ("density", layout.density, self.density),
+        found = on_other_ground(layout, self.ground)
+        tall = layout.height if self.growth is None else layout.height[:1]
+        for name, values, wanted, measure in (
+            ("thickness", layout.thickness[:1], self.first_thickness, "m"),
+            ("height", tall, self.height, "m"),
+            ("density", layout.density, self.density, "kg/m³"),
         ):
-            if not np.allclose(values, wanted, rtol=1e-9, atol=0.0):
-                i = int(np.argmax(np.abs(values - wanted)))
-                found.append(f"{name}[{i}] = {values[i]}: the scene's dominoes have {wanted}")
+            found += outside(name, values, (wanted, wanted), 0, measure, slack=1e-9)
         if self.growth is not None:
             found += outside("growth", layout.height[1:] / layout.height[:-1], self.growth, 1, "")
         gaps, thick, unit = layout.spacing, layout.thickness[1:], "m"

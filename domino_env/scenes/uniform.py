@@ -160,7 +160,7 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     layouts = _uniform_layouts(scene)
     if scene.floor_friction is not None:
         return _best_standing(layouts)
-    fineness = QUICK if quick else DRAWN if layouts.drawn else FULL
+    fineness = QUICK if quick else DRAWN if scene.criterion.simulates_anew else FULL
     points = _grid(_axes(layouts, fineness))
     if layouts.steady and not quick and scene.count * len(points) > LARGEST_GRID:
         # the speed of a long layout has few peaks, how it keeps to a schedule has many

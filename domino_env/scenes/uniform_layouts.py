@@ -26,71 +26,28 @@ SHORTEST = 64  # dominoes of the first heads; those that are not steady are doub
 WINDOW = 4  # the last 1/4 of a head has to be steady
 
 
-def scores_by_heads(
-    scene: Specification, spacing: Floats, thickness: Floats, rtol: float, steady: float, piece: int
-) -> Floats:
-    """Score uniform rows of equal dominoes by heads as short as their waves allow.
-
-    Parameters
-    ----------
-    scene
-        Whose objective and count of dominoes it is; one wave a score.
-    spacing, thickness
-        (B,) gap and thickness of dominoes 1 … N-1 of each row [m].
-    rtol
-        Relative error allowed in the arrival times.
-    steady
-        Largest relative change of the velocity at release that still counts as none.
-    piece
-        Dominoes at once.
-
-    Returns
-    -------
-    NDArray
-        (B,) scores, those of the whole rows to about `steady` of themselves.
-    """
-    scores = np.empty(len(spacing))
-    left, n = np.arange(len(spacing)), SHORTEST
-    while len(left):
-        n = min(n, scene.count)
-        held = scene.count if scene.criterion.needs_arrivals else n
-        size, unsettled = max(1, piece // held), []
-        for i in range(0, len(left), size):
-            some = left[i : i + size, None] * np.ones(n - 1, np.int64)
-            waves, settled = extended(
-                scene.batch(spacing[some], thickness[some], rtol=rtol),
-                scene.count,
-                steady,
-                arrivals=scene.criterion.needs_arrivals,
-            )
-            scores[some[:, 0]] = scene.criterion.score(waves).score
-            unsettled.append(some[~settled, 0])
-        left, n = np.concatenate(unsettled), 2 * n
-    return scores
-
-
-def extended(
+def _extended(
     head: LayoutBatch, count: int, steady: float, *, arrivals: bool
 ) -> tuple[Waves, NDArray[np.bool_]]:
-    """Simulate the heads of B uniform rows, and say what the waves of the whole rows come to.
+    """Simulate the first dominoes of B uniform layouts and extend their waves to `count` dominoes.
 
     Parameters
     ----------
     head
-        The first dominoes of the rows.
+        The first dominoes.
     count
-        Number N of dominoes of the whole rows.
+        Number N of dominoes of the whole layouts.
     steady
-        As of `scores_by_heads`.
+        Largest relative change of the velocity at release that still counts as none.
     arrivals
         Whether all their arrival times are wanted.
 
     Returns
     -------
     waves : Waves
-        Of the whole rows.
+        Of the whole layouts.
     settled : NDArray
-        (B,) whether the heads were long enough to tell: the wave was steady, or died.
+        (B,) whether the heads were long enough to tell: the wave was steady, or stopped.
     """
     n, more = head.count, count - head.count
     batch = head.simulate(record=True)
@@ -243,16 +200,15 @@ class UniformLayouts:
         return np.array(found)
 
     @property
-    def drawn(self) -> bool:
-        """Whether a score takes many rows, drawn at random."""
-        return self.scene.placement is not None
-
-    @property
     def steady(self) -> bool:
         """Whether the rows are the same everywhere but at their first domino."""
         ground = self.scene.ground
         uneven = self.spread is not None or self.scene.growth is not None or len(self.bodies) > 0
-        return not (uneven or self.drawn or (ground is not None and not ground.is_even))
+        return not (
+            uneven
+            or self.scene.criterion.simulates_anew
+            or (ground is not None and not ground.is_even)
+        )
 
     def scores(self, points: Floats, rtol: float) -> Floats:
         """(B,) scores of the layouts at points (B, 2)."""
@@ -266,11 +222,27 @@ class UniformLayouts:
         return np.concatenate(scores)
 
     def scores_by_heads(self, points: Floats, steady: float) -> Floats:
-        """(B,) the same to about `steady` of themselves, where the rows are `steady`."""
-        spacing, thickness, _ = self.at(points, 1)
-        return scores_by_heads(
-            self.scene, spacing[:, 0], thickness[:, 0], HEADS_RTOL, steady, LARGEST_BATCH
-        )
+        """(B,) the same to about `steady` of themselves, where the layouts are `steady`.
+
+        Heads are as short as their waves allow.
+        """
+        scene = self.scene
+        criterion, count = scene.criterion, scene.count
+        gaps, thick, _ = self.at(points, 1)
+        scores = np.empty(len(points))
+        left, n = np.arange(len(points)), SHORTEST
+        while len(left):
+            n = min(n, count)
+            size = max(1, LARGEST_BATCH // (count if criterion.needs_arrivals else n))
+            ones, unsettled = np.ones(n - 1), []
+            for i in range(0, len(left), size):
+                some = left[i : i + size]
+                head = scene.batch(gaps[some] * ones, thick[some] * ones, rtol=HEADS_RTOL)
+                waves, settled = _extended(head, count, steady, arrivals=criterion.needs_arrivals)
+                scores[some] = criterion.score(waves).score
+                unsettled.append(some[~settled])
+            left, n = np.concatenate(unsettled), 2 * n
+        return scores
 
 
 def _spread(gap: float, allowed: tuple[float, ...], pairs: int) -> list[float] | None:

@@ -182,14 +182,15 @@ class Waves:
         numbers = np.empty((len(waves), 7))
         for b, wave in enumerate(waves):
             times[b, : wave.layout.count] = wave.arrival_times
-            margins = wave.stall_margin[np.isfinite(wave.stall_margin)]
+            margins = wave.stall_margin
+            margins = margins[np.isfinite(margins)]
             numbers[b] = (
                 wave.outcome == Outcome.PROPAGATED, wave.reach, wave.mean_speed, wave.toppled,
-                margins.min() if len(margins) else 0.0, wave.largest_flush_loss,
+                np.minimum.reduce(margins) if len(margins) else 0.0, wave.largest_flush_loss,
                 wave.layout.height[-1],
             )  # fmt: skip
-        propagated, reach, speed, toppled, margin, loss, last = numbers.T.copy()
-        rtol = max((wave.rtol for wave in waves), default=0.0)
+        propagated, reach, speed, toppled, margin, loss, last = numbers.T
+        rtol = max([wave.rtol for wave in waves], default=0.0)
         return cls(propagated > 0.0, reach, speed, toppled, times, margin, loss, last, count, rtol)
 
     @property

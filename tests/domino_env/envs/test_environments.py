@@ -102,8 +102,8 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
         assert score == pytest.approx(scene.score(wave), rel=1e-15 * (scene.ground is not None))
         if layout.count < scene.count:
             assert wave.outcome != de.Outcome.PROPAGATED
-            others = scene.placement, scene.floor_friction, scene.growth, scene.ground
-            if others == (None, None, None, None):
+            others = scene.criterion.simulates_anew, scene.growth, scene.ground
+            if others == (False, None, None):
                 longer = scene.simulate(completed(scene, layout), 1e-6)
                 assert score == pytest.approx(scene.score(longer), abs=1e-9)
         else:
@@ -364,7 +364,7 @@ def test_layouts_that_no_episode_can_begin_with_are_rejected():
     for start, words in (
         (scene.layout(0.02, 0.006), "at least one of the scene's 30 must be left"),
         (de.Layout([0.03], 0.0075), r"spacing\[0\] = 0.03 m: the scene allows 0.002 to 0.025 m"),
-        (de.Layout([0.02], [0.009, 0.0075]), "the first domino is the scene's"),
+        (de.Layout([0.02], [0.009, 0.0075]), "the scene allows 0.0075 m"),
         (de.Layout([0.02], 0.0075, 0.06), r"height\[0\] = 0.06"),
         (de.Layout([0.002] * 9, [0.0075] + [0.014] * 9), "its wave stops: the wave stalled"),
     ):

@@ -12,7 +12,6 @@ import domino_env as de
 from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.robust import LEAST_GAP, Placement
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.rules import Stock
 from domino_env.scenes.scene import Scene
 
 
@@ -50,12 +49,6 @@ def test_the_schedule_of_a_row_is_met_by_it() -> None:
     assert scene.tempo.score(late[None])[0] == pytest.approx(1.0 / (1.0 + math.sqrt(25.0 / 8.0)))
 
 
-def test_the_tolerance_halves_the_score() -> None:
-    tempo = Tempo(10.0, 20.0, tolerance=0.002)
-    times = np.concatenate([[0.0], tempo.schedule(6) + 0.002])[None]
-    assert tempo.score(times)[0] == pytest.approx(0.5)
-
-
 # robust -----------------------------------------------------------------------------------------
 
 
@@ -78,7 +71,7 @@ def test_draws_that_die_count_as_zero() -> None:
     scene = some("jitter", count=9, settings=Placement(0.002, 0.25, 40, seed=3))
     gaps = np.full((1, 8), 0.02)
     gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
-    placed = scene.placement.rows(gaps)
+    placed = scene.settings.rows(gaps)
     died = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in placed])
     assert 10 < died.sum() < 30
     assert scene.evaluate(scene.batch(gaps)).score[0] < 0.0  # more than a quarter
@@ -175,35 +168,26 @@ def test_a_limit_that_is_broken_scores_between_deaths_and_successes() -> None:
     thick = random.uniform(*plain.thickness, (400, 19))
     limited = replace(plain, limits=Limits(stall_margin=0.1, flush_loss=0.1))
     before, after = (one.evaluate(one.batch(gaps, thick)).score for one in (plain, limited))
-    kept = broken = 0
-    excess = np.full(400, np.nan)
-    for b in range(400):
-        wave = plain.simulate(plain.layout(gaps[b], thick[b]), rtol=1e-6)
-        assert after[b] == limited.score(wave)
-        if wave.outcome != de.Outcome.PROPAGATED:
-            assert -1.0 <= after[b] < -0.5
-        elif wave.stall_margin.min() >= 0.1 and wave.largest_flush_loss <= 0.1:
-            assert after[b] == before[b] > 0.0
-            kept += 1
-        else:
-            assert -0.5 < after[b] < 0.0
-            broken += 1
-            excess[b] = max(0.1 - wave.stall_margin.min(), 0.0)
-            excess[b] += max(wave.largest_flush_loss - 0.1, 0.0)
-    assert kept > 5
-    assert broken > 5
-    some_broken = np.flatnonzero(np.isfinite(excess))
-    order = some_broken[np.argsort(excess[some_broken])]
-    assert np.all(np.diff(after[order]) <= 0.0)  # the less is broken, the better
-    dead = np.flatnonzero(before < 0.0)
+    waves = [
+        plain.simulate(plain.layout(s, d), rtol=1e-6) for s, d in zip(gaps, thick, strict=True)
+    ]
+    assert after.tolist() == [limited.score(wave) for wave in waves]
+    margin, loss = np.array([[w.stall_margin.min(), w.largest_flush_loss] for w in waves]).T
+    excess = np.maximum(0.1 - margin, 0.0) + np.maximum(loss - 0.1, 0.0)
+    dead = np.array([wave.outcome != de.Outcome.PROPAGATED for wave in waves])
+    kept, broken = ~dead & (excess == 0.0), ~dead & (excess > 0.0)
+    assert min(kept.sum(), broken.sum()) > 5
+    assert np.all((after[dead] >= -1.0) & (after[dead] < -0.5))
+    assert np.all((after[broken] > -0.5) & (after[broken] < 0.0))
+    assert np.array_equal(after[kept], before[kept])
+    assert np.all(np.diff(after[broken][np.argsort(excess[broken])]) <= 0.0)  # less is better
     assert np.all(np.argsort(before[dead]) == np.argsort(after[dead]))
 
 
 def test_falls_are_counted() -> None:
     plain = some("gentle", count=20)
-    random = np.random.default_rng(7)
-    gaps = random.uniform(*plain.spacing, (60, 19))
-    thick = random.uniform(*plain.thickness, (60, 19))
+    gaps = gaps_of(plain, 60)
+    thick = np.random.default_rng(7).uniform(*plain.thickness, (60, 19))
     waves = [plain.simulate(plain.layout(s, d)) for s, d in zip(gaps, thick, strict=True)]
     expected = sum(int(np.isfinite(wave.stall_margin).sum()) for wave in waves)
     for scene in (
@@ -237,11 +221,6 @@ def test_the_uniform_row_of_a_stock_has_one_pitch_and_the_order_given() -> None:
     assert np.ptp(mark.layout.pitch) < 1e-12
     assert np.all(np.diff(mark.layout.thickness[1:]) >= 0.0)  # as the file lists them
     assert scene.violations(mark.layout) == []
-    pitches = np.linspace(0.0125, 0.044, 400)
-    thick = np.tile(mark.layout.thickness[1:], (400, 1))
-    gaps = np.clip(pitches[:, None] - thick, 0.002, 0.04)
-    others = scene.evaluate(scene.batch(gaps, thick, rtol=1e-10)).score
-    assert others.max() <= mark.score
 
 
 def test_values_are_on_the_list_and_change_no_faster_than_allowed() -> None:
@@ -287,20 +266,6 @@ def test_a_mark_without_the_lists_where_they_leave_none() -> None:
     mark = scene.uniform()
     assert mark.layout.thickness[1:] == pytest.approx(np.full(5, 0.0755 / 5 - 0.0078))
     assert mark.layout.length == pytest.approx(0.0755, abs=1e-12)
-
-
-@pytest.mark.parametrize(("call", "words"), [
-    (lambda: Tempo(), "give either from and to"),
-    (lambda: Tempo(30.0, -1.0), "to = -1.0"),
-    (lambda: Tempo(times=(0.1, 0.1)), r"times\[1\] = 0.1 s: times rise"),
-    (lambda: Placement(0.1, draws=0), "draws = 0"),
-    (lambda: Limits(1.0), "stall_margin = 1.0"),
-    (lambda: Stock((0.005, 0.01), (1,)), "thickness has 2 entries and count 1"),
-    (lambda: Stock((0.005, -1.0), (1, 2)), r"thickness\[1\] = -1.0: give a finite number"),
-])  # fmt: skip
-def test_what_is_no_part_of_a_scene_is_told(call, words) -> None:
-    with pytest.raises(ValueError, match=words):
-        call()
 
 
 # what every objective owes ----------------------------------------------------------------------

@@ -197,7 +197,7 @@ SLOPED = {
     "tempo": replace(de.load_scene("tempo"), count=7),
     "robust": replace(
         de.load_scene("jitter"), count=7,
-        settings=de.load_scene("jitter").placement.replace(draws=30),
+        settings=de.load_scene("jitter").settings.replace(draws=30),
     ),
     "in-heights": replace(ASKING["growth-both"], growth=None, objective="mean_speed"),
 }  # fmt: skip

@@ -257,7 +257,8 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
         base, physics=base.physics.replace(friction=0.1), count=8, thickness=(0.006, 0.006)
     )
     assert found.to_toml() == expected.to_toml()
-    assert scene_at(base, {"objective": "robust", "robust.deviation": 0.001}).placement is not None
+    robust = scene_at(base, {"objective": "robust", "robust.deviation": 0.001})
+    assert robust.settings == de.Placement(0.001)
     free = scene_at(base, {"thickness.min": 0.005, "thickness.max": 0.009})
     assert free.thickness == (0.005, 0.009)
     assert scene_at(free, {"thickness.fixed": 0.008}).thickness == (0.008, 0.008)
