@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from domino_env.core.results import as_json
-from domino_env.core.tables import csv_table
+from domino_env.core.tables import csv_table, text_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import TIGHTEST, Outcome, Wave, simulate
@@ -191,21 +191,21 @@ def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
 
 def compare(measurements: Sequence[Measurement]) -> list[str]:
     """Tabulate the run time to each level of error, and how many times that of `simulate` it is."""
-    lines = []
+    lines, levels = [], [f"{level:.0e}" for level in LEVELS]
     for example in dict.fromkeys(m.example for m in measurements):
-        lines += ["", f"{example}: seconds to an error of (times those of simulate)"]
-        lines.append(f"{'':10}" + "".join(f"{level:>22.0e}" for level in LEVELS))
-        runs = [m for m in measurements if m.example == example]
+        rows, runs = [], [m for m in measurements if m.example == example]
+        ours = [m for m in runs if m.solver == SIMULATE]
         for solver in SOLVERS:
             mine = [m for m in runs if m.solver == solver]
+            best = min((m.error for m in mine), default=math.inf)
             cells = []
             for level in LEVELS:
-                seconds = time_to_reach(mine, level)
-                first = time_to_reach([m for m in runs if m.solver == SIMULATE], level)
-                floor = min((m.error for m in mine), default=math.inf)
+                seconds, first = time_to_reach(mine, level), time_to_reach(ours, level)
                 reached = f"{seconds:.2e} ({seconds / first:.0f})"
-                cells.append(f"ends at {floor:.0e}" if math.isnan(seconds) else reached)
-            lines.append(f"{solver:10}" + "".join(f"{cell:>22}" for cell in cells))
+                cells.append(f"ends at {best:.0e}" if math.isnan(seconds) else reached)
+            rows.append((solver, *cells))
+        lines += ["", f"{example}: seconds to an error of (times those of simulate)"]
+        lines += text_table(("", *levels), rows, right=levels)
     return lines
 
 

@@ -114,20 +114,16 @@ def markdown() -> str:
 def one_interval(axes: Axes) -> None:
     """One fall, domino by domino (16 mm, no friction)."""
     wave, shown = _wave(60), 16
-    layout, n = wave.layout, wave.layout.count - 5
-    angle = np.array([0.0, float(np.arcsin(layout.spacing[n] / HEIGHT))])
-    both = np.array([n, n])
-    high = lean_behind(layout, both, angle)
+    layout, n, step = wave.layout, wave.layout.count - 5, 1e-6
+    ends = np.array([0.0, math.asin(layout.spacing[n] / HEIGHT)])
+    angles = np.concatenate([ends, ends + step, ends + 2.0 * step])
+    lean, before, after = np.split(lean_behind(layout, np.full(6, n), angles), 3)
     mass = layout.density * layout.height * layout.thickness * layout.width
-    lift = 0.5 * (layout.height * np.cos(high) + layout.thickness * np.sin(high))
+    lift = 0.5 * (layout.height * np.cos(lean) + layout.thickness * np.sin(lean))
     given = (lift[0] - lift[1]) * mass * GRAVITY
     inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
-    step, kinetic = 1e-6, []
-    for theta, speed in zip(
-        angle, (wave.release_velocity[n], wave.impact_velocity[n]), strict=True
-    ):
-        pair = lean_behind(layout, both, np.array([theta + step, theta + 2.0 * step]))
-        kinetic.append(0.5 * inertia * ((pair[1] - pair[0]) / step * speed) ** 2)
+    speeds = np.array([[wave.release_velocity[n]], [wave.impact_velocity[n]]])
+    kinetic = 0.5 * inertia * ((after - before) / step * speeds) ** 2
     place = np.arange(shown)
     # what a domino gives and what it has are not the same, as the contacts share it out
     for off, energy, colour, label in (
@@ -223,18 +219,17 @@ def _beside_formula(
     axes: Axes, dense: np.ndarray, thick: float, label: str, colour: str, simulated: str, line: str
 ) -> None:
     """Draw speed by d/λ, eq. 13 and simulated, where a chain of 100 completes."""
-    smooth = Physics(0.0, GRAVITY, PUSH)
-    pitches = [thick / d for d in dense if thick < thick / d < HEIGHT + thick]
-    pitches = [
-        pitch
-        for pitch in pitches
-        if simulate(Layout.uniform(100, pitch=pitch, thickness=thick), smooth, rtol=1e-5).mean_speed
-    ]
-    if not pitches:
-        return
+    smooth, pitches = Physics(0.0, GRAVITY, PUSH), []
+    for pitch in thick / dense:
+        if thick < pitch < HEIGHT + thick:
+            layout = Layout.uniform(100, pitch=pitch, thickness=thick)
+            pitches += [pitch] * (simulate(layout, smooth, rtol=1e-5).mean_speed > 0.0)
     guess = [terminal_speed_estimate(pitch, thick, gravity=GRAVITY) / UNIT for pitch in pitches]
     true = np.array([_steady(pitch, thick).speed / UNIT for pitch in pitches])
     found = [thick / pitch for pitch in pitches]
-    axes.plot(found, guess, color=colour, label=label, linestyle="--" if line == "-" else "-")
-    name = "simulated" if line == "-" else None
-    axes.plot(found, np.where(true > 0, true, np.nan), color=simulated, linestyle=line, label=name)
+    if found:
+        solid = line == "-"
+        axes.plot(found, guess, color=colour, label=label, linestyle="--" if solid else "-")
+        true[true <= 0.0] = np.nan
+        name = "simulated" if solid else None
+        axes.plot(found, true, color=simulated, linestyle=line, label=name)
