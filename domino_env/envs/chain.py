@@ -327,7 +327,7 @@ class DominoChainVector(DominoVectorEnv):
         batch.features[envs] = source.features[which]
         batch.thickness[envs, 0] = source.first_thickness[which]
         if len(batch.height) == self.num_envs:  # else all share one
-            batch.height[envs] = source.height[which, None]
+            batch.height[envs] = source.rules["unit"][which, None]
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
         """Place a domino in every environment that runs; see `DominoVectorEnv.advance`."""

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome, Wave, simulate, simulate_batch
+from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.waves import LayoutBatch
 
 _OUTCOMES = np.array([Outcome(i) for i in range(len(Outcome))], object)
 
@@ -74,8 +74,20 @@ class EpisodeResults:
             alike.setdefault((id(self.scenes[i]), self.placed[i]), []).append(i)
         for (_, placed), episodes in alike.items():
             scene = self.scenes[episodes[0]]
-            waves = _simulate([self.layout(i) for i in episodes], scene.physics, self.rtol)
-            for i, wave in zip(episodes, waves, strict=True):
+            tall = self.height if len(self.height) == 1 else self.height[episodes]
+            batch = LayoutBatch(
+                self.spacing[episodes, :placed],
+                self.thickness[episodes, : placed + 1],
+                tall[:, : placed + 1],
+                scene.width,
+                scene.density,
+                scene.physics,
+                self.rtol,
+                scene.ground,
+            )
+            waves = batch.simulate(record=True)
+            for b, i in enumerate(episodes):
+                wave = waves.wave(b, batch.layout(b))
                 if placed == scene.count - 1:
                     self.outcome[i], self.reach[i] = wave.outcome, wave.reach
                     self._waves[i] = wave
@@ -108,15 +120,10 @@ class EpisodeResults:
 
     def layout(self, i: int) -> Layout:
         """Return the layout placed in episode i."""
-        scene, placed = self.scenes[i], self.placed[i]
-        parts = (
-            self.spacing[i, :placed],
-            self.thickness[i, : placed + 1],
-            self.height[i % len(self.height), : placed + 1],
-            scene.width,
-            scene.density,
+        tall = self.height[i % len(self.height)]
+        return placed_layout(
+            self.scenes[i], self.placed[i], self.spacing[i], self.thickness[i], tall
         )
-        return Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)
 
     def wave(self, i: int) -> Wave:
         """Return the wave of episode i; its reach counts against the scene's N dominoes."""
@@ -177,16 +184,10 @@ class LazyWave(_Lazy, Wave):
         return hash((self.layout, self.physics, self.rtol))
 
 
-def _simulate(layouts: list[Layout], physics: Physics, rtol: float) -> list[Wave]:
-    """Simulate layouts of equally many dominoes, several in one call over all cores."""
-    if len(layouts) == 1:
-        return [simulate(layouts[0], physics, rtol=rtol)]
-    spacing, thickness, height, density, rise, tilt = (
-        np.stack([getattr(layout, name) for layout in layouts])
-        for name in ("spacing", "thickness", "height", "density", "rise", "tilt")
-    )
-    batch = simulate_batch(
-        spacing, thickness, physics,
-        height=height, density=density, rise=rise, tilt=tilt, rtol=rtol,
-    )  # fmt: skip
-    return [batch.wave(b, layout) for b, layout in enumerate(layouts)]
+def placed_layout(
+    scene: Scene, placed: int, spacing: Floats, thickness: Floats, height: Floats
+) -> Layout:
+    """Return the layout of the scene's first domino and of those placed after it."""
+    sizes = spacing[:placed], thickness[: placed + 1], height[: placed + 1]
+    parts = *sizes, scene.width, scene.density
+    return Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)

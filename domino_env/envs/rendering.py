@@ -31,10 +31,8 @@ class Snapshot:
 
     Attributes
     ----------
-    spacing
-        (n-1,) free gaps [m].
-    thickness, height
-        (n,) of the dominoes placed so far [m].
+    layout
+        The dominoes placed so far.
     hit
         Number of dominoes struck; the leader is domino hit - 1.
     time
@@ -47,9 +45,7 @@ class Snapshot:
         The wave through these dominoes; None while it runs on.
     """
 
-    spacing: Floats
-    thickness: Floats
-    height: Floats
+    layout: Layout
     hit: int
     time: float
     speed: float
@@ -91,14 +87,10 @@ class Renderer:
         ImportError
             Where a window cannot be opened, with what to install.
         """
-        if self.mode == "human" and self._window is None:
-            self._window = _Window()
-        parts = snapshot.spacing, snapshot.thickness, snapshot.height
-        layout = Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)
-        leader = max(snapshot.hit - 1, 0)
+        layout, leader = snapshot.layout, max(snapshot.hit - 1, 0)
         leans = lean_behind(layout, np.array([leader]), np.zeros(1))[0]
         if self.mode == "ansi":
-            return self._text(snapshot, layout, leader, leans)
+            return _text(snapshot, leader, leans)
         from domino_env.view.drawing import Scale, strip
         from domino_env.view.ground import relief
 
@@ -109,12 +101,14 @@ class Renderer:
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
         ghost = snapshot.uniform_speed * snapshot.time if snapshot.uniform_speed > 0.0 else None
-        line = _line(snapshot, layout)
-        drawn = strip(layout, leans, leader, self._scale, line, ghost, ground=scene.ground)
-        image = np.asarray(drawn)
+        drawn = strip(
+            layout, leans, leader, self._scale, _line(snapshot), ghost, ground=scene.ground
+        )
+        if self.mode != "human":
+            return np.array(drawn)
         if self._window is None:
-            return image.copy()
-        self._window.show(image)
+            self._window = _Window(drawn.size)
+        self._window.show(drawn.tobytes())
         return None
 
     def close(self) -> None:
@@ -126,22 +120,20 @@ class Renderer:
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_window": None}  # a copy opens a window of its own
 
-    def _text(
-        self, snapshot: Snapshot, layout: Layout, leader: int, leans: NDArray[np.float64]
-    ) -> str:
-        """The chain to scale in characters, at least one per domino, and `_line`."""
-        cell = max(float(layout.length), 1e-9) / TEXT_WIDTH
-        row, at = [], 0
-        for i, x in enumerate(layout.positions):
-            column = max(int(x / cell), at)
-            sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > 1.1 else "/"
-            row.append(" " * (column - at) + sign)
-            at = column + 1
-        return "".join(row) + "\n" + _line(snapshot, layout) + "\n"
+
+def _text(snapshot: Snapshot, leader: int, leans: Floats) -> str:
+    """The chain to scale in characters, at least one per domino, and `_line`."""
+    cell = max(float(snapshot.layout.length), 1e-9) / TEXT_WIDTH
+    row = ""
+    for i, x in enumerate(snapshot.layout.positions):
+        sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > 1.1 else "/"
+        row = row.ljust(int(x / cell)) + sign
+    return f"{row}\n{_line(snapshot)}\n"
 
 
-def _line(snapshot: Snapshot, layout: Layout) -> str:
+def _line(snapshot: Snapshot) -> str:
     """Time, place and speed, compared with the uniform baseline."""
+    layout = snapshot.layout
     words = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} struck"
     if snapshot.time > 0.0 and snapshot.hit > 1:
         speed = float(layout.positions[snapshot.hit - 1]) / snapshot.time
@@ -154,32 +146,26 @@ def _line(snapshot: Snapshot, layout: Layout) -> str:
 
 
 class _Window:
-    """A pygame window that shows images."""
+    """A pygame window that shows images of a size [px]."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: tuple[int, int]) -> None:
         try:
             import pygame
         except ImportError:
             raise ImportError(
                 'a window needs pygame-ce: pip install "domino-chains[render]"'
             ) from None
-        self._pygame = pygame
-        self._surface: Any = None
+        pygame.init()
+        pygame.display.set_caption("toppling dominoes")
+        self._pygame, self._clock = pygame, pygame.time.Clock()
+        self._surface = pygame.display.set_mode(size)
 
-    def show(self, image: NDArray[np.uint8]) -> None:
-        pygame = self._pygame
-        size = (image.shape[1], image.shape[0])
-        if self._surface is None:
-            pygame.init()
-            pygame.display.set_caption("toppling dominoes")
-            self._surface = pygame.display.set_mode(size)
-            self._clock = pygame.time.Clock()
+    def show(self, image: bytes) -> None:
+        pygame, size = self._pygame, self._surface.get_size()
         pygame.event.pump()
-        self._surface.blit(pygame.image.frombuffer(image.tobytes(), size, "RGB"), (0, 0))
+        self._surface.blit(pygame.image.frombuffer(image, size, "RGB"), (0, 0))
         pygame.display.flip()
         self._clock.tick(FRAMES_A_SECOND)
 
     def close(self) -> None:
-        if self._surface is not None:
-            self._pygame.display.quit()
-            self._surface = None
+        self._pygame.display.quit()

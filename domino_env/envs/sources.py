@@ -56,7 +56,7 @@ class SceneSource:
         (S,) RULES of each.
     features
         (S, F) observed numbers of each; F = 0 where the scene is fixed.
-    first_thickness, height
+    first_thickness
         (S,) of the first domino of each [m].
     score, speed
         (S,) of the uniform baseline of each; the speed in m/s.
@@ -83,8 +83,7 @@ class SceneSource:
         if isinstance(scene, SceneDistribution):
             _require_same_lists(scene)
             _require_flat(scene)
-            self._pool = pool_of(scene)
-            sampled, features = len(self._pool), len(scene.features)
+            sampled, features = len(pool_of(scene)), len(scene.features)
             count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
         self.sampled, self.window = sampled, min(int(window), count - 1)
         places = sampled + num_envs * (self.distribution is not None)
@@ -92,8 +91,7 @@ class SceneSource:
         self.scenes: list[Scene | None] = [None] * places
         self.rules = np.zeros(places, kernels.RULES)
         self.features = np.zeros((places, features), np.float32)
-        self.first_thickness, self.height = np.zeros(places), np.zeros(places)
-        self.score, self.speed = np.zeros(places), np.zeros(places)
+        self.first_thickness, self.score, self.speed = np.zeros((3, places))
         if isinstance(scene, Scene):
             self._keep(0, scene, np.empty(0))
 
@@ -103,8 +101,8 @@ class SceneSource:
             return 0
         i = int(self.sampled * generator.random())
         if self.scenes[i] is None:
-            scene = self._pool.scene(i)
-            self._keep(i, scene, self._pool.features[i], *self._pool.marks[i])
+            pool = pool_of(self.distribution)
+            self._keep(i, pool.scene(i), pool.features[i], *pool.marks[i])
         return i
 
     def give(self, env: int, scene: Scene) -> int:
@@ -141,16 +139,7 @@ class SceneSource:
         self.scenes[i] = scene
         self.rules[i] = _rules_of(scene, self.rtol, speed)
         self.features[i] = np.minimum(np.maximum(features, -FEATURE_LIMIT), FEATURE_LIMIT)
-        self.first_thickness[i], self.height[i] = scene.first_thickness, scene.height
-        self.score[i], self.speed[i] = score, speed
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k != "_pool"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        if self.distribution is not None:
-            self._pool = pool_of(self.distribution)
+        self.first_thickness[i], self.score[i], self.speed[i] = scene.first_thickness, score, speed
 
 
 @lru_cache(maxsize=8)

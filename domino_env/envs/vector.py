@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env import kernels
 from domino_env.core.checks import require
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.episodes import EpisodeResults
+from domino_env.envs.episodes import EpisodeResults, placed_layout
 from domino_env.envs.rendering import FRAMES_A_SECOND, MODES, Renderer, Snapshot
 from domino_env.envs.sources import Generators, SceneSource
 from domino_env.envs.spaces import ObservationLayout, closeness
@@ -408,9 +408,13 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             stopped = self._episodes[env].outcome != kernels.PROPAGATED
             speed = 0.0 if stopped else wave.release_velocity[hit - 1]
         return Snapshot(
-            spacing=batch.spacing[env, :placed].copy(),
-            thickness=batch.thickness[env, : placed + 1].copy(),
-            height=batch.height[env % len(batch.height), : placed + 1].copy(),
+            layout=placed_layout(
+                self._scene(env),
+                placed,
+                batch.spacing[env],
+                batch.thickness[env],
+                batch.height[env % len(batch.height)],
+            ),
             hit=hit,
             time=float(time),
             speed=float(speed),

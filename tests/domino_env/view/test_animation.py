@@ -1,0 +1,68 @@
+"""Animated pictures, and the command that writes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import domino_env as de
+from domino_env.cli.main import main
+from domino_env.view.animation import frames, write_gif
+from domino_env.view.drawing import FALLS, LEADS, STANDS
+from domino_env.view.race import Racer
+
+
+def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
+    return int((np.abs(frame.astype(int) - colour).sum(axis=-1) < 12).sum())
+
+
+def test_a_race_ends_when_all_lie(tmp_path: Path) -> None:
+    racers = [
+        Racer(name, de.simulate(de.Layout.uniform(40, spacing=gap), de.Physics()))
+        for name, gap in (("a", 0.010), ("b", 0.018))
+    ]
+    images = list(frames(racers, rate=10, slow=4, width=600))
+    first, last = np.asarray(images[0]), np.asarray(images[-1])
+    assert first.shape == (300, 600, 3)
+    assert pixels(first, FALLS) == 0
+    assert pixels(first, STANDS) > 1000
+    assert pixels(last, STANDS) < 20
+    headed = np.asarray(next(frames(racers, rate=10, slow=4, width=600, heading=40 * "long ")))
+    above = len(headed) - 300
+    assert above > 20
+    assert np.array_equal(headed[above:], first)
+    assert write_gif(iter(images), tmp_path / "race.gif", 10) == len(images)
+    with Image.open(tmp_path / "race.gif") as read:
+        assert read.n_frames > len(images) / 2  # frames that are alike are one
+        assert pixels(np.asarray(read.convert("RGB")), LEADS) > 0
+    assert [f.name for f in tmp_path.iterdir()] == ["race.gif"]
+
+
+@pytest.fixture
+def row(tmp_path: Path) -> Path:
+    de.Layout.uniform(6, pitch=0.02).to_csv(tmp_path / "row.csv")
+    return tmp_path / "row.csv"
+
+
+@pytest.mark.parametrize(("ending", "begins"), [("gif", b"GIF8"), ("mp4", b"ftyp")])
+def test_the_command_writes_what_it_is_asked_for(row: Path, ending: str, begins: bytes) -> None:
+    pytest.importorskip("imageio_ffmpeg" if ending == "mp4" else "PIL")
+    out = row.with_name(f"out.{ending}")
+    assert main(["render", str(row), f"--{ending}", str(out), "--rate", "5", "--width", "400"]) == 0
+    assert begins in out.read_bytes()[:16]
+    assert sorted(row.parent.iterdir()) == sorted([out, row])
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    ("", "give --gif FILE, --mp4 FILE or --png FILE"),
+    ("--png out.gif", "a file for --png ends in .png"),
+    ("--png out.png --moments 0", "moments = 0: give a whole number"),
+    ("--gif out.gif --slow 0", "slow = 0.0: give a finite number, more than 0"),
+    ("--gif out.gif --width 401", "give an even number"),
+])  # fmt: skip
+def test_what_cannot_be_drawn_is_refused(capsys, row: Path, words: str, message: str) -> None:
+    assert main(["render", str(row), *words.split()]) == 2
+    assert message in capsys.readouterr().err
