@@ -95,24 +95,23 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _table(wave: Wave, *, whole: bool) -> list[str]:
     """A line a domino, up to the last one that was struck; of a long row its two ends."""
-    layout, speed = wave.layout, wave.local_speed
-    left_out = 0 if whole or wave.hit <= MOST_LINES else wave.hit - 2 * ENDS
-    lines = ["domino  gap behind   thickness     arrival   wave speed  hit with"]
-    lines += ["            [mm]        [mm]         [s]        [m/s]   [rad/s]"]
-    for i in range(wave.hit):
-        if left_out and ENDS <= i < wave.hit - ENDS:
-            continue
-        if left_out and i == wave.hit - ENDS:
-            lines.append(f"   ...  {left_out:,} lines left out: --all prints, --csv writes them")
-        thick, t = layout.thickness[i] * 1e3, wave.arrival_times[i]
-        if i == 0:
-            start = f"{i:6d}{'':12}  {thick:10.3f}  {t:10.6f}   {'':10}"
-            lines.append(f"{start}  push {wave.physics.push:g}")
-            continue
-        gap, with_ = layout.spacing[i - 1] * 1e3, wave.impact_velocity[i - 1]
-        lines.append(
-            f"{i:6d}  {gap:10.3f}  {thick:10.3f}  {t:10.6f}   {speed[i - 1]:10.4f}  {with_:8.3f}"
-        )
+    from domino_env.core.tables import text_table
+
+    layout = wave.layout
+    columns = {
+        "domino": [str(i) for i in range(wave.hit)],
+        "gap behind [mm]": ["", *(f"{1e3 * gap:.3f}" for gap in layout.spacing)],
+        "thickness [mm]": [f"{1e3 * thick:.3f}" for thick in layout.thickness],
+        "arrival [s]": [f"{t:.6f}" for t in wave.arrival_times],
+        "wave speed [m/s]": ["", *(f"{speed:.4f}" for speed in wave.local_speed)],
+        "hit with [rad/s]": [
+            f"push {wave.physics.push:g}", *(f"{v:.3f}" for v in wave.impact_velocity)
+        ],
+    }  # fmt: skip
+    lines = text_table([*columns], zip(*columns.values(), strict=False), right=columns)
+    if not whole and wave.hit > MOST_LINES:
+        left_out = f"{wave.hit - 2 * ENDS:,} lines left out: --all prints, --csv writes them"
+        lines[1 + ENDS : -ENDS] = [f"   ...  {left_out}"]
     return lines
 
 

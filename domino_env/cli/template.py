@@ -20,11 +20,11 @@ def run(arguments: argparse.Namespace) -> int:
 
     from domino_env.core.files import row_name
     from domino_env.scenes.io.reading import read_row, scene_beside
-    from domino_env.view.template import strips, words, write_template
+    from domino_env.view.template import write_template
 
     source = Path(arguments.layout)
     layout = read_row(source, scene_beside(source))
     target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
-    write_template(layout, target, arguments.paper, f"Domino row {row_name(source)}")
-    print(f"{target}: {words(strips(layout, arguments.paper))}")
+    told = write_template(layout, target, arguments.paper, f"Domino row {row_name(source)}")
+    print(f"{target}: {told}")
     return 0

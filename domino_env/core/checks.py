@@ -69,13 +69,13 @@ def require(
     raise ValueError(f"{told}: give a {wanted}{spread}{f' ({hint})' if hint else ''}")
 
 
-def require_choice(name: str, value: object, choices: Iterable[object], hint: str = "") -> None:
+def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
     """Raise for a value that is not among the choices.
 
     Raises
     ------
     ValueError
-        With name, value, the most similar choice and all choices; `hint` follows them.
+        With name, value, the most similar choice and all choices.
     """
     known = [str(choice) for choice in choices]
     if str(value) in known:
@@ -83,9 +83,7 @@ def require_choice(name: str, value: object, choices: Iterable[object], hint: st
     near = difflib.get_close_matches(str(value)[:50], known, n=1)
     guess = f"did you mean '{near[0]}'? " if near else ""
     told = f"'{one_line(value, 60)}'" if isinstance(value, str) else shown(value)
-    raise ValueError(
-        f"{name} = {told}: {guess}choose one of {', '.join(known)}{f' ({hint})' if hint else ''}"
-    )
+    raise ValueError(f"{name} = {told}: {guess}choose one of {', '.join(known)}")
 
 
 def range_in_words(

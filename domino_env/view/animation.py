@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -128,22 +129,20 @@ def require_drawable(name: str, count: int) -> None:
 
 def write_png(image: Image.Image, path: Path) -> None:
     """Write a picture whole, in few colours."""
-    few = image.quantize(palette=palette(), dither=Image.Dither.NONE)
-    write_bytes(path, lambda file: few.save(file, "PNG", optimize=True))
+    write_bytes(path, lambda file: _in_few_colours(image).save(file, "PNG", optimize=True))
 
 
 def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     """Write an animated GIF whole, and return the number of images."""
-    few = [image.quantize(palette=palette(), dither=Image.Dither.NONE) for image in images]
-
-    def fill(file: BinaryIO) -> None:
-        few[0].save(
-            file, "GIF", save_all=True, append_images=few[1:], duration=1000.0 / rate, loop=0,
-            optimize=True,
-        )  # fmt: skip
-
-    write_bytes(path, fill)
-    return len(few)
+    first, *rest = map(_in_few_colours, images)
+    looks: dict[str, Any] = {
+        "append_images": rest,
+        "duration": 1000.0 / rate,
+        "loop": 0,
+        "optimize": True,
+    }
+    write_bytes(path, lambda file: first.save(file, "GIF", save_all=True, **looks))
+    return 1 + len(rest)
 
 
 def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
@@ -166,12 +165,11 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     writer = imageio_ffmpeg.write_frames(
         str(draft), first.size, fps=rate, macro_block_size=2, quality=8
     )
+    number = 0
     try:
         writer.send(None)
-        writer.send(np.asarray(first).tobytes())
-        number = 1
-        for image in images:
-            writer.send(np.asarray(image).tobytes())
+        for image in chain([first], images):
+            writer.send(image.tobytes())
             number += 1
         writer.close()
         draft.replace(path)
@@ -179,6 +177,10 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
         writer.close()
         draft.unlink(missing_ok=True)
     return number
+
+
+def _in_few_colours(image: Image.Image) -> Image.Image:
+    return image.quantize(palette=palette(), dither=Image.Dither.NONE)
 
 
 def _stage(racers: Sequence[Racer], width: int, height: int) -> tuple[list[Motion], Scale]:

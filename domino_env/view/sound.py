@@ -28,20 +28,18 @@ PARTS = 5  # estimated one by one, for the uncertainty
 ENOUGH = 8  # hits a part at least
 
 
-def clicks(wave: Wave, rate: int = RATE) -> Floats:
+def clicks(wave: Wave) -> Floats:
     """Play a wave: a short click at every hit, louder the faster the tip.
 
     Parameters
     ----------
     wave
         The wave.
-    rate
-        Samples a second.
 
     Returns
     -------
     NDArray
-        Samples in -1 … 1.
+        Samples in -1 … 1, `RATE` of them a second.
 
     Raises
     ------
@@ -50,15 +48,15 @@ def clicks(wave: Wave, rate: int = RATE) -> Floats:
     """
     times = wave.arrival_times[1 : wave.hit]
     end = float(times[-1]) if len(times) else 0.0
-    samples = int((end + 2.0 * REST) * rate) + 1
+    samples = int((end + 2.0 * REST) * RATE) + 1
     _require_samples(samples, f"a wave of {end:.4g} s sounds for")
     sound = np.zeros(samples)
-    length = int(8.0 * DECAY * rate)
+    length = int(8.0 * DECAY * RATE)
     loud = np.abs(wave.impact_velocity[: len(times)])
     for t, level in zip(times, loud / max(float(loud.max(initial=0.0)), 1e-12), strict=True):
-        first = int(np.ceil((t + REST) * rate))
+        first = int(np.ceil((t + REST) * RATE))
         # the click begins between two samples
-        since = np.arange(first, first + length) / rate - (t + REST)
+        since = np.arange(first, first + length) / RATE - (t + REST)
         sound[first : first + length] += (
             level * np.exp(-since / DECAY) * np.sin(2.0 * np.pi * PITCH_OF_CLICK * since)
         )[: len(sound) - first]

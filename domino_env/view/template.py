@@ -103,13 +103,13 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     return found
 
 
-def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "") -> int:
+def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "Template") -> str:
     """Write the PDF whole: a page of advice, then the sheets.
 
     Returns
     -------
-    int
-        Number of sheets with strips.
+    str
+        How much paper it is, and what to do first.
 
     Raises
     ------
@@ -118,14 +118,13 @@ def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "
     """
     plan = strips(layout, paper)
     total = plan[-1].sheet
-    title = title or "Template"
     buffer = io.BytesIO()
     # plain, so that the same row gives the same file and a reader can check the lengths
     with (
         rc_context({"pdf.compression": 0, "pdf.fonttype": 42}),
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
-        with _page(pages, paper, title, _sizes(layout)) as axes:
+        with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
             _advise(axes, layout, plan)
         for number in range(1, total + 1):
             with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
@@ -134,10 +133,14 @@ def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "
                         _draw(axes, layout, strip)
                 _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
-    return total
+    sheets = "one sheet" if total == 1 else f"{total} sheets"
+    strip_count = "one strip" if len(plan) == 1 else f"{len(plan)} strips"
+    return (
+        f"a page of advice and {sheets} with {strip_count}: print at 100 % and check the scale bar"
+    )
 
 
-def advice(plan: Sequence[Strip], flat: bool = True) -> list[str]:
+def _advice(plan: Sequence[Strip], flat: bool) -> list[str]:
     """Say how the row is built with the strips, step by step, on flat ground or not."""
     steps = ["Print at 100 %, not fitted to the page, and check the scale bar with a ruler."]
     if len(plan) > 1:
@@ -164,14 +167,6 @@ def advice(plan: Sequence[Strip], flat: bool = True) -> list[str]:
     ]
 
 
-def words(plan: Sequence[Strip]) -> str:
-    """Say how much paper it is, and what to do first."""
-    total = plan[-1].sheet
-    paper = "one sheet" if total == 1 else f"{total} sheets"
-    paper += " with one strip" if len(plan) == 1 else f" with {len(plan)} strips"
-    return f"a page of advice and {paper}: print at 100 % and check the scale bar"
-
-
 @contextmanager
 def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
     """A sheet of paper to draw on, in millimetres, with its title."""
@@ -188,16 +183,12 @@ def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
     pages.savefig(figure)
 
 
-def _sizes(layout: Layout) -> str:
-    return repr(layout)[len("Layout(") : -1]
-
-
 def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
     """The steps on the left, the gaps of a row that is not too long on the right."""
     left, top = MARGIN * MM, axes.get_ylim()[1] - 32.0
     axes.text(left, top, "How to build it", size=11, color=INK, weight="bold")
     y = top - 9.0
-    for number, step in enumerate(advice(plan, layout.is_flat), 1):
+    for number, step in enumerate(_advice(plan, layout.is_flat), 1):
         lines = wrap(step, 68)
         axes.text(left, y, f"{number}", size=9.5, color=SOFT, va="top")
         axes.text(left + 6.0, y, "\n".join(lines), size=9.5, color=INK, va="top", linespacing=1.35)

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import pytest
 from drawn_scenes import small_scenes
-from env_scenes import demanding, short
+from env_scenes import SCENES, short
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
@@ -23,20 +23,13 @@ FIXED = {
     "sprint": de.load_scene("sprint"),
     "gentle": GENTLE,
     "course": COURSE,
-    "ideal": short("ideal", 9),
-    "hills": short("hills", 9),
-    "two": GENTLE.replace(count=2),
-    "three": GENTLE.replace(count=3),
-    "growing": short("magnify"),
-    "box": demanding()["box"].replace(count=7),
     "limits": GENTLE.replace(count=6, limits=de.Limits(0.3, 0.3)),
     "stepped": short("sprint", 6).replace(spacing_values=(0.01, 0.02, 0.03), largest_change=0.01),
     "both over a course": COURSE.replace(thickness=(0.004, 0.012), first_thickness=0.0075),
     "thicknesses over a course": COURSE.replace(thickness=(0.004, 0.012), spacing=(0.0118, 0.0118)),
-    "on schedule": short("tempo", 6),
     "robust": short("jitter", 6).replace(settings=de.Placement(0.0005, draws=8)),
     "placed with errors": GENTLE.replace(placement_deviation=0.001),
-}
+} | {name: SCENES[name] for name in ("ideal", "hills", "two", "three", "magnify", "box", "tempo")}
 DRAWN = {"small": small_scenes(), "varied": de.load_distribution("varied")}
 CASES = [
     *[("chain", name) for name in FIXED | DRAWN],

@@ -67,8 +67,6 @@ def test_headline_follows_the_score_where_speed_is_not_what_counts() -> None:
     ]
     assert headline(judged)["who"] == f"{slow.name.capitalize()} wins"
     assert race_data(judged)["winner"] == 1
-    broken = dataclasses.replace(slow, score=-0.1, worth="breaks a limit of the scene")
-    assert "breaks a limit" in headline([judged[0], broken])["why"]
 
 
 def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
@@ -90,7 +88,6 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
     assert read_racers([run], physics=de.Physics(push=9.0))[0][0].score is None
     with pytest.raises(ValueError, match=r"no layout\.csv"):
         read_racers([tmp_path])
-    assert read_racers([run], de.load_scene("ideal"))[1] == de.load_scene("ideal").title
     other = tmp_path / "other"
     other.mkdir()
     (other / "scene.toml").write_text(de.load_scene("ideal").to_toml())
