@@ -65,18 +65,10 @@ def mutated(draw: Any, data: bytes) -> bytes:
     """Valid bytes with some damage: torn, doubled, with strange signs in them."""
     for _ in range(draw(st.integers(1, 5))):
         at = draw(st.integers(0, len(data)))
-        to = min(len(data), at + draw(st.integers(0, 30)))
-        kind = draw(st.sampled_from(["bytes", "trick", "cut", "again", "end"]))
-        if kind == "bytes":
-            data = data[:at] + draw(st.binary(max_size=4)) + data[to:]
-        elif kind == "trick":
-            data = data[:at] + draw(st.sampled_from(TRICKS)) + data[at:]
-        elif kind == "cut":
-            data = data[:at] + data[to:]
-        elif kind == "again":
-            data = data[:to] + data[at:]
-        else:
-            data = data[:at]
+        to = at + draw(st.integers(0, 30) | st.just(len(data)))
+        doubled = 2 * data[at:to]
+        new = draw(st.sampled_from([b"", doubled, *TRICKS]) | st.binary(max_size=4))
+        data = data[:at] + new + data[to:]
     return data
 
 

@@ -184,12 +184,6 @@ def test_make_does_nothing_twice(tmp_path: Path) -> None:
     assert words[:3] == [f"{venv}/bin/python", "-m", "pytest"]
 
 
-def test_ci_runs_the_linters_and_the_tests() -> None:
-    script = ROOT / ".ci" / "run"
-    assert os.access(script, os.X_OK)
-    assert {"make lint", "make test"} <= set(script.read_text().splitlines())
-
-
 def test_the_version_stands_in_one_place_and_in_the_citation() -> None:
     assert "version" in PROJECT["project"]["dynamic"]
     cited = (ROOT / "CITATION.cff").read_text("utf-8")

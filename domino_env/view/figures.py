@@ -72,11 +72,6 @@ class _Window:
     high: float
     from_end: bool
 
-    @property
-    def origin(self) -> str:
-        """Which pivot places count from."""
-        return "last" if self.from_end else "first"
-
     def shift(self, layout: Layout) -> float:
         """What to add to a place along the row [mm]."""
         return -1e3 * float(layout.pivots[-1, 0]) if self.from_end else 0.0
@@ -131,7 +126,8 @@ def rows_picture(
             axes.tick_params(labelbottom=panel is panels[-1])
             if panel is panels[-1]:
                 where = "position" if all(one.layout.is_flat for one in rows) else "horizontally"
-                axes.set_xlabel(f"{where} from the {window.origin} pivot [mm]")
+                origin = "last" if window.from_end else "first"
+                axes.set_xlabel(f"{where} from the {origin} pivot [mm]")
             if window is not windows[0]:
                 axes.set_ylabel("")
                 axes.tick_params(labelleft=False)
