@@ -29,39 +29,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print, write; 1 where an edge case is not answered as it should be."""
     from pathlib import Path
+    from typing import Any
 
     from tqdm import tqdm
 
+    from domino_env.core.checks import require
     from domino_env.core.files import write_text
     from domino_env.scenes.io.reading import load_scene
     from domino_env.validation import accuracy, accuracy_plots, edge_cases
 
-    if not arguments.budget > 0.0:
-        raise ValueError(f"--budget {arguments.budget}: give seconds, more than 0")
+    require("--budget", arguments.budget, above=0.0, unit="s")
     name = "stability" if arguments.stability else "accuracy"
     folder = Path(arguments.out or "runs/accuracy")
     folder.mkdir(parents=True, exist_ok=True)
     table, picture = folder / f"{name}.csv", folder / f"{name}.png"
+    wrong = 0
+    records: list[Any] = []
     # one line of the terminal, cleared at the end; disable=None: only on a terminal
     with tqdm(disable=None, bar_format="{desc}", leave=False, dynamic_ncols=True) as line:
+        progress = line.set_description_str
         if arguments.stability:
-            answers = list(edge_cases.stability(arguments.quick, line.set_description_str))
+            for case in edge_cases.edge_cases(10_000 if arguments.quick else 1_000_000):
+                progress(str(case))
+                records.append(edge_cases.examine(case))
+            wrong = sum(bool(one.faults) for one in records)
+            lines = edge_cases.stability_table(records)
+            lines += [
+                "",
+                f"{len(records)} edge cases: {wrong or 'none'} not answered as they should be",
+            ]
+            accuracy_plots.draw_stability(records, picture)
         else:
-            line.set_description_str("compiling")
+            progress("compiling")
             scene = load_scene(arguments.scene) if arguments.scene else None
             examples = accuracy.scene_examples(scene) if scene else accuracy.standard_examples()
-            rest = arguments.budget, arguments.quick, line.set_description_str
-            runs = list(accuracy.measure(examples, *rest))
-    wrong = 0
-    if arguments.stability:
-        wrong = sum(bool(one.faults) for one in answers)
-        print("\n".join(edge_cases.stability_table(answers)))
-        print(f"\n{len(answers)} edge cases: {wrong or 'none'} not answered as they should be")
-        accuracy_plots.draw_stability(answers, picture)
-        write_text(table, accuracy.as_csv(answers))
-    else:
-        print("\n".join(accuracy.compare(runs)))
-        accuracy_plots.draw_accuracy(examples, runs, picture)
-        write_text(table, accuracy.as_csv(runs))
+            records += accuracy.measure(examples, arguments.budget, arguments.quick, progress)
+            lines = accuracy.compare(records)
+            accuracy_plots.draw_accuracy(examples, records, picture)
+    print("\n".join(lines))
+    write_text(table, accuracy.as_csv(records))
     print(f"\n{table}, {picture}")
     return 1 if wrong else 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -319,23 +319,6 @@ def inconsistencies(wave: Wave) -> list[str]:
         == (wave.reach == 1.0),
     }
     return [fault for fault, right in checks.items() if not right]
-
-
-def stability(
-    quick: bool = False, progress: Callable[[str], object] = lambda line: None
-) -> Iterator[Answer]:
-    """Examine every edge case.
-
-    Parameters
-    ----------
-    quick
-        Long layouts are shortened.
-    progress
-        Called with a line before every case.
-    """
-    for case in edge_cases(10_000 if quick else 1_000_000):
-        progress(str(case))
-        yield examine(case)
 
 
 def stability_table(answers: Sequence[Answer]) -> list[str]:

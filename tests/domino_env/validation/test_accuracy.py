@@ -145,4 +145,4 @@ def test_domino_accuracy_writes_table_and_picture(
     assert len((tmp_path / f"{table}.csv").read_text("utf-8").splitlines()) > lines
     assert (tmp_path / f"{table}.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert main(["accuracy", "--budget", "0"]) == 2
-    assert "give seconds, more than 0" in capsys.readouterr().err
+    assert "--budget = 0.0 s: give a finite number, more than 0" in capsys.readouterr().err
