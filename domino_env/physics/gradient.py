@@ -86,11 +86,9 @@ def batch_of(layout: Layout) -> kernels.Row:
 
 def bars_of(row: kernels.Row) -> kernels.Row:
     """Return room for the derivatives by all that a row, or each of a batch, is made of."""
-    arrays: Any = (None if array is None else np.zeros(array.shape) for array in row)
-    bars = kernels.Row(*arrays)
-    return bars._replace(
-        height=np.zeros_like(bars.thickness), density=np.zeros_like(bars.thickness)
-    )
+    pairs, dominoes = row.spacing.shape, row.thickness.shape
+    flat = np.empty(pairs), np.empty(dominoes), np.empty(dominoes), np.empty(dominoes)
+    return kernels.Row(*flat, *(() if row.rise is None else (np.empty(pairs), np.empty(dominoes))))
 
 
 def gradient_of(bars: kernels.Row, friction: Any, gravity: Any, push: Any) -> Gradient:
@@ -99,11 +97,6 @@ def gradient_of(bars: kernels.Row, friction: Any, gravity: Any, push: Any) -> Gr
 
 
 Tape = NDArray[np.record]
-
-
-def room_for(count: int) -> Tape:
-    """Allocate an empty tape, long enough for most rows of that many dominoes."""
-    return np.empty(4 * count + 16, kernels.EVENT)
 
 
 def pull(
@@ -130,8 +123,9 @@ def pull(
             f"arrival_bar has shape {bar.shape}: give one number for each of the {layout.count} "
             "dominoes"
         )
-    require("arrival_bar", bar)
-    if bar[hit:].any():
+    if not np.isfinite(bar).all():
+        require("arrival_bar", bar)
+    if hit < len(bar) and bar[hit:].any():
         k = hit + int(np.flatnonzero(bar[hit:])[0])
         raise ValueError(
             f"arrival_bar[{k}] = {bar[k]}, but the wave never came to domino {k}: leave it at 0"

@@ -74,29 +74,25 @@ class Layout:
         if gaps.ndim != 1:
             raise ValueError(f"spacing has shape {gaps.shape}: give one gap a pair, shape (N-1,)")
         count = len(gaps) + 1
-        values = {
+        arrays = {
             "spacing": gaps,
             "thickness": _full("thickness", thickness, count),
             "height": _full("height", height, count),
             "density": _full("density", density, count),
         }
-        _require_gaps(gaps)
-        for name, array in values.items():
+        for name, array in arrays.items():
             if len(array) and not 0.0 < array.min() <= array.max() < np.inf:
-                require(name, array, above=0.0, unit="kg/m³" if name == "density" else "m")
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+                _require_positive(name, array)
         if isinstance(width, np.ndarray):
             raise ValueError(f"width has shape {width.shape}: give one number for all dominoes")
         require("width", width, above=0.0, unit="m")
-        object.__setattr__(self, "width", float(width))
-        ground = {"rise": _full("rise", rise, count - 1), "tilt": _full("tilt", tilt, count)}
-        for name, array in ground.items():
+        arrays["rise"], arrays["tilt"] = _full("rise", rise, count - 1), _full("tilt", tilt, count)
+        for array in arrays.values():
             array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        object.__setattr__(self, "is_flat", not (ground["rise"].any() or ground["tilt"].any()))
-        slopes = () if self.is_flat else (ground["rise"], ground["tilt"])
-        if found := footing.trouble(gaps, values["thickness"], values["height"], *slopes):
+        is_flat = not (np.count_nonzero(arrays["rise"]) or np.count_nonzero(arrays["tilt"]))
+        self.__dict__.update(arrays, width=float(width), is_flat=is_flat)
+        slopes = () if is_flat else (self.rise, self.tilt)
+        if found := footing.trouble(gaps, self.thickness, self.height, *slopes):
             raise ValueError(found[1])
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -329,7 +325,9 @@ def _span(values: Floats, unit: float = 1e3) -> str:
 def _full(name: str, values: ArrayLike, count: int) -> Floats:
     array = np.array(values, dtype=np.float64)
     if array.ndim == 0:
-        return np.full(count, float(array))
+        full = np.empty(count)  # half the time of np.full
+        full.fill(array)
+        return full
     if array.shape != (count,) and name == "rise":
         raise ValueError(f"rise has shape {array.shape}: give one number or one a pair, ({count},)")
     if array.shape != (count,):
@@ -340,9 +338,10 @@ def _full(name: str, values: ArrayLike, count: int) -> Floats:
     return array
 
 
-def _require_gaps(spacing: Floats) -> None:
-    for i in np.flatnonzero(spacing <= 0.0):
-        what = "touch" if spacing[i] == 0.0 else "overlap"
+def _require_positive(name: str, array: Floats) -> None:
+    for i in np.flatnonzero(array <= 0.0) if name == "spacing" else ():
+        what = "touch" if array[i] == 0.0 else "overlap"
         raise ValueError(
-            f"spacing[{i}] = {spacing[i]} m: dominoes {i} and {i + 1} {what}; widen the gap"
+            f"spacing[{i}] = {array[i]} m: dominoes {i} and {i + 1} {what}; widen the gap"
         )
+    require(name, array, above=0.0, unit="kg/m³" if name == "density" else "m")

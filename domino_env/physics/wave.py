@@ -24,7 +24,6 @@ from domino_env.physics.gradient import (
     gradient_of,
     longer,
     pull,
-    room_for,
 )
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics, require_row
@@ -33,6 +32,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LOOSEST, TIGHTEST = 1e-3, 1e-13
+_UNTAPED = np.empty(0, kernels.EVENT)
 
 
 class Outcome(enum.IntEnum):
@@ -378,10 +378,11 @@ def simulate(
     """
     began = time.perf_counter()
     require_row(layout, physics)
-    rows = batch_of(layout)
-    tape = room_for(layout.count) if gradient else np.empty(0, kernels.EVENT)
+    rows, setting, count = batch_of(layout), _setting(physics, rtol), layout.count
+    summaries, arrivals = np.empty(1, kernels.SUMMARY), np.empty((1, count), kernels.ARRIVAL)
+    tape = np.empty(4 * count + 16, kernels.EVENT) if gradient else _UNTAPED
     while True:
-        summaries, arrivals = _solve(rows, physics, rtol, tape=tape)
+        kernels.solve_rows(0, 1, rows, *setting, True, summaries, arrivals, tape)
         summary = kernels.Summary._make(summaries.item())
         if summary.taped <= len(tape) or not gradient:
             break
@@ -441,44 +442,20 @@ def simulate_batch(
     """
     began = time.perf_counter()
     rows = _checked_batch(spacing, thickness, height, density, rise, tilt)
-    number, count = rows.thickness.shape
+    (number, count), setting = rows.thickness.shape, _setting(physics, rtol)
+    record = record and not gradient
+    summaries = np.empty(number, kernels.SUMMARY)
+    arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
     slopes = None
     if gradient:
-        summaries = np.empty(number, kernels.SUMMARY)
-        arrivals = np.empty((number, 0), kernels.ARRIVAL)
         bars, wholes = bars_of(rows), np.empty(number, kernels.WHOLE)
-        setting = physics.friction, physics.gravity, physics.push, _checked(rtol)
         share_pieces(kernels.pull_rows, number, count, rows, *setting, summaries, bars, wholes)
         slopes = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
     else:
-        summaries, arrivals = _solve(rows, physics, rtol, record=record)
-    return WaveBatch(rows, physics, rtol, summaries, arrivals, time.perf_counter() - began, slopes)
-
-
-def _solve(
-    rows: kernels.Row,
-    physics: Physics,
-    rtol: float,
-    *,
-    record: bool = True,
-    tape: Tape | None = None,
-) -> tuple[NDArray[np.record], NDArray[np.record]]:
-    """Simulate a batch: summaries (B,), and arrivals (B, N), or (B, 0) without a record.
-
-    A tape is written for a batch of one.
-    """
-    number, count = rows.thickness.shape
-    summaries = np.empty(number, kernels.SUMMARY)
-    arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
-    setting = physics.friction, physics.gravity, physics.push, _checked(rtol)
-    if tape is not None:
-        kernels.solve_rows(0, 1, rows, *setting, True, summaries, arrivals, tape)
-    else:
-        untaped = np.empty(0, kernels.EVENT)
         share_pieces(
-            kernels.solve_rows, number, count, rows, *setting, record, summaries, arrivals, untaped
+            kernels.solve_rows, number, count, rows, *setting, record, summaries, arrivals, _UNTAPED
         )
-    return summaries, arrivals
+    return WaveBatch(rows, physics, rtol, summaries, arrivals, time.perf_counter() - began, slopes)
 
 
 def _wave(
@@ -517,10 +494,11 @@ def _ended(outcome: Outcome) -> str:
     return outcome.name.lower().replace("_", " ")
 
 
-def _checked(rtol: float) -> float:
+def _setting(physics: Physics, rtol: float) -> tuple[float, float, float, float]:
+    """What the kernels take besides rows."""
     if not (type(rtol) is float and TIGHTEST <= rtol <= LOOSEST):  # a call of `require` is 1 µs
         require("rtol", rtol, TIGHTEST, LOOSEST)
-    return float(rtol)
+    return physics.friction, physics.gravity, physics.push, float(rtol)
 
 
 def _checked_batch(
