@@ -273,7 +273,7 @@ def run_benchmark(
         found[task.key] = result
 
     def begin(those: list[BenchmarkTask], name: str) -> None:
-        shown = Progress(name, shown=progress, plain=progress is None)
+        shown = Progress(name, progress)
         failures.extend(run_tasks(those, executor, study, keep, shown))
 
     try:

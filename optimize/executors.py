@@ -318,7 +318,23 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
     ExecutorLost
         Where no scheduler answers at the address, or no worker comes.
     """
-    require_possible(workers, dask)
+    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+        raise ValueError(f"--workers {workers}: give 1 to {MOST_WORKERS}")
+    if dask is not None and find_spec("distributed") is None:
+        raise ImportError(
+            'a Dask cluster needs dask and distributed: pip install "domino-chains[dist]" '
+            "(in this folder: pip install -c constraints.txt -e .[dist])"
+        )
+    if dask not in (None, "local") and workers is not None:
+        raise ValueError(
+            "--workers and the --dask address of a scheduler: its workers are its own; "
+            "give one or the other"
+        )
+    if dask not in (None, "local") and not ADDRESS.fullmatch(dask):
+        raise ValueError(
+            f"--dask {dask}: give the address of a scheduler, such as "
+            "tcp://127.0.0.1:8786, or local"
+        )
     if dask is not None:
         with _dask_executor(dask, workers) as executor:
             yield executor
@@ -327,29 +343,6 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
             yield pool
     else:
         yield None
-
-
-def require_possible(workers: int | None = None, dask: str | None = None) -> None:
-    """Check the arguments of `open_executor` without starting anything."""
-    if workers is not None and not 1 <= workers <= MOST_WORKERS:
-        raise ValueError(f"--workers {workers}: give 1 to {MOST_WORKERS}")
-    if dask is None:
-        return
-    if find_spec("distributed") is None:
-        raise ImportError(
-            'a Dask cluster needs dask and distributed: pip install "domino-chains[dist]" '
-            "(in this folder: pip install -c constraints.txt -e .[dist])"
-        )
-    if dask != "local" and workers is not None:
-        raise ValueError(
-            "--workers and the --dask address of a scheduler: its workers are its own; "
-            "give one or the other"
-        )
-    if dask != "local" and not ADDRESS.fullmatch(dask):
-        raise ValueError(
-            f"--dask {dask}: give the address of a scheduler, such as "
-            "tcp://127.0.0.1:8786, or local"
-        )
 
 
 def add_executor_options(parser: argparse.ArgumentParser) -> None:

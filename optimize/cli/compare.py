@@ -20,8 +20,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from optimize.cli.options import add_study_options, asked_study, continuing, exit_code
-from optimize.executors import add_executor_options, asked_executor
+from optimize.cli.options import add_study_options, exit_code, opened_study
+from optimize.executors import add_executor_options
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
 DEFAULT_SECONDS = 4.0
@@ -50,13 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
-    from domino_env.core.files import require_room
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.best_known import update
     from optimize.experiments.compare import comparison_tasks, known_score
     from optimize.experiments.experiment import run_experiment
     from optimize.experiments.report import COMPARISON_FILES, table, write_comparison
-    from optimize.experiments.runner import Progress
     from optimize.experiments.task import scene_of
     from optimize.methods import registry
 
@@ -81,16 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
     }  # fmt: skip
     default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
     folder = Path(arguments.out)
-    # the study comes last: an executor that does not answer leaves no empty one
-    with asked_executor(arguments) as executor:
-        require_room(folder)
-        study = asked_study(arguments, "comparison", default, tasks, settings)
+    with opened_study(arguments, "comparison", default, tasks, settings, folder) as (study, how):
         budget = f"{evaluations} layouts" if seconds is None else f"{seconds:g} s"
         print(f"{len(tasks) - study.tasks} runs of {budget}", flush=True)
-        progress = Progress(study.name, shown=None, plain=True)
-        with continuing(study):
-            found = run_experiment(tasks, executor, study, None, progress, known_score)
-    with continuing(study):
+        found = run_experiment(tasks, known=known_score, **how)
         write_comparison(found, folder)
         for problem in found.problems:
             print(f"\n{problem}\n" + "\n".join(table(found, [problem])))

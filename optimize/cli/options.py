@@ -7,7 +7,10 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from optimize.executors import asked_executor
 
 if TYPE_CHECKING:
     from optimize.experiments.experiment import Experiment
@@ -95,17 +98,48 @@ def asked_study(
 
 
 @contextmanager
-def continuing(study: Study) -> Iterator[None]:
-    """Add to whatever ends a command what is done, and how to continue."""
-    try:
-        yield
-    except (KeyboardInterrupt, OSError) as end:
-        how = f"what is done is in study '{study.name}'; the same command with --resume continues"
-        if isinstance(end, OSError):
-            raise OSError(f"{end}; {how}") from None
-        done = len(study.done())
-        text = f": {done} runs are complete; {how}" if done else " before any run was complete"
-        raise KeyboardInterrupt(f"interrupted{text}") from None
+def opened_study(
+    arguments: argparse.Namespace,
+    kind: str,
+    default: str,
+    tasks: Sequence[Task],
+    settings: dict[str, Any],
+    folder: Path | None,
+) -> Iterator[tuple[Study, dict[str, Any]]]:
+    """Open the executor and the study of a command; whatever ends it says how to continue.
+
+    Parameters
+    ----------
+    arguments, kind, default, tasks, settings
+        As of `asked_study`.
+    folder
+        Folder of the report, which must have room; None for one in ``runs``.
+
+    Yields
+    ------
+    study : Study
+        The study.
+    how : dict
+        Arguments of `run_experiment`: executor, study and progress.
+    """
+    from domino_env.core.files import require_room
+    from optimize.experiments.runner import Progress
+
+    # the study comes last: an executor that does not answer leaves no empty one
+    with asked_executor(arguments) as executor:
+        require_room(folder or Path("runs"))
+        study = asked_study(arguments, kind, default, tasks, settings)
+        try:
+            yield study, {"executor": executor, "study": study, "progress": Progress(study.name)}
+        except (KeyboardInterrupt, OSError) as end:
+            more = f"what is done is in study '{study.name}'; the same command with --resume"
+            if isinstance(end, OSError):
+                raise OSError(f"{end}; {more} continues") from None
+            done = len(study.done())
+            told = f": {done} runs are complete; {more} continues"
+            raise KeyboardInterrupt(
+                f"interrupted{told if done else ' before any run was complete'}"
+            ) from None
 
 
 def exit_code(experiment: Experiment) -> int:

@@ -15,8 +15,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from optimize.cli.options import add_study_options, asked_study, continuing, exit_code
-from optimize.executors import add_executor_options, asked_executor
+from optimize.cli.options import add_study_options, exit_code, opened_study
+from optimize.executors import add_executor_options
 
 SUMMARY = "search many variations of a scene, on one machine or many"
 
@@ -44,11 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check, search, and write the folder."""
-    from domino_env.core.files import require_room
     from domino_env.scenes.io.reading import load_scene
     from optimize.experiments.experiment import run_experiment
     from optimize.experiments.report import SWEEP_FILES, write_sweep
-    from optimize.experiments.runner import Progress
     from optimize.experiments.sweep import sweep_tasks
 
     scene = load_scene(arguments.scene)
@@ -62,19 +60,15 @@ def run(arguments: argparse.Namespace) -> int:
         "seed": arguments.seed, "methods": methods, "seeds": arguments.seeds,
         "evaluations": tasks[0].evaluations, "seconds": arguments.seconds,
     }  # fmt: skip
-    # the study comes last: an executor that does not answer leaves no empty one
-    with asked_executor(arguments) as executor:
-        require_room(Path(arguments.out or "runs"))
-        study = asked_study(arguments, "sweep", f"sweep-{scene.name}", tasks, settings)
-        folder = Path(arguments.out or f"runs/{study.name}")
+    out = None if arguments.out is None else Path(arguments.out)
+    name = f"sweep-{scene.name}"
+    with opened_study(arguments, "sweep", name, tasks, settings, out) as (study, how):
+        folder = out or Path(f"runs/{study.name}")
         before = f", {study.tasks} of them done before" if study.tasks else ""
         print(
             f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}", flush=True
         )
-        progress = Progress(study.name, shown=None, plain=True)
-        with continuing(study):
-            found = run_experiment(tasks, executor, study, None, progress)
-    with continuing(study):
+        found = run_experiment(tasks, **how)
         write_sweep(found, folder, scene)
         print(f"{len(found.results)} results; written to {folder}: {', '.join(SWEEP_FILES)}")
         return exit_code(found)

@@ -63,13 +63,8 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
     Raises
     ------
     ValueError
-        For a file that is damaged, with what is wrong and where, and for a name.
+        For a file that is damaged, with what is wrong and where.
     """
-    if isinstance(path, str):
-        raise ValueError(
-            f"best_known({path!r}): it gives all records, by the name of their scene: say "
-            f"best_known()[{path!r}], or give the Path of a file of your own"
-        )
     path = path or PATH
     if not path.exists():
         return {}

@@ -42,14 +42,12 @@ class Progress:
     name
         Name of all tasks together.
     shown
-        Whether a line moves on a terminal; None: where standard error is one.
-    plain
-        Whether each finished task leaves a line where none moves.
+        Whether a line moves; None: where standard error is a terminal, and elsewhere each finished
+        task leaves a line.
     """
 
     name: str = "tasks"
-    shown: bool | None = False
-    plain: bool = False
+    shown: bool | None = None
 
     def line(self, total: int, done: int) -> Any:
         """Begin the line, with some tasks done already."""
@@ -66,7 +64,7 @@ class Progress:
         line.refresh()
         if isinstance(outcome, Failure):
             said = f"failed: {outcome.reason}"
-        elif self.plain and line.disable:
+        elif self.shown is None and line.disable:
             gain = "" if outcome.gain is None else f", {outcome.gain:+.2%}"
             said = f"{outcome.score:.6f}{gain}"
         else:
@@ -105,7 +103,7 @@ def run_tasks(
     ExecutorLost
         Where the executor itself has ended; and what `study` and `callback` raise.
     """
-    progress = progress or Progress()
+    progress = progress or Progress(shown=False)
     known = {} if study is None else study.done()
     missing = [task for task in tasks if task.key not in known]
     failures: list[Failure] = []

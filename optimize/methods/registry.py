@@ -12,11 +12,11 @@ import difflib
 import inspect
 import sys
 from collections.abc import Callable
-from functools import reduce
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
@@ -135,30 +135,16 @@ def importable_name(method: str | Method) -> str:
 
 def _load_own(name: str) -> Method:
     """Import what `package.module:function` names, also from the working folder."""
-    home, _, inside = name.partition(":")
     here = str(Path.cwd())
     if here not in sys.path:  # spawned processes get this list
         sys.path.append(here)
     try:
-        module = import_module(home)
-    except ModuleNotFoundError as error:
-        if not f"{home}.".startswith(f"{error.name}."):
-            raise ValueError(f"method '{name}': {home} cannot be imported: {error}") from error
+        return _checked(resolve_name(name), name)
+    except (AttributeError, ImportError, SyntaxError) as error:
         raise ValueError(
-            f"method '{name}': there is no module '{error.name}' in {here} or where Python finds "
-            "packages; a method of your own is named package.module:function"
-        ) from None
-    except Exception as error:  # whatever a stranger's module does
-        reason = f"{type(error).__name__}: {error}"
-        raise ValueError(f"method '{name}': {home} cannot be imported: {reason}") from error
-    try:
-        found = reduce(getattr, inside.split("."), cast("object", module))
-    except AttributeError:
-        near = difflib.get_close_matches(inside, vars(module), n=1)
-        hint = f"; did you mean '{home}:{near[0]}'?" if near else ""
-        where = getattr(module, "__file__", None) or home
-        raise ValueError(f"method '{name}': {where} holds no '{inside}'{hint}") from None
-    return _checked(found, name)
+            f"method '{name}' cannot be imported from {here} or where Python finds packages: "
+            f"{error}; a method of your own is named package.module:function"
+        ) from error
 
 
 def _checked(method: object, name: str) -> Method:

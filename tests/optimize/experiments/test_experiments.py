@@ -180,8 +180,6 @@ def test_every_scene_has_a_record_that_is_valid(name: str) -> None:
 def test_a_record_is_kept_where_it_is_better(scenes, tmp_path: Path) -> None:
     path, scene = tmp_path / "best.json", scenes["both"]
     assert best_known.best_known(path) == {}
-    with pytest.raises(ValueError, match=r"say best_known\(\)\['sprint'\]"):
-        best_known.best_known("sprint")
     baseline, found = (search(scene, m, budget=300) for m in ("uniform", "auto"))
     assert best_known.update([(scene, baseline)], path) == ["both"]
     assert best_known.update([(scene, baseline)], path) == []
