@@ -124,12 +124,13 @@ class DesignSpace:
         ValueError
             For another shape, or entries outside of [0, 1].
         """
-        spacing, thickness, height = self.split(self.values(self.checked(self.one(design))))
-        return self.scene.layout(
-            spacing[0],
-            None if thickness is None else thickness[0],
-            None if height is None else height[0],
-        )
+        return self.layout_of(self.values(self.checked(self.one(design))))
+
+    def layout_of(self, values: Floats) -> Layout:
+        """Return the layout of free values (1, n), whatever the rules."""
+        gaps, *others = self.split(values)
+        thick, tall = (None if part is None else part[0] for part in others)
+        return self.scene.layout(gaps[0], thick, tall)
 
     def design(self, layout: Layout) -> Floats:
         """Return the design vector (n,) of a layout that keeps the rules of the scene."""

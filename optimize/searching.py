@@ -103,7 +103,12 @@ def search(
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
     run, method = registry.load(method), registry.name_of(method)
-    require_limits(budget, seconds, seed)
+    if budget is not None and budget < 1:
+        raise ValueError(f"budget = {budget}: give at least one evaluation")
+    if seconds is not None and not seconds > 0.0:
+        raise ValueError(f"seconds = {seconds}: give a time of more than 0 s")
+    if seed < 0:
+        raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
     if resume and folder is None:
         raise ValueError("resume: name the folder of the search to go on with")
     problem = Problem(scene)
@@ -168,27 +173,6 @@ def search(
     if files is not None:
         files.finish(result)
     return result
-
-
-def require_limits(budget: int | None, seconds: float | None, seed: int) -> None:
-    """Raise for limits that leave a search nothing, and for negative seeds.
-
-    Parameters
-    ----------
-    budget, seconds, seed
-        As of `search`.
-
-    Raises
-    ------
-    ValueError
-        With the number, and what to give.
-    """
-    if budget is not None and budget < 1:
-        raise ValueError(f"budget = {budget}: give at least one evaluation")
-    if seconds is not None and not seconds > 0.0:
-        raise ValueError(f"seconds = {seconds}: give a time of more than 0 s")
-    if seed < 0:
-        raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
 
 
 def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:

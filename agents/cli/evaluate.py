@@ -12,6 +12,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from optimize.cli.options import write_layout
+
 if TYPE_CHECKING:
     from agents.designer.policy import ConditionedPolicy
     from agents.policy import ScenePolicy
@@ -77,11 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"beyond what it was trained on: {difference}")
     print(sentence(built))
     if arguments.layout:
-        path = Path(arguments.layout)
-        if path.suffix not in (".csv", ".json"):
-            raise ValueError(f"{path}: a layout's file ends in .csv or .json")
-        (built.layout.to_csv if path.suffix == ".csv" else built.layout.to_json)(path)
-        print(f"row written to {path}")
+        write_layout(built.layout, arguments.layout)
+        print(f"row written to {arguments.layout}")
     return 0
 
 

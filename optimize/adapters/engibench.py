@@ -130,12 +130,7 @@ class DominoRow(Problem[Floats]):
         ValueError
             For a design of another shape, and for what cannot be built.
         """
-        spacing, thickness, height = self._box.split(self._box.one(design))
-        return self.scene.layout(
-            spacing[0],
-            None if thickness is None else thickness[0],
-            None if height is None else height[0],
-        )
+        return self._box.layout_of(self._box.one(design))
 
     def simulate(self, design: Floats, config: dict[str, Any] | None = None) -> Floats:
         """Topple the row of a design (n,), and give its score, (1,); higher is better."""

@@ -12,6 +12,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from domino_env.cli.verify import add_simulator_options
+from optimize.cli.options import write_layout
 
 if TYPE_CHECKING:
     from optimize.experiments.best_known import BestKnown
@@ -37,8 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """List, write or verify; 1 if a verified row differs in earnest."""
-    from pathlib import Path
-
     from optimize.experiments.best_known import best_known
 
     records = best_known()
@@ -51,12 +50,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.layout:
         if len(arguments.scenes) != 1:
             raise ValueError("--layout writes one row: name one scene")
-        path = Path(arguments.layout)
-        if path.suffix not in (".csv", ".json"):
-            raise ValueError(f"{path}: a layout's file ends in .csv or .json")
-        (row,) = wanted.values()
-        (row.layout.to_csv if path.suffix == ".csv" else row.layout.to_json)(path)
-        print(f"written to {path}")
+        (record,) = wanted.values()
+        write_layout(record.layout, arguments.layout)
+        print(f"written to {arguments.layout}")
         return 0
     if not arguments.verify:
         _list(wanted)

@@ -21,7 +21,6 @@ import argparse
 from pathlib import Path
 
 from optimize.cli.options import add_study_options, exit_code, opened_study
-from optimize.executors import add_executor_options
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
 DEFAULT_SECONDS = 4.0
@@ -39,7 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--evaluations", type=int, help="layouts that each run may simulate")
     parser.add_argument("--out", metavar="FOLDER", default="runs/comparison", help="%(default)s")
-    add_executor_options(parser)
     add_study_options(parser)
     parser.add_argument(
         "--update-best",

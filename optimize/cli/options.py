@@ -10,9 +10,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optimize.executors import asked_executor
+from optimize.executors import add_executor_options, asked_executor
 
 if TYPE_CHECKING:
+    from domino_env.physics.layout import Layout
     from optimize.experiments.experiment import Experiment
     from optimize.experiments.store import Study
     from optimize.experiments.task import Task
@@ -21,7 +22,8 @@ DEFAULT_STORE = "runs/studies.sqlite"
 
 
 def add_study_options(parser: argparse.ArgumentParser) -> None:
-    """Add --store, --name and --resume."""
+    """Add --workers, --dask, --store, --name and --resume."""
+    add_executor_options(parser)
     group = parser.add_argument_group("study", "where results are kept as they come")
     group.add_argument(
         "--store",
@@ -140,6 +142,18 @@ def opened_study(
             raise KeyboardInterrupt(
                 f"interrupted{told if done else ' before any run was complete'}"
             ) from None
+
+
+def write_layout(layout: Layout, file: str) -> None:
+    """Write a layout to a .csv or .json file; ValueError for another one, or where that fails."""
+    path = Path(file)
+    write = {".csv": layout.to_csv, ".json": layout.to_json}.get(path.suffix.lower())
+    if write is None:
+        raise ValueError(f"{path}: a layout is written to a .csv or .json file")
+    try:
+        write(path)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def exit_code(experiment: Experiment) -> int:

@@ -51,22 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and say what was found."""
-    from pathlib import Path
-
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.best_known import update
-    from optimize.methods import registry
-    from optimize.run_folder import FILES, require_place
-    from optimize.searching import require_limits, search
+    from optimize.run_folder import FILES
+    from optimize.searching import search
 
-    registry.load(arguments.method)
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
-    require_limits(arguments.evaluations, arguments.seconds, arguments.seed)
-    # before the best uniform row is searched, which may take long
-    require_place(Path(folder), resume=arguments.resume)
-    print(f"{scene.name}: {scene.title}")
-    print(f"best uniform row: {_uniform(scene)}", flush=True)
+    print(f"{scene.name}: {scene.title}", flush=True)
     with asked_executor(arguments) as executor:
         result = search(
             scene,
@@ -78,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
             executor=executor,
             resume=arguments.resume,
         )
+    print(f"best uniform row: {_uniform(scene)}")
     print(f"best row found:   {_found(result)}")
     print(f"the search ended: {result.ended}")
     if scene.name in scene_names() and load_scene(scene.name) == scene:

@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from optimize.cli.options import DEFAULT_STORE
+from optimize.cli.options import DEFAULT_STORE, write_layout
 
 if TYPE_CHECKING:
     from optimize.experiments.store import Store, Study
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         number = export_study(store.study(name), Path(arguments.to))
         print(f"written to {arguments.to}: {number:,} results")
     else:
-        _export_best(store.study(name), Path(arguments.to), arguments.best or None)
+        _export_best(store.study(name), arguments.to, arguments.best or None)
     return 0
 
 
@@ -118,18 +118,12 @@ def _show(study: Study, *, everything: bool) -> None:
             print(f"… and {len(rows) - len(shown):,} lines more: --all shows them")
 
 
-def _export_best(study: Study, path: Path, which: str | None) -> None:
+def _export_best(study: Study, path: str, which: str | None) -> None:
     from domino_env.core.files import one_line
     from optimize.experiments.store import best_result
 
-    write = {".csv": "to_csv", ".json": "to_json"}.get(path.suffix.lower())
-    if write is None:
-        raise ValueError(f"{path}: a layout is written to a .csv or .json file")
     result = best_result(study, which)
-    try:
-        getattr(result.layout, write)(path)
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error.strerror}") from None
+    write_layout(result.layout, path)
     told = f"{result.scene_name}, {result.method}, seed {result.seed}, score {result.score:.6g}"
     print(one_line(f"written to {path}: the layout of {told}"))
 

@@ -16,7 +16,6 @@ import argparse
 from pathlib import Path
 
 from optimize.cli.options import add_study_options, exit_code, opened_study
-from optimize.executors import add_executor_options
 
 SUMMARY = "search many variations of a scene, on one machine or many"
 
@@ -38,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seconds", type=float, help="time of each search; not repeatable")
     parser.add_argument("--out", metavar="FOLDER", help="for page, table, picture (runs/NAME)")
-    add_executor_options(parser)
     add_study_options(parser)
 
 

@@ -57,10 +57,7 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
     step = (total - sums[every, k]) / np.maximum(movable[every, k], 1.0)
     shift = np.clip(corners[every, k] + step, corners[:, 0], corners[:, -1])
     moved = np.clip(values + shift[:, None], low, high)
-    # what rounding has left goes to the entries that can still move
-    free = (moved > low) & (moved < high)
-    share = (total - moved.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
-    return np.asarray(np.clip(moved + free * share[:, None], low, high))
+    return _even_out(moved, low, high, total)
 
 
 def nearest_smooth(
@@ -113,14 +110,14 @@ def _with_total(values: Floats, low: Floats, high: Floats, change: Floats, total
         part = 0.5 if k % 3 == 2 else -sum_below / (sum_above - sum_below)
         shift = below + min(max(part, 0.01), 0.99) * (above - below)
         near = _nearest(values + shift, low, high, change)
-    return _even_out(near, low, high, total)
+    return np.asarray(_even_out(near[None], low, high, total)[0])
 
 
 def _even_out(near: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """What rounding has left of the sum goes to all that are not at a bound."""
+    """What rounding has left of the sum (B,) goes to all entries that are not at a bound."""
     free = (near > low) & (near < high)
-    share = (total - near.sum()) / max(int(free.sum()), 1)
-    return np.asarray(np.clip(near + free * share, low, high))
+    share = (total - near.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
+    return np.asarray(np.clip(near + free * share[:, None], low, high))
 
 
 @compiled

@@ -83,6 +83,10 @@ class Experiment:
         """Number of seeds."""
         return len({r.seed for r in self.results})
 
+    def over_seeds(self, what: str) -> str:
+        """Return the number of seeds in words, after what is taken over them."""
+        return "one seed" if self.seeds == 1 else f"{what} {self.seeds} seeds"
+
     def of(self, method: str, problem: str | None = None) -> list[TaskResult]:
         """Return the runs of a method, on one problem or on all."""
         return [r for r in self.results if r.method == method and problem in (None, problem_of(r))]

@@ -30,6 +30,7 @@ Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
 Prepare = Callable[[Axes, str], None]  # axes of a title
 
 MOST = 7  # methods whose colours are told apart at a glance
+MEDIANS = "medians and range of"
 MOST_PANELS = 6  # of a sweep
 WRITTEN = 12  # values of both keys up to which a map has its numbers
 
@@ -124,12 +125,12 @@ def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
     what = "gap to the best known"
     draw_curves(
         gaps, gap_curves, f"{what.capitalize()} against {clock}",
-        f"{budget}, {over_seeds(experiment)}", (clock, what), for_gaps, best,
+        f"{budget}, {experiment.over_seeds(MEDIANS)}", (clock, what), for_gaps, best,
     )  # fmt: skip
     what = "targets reached"
     draw_curves(
         targets, reached, f"{what.capitalize()} against {clock}",
-        f"{budget}, {over_seeds(experiment, 'all runs of')}", (clock, what), for_targets, best,
+        f"{budget}, {experiment.over_seeds('all runs of')}", (clock, what), for_targets, best,
     )  # fmt: skip
 
 
@@ -149,9 +150,8 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
     """
     keys, what = experiment.keys, "gain over uniform" if unit else "score"
     headline = f"{name}: {what}, over {' and '.join(keys)}"
-    subtitle = (
-        f"{len(experiment.points)} scenes, {experiment.budget} a search, {over_seeds(experiment)}"
-    )
+    number = len(experiment.points)
+    subtitle = f"{number} scenes, {experiment.budget} a search, {experiment.over_seeds(MEDIANS)}"
     columns = zip(*experiment.points, strict=True)
     places = {key: _places(list(column)) for key, column in zip(keys, columns, strict=True)}
     values = [list(found) for found in places.values()]
@@ -177,11 +177,6 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
 
     draw_curves(path, panels, headline, subtitle, ("", what), prepare, experiment.methods[:MOST])
-
-
-def over_seeds(experiment: Experiment, what: str = "medians and range of") -> str:
-    """Return the number of seeds in words."""
-    return "one seed" if experiment.seeds == 1 else f"{what} {experiment.seeds} seeds"
 
 
 def _maps(

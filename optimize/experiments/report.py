@@ -71,9 +71,9 @@ def comparison_page(experiment: Experiment) -> str:
     lines = [
         "# Methods compared",
         "",
-        f"{experiment.budget} for each run, {_medians(experiment)}. *Gain* is over the uniform "
-        "baseline, *gap* to the best score known; times are those at which a run came within 1 % "
-        "and 0.1 % of it.",
+        f"{experiment.budget} for each run, {experiment.over_seeds('medians over')}. "
+        "*Gain* is over the uniform baseline, *gap* to the best score known; times are those at "
+        "which a run came within 1 % and 0.1 % of it.",
     ]
     if any(method.startswith("agent:") for method in experiment.methods):
         lines += [
@@ -114,8 +114,9 @@ def sweep_page(experiment: Experiment, base: Scene) -> str:
         f"# {base.name}, swept over {keys}",
         "",
         f"{len(experiment.points)} scenes, {len(experiment.results)} searches of up to "
-        f"{experiment.budget} each, {_medians(experiment)}. *Gain* is over the uniform baseline of "
-        "the same scene, *gap* to the best score of any search there.",
+        f"{experiment.budget} each, {experiment.over_seeds('medians over')}. "
+        "*Gain* is over the uniform baseline of the same scene, *gap* to the best score of "
+        "any search there.",
         "",
         f"![{'gain over uniform' if base.unit else 'score'} over {keys}](sweep.png)",
         "",
@@ -161,10 +162,6 @@ def failures_section(experiment: Experiment) -> list[str]:
         return []
     lines = [f"- {one.task.name}: {one.reason}" for one in experiment.failures[:MOST_LINES]]
     return ["", "## Runs without a result", "", *lines]
-
-
-def _medians(experiment: Experiment) -> str:
-    return "one seed" if experiment.seeds == 1 else f"medians over {experiment.seeds} seeds"
 
 
 def _median(values: list[float]) -> float:
