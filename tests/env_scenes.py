@@ -12,6 +12,20 @@ def short(name, count=7):
     return scene.replace(count=count, length=length)
 
 
+def play(env, policy, **reset):
+    """Return actions, observations, rewards and the last info of one episode."""
+    seen, info = env.reset(**reset)
+    actions, observations, rewards, over = [], [seen], [], False
+    while not over:
+        assert set(info) <= {"scene"}
+        actions.append(policy(len(actions)))
+        seen, reward, over, truncated, info = env.step(actions[-1])
+        observations.append(seen)
+        rewards.append(reward)
+        assert truncated is False
+    return np.array(actions), np.array(observations), np.array(rewards), info
+
+
 def courses():
     """Return scenes with a length: usual, hardly and not at all free, with free thicknesses."""
     course = de.load_scene("course")

@@ -79,6 +79,23 @@ def test_simulating_loads_no_search_and_no_picture() -> None:
     assert not loaded & heavy
 
 
+def test_an_environment_loads_nothing_that_draws() -> None:
+    loaded = loaded_by(
+        "import gymnasium; env = gymnasium.make('domino_env:DominoChain-v0', scene='gentle');"
+        "env.reset(); env.step(env.action_space.sample())"
+    )
+    assert not loaded & {"PIL", "matplotlib", "pygame"}
+
+
+@pytest.mark.parametrize("first", [
+    "import domino_env, gymnasium, importlib; importlib.reload(domino_env)",
+    "import gymnasium.vector, domino_env",
+])  # fmt: skip
+def test_the_environments_are_known_in_whatever_order_things_are_imported(first: str) -> None:
+    known = "assert {'DominoChain-v0', 'DominoLayout-v0'} < set(gymnasium.registry)"
+    assert "gymnasium" in loaded_by(f"{first}; {known}")
+
+
 # public names -----------------------------------------------------------------------------------
 
 

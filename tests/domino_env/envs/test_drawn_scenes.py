@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 from drawn_scenes import small_scenes
+from env_scenes import play
 from gymnasium.utils.env_checker import check_env
 
 import domino_env as de
@@ -15,23 +16,9 @@ SMALL = small_scenes()
 SHIPPED = ["varied", "varied-course", "varied-thickness"]
 
 
-def play(env, actions, **reset):
-    """Observations, rewards and infos of an episode."""
-    seen, info = env.reset(**reset)
-    observations, rewards, infos = [seen], [], [info]
-    over = False
-    for action in actions:
-        seen, reward, over, _, info = env.step(action)
-        observations.append(seen)
-        rewards.append(reward)
-        infos.append(info)
-        if over:
-            return np.array(observations), np.array(rewards), infos
-    raise AssertionError("the episode goes on")
-
-
 def actions_of(env, seed):
-    return np.random.default_rng(seed).uniform(-1.0, 1.0, (200, *env.action_space.shape))
+    actions = np.random.default_rng(seed).uniform(-1.0, 1.0, (200, *env.action_space.shape))
+    return lambda k: actions[k]
 
 
 @pytest.mark.parametrize("name", [*SHIPPED, SMALL], ids=str)
@@ -41,19 +28,19 @@ def test_a_drawn_scene_given_as_a_fixed_one_is_the_same_episode(name):
     features = len(env.distribution.features)
     for seed in range(3):
         actions = actions_of(env, seed)
-        seen, rewards, infos = play(env, actions, seed=seed)
-        scene = infos[0]["scene"]
-        assert scene is env.scene is infos[-1]["scene"]
+        _, seen, rewards, info = play(env, actions, seed=seed)
+        scene = env.scene
+        assert scene is info["scene"]
         assert scene.uniform().score > 0.0
         fixed = DominoChain(scene, window=3)
-        alone, same_rewards, told = play(fixed, actions)
+        _, alone, same_rewards, told = play(fixed, actions)
         np.testing.assert_array_equal(seen[:, :-features], alone)
         np.testing.assert_allclose(rewards, same_rewards, rtol=0.0, atol=1e-9)
-        assert infos[-1]["wave"] == told[-1]["wave"]
-        assert rewards.sum() == pytest.approx(100.0 * infos[-1]["gain"], abs=1e-9)
+        assert info["wave"] == told["wave"]
+        assert rewards.sum() == pytest.approx(100.0 * info["gain"], abs=1e-9)
         # to the bit where it is given to the same environment, which then draws nothing
         before = env.np_random.bit_generator.state
-        again, rewards_again, _ = play(env, actions, options={"scene": scene})
+        _, again, rewards_again, _ = play(env, actions, options={"scene": scene})
         assert env.np_random.bit_generator.state == before
         np.testing.assert_array_equal(again, seen)
         np.testing.assert_allclose(rewards_again, same_rewards, rtol=0.0, atol=1e-12)

@@ -2,15 +2,13 @@
 
 import copy
 import pickle
-import subprocess
-import sys
 import warnings
 from dataclasses import replace
 
 import gymnasium
 import numpy as np
 import pytest
-from env_scenes import SCENES, courses, demanding, short
+from env_scenes import SCENES, courses, demanding, play, short
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
@@ -39,22 +37,6 @@ def quick_baselines(monkeypatch):
         return found[scene]
 
     monkeypatch.setattr(de.Scene, "uniform", uniform)
-
-
-def play(env, policy, **reset):
-    """Return actions, observations, rewards and the last info of one episode."""
-    seen, info = env.reset(**reset)
-    assert info == {}
-    actions, observations, rewards = [], [seen], []
-    over = False
-    while not over:
-        assert info == {}
-        actions.append(policy(len(actions)))
-        seen, reward, over, truncated, info = env.step(actions[-1])
-        observations.append(seen)
-        rewards.append(reward)
-        assert truncated is False
-    return np.array(actions), np.array(observations), np.array(rewards), info
 
 
 def at_random(env, rng, low=-1.0, high=1.0):
@@ -335,18 +317,10 @@ def test_layouts_that_no_episode_can_begin_with_are_rejected():
 def test_bad_use_is_told_what_is_wrong(kind):
     for scene, options, words in (
         ("sprnt", {}, "no scene 'sprnt': did you mean 'sprint'"),
-        (
-            "sprint",
-            {"render_mode": "film"},
-            "render_mode = 'film': choose None or one of rgb_array",
-        ),
+        ("sprint", {"render_mode": "film"}, "render_mode = 'film': choose None or one of rgb"),
         ("sprint", {"rtol": 0.1}, r"rtol = 0\.1: give a finite number from 1e-13 to 0.001"),
         (de.load_scene("sprint").replace(spacing=(0.02, 0.02)), {}, "leaves nothing free"),
-        (
-            de.load_scene("course").replace(largest_change=0.001),
-            {},
-            "a length and for lists, a stock or a largest change",
-        ),
+        (de.load_scene("course").replace(largest_change=0.001), {}, "asks for a length and for"),
     ):
         with pytest.raises(ValueError, match=words):
             kind(scene, **options)
@@ -418,15 +392,3 @@ def test_the_last_info_can_be_kept_and_copied():
     assert replace(wave, reach=0.5).reach == 0.5
     with pytest.raises(AttributeError, match="no attribute 'speed'"):
         wave.speed  # noqa: B018 - reading it is the test
-
-
-def test_the_environments_are_known_in_whatever_order_things_are_imported():
-    known = "assert {'DominoChain-v0', 'DominoLayout-v0'} < set(gymnasium.registry)"
-    for script in (
-        "import domino_env, gymnasium, importlib; importlib.reload(domino_env); " + known,
-        "import gymnasium.vector, domino_env; " + known,
-        "import gymnasium; gymnasium.make('domino_env:DominoChain-v0', scene='gentle').reset()",
-    ):
-        words = [sys.executable, "-W", "error", "-c", script]
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr

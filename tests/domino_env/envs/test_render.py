@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import gymnasium
 import numpy as np
 import pytest
@@ -53,14 +50,3 @@ def test_a_window_shows_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     env = played("human", 3)
     assert env.render() is None
     env.close()
-
-
-def test_nothing_that_draws_is_loaded_unless_asked_for() -> None:
-    script = (
-        "import sys, gymnasium, domino_env, numpy as np;"
-        "env = gymnasium.make('DominoChain-v0', scene='sprint'); env.reset(seed=0);"
-        "env.step(np.zeros(1, dtype=np.float32));"
-        "print([m for m in ('PIL', 'pygame', 'matplotlib') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.stdout.strip() == "[]", done.stderr
