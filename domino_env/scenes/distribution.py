@@ -21,7 +21,6 @@ from domino_env.scenes.io.ranges import (
 )
 from domino_env.scenes.io.reading import (
     distribution_names,
-    document_of_text,
     read_named,
     scene_names,
     scene_of_document,
@@ -29,6 +28,7 @@ from domino_env.scenes.io.reading import (
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.tables import text_of
+from domino_env.scenes.uniform import grid
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
 IS_SCENE = "it is one scene, none of its numbers is a range: load it by load_scene"
@@ -273,8 +273,7 @@ def some_row_runs(scene: Scene) -> bool:
         np.array(some) if some is not None else np.geomspace(low, high, number if low < high else 1)
         for low, high, some, number in zip(rows.low, rows.high, rows.allowed, few, strict=True)
     ]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    spacing, thickness, height = rows.at(points)
+    spacing, thickness, height = rows.at(grid(axes))
     batch = scene.batch(spacing, thickness, height, rtol=1e-5)
     return bool(scene.evaluate(batch).score.max() > 0.0)
 
@@ -290,16 +289,12 @@ def load_distribution(name: str | Path) -> SceneDistribution:
     """
     if str(name) in scene_names():
         refuse(str(name), IS_SCENE)
-    text, stem, file = read_named(name, "distribution")
-    return SceneDistribution(document_of_text(text, file), stem, file)
+    return SceneDistribution(*read_named(name, "distribution"))
 
 
 def load_any(name: str | Path) -> Scene | SceneDistribution:
     """Load a scene or a distribution of scenes, whichever the name or the file is."""
     if str(name) in distribution_names():
         return load_distribution(name)
-    text, stem, file = read_named(name, "scene")
-    document = document_of_text(text, file)
-    if has_ranges(document):
-        return SceneDistribution(document, stem, file)
-    return scene_of_document(document, stem, file)
+    found = read_named(name, "scene")
+    return SceneDistribution(*found) if has_ranges(found[0]) else scene_of_document(*found)

@@ -161,7 +161,7 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     if scene.floor_friction is not None:
         return _best_standing(layouts)
     fineness = QUICK if quick else DRAWN if scene.criterion.simulates_anew else FULL
-    points = _grid(_axes(layouts, fineness))
+    points = grid(_axes(layouts, fineness))
     if layouts.steady and not quick and scene.count * len(points) > LARGEST_GRID:
         # the speed of a long layout has few peaks, how it keeps to a schedule has many
         heads = BY_HEADS if scene.criterion.rewards_speed else BY_HEADS._replace(plane=FULL.plane)
@@ -188,7 +188,7 @@ def _uniform_layouts(scene: Specification) -> UniformLayouts:
 
 def _best_standing(layouts: UniformLayouts) -> Floats:
     analytic = UniformLayouts(layouts.scene.replace(floor_friction=None))
-    points = _grid(_axes(analytic, FULL))
+    points = grid(_axes(analytic, FULL))
     cell = (layouts.high - layouts.low) / STANDING.line
     chosen = _apart(points, analytic.scores(points, FULL.rtol), cell, STANDING.line)
     return _search(
@@ -206,7 +206,7 @@ def _axes(layouts: UniformLayouts, fineness: Fineness) -> list[Floats]:
     ]
 
 
-def _grid(axes: list[Floats]) -> Floats:
+def grid(axes: list[Floats]) -> Floats:
     """(P, 2) all points of a grid."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
 
@@ -222,7 +222,7 @@ def _search(
         for a, some in zip(axes, layouts.allowed, strict=True)
     ])  # fmt: skip
     bounds = layouts.low, layouts.high
-    return refined(_grid(axes) if start is None else start, cell, bounds, fineness, score)
+    return refined(grid(axes) if start is None else start, cell, bounds, fineness, score)
 
 
 def refined(
@@ -245,7 +245,7 @@ def refined(
     """
     first, scores = points, score(points, np.inf)
     first_scores, keep = scores, fineness.keep[0]
-    offsets = _grid([np.linspace(-1.0, 1.0, fineness.around)] * 2)
+    offsets = grid([np.linspace(-1.0, 1.0, fineness.around)] * 2)
     while cell.max() > fineness.finest:
         best = points[_apart(points, scores, 2.0 * cell, keep)]
         steps = distinct_rows(offsets * (cell > 0.0)) if cell.min() == 0.0 else offsets

@@ -141,16 +141,11 @@ class UniformLayouts:
             slack = ON_LIST / len(some)
             within = [d for d in some if self.low[1] - slack <= d <= self.high[1] + slack]
             if self.spread is not None:
-                within = [d for d in within if _spread(self._gap(d), self.spread, scene.count - 1)]
+                within = [d for d in within if _spread(pitch - d, self.spread, scene.count - 1)]
             self.allowed[1] = tuple(within)
             self.low[1], self.high[1] = (within[0], within[-1]) if within else (1.0, 0.0)
         if self.low[1] <= self.high[1] + 1e-12:
             self.low[0] = self.high[0] = pitch - self.low[1]
-
-    def _gap(self, thickness: float) -> float:
-        """The one gap that meets the length."""
-        assert self.scene.length is not None
-        return float(self.scene.length / (self.scene.count - 1) - thickness)
 
     def at(self, points: Floats, pairs: int | None = None) -> tuple[Floats, Floats, Floats | None]:
         """Gaps, thicknesses and, where they grow, heights of dominoes 1 … N-1, (B, N-1) [m].
@@ -177,10 +172,16 @@ class UniformLayouts:
         else:
             thick, gaps = second * ones, first * ones
             if scene.length is not None:
-                gaps = np.array([self._gap(d) for d in points[:, 1]])[:, None] * ones
+                gaps = (scene.length / (scene.count - 1) - second) * ones
         if self.spread is not None:
-            for b in range(len(gaps)):
-                gaps[b] = self._spread(float(gaps[b, 0]))
+            for b, gap in enumerate(gaps[:, 0].tolist()):
+                found = _spread(gap, self.spread, scene.count - 1)
+                if found is None:
+                    raise ValueError(
+                        f"scene '{scene.name}': gaps of {gap:.9g} m on average meet the length, "
+                        "and none on the list add up to it"
+                    )
+                gaps[b] = found
         return gaps, thick, None
 
     def layout(self, point: Floats) -> Layout:
@@ -188,16 +189,6 @@ class UniformLayouts:
         spacing, thickness, height = self.at(point[None])
         tall = None if height is None else height[0]
         return self.scene.layout(spacing[0], thickness[0], tall)
-
-    def _spread(self, gap: float) -> Floats:
-        assert self.spread is not None
-        found = _spread(gap, self.spread, self.scene.count - 1)
-        if found is None:
-            raise ValueError(
-                f"scene '{self.scene.name}': gaps of {gap:.9g} m on average meet the length, and "
-                "none on the list add up to it"
-            )
-        return np.array(found)
 
     @property
     def steady(self) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
-import msgspec
 from msgspec import Meta
 
 from domino_env.core.models import LARGEST, Number, Table, model_of
@@ -75,7 +74,7 @@ def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
         drawn = model_of(Range, document[table][key], where)
         if place in UNFELT:
             raise ValueError(f"{where} changes no time: give a number, not a range")
-        if drawn.of is not None and (place not in IN_HEIGHTS or _in_heights(document, table)):
+        if drawn.of is not None and (place not in IN_HEIGHTS or "of" in document[table]):
             raise ValueError(
                 f"{where}.of = 'height': only of a push, a length or a thickness in metres"
             )
@@ -105,10 +104,6 @@ def _places(document: dict[str, Any]) -> Iterator[Place]:
                     yield table, key
 
 
-def _in_heights(document: dict[str, Any], table: str) -> bool:
-    return "of" in document[table]
-
-
 def _require_apart(document: dict[str, Any], found: dict[Place, Range], place: Place) -> None:
     """The least is to leave room for what lies apart from it."""
     (table, key), drawn = place, found[place]
@@ -124,9 +119,3 @@ def _require_apart(document: dict[str, Any], found: dict[Place, Range], place: P
         raise ValueError(
             f"{table}.min = {most}: {drawn.apart} times it is beyond {table}.max = {drawn.max}"
         )
-
-
-def schema_of_range() -> dict[str, Any]:
-    """Write the definition of a range for the JSON Schema of scene files."""
-    definition: dict[str, Any] = msgspec.json.schema(Range)["$defs"]["Range"]
-    return definition

@@ -51,12 +51,11 @@ def load_scene(name: str | Path) -> Scene:
     """
     if str(name) in distribution_names():
         refuse(str(name), IS_DISTRIBUTION)
-    text, stem, file = read_named(name, "scene")
-    return parse_scene(text, stem, file)
+    return scene_of_document(*read_named(name, "scene"))
 
 
-def read_named(name: str | Path, kind: str) -> tuple[str, str, str]:
-    """Read the text of a file, by the name of what ships or by its path.
+def read_named(name: str | Path, kind: str) -> tuple[dict[str, Any], str, str]:
+    """Read a file as TOML, by the name of what ships or by its path.
 
     Parameters
     ----------
@@ -68,7 +67,7 @@ def read_named(name: str | Path, kind: str) -> tuple[str, str, str]:
     Returns
     -------
     tuple
-        The text, what it is called unless it says so itself, and what errors call the file.
+        The document, what it is called unless it says so itself, and what errors call the file.
 
     Raises
     ------
@@ -78,7 +77,8 @@ def read_named(name: str | Path, kind: str) -> tuple[str, str, str]:
     folder = SHIPPED if kind == "scene" else DISTRIBUTIONS
     path, known = Path(name), _names_in(folder)
     if str(name) in known:
-        return (folder / f"{name}.toml").read_text("utf-8"), str(name), f"{name}.toml"
+        text = (folder / f"{name}.toml").read_text("utf-8")
+        return document_of_text(text, f"{name}.toml"), str(name), f"{name}.toml"
     if not (path.suffix == ".toml" or path.is_file()):
         near = difflib.get_close_matches(str(name)[:300], known, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
@@ -89,9 +89,10 @@ def read_named(name: str | Path, kind: str) -> tuple[str, str, str]:
     if not path.is_file():
         refuse(path, f"there is no such {kind} file")
     try:
-        return read_bytes(path).decode("utf-8-sig"), path.stem, str(path)
+        text = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
         refuse(path, "not UTF-8 text; save the file as UTF-8")
+    return document_of_text(text, str(path)), path.stem, str(path)
 
 
 def parse_scene(text: str, name: str, file: str) -> Scene:

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from domino_env.scenes import tables
-from domino_env.scenes.io.ranges import UNFELT, schema_of_range
+from domino_env.scenes.io.ranges import UNFELT, Range
 from domino_env.scenes.objectives import OBJECTIVES
 
 DRAWN = {
@@ -32,7 +32,7 @@ def scene_schema() -> dict[str, Any]:
         for key, told in definitions[name]["properties"].items():
             if told.get("type") in ("number", "integer") and (table, key) not in UNFELT:
                 definitions[name]["properties"][key] = _or_range(told)
-    definitions["Range"] = _without_null(schema_of_range())
+    definitions["Range"] = _without_null(msgspec.json.schema(Range)["$defs"]["Range"])
     scene = definitions.pop("SceneFile") | {"title": "a scene of domino-chains"}
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     return head | scene | {"$defs": definitions}

@@ -86,16 +86,12 @@ class Evaluation:
     @classmethod
     def joined(cls, parts: Sequence[Evaluation]) -> Evaluation:
         """Concatenate evaluations of batches, all with a gradient or all without."""
-        score, reach, falls = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("score", "reach", "falls")
-        )
         by = [part.gradient for part in parts if part.gradient is not None]
-        if not by:
-            return cls(score, reach, falls)
-        names = ("spacing", "thickness", "height")
-        gradient = (np.concatenate([getattr(one, name) for one in by]) for name in names)
-        return cls(score, reach, falls, ScoreGradient(*gradient))
+        slopes = zip(*((one.spacing, one.thickness, one.height) for one in by), strict=True)
+        found = zip(*((part.score, part.reach, part.falls) for part in parts), strict=True)
+        gradient = ScoreGradient(*map(np.concatenate, slopes)) if by else None
+        score, reach, falls = map(np.concatenate, found)
+        return cls(score, reach, falls, gradient)
 
     def with_gradient(self, gradient: ScoreGradient) -> Evaluation:
         """Add the derivatives, set to zero where a layout is no success."""

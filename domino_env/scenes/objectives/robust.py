@@ -57,13 +57,9 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="rows that are drawn")] = 256
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
 
-    def errors(self, pairs: int) -> Floats:
-        """Return (draws, pairs) what is added to the gaps [m]."""
-        return _errors(self, pairs)
-
     def rows(self, spacing: Floats) -> Floats:
         """Return (B · draws, N-1) the gaps as they are placed, all draws of a row together [m]."""
-        rows = placed(spacing[:, None, :], self.errors(spacing.shape[1]))
+        rows = placed(spacing[:, None, :], errors(self, spacing.shape[1]))
         return rows.reshape(-1, spacing.shape[1])
 
     @property
@@ -77,8 +73,8 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
 
 
 @lru_cache(8)
-def _errors(placement: Placement, pairs: int) -> Floats:
-    """Draw the errors, once for each length of a layout."""
+def errors(placement: Placement, pairs: int) -> Floats:
+    """Return (draws, pairs) what is added to the gaps [m], drawn once for each length."""
     random = np.random.default_rng(placement.seed)
     found = placement.deviation * random.standard_normal((placement.draws, pairs))
     found.flags.writeable = False
@@ -135,8 +131,8 @@ class Robust(Objective):
         if not gradient:
             return found
         gaps = placed.spacing.reshape(len(batch), draws, -1)[each, decisive]
-        errors = self.settings.errors(batch.count - 1)[decisive]
-        moved = np.abs(gaps - batch.spacing - errors) < 1e-15  # those not at the least gap
+        meant = batch.spacing + errors(self.settings, batch.count - 1)[decisive]
+        moved = np.abs(gaps - meant) < 1e-15  # those not at the least gap
         chosen = replace(batch, spacing=gaps)
         by = speed_gradient(chosen.simulate(gradient=True), chosen)
         return found.with_gradient(replace(by, spacing=moved * by.spacing))

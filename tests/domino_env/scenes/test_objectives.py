@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -58,10 +59,8 @@ def test_the_robust_score_is_the_quantile_computed_by_hand() -> None:
     errors = 0.0005 * np.random.default_rng(0).standard_normal((256, 8))
     scores = scene.evaluate(scene.batch(rows, rtol=1e-10)).score
     for gaps, score in zip(rows, scores, strict=True):
-        speeds = []
-        for error in errors:
-            placed = np.maximum(gaps + error, LEAST_GAP)
-            speeds.append(scene.simulate(scene.layout(placed)).mean_speed)
+        placed = np.maximum(gaps + errors, LEAST_GAP)
+        speeds = [scene.simulate(scene.layout(row)).mean_speed for row in placed]
         # 5 % of 256 is 12.8: twelve rows may be slower, and the thirteenth counts
         assert score == pytest.approx(sorted(speeds)[12], rel=1e-12)
         assert scene.score(scene.layout(gaps)) == pytest.approx(score, rel=1e-12)
@@ -190,11 +189,8 @@ def test_falls_are_counted() -> None:
     thick = np.random.default_rng(7).uniform(*plain.thickness, (60, 19))
     waves = [plain.simulate(plain.layout(s, d)) for s, d in zip(gaps, thick, strict=True)]
     expected = sum(int(np.isfinite(wave.stall_margin).sum()) for wave in waves)
-    for scene in (
-        plain,
-        replace(plain, limits=Limits(0.3, 0.02)),
-        replace(plain, objective="toppled"),
-    ):
+    for changes in ({}, {"limits": Limits(0.3, 0.02)}, {"objective": "toppled"}):
+        scene = replace(plain, **changes)
         assert scene.evaluate(scene.batch(gaps, thick)).falls.sum() == expected
 
 
@@ -239,12 +235,8 @@ def test_the_uniform_row_of_a_list() -> None:
                  thickness=(0.005, 0.01), thickness_values=(0.005, 0.0075, 0.01))  # fmt: skip
     mark = scene.uniform()
     assert scene.violations(mark.layout) == []
-    scores = [
-        scene.score(scene.layout(s, d))
-        for s in scene.spacing_values
-        for d in scene.thickness_values
-    ]
-    assert mark.score == max(scores)
+    pairs = product(scene.spacing_values, scene.thickness_values)
+    assert mark.score == max(scene.score(scene.layout(s, d)) for s, d in pairs)
 
 
 def test_where_no_gap_of_the_list_meets_the_length_two_take_turns() -> None:
