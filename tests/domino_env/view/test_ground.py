@@ -98,17 +98,6 @@ def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
             assert np.interp(x, *line.T) == pytest.approx(y + 0.5, abs=0.01)
 
 
-def test_energy_over_hills_is_kept_but_for_hits() -> None:
-    row = de.Layout.uniform(12, pitch=0.03, slope=0.08)
-    wave = de.simulate(row, de.Physics(0.0, push=8.0))
-    energy = energies(Motion(row, wave.physics))
-    assert wave.flushes == 0
-    assert np.abs(energy.flushes).max() < 1e-4 * energy.released.max()
-    account, given = (energies(Motion(ROW, de.Physics(mu, push=14.0))) for mu in (1e-3, 0.0))
-    assert given.flushes[-1] > 1e-3 * given.released[-1]
-    assert account.flushes[-1] == pytest.approx(given.flushes[-1], rel=0.05)
-
-
 def test_ahead_of_a_row_that_is_being_built_the_ground_goes_on() -> None:
     ground = de.load_scene("hills").ground
     row = ground.layout([0.012] * 9, [0.0075] * 10)

@@ -25,11 +25,15 @@ ROWS = [
 ]
 
 
-def test_energy_books_balance_and_a_little_friction_takes_a_little() -> None:
-    layout = de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008)
+@pytest.mark.parametrize(("layout", "push"), [
+    (de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008), 10.0),
+    (hilly_row(3, 12), 14.0),
+], ids=["flat", "hills"])  # fmt: skip
+def test_energy_books_balance_and_a_little_friction_takes_a_little(
+    layout: de.Layout, push: float
+) -> None:
     smooth, hardly, rough = (
-        energies(Motion(layout, physics))
-        for physics in (de.Physics(friction=mu, push=10.0) for mu in (0.0, 1e-3, 0.25))
+        energies(Motion(layout, de.Physics(friction=mu, push=push))) for mu in (0.0, 1e-3, 0.25)
     )
     for one in (smooth, hardly, rough):
         spent = one.kinetic + one.hits + one.flushes + one.friction
