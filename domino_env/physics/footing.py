@@ -5,12 +5,11 @@ Everything takes one row or, with one more axis in front, many.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 def steps(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
@@ -63,23 +62,22 @@ def trouble(
             "the ground flatter there, or the domino thicker"
         )
     tall, ahead = height[..., :-1], height[..., 1:]
-    links = _Links.of(spacing, thickness, height, rise, tilt)
-    meeting, up, strike = links.meeting, links.up, links.strike
-    if (at := _first(links.leaning)) is not None:
+    (leaning, stair, high), meeting, up, strike = _links(spacing, thickness, height, rise, tilt)
+    if (at := _first(leaning)) is not None:
         i = at[-1]
         return at, (
             f"dominoes {i} and {i + 1} lean against each other before anything falls, as the "
             f"ground between them is hollow: make spacing[{i}] = {spacing[at]} m more than "
             f"{meeting[at]:.6g} m, or the difference of their tilts smaller"
         )
-    if (at := _first(links.stair)) is not None:
+    if (at := _first(stair)) is not None:
         i, most = at[-1], min(spacing[at], 0.999 * strike[at])
         return at, (
             f"domino {i + 1} stands {up[at]:.6g} m above domino {i}, seen from its own ground: "
             f"that is a stair, which this model does not know; at most {most:.6g} m over this "
             f"spacing[{i}] = {spacing[at]} m"
         )
-    if (at := _first(links.high)) is not None:
+    if (at := _first(high)) is not None:
         i = at[-1]
         return at, (
             f"domino {i} (height {tall[at]} m) would strike {strike[at] - up[at]:.6g} m up, above "
@@ -112,41 +110,31 @@ def _high_tip(spacing: Floats, height: Floats) -> tuple[tuple[int, ...], str] | 
 
 def impassable(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Tell the links (…, N-1) over which `trouble` says that nothing falls as the model has it."""
     height = np.broadcast_to(height, thickness.shape)
-    links = _Links.of(spacing, thickness, height, rise, tilt)
-    return links.leaning | links.stair | links.high
+    leaning, stair, high = _links(spacing, thickness, height, rise, tilt)[0]
+    return leaning | stair | high
 
 
-class _Links(NamedTuple):
-    """What may be wrong with links (…, N-1), and the lengths that say so [m]."""
+def _links(
+    spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
+) -> tuple[tuple[Flags, Flags, Flags], Floats, Floats, Floats]:
+    """What is wrong with links (…, N-1), and the lengths that say so [m].
 
-    leaning: NDArray[np.bool_]
-    stair: NDArray[np.bool_]
-    high: NDArray[np.bool_]
-    meeting: Floats
-    up: Floats
-    strike: Floats
-
-    @classmethod
-    def of(
-        cls, spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
-    ) -> _Links:
-        tall, ahead = height[..., :-1], height[..., 1:]
-        near = spacing < tall
-        meeting = tall * np.sin(tilt[..., :-1] - tilt[..., 1:])
-        up = steps(spacing, thickness, rise, tilt)
-        strike = np.sqrt(np.maximum(tall**2 - spacing**2, 0.0))
-        high = strike - up > np.minimum(ahead * (1.0 + 1e-12), 1.999 * strike)
-        return cls(
-            near & (meeting >= spacing),
-            near & (up > np.minimum(spacing, 0.999 * strike)),
-            near & high,
-            meeting, up, strike,
-        )  # fmt: skip
+    Links that lean before anything falls, lead up a stair, or would strike above a top; the gap
+    below which they lean, how far the next pivot lies above, and how high the tip strikes.
+    """
+    tall, ahead = height[..., :-1], height[..., 1:]
+    near = spacing < tall
+    meeting = tall * np.sin(tilt[..., :-1] - tilt[..., 1:])
+    up = steps(spacing, thickness, rise, tilt)
+    strike = np.sqrt(np.maximum(tall**2 - spacing**2, 0.0))
+    leaning, stair = meeting >= spacing, up > np.minimum(spacing, 0.999 * strike)
+    high = strike - up > np.minimum(ahead * (1.0 + 1e-12), 1.999 * strike)
+    return (near & leaning, near & stair, near & high), meeting, up, strike
 
 
-def _first(wrong: NDArray[np.bool_]) -> tuple[int, ...] | None:
+def _first(wrong: Flags) -> tuple[int, ...] | None:
     found = np.argwhere(wrong)
     return tuple(int(k) for k in found[0]) if len(found) else None

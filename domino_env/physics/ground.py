@@ -92,29 +92,20 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
 
     def height(self, x: ArrayLike) -> Floats:
         """Return how high the ground is (…) at x (…), counted as the points are [m]."""
-        x = np.asarray(x, dtype=np.float64)
-        if self.slope is not None:
-            return np.asarray(-x * math.tan(math.radians(self.slope)))
-        curve = self.curve
-        k = np.searchsorted(curve.knots, x)
-        t, c = x - curve.starts[k], curve.pieces[k]
-        return np.asarray(
-            ((c[..., 0] * t + c[..., 1]) * t + c[..., 2]) * t + c[..., 3], dtype=np.float64
-        )
+        t, c = self._piece(np.asarray(x, dtype=np.float64))
+        return np.asarray(((c[0] * t + c[1]) * t + c[2]) * t + c[3])
 
     @property
     def steepest(self) -> tuple[float, float]:
         """Where the ground is steepest [m], and by how much: |dy/dx|."""
-        if self.slope is not None:
-            return 0.0, abs(math.tan(math.radians(self.slope)))
-        curve = self.curve
-        knots, inner = curve.knots, curve.pieces[1:-1]
+        knots, inner = self.curve.knots, self.curve.pieces[1:-1]
         # the slope is largest at a knot or where a piece has no curvature
         with np.errstate(all="ignore"):
             flat = -inner[:, 1] / (3.0 * inner[:, 0])
         flat = np.where((flat > 0.0) & (flat < np.diff(knots)), flat, 0.0)
         places = np.concatenate([knots, knots[:-1] + flat])
-        slopes = np.abs(self._derivative(places, 1))
+        t, c = self._piece(places)
+        slopes = np.abs((3.0 * c[0] * t + 2.0 * c[1]) * t + c[2])
         worst = int(np.argmax(slopes))
         return float(places[worst]), float(slopes[worst])
 
@@ -126,10 +117,9 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         way
             1 for hollows, -1 for crests.
         """
-        if self.slope is not None:
-            return 0.0, 0.0
-        knots = self.curve.knots  # it is straight between them
-        bends = way * self._derivative(knots, 2)
+        knots = self.curve.knots  # the curvature is linear between them
+        t, c = self._piece(knots)
+        bends = way * (6.0 * c[0] * t + 2.0 * c[1])
         worst = int(np.argmax(bends))
         return float(knots[worst]), max(float(bends[worst]), 0.0)
 
@@ -243,13 +233,10 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         starts = np.concatenate([x[:1], x])
         return kernels.Curve(*(_rows(array, 0) for array in (x, starts, pieces)))
 
-    def _derivative(self, x: Floats, order: int) -> Floats:
-        curve = self.curve
-        k = np.searchsorted(curve.knots, x)
-        t, c = x - curve.starts[k], curve.pieces[k].T
-        if order == 1:
-            return np.asarray((3.0 * c[0] * t + 2.0 * c[1]) * t + c[2])
-        return np.asarray(6.0 * c[0] * t + 2.0 * c[1])
+    def _piece(self, x: Floats) -> tuple[Floats, Floats]:
+        """The distance (…) from where the piece at x (…) starts, and its coefficients (4, …)."""
+        k = np.searchsorted(self.curve.knots, x)
+        return x - self.curve.starts[k], np.moveaxis(self.curve.pieces[k], -1, 0)
 
 
 def _rows(array: ArrayLike, axes: int = 1) -> Floats:

@@ -144,19 +144,10 @@ def _fixed_point(pattern: kernels.Row, physics: Physics, rtol: float, scalar: bo
             f"a hair from a stall under domino {leader} of the pattern", scalar, len(thick)
         )
     period = float(falls["time"].sum())
-    release, impact, times = (
-        float(falls[name][0]) if scalar else falls[name].copy()
-        for name in ("release", "impact", "time")
-    )
-    return SteadyWave(
-        exists=True,
-        explanation="the row carries a steady wave",
-        speed=float((gaps + thick).sum()) / period,
-        frequency=len(thick) / period,
-        omega_release=release,
-        omega_impact=impact,
-        fall_times=times,
-    )
+    speed, frequency = float((gaps + thick).sum()) / period, len(thick) / period
+    told = (falls[name] for name in ("release", "impact", "time"))
+    each = (float(values[0]) if scalar else values.copy() for values in told)
+    return SteadyWave(True, "the row carries a steady wave", speed, frequency, *each)
 
 
 def _none(why: str, scalar: bool, period: int) -> SteadyWave:
