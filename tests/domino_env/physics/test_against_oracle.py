@@ -162,15 +162,6 @@ def test_stalls_happen_under_the_same_leader(gap, push, leader):
     assert wave.mean_speed == 0.0
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_narrow_gaps_stop_a_wave_late(seed):
-    rng = np.random.default_rng(500 + seed)
-    gaps = np.r_[rng.uniform(0.01, 0.02, 4), rng.uniform(0.0005, 0.004, 8)]
-    wave = compare(de.Layout(gaps, rng.uniform(0.009, 0.013, 13)), de.Physics(0.4, push=9.0))
-    assert wave.outcome is de.Outcome.STALLED
-    assert wave.hit > 4
-
-
 @pytest.mark.parametrize("excess", [1e-2, 1e-4, -1e-4])
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 def test_on_either_side_of_a_stall(excess, friction):
@@ -202,5 +193,5 @@ def test_on_either_side_of_a_stall(excess, friction):
 )  # fmt: skip
 def test_other_ends(outcome, layout, physics, hit):
     wave = compare(layout, physics, reach=1e-5 if outcome == "NO_RIGID_ANSWER" else 1e-9)
-    assert (wave.outcome.name, wave.hit) == (outcome, hit)
-    assert wave.mean_speed == 0.0
+    assert (wave.outcome.name, wave.hit, wave.mean_speed) == (outcome, hit, 0.0)
+    assert wave.explanation

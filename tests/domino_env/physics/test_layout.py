@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import json
 import pickle
 import re
 from pathlib import Path
@@ -261,19 +260,3 @@ def test_lengths_of_another_unit_get_a_warning(tmp_path: Path, table: str, words
 def test_only_csv_and_json_are_read(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"row\.xlsx: a layout is a \.csv or \.json file"):
         Layout.read(tmp_path / "row.xlsx")
-
-
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, monkeypatch) -> None:
-    path = tmp_path / "row.json"
-    Layout([0.01], 0.0075).to_json(path)
-    before = path.read_text()
-
-    def full_disk(*_: object) -> None:
-        raise OSError("no space left on device")
-
-    monkeypatch.setattr("os.fsync", full_disk)
-    with pytest.raises(OSError, match="no space left"):
-        UNEQUAL.to_json(path)
-    assert path.read_text() == before
-    assert json.loads(before)["spacing"] == [0.01]
-    assert [p.name for p in tmp_path.iterdir()] == ["row.json"]

@@ -115,6 +115,20 @@ def test_a_wave_that_stops_says_where_and_what_to_do():
     assert "push harder" in wave.explanation
 
 
+def test_looser_runs_agree_within_their_estimates():
+    spacing, thickness = rows(150)
+    spacing = np.minimum(spacing, 0.026)
+    tight = de.simulate_batch(spacing, thickness, de.Physics(0.3), rtol=1e-13)
+    came = np.isfinite(tight.arrival_times[:, 1:])
+    reference = np.where(came, tight.arrival_times[:, 1:], 1.0)
+    for rtol in (1e-3, 1e-5, 1e-7, 1e-9, 1e-11):
+        loose = de.simulate_batch(spacing, thickness, de.Physics(0.3), rtol=rtol)
+        np.testing.assert_array_equal(loose.outcome, tight.outcome)
+        error = np.where(came, np.abs(loose.arrival_times[:, 1:] / reference - 1.0), 0.0).max(1)
+        assert np.all(error <= loose.error_estimate + tight.error_estimate)
+        assert np.all(loose.error_estimate[loose.converged] <= rtol)
+
+
 # steady waves ------------------------------------------------------------------------------------
 
 RNG = np.random.default_rng(0)
