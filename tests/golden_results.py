@@ -6,7 +6,7 @@ import hashlib
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from importlib import import_module
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from golden_rows import Block, H, blocks, drawn_scene, scene_row
 
 import domino_env as de
+from domino_env.physics.motion import Motion
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-12)
 EPISODES = 10
@@ -83,27 +84,23 @@ def parts(result: object, names: tuple[str, ...]) -> list[Any]:
 def waves(found: Digests) -> None:
     """Every row alone, at four tolerances."""
     for kind, physics, layouts in blocks():
-        for rtol in TOLERANCES:
-            for layout in layouts:
-                wave = de.simulate(layout, physics, rtol=rtol)
-                found.add(f"{rtol:g}, {kind}", *parts(wave, WAVE))
+        for rtol, layout in product(TOLERANCES, layouts):
+            wave = de.simulate(layout, physics, rtol=rtol)
+            found.add(f"{rtol:g}, {kind}", *parts(wave, WAVE))
 
 
-def stacked(layouts: list[de.Layout]) -> dict[str, Any]:
-    """Rows as arguments of simulate_batch."""
-    names = ("spacing", "thickness", "height", "density")
-    return {name: np.array([getattr(layout, name) for layout in layouts]) for name in names}
+def batched(layouts: list[de.Layout], physics: de.Physics, rtol: float, **given: bool) -> Any:
+    """Simulate rows of one length as one batch."""
+    rows = {name: np.array([getattr(row, name) for row in layouts]) for name in LAYOUT[:4]}
+    return de.simulate_batch(**rows, physics=physics, rtol=rtol, **given)
 
 
 def batches(found: Digests) -> None:
     """The same rows in batches, with and without records."""
-    for kind, physics, layouts in blocks():
-        rows = stacked(layouts)
-        for rtol in TOLERANCES:
-            batch = de.simulate_batch(**rows, physics=physics, rtol=rtol)
-            found.add(f"{rtol:g}, {kind}", *parts(batch, BATCH))
-            batch = de.simulate_batch(**rows, physics=physics, rtol=rtol, record=False)
-            found.add(f"{rtol:g}, {kind}, no record", *parts(batch, BATCH))
+    for (kind, physics, layouts), rtol in product(blocks(), TOLERANCES):
+        for record, words in ((True, ""), (False, ", no record")):
+            batch = batched(layouts, physics, rtol, record=record)
+            found.add(f"{rtol:g}, {kind}{words}", *parts(batch, BATCH))
 
 
 def gradients(found: Digests) -> None:
@@ -117,15 +114,14 @@ def gradients(found: Digests) -> None:
                 wave = de.simulate(layout, physics, rtol=rtol, gradient=True)
                 bar = rng.standard_normal(layout.count)
                 bar[~np.isfinite(wave.arrival_times)] = 0.0
-                found.add(f"{rtol:g}, {kind}", *parts(wave, WAVE))
-                found.add(f"{rtol:g}, {kind}", parts(wave.pullback(bar), GRADIENT))
+                pulled = parts(wave.pullback(bar), GRADIENT)
+                found.add(f"{rtol:g}, {kind}", *parts(wave, WAVE), pulled)
                 if layout.count > 1 and wave.outcome == de.Outcome.PROPAGATED:
                     for of in ("time", "speed"):
                         found.add(f"{rtol:g}, {kind}, {of}", parts(wave.gradient(of), GRADIENT))
-            rows = stacked(layouts)
-            batch = de.simulate_batch(**rows, physics=physics, rtol=rtol, gradient=True)
-            found.add(f"{rtol:g}, {kind}, batch", parts(batch, BATCH))
-            found.add(f"{rtol:g}, {kind}, batch", parts(batch.gradient, GRADIENT))
+            batch = batched(layouts, physics, rtol, gradient=True)
+            pulled = parts(batch.gradient, GRADIENT)
+            found.add(f"{rtol:g}, {kind}, batch", parts(batch, BATCH), pulled)
 
 
 def few_blocks(each: int) -> Iterator[Block]:
@@ -173,28 +169,21 @@ def diagnoses(found: Digests) -> None:
 
 def motions(found: Digests) -> None:
     """Where every domino is, over time."""
-    # the reference documents it; not every version exports it from the package
-    motion = getattr(de, "Motion", None) or import_module("domino_env.physics.motion").Motion
     for kind, physics, layouts in few_blocks(1):
-        moving = motion(layouts[0], physics)
+        moving = Motion(layouts[0], physics)
         times = np.linspace(0.0, 1.1 * moving.end, 60)
         found.add(kind, moving.end, moving.leader(times), moving.angles(times))
 
 
 def told(info: dict[str, Any]) -> dict[str, Any]:
     """The numbers of an info, of a single environment or of many."""
-    names: dict[str, tuple[str, ...]] = {"layout": LAYOUT, "wave": WAVE}
     known: dict[str, Any] = {}
     for key, value in info.items():
         if key == "final_info":
             known[key] = told(value)
-        elif key in names:
-            several = isinstance(value, np.ndarray)
-            each = [
-                None if one is None else parts(one, names[key])
-                for one in (value if several else [value])
-            ]
-            known[key] = each
+        elif names := {"layout": LAYOUT, "wave": WAVE}.get(key):
+            several = value if isinstance(value, np.ndarray) else [value]
+            known[key] = [None if one is None else parts(one, names) for one in several]
         elif key.lstrip("_") in ("score", "gain", "outcome", "final_obs") or key[:1] == "_":
             known[key] = value
     return known
@@ -305,13 +294,12 @@ def designs(found: Digests) -> None:
     from agents import design
 
     rng = np.random.default_rng(19)
-    with tempfile.TemporaryDirectory() as folder:
-        for i in range(50):
-            scene = drawn_scene(Path(folder), rng, f"drawn-{i}", int(rng.integers(15, 81)))
-            for tries in (13, 1):
-                row = design(scene, tries=tries)
-                name = f"scenes {i - i % 5} to {i - i % 5 + 4}"
-                found.add(name, parts(row.layout, LAYOUT), row.score, parts(row.wave, WAVE))
+    for i in range(50):
+        scene = drawn_scene(rng, f"drawn-{i}", int(rng.integers(15, 81)))
+        name = f"scenes {i - i % 5} to {i - i % 5 + 4}"
+        for tries in (13, 1):
+            row = design(scene, tries=tries)
+            found.add(name, parts(row.layout, LAYOUT), row.score, parts(row.wave, WAVE))
 
 
 TRAINED = {"apg": 3_000, "ppo": 7_000, "ars": 4_000}  # steps
@@ -334,10 +322,10 @@ def trainings(found: Digests) -> None:
     from agents import train
 
     with tempfile.TemporaryDirectory() as folder:
-        scene = drawn_scene(Path(folder), np.random.default_rng(20), "small", 9)
+        scene = drawn_scene(np.random.default_rng(20), "small", 9)
         for algorithm, steps in TRAINED.items():
             home = Path(folder) / algorithm
-            run = train(de.load_scene(scene), algorithm, steps=steps, seed=0, folder=home)
+            run = train(scene, algorithm, steps=steps, seed=0, folder=home)
             found.add(f"{algorithm}, row", parts(run.rollout.layout, LAYOUT), run.rollout.score)
             with np.load(home / "policy.npz") as weights:
                 found.add(f"{algorithm}, best weights", dict(weights))
@@ -349,17 +337,9 @@ def trainings(found: Digests) -> None:
 
 
 GROUPS: dict[str, Callable[[Digests], None]] = {
-    "waves": waves,
-    "batches": batches,
-    "gradients": gradients,
-    "steady": steady,
-    "pushes": pushes,
-    "diagnoses": diagnoses,
-    "motions": motions,
-    "episodes": episodes,
-    "scores": scores,
-    "uniform": uniform,
-    "searches": searches,
-    "designs": designs,
-    "trainings": trainings,
-}
+    group.__name__: group
+    for group in (
+        waves, batches, gradients, steady, pushes, diagnoses, motions, episodes, scores, uniform,
+        searches, designs, trainings,
+    )
+}  # fmt: skip

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import tracemalloc
 from fractions import Fraction
-from typing import Any
 
+import golden_rows
 import numpy as np
 import pytest
 
@@ -117,25 +117,19 @@ def test_long_layouts_do_not_lose_digits(width: float) -> None:
     assert errors[1] < 1e-12 + 30.0 * errors[0]  # √1000, of the error of the time itself
 
 
-# gaps, thickness, density, friction and push, in heights and units of gravity, that longer searches
-# have found
-PUSH, WEAKEST = 7.882387605032138, "a heavy domino almost touched, errs by 7e-8 at 1e-6"
-FOUND: dict[str, tuple[Any, Any, Any, float, float]] = {
-    "ends at its tipping angle": ([1.0] * 10, 0.00036485, 1.0, 0.0, 0.0004468513023334257),
-    "errs by 2e-6 at 1e-3": (
-        [0.1, 1e-5, 0.316227766, 1, 1, 1], [1, 0.1, *[1] * 5], [1, 1, 10, *[1] * 4], 0.0, PUSH
+# layouts that longer searches have found
+WEAKEST = "a heavy domino almost touched, estimates 1e-8, errs by 7e-8 at 1e-6"
+FOUND = golden_rows.FOUND | {
+    WEAKEST: golden_rows.found(
+        [1e-05, 0.562341326, *[1.0] * 8], 1.0, [1.0, 100.0, *[1.0] * 9], push=78.82387605032137
     ),
-    "a sharp corner before a long calm": ([7.49894209e-07, 7.49894210e-02, 1, 1], 1, 1, 0.0, PUSH),
-    "next to no friction": ([1.0, 0.1, 1, 1, 1], 1, 1, 4.2840694269053945e-60, PUSH),
-    WEAKEST: ([1e-05, 0.562341326, *[1] * 8], 1, [1, 100, *[1] * 9], 0.0, 10.0 * PUSH),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", FOUND)
 def test_what_was_found_once_stays_right(name: str) -> None:
-    gaps, thickness, density, friction, push = FOUND[name]
-    case = Layout(gaps, thickness, 1.0, 1.0, density), Physics(friction, 1.0, push)
-    tight, slack = simulate(*case, rtol=1e-13), 0.1 if name == WEAKEST else 0.02
+    case, slack = FOUND[name], 0.1 if name == WEAKEST else 0.02
+    tight = simulate(*case, rtol=1e-13)
     for rtol in (1e-3, 1e-4, 1e-6, 1e-10):
         wave = simulate(*case, rtol=rtol)
         assert inconsistencies(wave) == []
