@@ -74,6 +74,10 @@ class EpisodeResults:
             alike.setdefault((id(self.scenes[i]), self.placed[i]), []).append(i)
         for (_, placed), episodes in alike.items():
             scene = self.scenes[episodes[0]]
+            if len(episodes) == 1 and scene.ground is None:  # as where each has its own scene
+                layout = self.layout(episodes[0])
+                self._keep(episodes, [simulate(layout, scene.physics, rtol=self.rtol)])
+                continue
             tall = self.height if len(self.height) == 1 else self.height[episodes]
             batch = LayoutBatch(
                 self.spacing[episodes, :placed],
@@ -86,14 +90,18 @@ class EpisodeResults:
                 scene.ground,
             )
             waves = batch.simulate(record=True)
-            for b, i in enumerate(episodes):
-                wave = waves.wave(b, batch.layout(b))
-                if placed == scene.count - 1:
-                    self.outcome[i], self.reach[i] = wave.outcome, wave.reach
-                    self._waves[i] = wave
-                else:
-                    self._waves[i] = replace(wave, reach=float(self.reach[i]))
-            self.score[episodes] = scene.evaluate_waves([self._waves[i] for i in episodes]).score
+            self._keep(episodes, [waves.wave(b, batch.layout(b)) for b in range(len(episodes))])
+
+    def _keep(self, episodes: list[int], waves: list[Wave]) -> None:
+        """Keep the waves of episodes of one scene with equally many dominoes placed."""
+        scene = self.scenes[episodes[0]]
+        for i, wave in zip(episodes, waves, strict=True):
+            if self.placed[i] == scene.count - 1:
+                self.outcome[i], self.reach[i] = wave.outcome, wave.reach
+                self._waves[i] = wave
+            else:
+                self._waves[i] = replace(wave, reach=float(self.reach[i]))
+        self.score[episodes] = scene.evaluate_waves([self._waves[i] for i in episodes]).score
 
     @cached_property
     def returns(self) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import ClassVar, Self
 
@@ -244,8 +244,9 @@ class Scene(Specification):
         point
             (2,) what `best_point` found.
         """
-        scene = replace(self)
-        object.__setattr__(scene, "known_point", tuple(map(float, point)))
+        scene = object.__new__(type(self))  # checked already
+        vars(scene).update(vars(self), known_point=tuple(map(float, point)))
+        vars(scene).pop("_uniform", None)
         return scene
 
     def to_toml(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 import domino_env as de
 from domino_env.cli.main import main
+from domino_env.core.progress import progress_bar
 from optimize import search
 from optimize.experiments.best_known import best_known
 from optimize.run_folder import FILES, JOURNAL
@@ -102,7 +104,9 @@ def test_what_is_wrong_is_said_in_one_line(capsys, monkeypatch, tmp_path, words,
     assert [f.name for f in tmp_path.rglob("*")] == ["notes.txt"]
 
 
-def test_a_line_shows_the_best_speed_and_the_gain(capsys, scenes) -> None:
+def test_a_line_shows_the_best_speed_and_the_gain(capsys, scenes, monkeypatch) -> None:
+    at_once = functools.partial(progress_bar, mininterval=0.0)
+    monkeypatch.setattr("optimize.searching.progress_bar", at_once)
     search(scenes["both"], "random", 4000, progress=True)
     shown = capsys.readouterr().err
     assert "both, random" in shown
