@@ -68,12 +68,12 @@ class APG(OnPolicyAlgorithm):
             return
         env: Any = self.env
         env.reset()  # which draws scenes, if they are drawn
-        require_smooth(env.rows.scenes[0])  # which all scenes are like
-        seen = env.rows.observation_layout
+        require_smooth(env.vector.scenes[0])  # which all scenes are like
+        seen = env.vector.observation_layout
         first, last = seen["placed"].start, seen.get("features", seen["near_end"]).stop
-        layouts = [scene.uniform().layout for scene in env.rows.scenes]
-        env.rows.step(env.rows.actions_towards(layouts))  # later gaps may have other bounds
-        start = env.rows.actions_towards(layouts).mean(axis=0)
+        layouts = [scene.uniform().layout for scene in env.vector.scenes]
+        env.vector.step(env.vector.actions_towards(layouts))  # later gaps may have other bounds
+        start = env.vector.actions_towards(layouts).mean(axis=0)
         with torch.no_grad():
             weight = self._actor.mlp_extractor.policy_net[0].weight
             weight[:, :first] = 0.0
@@ -99,8 +99,8 @@ class APG(OnPolicyAlgorithm):
         noise = torch.cat([half, -half])[:number]  # antithetic
         actions = (mean + deviation * noise).double()
         values = actions.detach().numpy()
-        infos, bars = _scored(scenes, *env.rows.place_all(values))
-        gradient = env.rows.place_all_back(values, bars)
+        infos, bars = _scored(scenes, *env.vector.place_all(values))
+        gradient = env.vector.place_all_back(values, bars)
         gradient[(np.abs(values) > 1.0) & (values * gradient > 0.0)] = 0.0  # further outwards
         self._loss = -(actions * torch.from_numpy(gradient)).sum()
         self.num_timesteps += sum(scene.count - 1 for scene in scenes)
@@ -135,11 +135,11 @@ def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
 
     That is (R, P, O) for P pairs of the longest row, or (1, P, O) where all rows have one scene.
     """
-    size, layout = env.observation_space.shape[0], env.rows.observation_layout
+    size, layout = env.observation_space.shape[0], env.vector.observation_layout
     progress = slice(layout["placed"].start, layout["near_end"].stop)
     features = layout.get("features")
     drawn = np.zeros((1, size), np.float32) if features is None else env.reset()
-    scenes = list(env.rows.scenes)
+    scenes = list(env.vector.scenes)
     seen = np.zeros((len(drawn), max(scene.count for scene in scenes) - 1, size), np.float32)
     for row, scene, observed in zip(seen, scenes, drawn, strict=False):
         row[: scene.count - 1, progress] = progress_of_row(scene.count)

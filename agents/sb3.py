@@ -79,13 +79,13 @@ class Learner:
     @property
     def reference_speed(self) -> float:
         """Speed that single steps are rewarded against [m/s]; 0 where scenes are sampled."""
-        fixed = self.env.rows.distribution is None
-        return float(self.env.rows.reference_speed) if fixed else 0.0
+        fixed = self.env.vector.distribution is None
+        return float(self.env.vector.reference_speed) if fixed else 0.0
 
     @reference_speed.setter
     def reference_speed(self, speed: float) -> None:
-        if self.env.rows.distribution is None:
-            self.env.rows.reference_speed = speed
+        if self.env.vector.distribution is None:
+            self.env.vector.reference_speed = speed
 
     def learn(
         self, steps: int, between_updates: Callable[[], None], after_step: Callable[[Any], None]

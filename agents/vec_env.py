@@ -37,9 +37,11 @@ class DominoVecEnv(VecEnv):
     """
 
     def __init__(self, scene: str | Path | Scene | SceneDistribution, number: int) -> None:
-        self.rows = DominoChainVector(number, scene, autoreset_mode="SameStep")
+        self.vector = DominoChainVector(number, scene, autoreset_mode="SameStep")
         self.render_mode = None
-        super().__init__(number, self.rows.single_observation_space, self.rows.single_action_space)
+        super().__init__(
+            number, self.vector.single_observation_space, self.vector.single_action_space
+        )
         self._actions: NDArray[Any] = np.zeros((number, 1))
         self._returns = np.zeros(number)
         self._lengths = np.zeros(number, dtype=np.int64)
@@ -50,7 +52,7 @@ class DominoVecEnv(VecEnv):
         self._returns[:] = 0.0
         self._lengths[:] = 0
         seeds: Any = self._seeds if any(s is not None for s in self._seeds) else None
-        observations, _ = self.rows.reset(seed=seeds)
+        observations, _ = self.vector.reset(seed=seeds)
         self._reset_seeds()
         self._reset_options()
         return observations
@@ -64,11 +66,11 @@ class DominoVecEnv(VecEnv):
             Of that row; nothing changes where its wave died, where the score is no speed, or where
             every episode has a scene of its own.
         """
-        if self.rows.distribution is not None:
+        if self.vector.distribution is not None:
             return
-        scene = self.rows.scene
+        scene = self.vector.scene
         if scene.criterion.is_ratio and score > 0.0:
-            self.rows.reference_speed = max(score, scene.uniform().wave.mean_speed)
+            self.vector.reference_speed = max(score, scene.uniform().wave.mean_speed)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions (R, A) for `step_wait`."""
@@ -76,7 +78,7 @@ class DominoVecEnv(VecEnv):
 
     def step_wait(self) -> Any:
         """Place a domino in every row."""
-        observations, rewards, ended, _, info = self.rows.step(self._actions)
+        observations, rewards, ended, _, info = self.vector.step(self._actions)
         self._returns += rewards
         self._lengths += 1
         infos = [NOTHING] * self.num_envs
@@ -100,21 +102,21 @@ class DominoVecEnv(VecEnv):
 
     def close(self) -> None:
         """Close the native environment."""
-        self.rows.close()
+        self.vector.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Get an attribute of the native environment, once for each row."""
-        return [getattr(self.rows, attr_name)] * len(self._chosen(indices))
+        return [getattr(self.vector, attr_name)] * len(self._chosen(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute of the native environment, for all rows."""
-        setattr(self.rows, attr_name, value)
+        setattr(self.vector, attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
         """Call a method of the native environment; its result, once for each row."""
-        found = getattr(self.rows, method_name)(*method_args, **method_kwargs)
+        found = getattr(self.vector, method_name)(*method_args, **method_kwargs)
         return [found] * len(self._chosen(indices))
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:

@@ -37,7 +37,7 @@ from .scenes.rules import Stock as Stock
 from .scenes.scene import Scene as Scene
 from .scenes.uniform import UniformBaseline as UniformBaseline
 from .validation.measured import fit_friction as fit_friction
-from .view.sound import Heard as Heard
+from .view.sound import HitFrequency as HitFrequency
 from .view.sound import clicks as clicks
 from .view.sound import listen as listen
 

@@ -115,7 +115,7 @@ def _require_samples(number: int, what: str) -> None:
 
 
 @dataclass(frozen=True)
-class Heard:
+class HitFrequency:
     """What a recording tells.
 
     Attributes
@@ -136,7 +136,7 @@ class Heard:
     seconds: float
 
 
-def listen(samples: Floats, rate: int) -> Heard:
+def listen(samples: Floats, rate: int) -> HitFrequency:
     """Find the hit frequency of a recording, by autocorrelation of its loudness.
 
     The stretch that is not quiet is found, its first quarter left out as the wave gathers speed.
@@ -176,7 +176,7 @@ def listen(samples: Floats, rate: int) -> Heard:
     # half a loudness in the time of the whole is the least doubt
     least = frequency * 0.5 * HOP / seconds
     spread = float(np.std(parts, ddof=1) / np.sqrt(count)) if count > 1 else 0.1 * frequency
-    return Heard(frequency, max(spread, least), clarity, seconds)
+    return HitFrequency(frequency, max(spread, least), clarity, seconds)
 
 
 def _onsets(samples: Floats, rate: int) -> Floats:

@@ -73,7 +73,7 @@ def test_drawn_scenes_are_climbed_together() -> None:
     before = model.policy.action_net.weight.detach().clone()
     model.learn(1, callback=lambda now, _: told.extend(now["infos"]) or True, log_interval=None)
     assert len(told) == 3
-    for info, scene in zip(told, model.env.rows.scenes, strict=True):
+    for info, scene in zip(told, model.env.vector.scenes, strict=True):
         assert scene.violations(info["layout"]) == []
     assert not torch.equal(before, model.policy.action_net.weight)
 
