@@ -107,14 +107,14 @@ def _evaluate_scenes(policy: ConditionedPolicy | ScenePolicy, arguments: argpars
 
 def sentence(built: Rollout) -> str:
     """Say score, gain over uniform, gap to the best known."""
-    from domino_env.scenes.uniform import gain, lead_in_words
+    from domino_env.scenes.uniform import gain, gain_in_words
     from optimize.experiments.best_known import best_known
 
     words = f"{built.scene.name}: score {built.score:.6f} ({built.wave.outcome.name})"
     if built.gain is not None:
-        words += f", {lead_in_words(built.gain)} the best uniform row ({built.uniform.score:.6f})"
+        words += f", {gain_in_words(built.gain)} the best uniform row ({built.uniform.score:.6f})"
     known = best_known().get(built.scene.name)
     gap = None if known is None else gain(built.score, known.score)
     if known is not None and gap is not None:
-        words += f", {lead_in_words(gap, 3)} the best known ({known.score:.6f})"
+        words += f", {gain_in_words(gap, 3)} the best known ({known.score:.6f})"
     return f"{words}; built in {built.seconds * 1e3:.1f} ms"

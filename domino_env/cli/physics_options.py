@@ -70,10 +70,10 @@ class Asked:
         )
 
     def read(self, path: str | Path) -> Layout:
-        """Read a layout of the scene, see `domino_env.scenes.io.reading.read_row`."""
-        from domino_env.scenes.io.reading import read_row
+        """Read a layout of the scene, see `domino_env.scenes.io.reading.read_layout`."""
+        from domino_env.scenes.io.reading import read_layout
 
-        return read_row(path, self.scene)
+        return read_layout(path, self.scene)
 
 
 def asked_physics(arguments: argparse.Namespace, *paths: str | Path) -> Asked:

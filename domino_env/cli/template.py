@@ -19,11 +19,11 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.core.files import row_name
-    from domino_env.scenes.io.reading import read_row, scene_beside
+    from domino_env.scenes.io.reading import read_layout, scene_beside
     from domino_env.view.template import write_template
 
     source = Path(arguments.layout)
-    layout = read_row(source, scene_beside(source))
+    layout = read_layout(source, scene_beside(source))
     target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
     told = write_template(layout, target, arguments.paper, f"Domino row {row_name(source)}")
     print(f"{target}: {told}")

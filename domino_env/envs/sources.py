@@ -102,7 +102,7 @@ class SceneSource:
         i = int(self.sampled * generator.random())
         if self.scenes[i] is None:
             pool = pool_of(self.distribution)
-            self._keep(i, pool.scene(i), pool.features[i], *pool.marks[i])
+            self._keep(i, pool.scene(i), pool.features[i], *pool.uniform_scores[i])
         return i
 
     def give(self, env: int, scene: Scene) -> int:

@@ -42,12 +42,12 @@ class ScenePool:
         self.distribution = distribution
         self.numbers = np.full((size, len(distribution.features)), np.nan)
         self.points = np.full((size, 2), np.nan)  # of the best uniform rows
-        self.marks = np.full((size, 2), np.nan)  # their scores and mean speeds
+        self.uniform_scores = np.full((size, 2), np.nan)  # their scores and mean speeds
         table = _table(distribution, "pool")
         if table is not None:
             n = min(size, len(table))
             self.numbers[:n], self.points[:n] = table[:n, :-3], table[:n, -3:-1]
-            self.marks[:n] = table[:n, -1:]  # what ships counts the mean speed
+            self.uniform_scores[:n] = table[:n, -1:]  # what ships counts the mean speed
 
         self.features = distribution.scaled(self.numbers)  # of those that are drawn
 
@@ -56,13 +56,13 @@ class ScenePool:
 
     def scene(self, i: int) -> Scene:
         """Make scene i, which knows its best uniform row."""
-        if np.isnan(self.marks[i, 0]):
+        if np.isnan(self.uniform_scores[i, 0]):
             self._draw(i)
         return self._scene(i)
 
     def _scene(self, i: int) -> Scene:
         name = f"{self.distribution.name}-{i}"
-        return self.distribution.scene(self.numbers[i], name).knowing(self.points[i])
+        return self.distribution.scene(self.numbers[i], name).with_uniform(self.points[i])
 
     def _draw(self, i: int) -> None:
         rng = np.random.default_rng([TRAINING, i])
@@ -72,7 +72,7 @@ class ScenePool:
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
             mark = self._scene(i).uniform()
             score = mark.score
-        self.marks[i] = score, mark.wave.mean_speed
+        self.uniform_scores[i] = score, mark.wave.mean_speed
         self.features[i] = self.distribution.scaled(self.numbers[i])
 
 
@@ -103,7 +103,7 @@ def load_test_set(name: str) -> list[Scene]:
     if table is None:
         refuse(distribution.file, "no set of test scenes ships with it")
     return [
-        distribution.scene(row[:-2], f"{distribution.name}-test-{i}").knowing(row[-2:])
+        distribution.scene(row[:-2], f"{distribution.name}-test-{i}").with_uniform(row[-2:])
         for i, row in enumerate(table)
     ]
 

@@ -16,7 +16,7 @@ from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.objectives.robust import placed
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.tables import text_of
-from domino_env.scenes.uniform import UniformBaseline, best_uniform, gain, lead_in_words
+from domino_env.scenes.uniform import UniformBaseline, best_uniform, gain, gain_in_words
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 SCORE_RTOL = 1e-10  # what is reported; searches may look less closely
@@ -100,9 +100,9 @@ class Scene(Specification):
         return self.criterion.unit
 
     @property
-    def waves_a_score(self) -> int:
+    def simulations_per_score(self) -> int:
         """How many rows are simulated for one score, or take as long as one that stands."""
-        return self.criterion.waves_a_score
+        return self.criterion.simulations_per_score
 
     def simulate(self, layout: Layout, rtol: float = SCORE_RTOL) -> Wave:
         """Topple a layout under the scene's physics."""
@@ -223,7 +223,7 @@ class Scene(Specification):
         """Say a score, and its gain over the best uniform row where there is one."""
         lead = gain(score, self.uniform().score)
         return self.in_words(score, wave) + (
-            "" if lead is None else f", {lead_in_words(lead)} uniform"
+            "" if lead is None else f", {gain_in_words(lead)} uniform"
         )
 
     def uniform(self) -> UniformBaseline:
@@ -236,7 +236,7 @@ class Scene(Specification):
             self, self.known_point
         )  # kept here too, so that it goes along to other processes
 
-    def knowing(self, point: Floats) -> Self:
+    def with_uniform(self, point: Floats) -> Self:
         """Give the same scene, whose best uniform row was searched before.
 
         Parameters

@@ -47,7 +47,9 @@ def write_distribution(name: str) -> None:
     if name != "varied-beyond":
         for i in progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes"):
             pool.scene(i)
-        rows = np.concatenate([pool.numbers, pool.points, pool.marks[:, :1]], axis=1).tolist()
+        rows = np.concatenate(
+            [pool.numbers, pool.points, pool.uniform_scores[:, :1]], axis=1
+        ).tolist()
         tables["pool"] = ((*distribution.features, *POINT, "score"), rows)
     for kind, (columns, table) in tables.items():
         lines = [stamp_of(distribution), ",".join(columns)]

@@ -78,7 +78,7 @@ class UniformBaseline:
     __repr__ = brief
 
 
-def lead_in_words(lead: float, digits: int = 2) -> str:
+def gain_in_words(lead: float, digits: int = 2) -> str:
     """Say a gain: "3.18% over", "0.29% below" where it is a loss, "level with" where it is none."""
     if abs(lead) < 0.5 * 0.1 ** (digits + 2):
         return "level with"

@@ -204,7 +204,7 @@ class UniformLayouts:
     def scores(self, points: Floats, rtol: float) -> Floats:
         """(B,) scores of the layouts at points (B, 2)."""
         scene = self.scene
-        piece = max(1, LARGEST_BATCH // (scene.count * scene.criterion.waves_a_score))
+        piece = max(1, LARGEST_BATCH // (scene.count * scene.criterion.simulations_per_score))
         scores = [
             scene.criterion.evaluate(scene.batch(spacing, thickness, height, rtol)).score
             for i in range(0, len(points), piece)

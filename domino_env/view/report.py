@@ -34,7 +34,7 @@ from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
 from domino_env.rigid.known import known_verification
 from domino_env.rigid.simulation import in_words
-from domino_env.scenes.io.reading import common_scene, read_row
+from domino_env.scenes.io.reading import common_scene, read_layout
 from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
 from domino_env.view.race import Racer, race_data
@@ -159,7 +159,7 @@ def read_racers(
 
 
 def _shown_layout(path: Path, scene: Scene | None) -> Layout:
-    layout = read_row(path, scene)
+    layout = read_layout(path, scene)
     require_drawable(one_line(str(path)), layout.count)
     return layout
 

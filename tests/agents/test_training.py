@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn_scenes import small_scenes
+from sampled_scenes import small_scenes
 
 pytest.importorskip("stable_baselines3")
 

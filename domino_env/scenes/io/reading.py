@@ -182,7 +182,7 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     return common and common[1]
 
 
-def read_row(path: str | Path, scene: Scene | None) -> Layout:
+def read_layout(path: str | Path, scene: Scene | None) -> Layout:
     """Read a layout; what its file does not say of width and ground is as in the scene."""
     row = Layout.read(path, WIDTH if scene is None else scene.width)
     if scene is None or scene.ground is None or not row.is_flat:

@@ -231,7 +231,7 @@ class Objective(ABC):
         return ScoreGradient.zero(batch)
 
     @property
-    def waves_a_score(self) -> int:
+    def simulations_per_score(self) -> int:
         """How many rows are simulated for one score."""
         return 1
 

@@ -95,7 +95,7 @@ class Robust(Objective):
     simulates_anew: ClassVar[bool] = True
 
     @property
-    def waves_a_score(self) -> int:
+    def simulations_per_score(self) -> int:
         """How many rows are simulated for one score: with limits, the row as it is drawn too."""
         return self.settings.draws + (self.limits is not None)
 

@@ -43,7 +43,7 @@ class StandingSpeed(Speed):
     simulates_anew: ClassVar[bool] = True
 
     @property
-    def waves_a_score(self) -> int:
+    def simulations_per_score(self) -> int:
         """How many analytic waves take as long as one score."""
         return WAVES
 

@@ -5,9 +5,9 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
-from drawn_scenes import small_scenes
 from env_scenes import play
 from gymnasium.utils.env_checker import check_env
+from sampled_scenes import small_scenes
 
 import domino_env as de
 from domino_env import DominoChain, DominoChainVector, DominoLayout

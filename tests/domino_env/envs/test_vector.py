@@ -6,10 +6,10 @@ import gymnasium
 import numba
 import numpy as np
 import pytest
-from drawn_scenes import small_scenes
 from env_scenes import SCENES, short
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from sampled_scenes import small_scenes
 
 import domino_env as de
 from domino_env import DominoChain, DominoChainVector, DominoLayout, DominoLayoutVector

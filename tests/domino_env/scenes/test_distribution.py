@@ -6,7 +6,7 @@ from dataclasses import replace
 import jsonschema
 import numpy as np
 import pytest
-from drawn_scenes import TEXT, small_scenes
+from sampled_scenes import TEXT, small_scenes
 
 import domino_env as de
 from domino_env.scenes import distribution
@@ -33,12 +33,14 @@ def test_what_ships_keeps_the_schema_and_is_what_it_was_drawn_for(name):
         assert drawn_from.outside(scene) == ()
     assert scenes[0].uniform().score > 0.0
     if name != "varied-beyond":
-        assert not np.isnan(ScenePool(drawn_from).marks).any()
+        assert not np.isnan(ScenePool(drawn_from).uniform_scores).any()
         i = 40  # the files hold what would be drawn now
         anew = ScenePool(drawn_from)
-        anew.marks[i] = np.nan
+        anew.uniform_scores[i] = np.nan
         assert anew.scene(i) == ScenePool(drawn_from).scene(i)
-        np.testing.assert_allclose(anew.marks[i], ScenePool(drawn_from).marks[i], rtol=1e-9)
+        np.testing.assert_allclose(
+            anew.uniform_scores[i], ScenePool(drawn_from).uniform_scores[i], rtol=1e-9
+        )
 
 
 def test_the_set_beyond_is_beyond_in_every_number():

@@ -8,7 +8,7 @@ import pytest
 
 import domino_env as de
 from domino_env.physics import footing
-from domino_env.scenes.io.reading import parse_scene, read_row
+from domino_env.scenes.io.reading import parse_scene, read_layout
 
 POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
 HILLS = de.Ground(profile=POINTS)
@@ -157,7 +157,7 @@ def test_files_keep_the_ground_and_rows_are_laid_on_it(tmp_path):
     flat = de.Layout(row.spacing, row.thickness)
     for kept, name in ((row, "hilly.csv"), (flat, "flat.csv")):
         kept.to_csv(tmp_path / name)
-        assert read_row(tmp_path / name, FREE) == row
+        assert read_layout(tmp_path / name, FREE) == row
     assert FREE.violations(row) == []
     assert "as its ground lies" in FREE.violations(flat)[0]
     assert "must be 0" in replace(FREE, ground=None).violations(row)[0]
