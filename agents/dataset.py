@@ -22,7 +22,7 @@ import numpy as np
 
 from domino_env import DominoChainVector, Layout, Scene, SceneDistribution
 from domino_env.core.checks import require
-from domino_env.core.files import require_none, write_text
+from domino_env.core.files import require_unused, write_text
 from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
 from domino_env.scenes.distribution import load_distribution
@@ -117,7 +117,7 @@ def make_dataset(
                 '"domino-chains[minari]"'
             )
     home, drawn = Path(folder), load_distribution(distribution)
-    require_none(home, (CARD, EPISODES))
+    require_unused(home, (CARD, EPISODES))
     home.mkdir(parents=True, exist_ok=True)
     chosen = [draw(drawn, seed, i) for i in range(scenes)]
     settings = {"distribution": drawn.name, "ranges": repr(drawn.ranges)}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from domino_env.core.colours import GREEN, KNOWN, OURS, SKY, UNIFORM
-from domino_env.core.plot_style import LEGEND, clock
+from domino_env.core.plot_style import LEGEND, set_time_axis
 from domino_env.view.figures import beside_uniform
 from optimize.experiments.best_known import best_known
 
@@ -68,7 +68,7 @@ def _learning(curve: Axes, run: Run, built: Rollout, baseline: SearchResult | No
     low, high = min(*values, built.score), max(*values, built.score)
     room = 0.01 * abs(high)
     curve.set_ylim(low - 0.9 * (high - low) - room, high + room)  # the legend stands below
-    clock(curve, seconds)
+    set_time_axis(curve, seconds)
     curve.set_xlabel(f"seconds of training ({run.algorithm}, {run.steps:,} dominoes placed)")
     curve.set_ylabel(f"score [{scene.unit}]" if scene.unit else "score")
     curve.legend(loc="lower right", ncols=3, **LEGEND)

@@ -30,7 +30,7 @@ from agents.rollout import Rollout
 from agents.scores import PoolScore, SceneScore
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require, require_choice
-from domino_env.core.files import naming, read_json, require_none, write_text
+from domino_env.core.files import naming, read_json, require_unused, write_text
 from domino_env.core.models import Document, model_of
 from domino_env.core.progress import progress_bar
 from domino_env.core.results import draw, versions
@@ -176,7 +176,7 @@ def train(
         target = load_any(home / SCENE)
         algorithm, seed, steps, plan = begun.algorithm, begun.seed, begun.steps, begun.preset
     else:
-        require_none(home, FILES)
+        require_unused(home, FILES)
     drawn = isinstance(target, SceneDistribution)
     plan = plan or hyperparameters(algorithm, episode_of(target), drawn=drawn)
     from agents.sb3 import random_state_restored

@@ -241,7 +241,7 @@ class Problem(DesignSpace):
             return scores, np.empty(0), np.empty((0, self.dimension))
         pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
         if self.scene.ground is not None:
-            pulled = [self.scene.ground.followed(one, wave.layout) for one in pulled]
+            pulled = [self.scene.ground.along_ground(one, wave.layout) for one in pulled]
         designs = np.repeat(self.checked(self.one(design)), pairs, axis=0)
         slopes = ScoreGradient(
             np.array([one.spacing for one in pulled]),

@@ -92,7 +92,7 @@ class SearchResult(MadeForScene):
     def _draw_trace(self, axes: Any) -> None:
         """Draw the best score over time, with the score of the uniform baseline as a line."""
         from domino_env.core.colours import OURS, UNIFORM
-        from domino_env.core.plot_style import beside_line, clock
+        from domino_env.core.plot_style import label_line, set_time_axis
 
         times = np.array([t for _, _, t, _ in self.trace])
         scores = np.array([score for _, _, _, score in self.trace])
@@ -100,15 +100,15 @@ class SearchResult(MadeForScene):
         axes.axhline(mark, color=UNIFORM, linewidth=1.5)
         axes.step(times, scores, color=OURS, linewidth=1.5, where="post")
         above = scores[0] < mark  # where the curve is not
-        beside_line(axes, f"best uniform pitch {mark:.4f}", 0.005, mark, UNIFORM, above=above)
-        beside_line(axes, f"{self.method} {last:.4f}", 1.0, last, OURS, above=last >= mark)
+        label_line(axes, f"best uniform pitch {mark:.4f}", 0.005, mark, UNIFORM, above=above)
+        label_line(axes, f"{self.method} {last:.4f}", 1.0, last, OURS, above=last >= mark)
         lowest = scores[scores > 0.0].min() if last > 0.0 else scores.min()
         if last > 0.0:  # how it began would flatten the rest
             lowest = max(lowest, 0.85 * last)
         low, high = min(lowest, mark if mark > 0.0 else lowest), max(last, mark)
         room = 0.2 * (high - low) + 0.005 * abs(high)
         axes.set_ylim(low - room, high + room)
-        clock(axes, times)
+        set_time_axis(axes, times)
         unit = f" [{self.scene.unit}]" if self.scene.unit else ""
         axes.set_ylabel(f"best score{unit}" if high > 0.0 else "best score (below 0: it dies)")
         axes.set_xlabel(

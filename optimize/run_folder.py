@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 from msgspec import Meta
 
-from domino_env.core.files import naming, read_json, require_none, require_room, write_text
+from domino_env.core.files import naming, read_json, require_unused, require_writable, write_text
 from domino_env.core.models import Document, model_of
 from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
@@ -65,8 +65,8 @@ def require_place(path: Path, *, resume: bool) -> None:
     if path.exists() and not path.is_dir():
         raise ValueError(f"{path} is a file: name a folder for the run")
     if not resume:
-        require_none(path, FILES)
-    require_room(path)
+        require_unused(path, FILES)
+    require_writable(path)
 
 
 class RunFolder:

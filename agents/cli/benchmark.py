@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.algorithms import ALGORITHMS
     from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in, run_benchmark
     from agents.benchmark_report import FILES, overview, write
-    from domino_env.core.files import require_room
+    from domino_env.core.files import require_writable
     from optimize.experiments.experiment import gathered
     from optimize.experiments.store import open_store
 
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         done = gathered(tasks, found, known=known_in)
     else:
         with asked_executor(arguments) as executor:
-            require_room(folder)
+            require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
             done = run_benchmark(tasks, executor, study, progress=None)
     write(done, folder, _command(arguments))

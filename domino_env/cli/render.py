@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate, draw, write."""
     from pathlib import Path
 
-    from domino_env.core.files import one_line, row_name
+    from domino_env.core.files import layout_name, one_line
     from domino_env.physics.wave import simulate
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
     from domino_env.view.race import Racer
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         if name and Path(name).suffix.lower() != ending:
             raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
     asked = asked_physics(arguments, *arguments.layouts)
-    rows = [(row_name(Path(name)), asked.read(name)) for name in arguments.layouts]
+    rows = [(layout_name(Path(name)), asked.read(name)) for name in arguments.layouts]
     if asked.scene:
         rows.append(("best uniform", asked.scene.uniform().layout))
     print(asked.line)

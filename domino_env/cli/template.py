@@ -18,13 +18,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Write, and say what to do with it."""
     from pathlib import Path
 
-    from domino_env.core.files import row_name
+    from domino_env.core.files import layout_name
     from domino_env.scenes.io.reading import read_layout, scene_beside
     from domino_env.view.template import write_template
 
     source = Path(arguments.layout)
     layout = read_layout(source, scene_beside(source))
     target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
-    told = write_template(layout, target, arguments.paper, f"Domino row {row_name(source)}")
+    told = write_template(layout, target, arguments.paper, f"Domino row {layout_name(source)}")
     print(f"{target}: {told}")
     return 0

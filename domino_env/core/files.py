@@ -53,11 +53,11 @@ def read_json(path: Path) -> Any:
 
 
 def decoded(data: bytes) -> str:
-    """Decode text in `encoding_of` its bytes."""
-    return data.decode(encoding_of(data))
+    """Decode text in `detect_encoding` its bytes."""
+    return data.decode(detect_encoding(data))
 
 
-def encoding_of(data: bytes) -> str:
+def detect_encoding(data: bytes) -> str:
     """Tell UTF-16 where marked, UTF-8 with or without a mark where it is that, else Latin-1."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
@@ -114,7 +114,7 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, lambda file: file.write(text.encode()))
 
 
-def require_none(folder: Path, names: Iterable[str]) -> None:
+def require_unused(folder: Path, names: Iterable[str]) -> None:
     """Refuse a folder for a new run that holds a file by one of its names, an earlier run's or not.
 
     Other files, such as notes, may be there.
@@ -131,7 +131,7 @@ def require_none(folder: Path, names: Iterable[str]) -> None:
         )
 
 
-def require_room(folder: Path) -> None:
+def require_writable(folder: Path) -> None:
     """Refuse a folder that cannot be written, before any time is spent; it is made if need be.
 
     Raises
@@ -147,7 +147,7 @@ def require_room(folder: Path) -> None:
         raise ValueError(f"{folder} cannot be written: {error.strerror}") from None
 
 
-def row_name(path: Path) -> str:
+def layout_name(path: Path) -> str:
     """What a row is called after its file: of a run's layout.csv, after the run's folder."""
     of_run = path.stem == "layout"
     return one_line(path.resolve().parent.name if of_run else path.stem, 100)

@@ -136,7 +136,7 @@ def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -
         figure.text(left / across, 1.0 - down / up, escaped(words), va="center", **looks)
 
 
-def beside_line(axes: Axes, words: str, x: float, y: float, colour: str, *, above: bool) -> None:
+def label_line(axes: Axes, words: str, x: float, y: float, colour: str, *, above: bool) -> None:
     """Write at a height of the curves, just above or below it; x is a part of the width."""
     axes.annotate(
         words, (x, y), (0.0, 4.0 if above else -4.0), size=9, color=colour,
@@ -145,7 +145,7 @@ def beside_line(axes: Axes, words: str, x: float, y: float, colour: str, *, abov
     )  # fmt: skip
 
 
-def clock(axes: Axes, times: Sequence[float] | Floats) -> None:
+def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
     """Let the axis below span rising times, with a logarithm where most happens early."""
     if times[-1] > 30.0 * times[0] > 0.0:
         axes.set_xscale("log")

@@ -28,7 +28,7 @@ def allowed_threads() -> int:
     return min(numba.get_num_threads(), int(os.environ.get("NUMBA_NUM_THREADS", MOST)))
 
 
-def share_rows(task: Callable[..., object], rows: int, least: int, *arguments: object) -> None:
+def share_evenly(task: Callable[..., object], rows: int, least: int, *arguments: object) -> None:
     """Call task(first, last, *arguments) for pieces of `rows` that together are all of them.
 
     The calling thread takes the first piece itself: waking another one costs some 20 µs, which

@@ -11,7 +11,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-def distinct_rows(table: Floats) -> Floats:
+def unique_points(table: Floats) -> Floats:
     """Return the rows of a table (M, n), each once, ordered by their first entries, then the next.
 
     As `numpy.unique(table, axis=0)`; but that compares rows as records, and where Ctrl-C comes

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from domino_env import kernels
 from domino_env.core.checks import require
-from domino_env.core.threads import share_rows
+from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.sources import Generators
 from domino_env.envs.spaces import choices
@@ -334,7 +334,7 @@ class DominoChainVector(DominoVectorEnv):
         observations = np.empty(self._observations.shape, np.float32)
         rewards = np.empty(self.num_envs)
         ended = np.empty(self.num_envs, np.bool_)
-        share_rows(
+        share_evenly(
             kernels.step_batch, self.num_envs, PIECE,
             self._batch, actions, observations, rewards, ended,
         )  # fmt: skip

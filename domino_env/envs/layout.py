@@ -9,7 +9,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 
 from domino_env import kernels
-from domino_env.core.threads import share_rows
+from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.sources import Generators
 from domino_env.envs.spaces import choices
@@ -138,7 +138,7 @@ class DominoLayoutVector(DominoVectorEnv):
             return observations, rewards, ended, {}
         each = actions.reshape(self.num_envs, choices(self.scene), -1).transpose(0, 2, 1)
         each = np.ascontiguousarray(each)
-        share_rows(kernels.place_batch, self.num_envs, PIECE, self._batch, ended, each)
+        share_evenly(kernels.place_batch, self.num_envs, PIECE, self._batch, ended, each)
         if self.scene.length is not None:
             self._meet_length(self.scene, self.scene.length)
         rewards[envs], infos = self._end(envs)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
-from domino_env.physics.motion import lean_behind
+from domino_env.physics.motion import stack_leans
 from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 
@@ -88,7 +88,7 @@ class Renderer:
             Where a window cannot be opened, with what to install.
         """
         layout, leader = snapshot.layout, max(snapshot.hit - 1, 0)
-        leans = lean_behind(layout, np.array([leader]), np.zeros(1))[0]
+        leans = stack_leans(layout, np.array([leader]), np.zeros(1))[0]
         if self.mode == "ansi":
             return _text(snapshot, leader, leans)
         from domino_env.view.drawing import Scale, strip

@@ -20,7 +20,7 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from domino_env.core import tables
-from domino_env.core.files import encoding_of, naming, one_line, read_bytes, write_text
+from domino_env.core.files import detect_encoding, naming, one_line, read_bytes, write_text
 from domino_env.core.files import read_json as read_document
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, model_of
 from domino_env.physics.standard import DENSITY, HEIGHT
@@ -205,7 +205,7 @@ def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
 
 def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """The sign between the cells, and every line that is not blank with its number."""
-    encoding = encoding_of(data)
+    encoding = detect_encoding(data)
     first = next((line for line in _text(data, encoding) if line.strip()), "").lstrip()
     # some spreadsheets say on a line of its own what stands between the cells
     told = first[4:5] if re.match(r"sep=[;,\t]\s*$", first, re.IGNORECASE) else ""

@@ -33,7 +33,7 @@ def pivots(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Fl
     return np.concatenate((np.zeros((1, 2)), np.cumsum(np.stack([forward, rise], -1), axis=0)))
 
 
-def trouble(
+def find_violation(
     spacing: Floats,
     thickness: Floats,
     height: Floats,
@@ -111,7 +111,7 @@ def _high_tip(spacing: Floats, height: Floats) -> tuple[tuple[int, ...], str] | 
 def impassable(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
 ) -> Flags:
-    """Tell the links (…, N-1) over which `trouble` says that nothing falls as the model has it."""
+    """Return the links (…, N-1), bool, at which `find_violation` finds something."""
     height = np.broadcast_to(height, thickness.shape)
     leaning, stair, high = _links(spacing, thickness, height, rise, tilt)[0]
     return leaning | stair | high

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from domino_env import kernels
 from domino_env.core.results import brief
-from domino_env.physics.gradient import row_of
+from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics, require_row
+from domino_env.physics.physics import Physics, require_arguments
 from domino_env.physics.wave import Outcome
 
 Floats = NDArray[np.float64]
@@ -89,12 +89,12 @@ def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
     rtol
         As of `simulate`.
     """
-    require_row(layout, physics)
+    require_arguments(layout, physics)
     loads = np.full(layout.count, np.nan, kernels.LOADS)
     for least in ("contact_force", "hit_impulse", "flush_impulse", "load"):
         loads[least] = np.inf
     loads["floor_friction"] = -np.inf
-    row = row_of(layout)
+    row = arrays_of(layout)
     outcome = kernels.diagnose_chain(
         row, physics.friction, physics.gravity, physics.push, rtol, loads
     )

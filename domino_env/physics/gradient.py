@@ -71,20 +71,20 @@ class Gradient:
         return replace(self, **{k: x * factor for k, x in parts.items() if x is not None})
 
 
-def row_of(layout: Layout) -> kernels.Row:
+def arrays_of(layout: Layout) -> kernels.Row:
     """Return the arrays of a layout."""
     ground = () if layout.is_flat else (layout.rise, layout.tilt)
     return kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density, *ground)
 
 
-def batch_of(layout: Layout) -> kernels.Row:
+def batch_arrays_of(layout: Layout) -> kernels.Row:
     """Return the arrays of a layout as a batch of one."""
     ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
     row = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
     return kernels.Row(*row, *ground)
 
 
-def bars_of(row: kernels.Row) -> kernels.Row:
+def adjoint_arrays(row: kernels.Row) -> kernels.Row:
     """Return room for the derivatives by all that a row, or each of a batch, is made of."""
     pairs, dominoes = row.spacing.shape, row.thickness.shape
     flat = np.empty(pairs), np.empty(dominoes), np.empty(dominoes), np.empty(dominoes)
@@ -131,8 +131,8 @@ def pull(
             f"arrival_bar[{k}] = {bar[k]}, but the wave never came to domino {k}: leave it at 0"
         )
     whole = np.zeros(1, kernels.WHOLE)[0]
-    row = row_of(layout)
-    slopes = bars_of(row)
+    row = arrays_of(layout)
+    slopes = adjoint_arrays(row)
     kernels.pull(
         row, physics.friction, physics.gravity, physics.push, tape, len(tape), bar, slopes, whole
     )
@@ -159,7 +159,7 @@ class Laid(Protocol):
         """(…, N) [rad]."""
 
 
-def longer(found: Gradient, row: Laid, weight: float | Floats) -> Gradient:
+def with_length_gradient(found: Gradient, row: Laid, weight: float | Floats) -> Gradient:
     """Return a gradient plus `weight` times that of the length.
 
     Parameters

@@ -20,7 +20,7 @@ from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 
 Floats = NDArray[np.float64]
 
-MOST_BULGE = 1e-4  # [m] of the ground under a base, over or under the chord
+MAX_BULGE = 1e-4  # [m] of the ground under a base, over or under the chord
 STEEPEST = 45.0  # [°]
 MOST_POINTS = 10_000
 
@@ -148,7 +148,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         if self.slope is not None:
             slope = math.radians(self.slope)
             return -math.sin(slope) * (gaps + thick[..., 1:]), np.full_like(thick, slope)
-        if refused := self.bulge(float(thick.max(initial=0.0))):
+        if refused := self.violation(float(thick.max(initial=0.0))):
             raise ValueError(refused)
         rows, deep = _rows(gaps), _rows(thick)
         rise, tilt = np.empty(rows.shape), np.empty(deep.shape)
@@ -175,20 +175,20 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         rise, tilt = self.lay(gaps, thick)
         return Layout(gaps, thick, height, width, density, rise, tilt)
 
-    def bulge(self, thickness: float) -> str | None:
+    def violation(self, thickness: float) -> str | None:
         """Say where a base of that thickness [m] would not lie on the ground; None if nowhere."""
         for way, what in ((1.0, "is hollow"), (-1.0, "bulges")):
             place, bend = self.curvature(way)
             off = bend * thickness**2 / 8.0
-            if off > MOST_BULGE:
+            if off > MAX_BULGE:
                 return (
                     f"the ground {what} by {1e3 * off:.3g} mm under a base {1e3 * thickness:.4g} mm"
-                    f" thick near x = {place:.4g} m: at most {1e3 * MOST_BULGE:g} mm; make it bend "
+                    f" thick near x = {place:.4g} m: at most {1e3 * MAX_BULGE:g} mm; make it bend "
                     "less there, or the dominoes thinner"
                 )
         return None
 
-    def followed(self, found: Gradient, row: Laid) -> Gradient:
+    def along_ground(self, found: Gradient, row: Laid) -> Gradient:
         """Turn a gradient with the ground fixed into one along the ground.
 
         Where a gap or a thickness changes, all later dominoes move along the ground, and their

@@ -92,7 +92,7 @@ class Layout:
         is_flat = not (np.count_nonzero(arrays["rise"]) or np.count_nonzero(arrays["tilt"]))
         self.__dict__.update(arrays, width=float(width), is_flat=is_flat)
         slopes = () if is_flat else (self.rise, self.tilt)
-        if found := footing.trouble(gaps, self.thickness, self.height, *slopes):
+        if found := footing.find_violation(gaps, self.thickness, self.height, *slopes):
             raise ValueError(found[1])
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -300,13 +300,13 @@ class Layout:
     ) -> Layout:
         from domino_env.core.files import naming, one_line
         from domino_env.core.progress import advise
-        from domino_env.physics.standard import unit_slip
+        from domino_env.physics.standard import unit_hint
 
         with naming(path):
             row = cls(**{"width": width} | arguments(Path(path)))
         if row.count > 1:
             gaps, thick = row.spacing, row.thickness
-            slip = unit_slip(
+            slip = unit_hint(
                 float(row.height.max()),
                 (float(gaps.min()), float(gaps.max())),
                 (float(thick.min()), float(thick.max())),

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
 from domino_env.physics import footing
-from domino_env.physics.gradient import row_of
+from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 
@@ -31,9 +31,9 @@ class Motion:
     ----------
     end
         When all that moves has come to rest or lies flat [s]; nothing moves afterwards.
-    begins
+    starts
         When each domino begins to lead [s], and the end, (F+1,).
-    looks
+    samples
         The leader at equal steps of angle in each interval between hits, (F, 33): `angle` [rad]
         from upright to its ground, `time` [s] since it was hit, `speed` [rad/s].
 
@@ -46,32 +46,32 @@ class Motion:
 
     def __init__(self, layout: Layout, physics: Physics, rtol: float = 1e-8) -> None:
         self.layout, self.physics = layout, physics
-        row = row_of(layout)
+        row = arrays_of(layout)
         snapshots = np.zeros((layout.count, PIECES + 1), kernels.SNAPSHOT)
         falls = kernels.watch_chain(
             row, physics.friction, physics.gravity, physics.push, rtol, snapshots
         )
-        self.looks = snapshots[:falls]
-        self.begins = np.concatenate(([0.0], np.cumsum(self.looks["time"][:, -1])))
-        self.end = float(self.begins[-1])
+        self.samples = snapshots[:falls]
+        self.starts = np.concatenate(([0.0], np.cumsum(self.samples["time"][:, -1])))
+        self.end = float(self.starts[-1])
 
     def leader(self, times: ArrayLike) -> tuple[Ints, Floats]:
         """Who leads at each instant, and its lean from the vertical [rad]."""
         t = np.clip(np.asarray(times, dtype=np.float64), 0.0, self.end)
-        n = np.clip(np.searchsorted(self.begins, t, side="right") - 1, 0, len(self.looks) - 1)
+        n = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, len(self.samples) - 1)
         angle = np.empty(len(t))
         for k in np.unique(n):
-            at, fall = n == k, self.looks[k]
-            angle[at] = _hermite(t[at] - self.begins[k], fall["time"], fall["angle"], fall["speed"])
+            at, fall = n == k, self.samples[k]
+            angle[at] = _hermite(t[at] - self.starts[k], fall["time"], fall["angle"], fall["speed"])
         return n, angle + self.layout.tilt[n]
 
     def angles(self, times: ArrayLike) -> Floats:
         """Lean of every domino from the vertical (T, N) [rad] at T instants [s] since the push."""
         n, angle = self.leader(np.atleast_1d(np.asarray(times, dtype=np.float64)))
-        return lean_behind(self.layout, n, angle)
+        return stack_leans(self.layout, n, angle)
 
 
-def lean_behind(layout: Layout, leader: Ints, angle: Floats) -> Floats:
+def stack_leans(layout: Layout, leader: Ints, angle: Floats) -> Floats:
     """Return (T, N) leans from the vertical of a row whose leader (T,) leans by angle (T,) [rad].
 
     Those ahead of the leader stand, upright to their ground. Contacts as of physics: a tip slides
@@ -112,7 +112,7 @@ def lean_behind(layout: Layout, leader: Ints, angle: Floats) -> Floats:
 
 
 def _lean_over_hills(layout: Layout, leader: Ints, angle: Floats) -> Floats:
-    """`lean_behind`; each link is seen upright from the stand of the domino ahead."""
+    """`stack_leans`; each link is seen upright from the stand of the domino ahead."""
     leans = np.tile(layout.tilt, (len(leader), 1))
     leans[np.arange(len(leader)), leader] = angle
     rises = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt)

@@ -33,7 +33,7 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     push: Annotated[Size, Meta(description="angular velocity of domino 0 at first [rad/s]")] = 8.0
 
 
-def require_row(layout: object, physics: object) -> None:
+def require_arguments(layout: object, physics: object) -> None:
     """Refuse what is no row, or no physics, with how to make one.
 
     Raises

@@ -12,7 +12,7 @@ ADVICE = "lengths are in metres, 18 mm is 0.018 (a layout's columns may be named
 Range = tuple[float, float]
 
 
-def unit_slip(height: float, spacing: Range, thickness: Range) -> str | None:
+def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
     """Say which length of a row was probably given in another unit.
 
     A row at such an extreme may be meant: this is for hints.

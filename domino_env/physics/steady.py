@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.physics.gradient import row_of
+from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics, require_row
+from domino_env.physics.physics import Physics, require_arguments
 from domino_env.physics.standard import DENSITY, HEIGHT
 from domino_env.physics.wave import Outcome
 
@@ -174,8 +174,8 @@ def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> floa
         answer. 0 where the first domino, tipped by a breath, topples the row (it never is: it has
         to be lifted over its edge).
     """
-    require_row(layout, physics)
-    outcome, need = kernels.compose_row(row_of(layout), physics.friction, physics.gravity, rtol)
+    require_arguments(layout, physics)
+    outcome, need = kernels.compose_row(arrays_of(layout), physics.friction, physics.gravity, rtol)
     if outcome != Outcome.PROPAGATED:
         return math.inf
     return math.sqrt(max(float(need), 0.0))

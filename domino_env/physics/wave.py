@@ -19,14 +19,14 @@ from domino_env.physics import footing
 from domino_env.physics.gradient import (
     Gradient,
     Tape,
-    bars_of,
-    batch_of,
+    adjoint_arrays,
+    batch_arrays_of,
     gradient_of,
-    longer,
     pull,
+    with_length_gradient,
 )
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics, require_row
+from domino_env.physics.physics import Physics, require_arguments
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -205,7 +205,7 @@ class Wave:
             raise ValueError(f"there is no speed to differentiate: {self.explanation}")
         bar[-1] = -self.mean_speed / total
         found = self.pullback(bar)
-        return longer(found, self.layout, 1.0 / total)  # the way from first pivot to last grows too
+        return with_length_gradient(found, self.layout, 1.0 / total)
 
     @property
     def mean_speed(self) -> float:
@@ -377,8 +377,8 @@ def simulate(
     Chapman, The physics of toppling dominoes, eqs. 1-9.
     """
     began = time.perf_counter()
-    require_row(layout, physics)
-    rows, setting, count = batch_of(layout), _setting(physics, rtol), layout.count
+    require_arguments(layout, physics)
+    rows, setting, count = batch_arrays_of(layout), _setting(physics, rtol), layout.count
     summaries, arrivals = np.empty(1, kernels.SUMMARY), np.empty((1, count), kernels.ARRIVAL)
     tape = np.empty(4 * count + 16, kernels.EVENT) if gradient else _UNTAPED
     while True:
@@ -448,7 +448,7 @@ def simulate_batch(
     arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
     slopes = None
     if gradient:
-        bars, wholes = bars_of(rows), np.empty(number, kernels.WHOLE)
+        bars, wholes = adjoint_arrays(rows), np.empty(number, kernels.WHOLE)
         share_pieces(kernels.pull_rows, number, count, rows, *setting, summaries, bars, wholes)
         slopes = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
     else:
@@ -525,7 +525,7 @@ def _checked_batch(
     if np.any(rise) or np.any(tilt):
         arrays.append(np.broadcast_to(_rows("rise", rise, rows, count - 1), s.shape))
         arrays.append(np.broadcast_to(_rows("tilt", tilt, rows, count), d.shape))
-    if found := footing.trouble(s, d, length, *arrays[4:]):
+    if found := footing.find_violation(s, d, length, *arrays[4:]):
         raise ValueError(f"layout {found[0][0]}: {found[1]}")
     return kernels.Row(*(_read_only(array) for array in arrays))
 

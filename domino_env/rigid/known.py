@@ -20,7 +20,7 @@ from domino_env.core.models import model_of
 from domino_env.core.tables import markdown_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.rigid.simulation import in_words
+from domino_env.rigid.simulation import floor_name
 
 PATH = Path(__file__).with_name("known.json")
 NAMES = (
@@ -148,7 +148,7 @@ def known_table(found: dict[str, Verified]) -> list[str]:
             uniform = next(check for check in here if check.layout == "uniform")
             engine = next((check for check in here if check.simulator != best.simulator), None)
             rows.append((
-                f"`{name}`{first}", in_words(best.floor), _score(best), _score(uniform),
+                f"`{name}`{first}", floor_name(best.floor), _score(best), _score(uniform),
                 "" if best.gain is None else f"**{best.gain:+.2%}**", percent(best.last),
                 percent(best.uncertainty, sign=""), _apart(best, engine),
             ))  # fmt: skip

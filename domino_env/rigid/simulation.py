@@ -92,7 +92,7 @@ class RigidWave:
             how = f"{count} dominoes in {self.arrival_times[-1]:.5g} s, {self.mean_speed:.5g} m/s"
         else:
             how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
-        return f"RigidWave({in_words(self.floor_friction)}: {how}, ±{self.error_estimate:.0e})"
+        return f"RigidWave({floor_name(self.floor_friction)}: {how}, ±{self.error_estimate:.0e})"
 
     @property
     def hit(self) -> int:
@@ -127,7 +127,7 @@ class RigidWave:
         return self.layout.length / last if 0.0 < last < math.inf else 0.0
 
 
-def in_words(floor_friction: float | None) -> str:
+def floor_name(floor_friction: float | None) -> str:
     """Name a floor."""
     return "fixed pivots" if floor_friction is None else f"floor {floor_friction:g}"
 

@@ -22,7 +22,7 @@ from domino_env.physics.wave import Wave, simulate
 from domino_env.rigid.engine import simulate_in_engine
 from domino_env.rigid.simulation import (
     RigidWave,
-    in_words,
+    floor_name,
     largest_difference,
     simulate_standing,
 )
@@ -201,8 +201,8 @@ def verification_table(checked: Verification) -> list[str]:
     """Tabulate by how much arrival times differ, every tenth domino and the last; the verdicts."""
     model, count = checked.wave.arrival_times, checked.wave.layout.count
     waves = (*checked.reference, *checked.engine)
-    names = ["domino", "model [s]", *(in_words(one.floor_friction) for one in checked.reference)]
-    names += [f"engine, {in_words(one.floor_friction)}" for one in checked.engine]
+    names = ["domino", "model [s]", *(floor_name(one.floor_friction) for one in checked.reference)]
+    names += [f"engine, {floor_name(one.floor_friction)}" for one in checked.engine]
     rows = [
         [str(i), f"{model[i]:.6f}" if np.isfinite(model[i]) else "never"]
         + [_percent(one.arrival_times[i], model[i]) for one in waves]
@@ -214,7 +214,7 @@ def verification_table(checked: Verification) -> list[str]:
     for one in waves:
         if not one.converged:
             lines.append(
-                f"{in_words(one.floor_friction)}: {one.simulator} has not converged within its "
+                f"{floor_name(one.floor_friction)}: {one.simulator} has not converged within its "
                 f"limits ({one.steps} steps)"
             )
     for one, other in zip(checked.reference, checked.engine, strict=False):
@@ -226,7 +226,7 @@ def verification_table(checked: Verification) -> list[str]:
         elif max(one.error_estimate, other.error_estimate) > AGREES:
             word = "are undecided"
         lines.append(
-            f"{in_words(one.floor_friction)}: {one.simulator} and {other.simulator} {word}, "
+            f"{floor_name(one.floor_friction)}: {one.simulator} and {other.simulator} {word}, "
             f"arrival times at most {apart:.3%} apart, uncertainty of both {both:.3%}"
         )
     return [*lines, *checked.verdicts]
@@ -282,7 +282,7 @@ def write_plot(checked: Verification, path: Path, title: str) -> None:
             apart[both] = 100.0 * (times[0] / times[1] - 1.0)
             (below if k else above).plot(
                 np.arange(1, len(both) + 1), apart, color=COLOURS[k], linestyle=line,
-                label=f"{one.simulator}, {in_words(one.floor_friction)}",
+                label=f"{one.simulator}, {floor_name(one.floor_friction)}",
             )  # fmt: skip
     for axes in (above, below):
         axes.axhline(0.0, color=INK, linewidth=0.8)

@@ -228,7 +228,7 @@ def _violations_of_ground(tables: SceneFile) -> Iterator[str]:
                 f"{name} stands beside ground.profile: on uneven ground {why}; leave one of them "
                 "out"
             )
-    if refused := ground.bulge(thick):
+    if refused := ground.violation(thick):
         yield refused
     yield from _bends(ground, height, thick, (low, high))
 

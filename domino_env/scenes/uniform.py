@@ -15,7 +15,7 @@ import numpy as np
 from domino_env.core.files import one_line
 from domino_env.core.progress import notice
 from domino_env.core.results import brief
-from domino_env.core.types import Floats, distinct_rows
+from domino_env.core.types import Floats, unique_points
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import simulate_standing
@@ -248,10 +248,10 @@ def refined(
     offsets = grid([np.linspace(-1.0, 1.0, fineness.around)] * 2)
     while cell.max() > fineness.finest:
         best = points[_apart(points, scores, 2.0 * cell, keep)]
-        steps = distinct_rows(offsets * (cell > 0.0)) if cell.min() == 0.0 else offsets
+        steps = unique_points(offsets * (cell > 0.0)) if cell.min() == 0.0 else offsets
         fresh = (best[:, None, :] + steps[None] * cell).reshape(-1, 2)
         # the places themselves are among the fresh ones, so the best is never lost
-        points = distinct_rows(np.clip(fresh, *bounds))
+        points = unique_points(np.clip(fresh, *bounds))
         scores = score(points, float(cell.max()))
         cell, keep = cell / fineness.shrink, fineness.keep[1]
     equal = np.flatnonzero(first_scores >= scores.max())

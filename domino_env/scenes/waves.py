@@ -119,9 +119,9 @@ class LayoutBatch:
             rtol=self.rtol, record=record, gradient=gradient, **ground,
         )  # fmt: skip
 
-    def followed(self, found: Gradient) -> Gradient:
+    def along_ground(self, found: Gradient) -> Gradient:
         """Turn a gradient of all rows, the ground fixed, into one along the ground."""
-        return found if self.ground is None else self.ground.followed(found, self)
+        return found if self.ground is None else self.ground.along_ground(found, self)
 
 
 @dataclass(frozen=True, eq=False)

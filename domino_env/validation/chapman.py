@@ -13,7 +13,7 @@ from domino_env.core.colours import BLUE, COLOURS, PALE, PINK, RED
 from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
 from domino_env.core.tables import markdown_table
 from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion, lean_behind
+from domino_env.physics.motion import Motion, stack_leans
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import HEIGHT
 from domino_env.physics.steady import (
@@ -117,7 +117,7 @@ def one_interval(axes: Axes) -> None:
     layout, n, step = wave.layout, wave.layout.count - 5, 1e-6
     ends = np.array([0.0, math.asin(layout.spacing[n] / HEIGHT)])
     angles = np.concatenate([ends, ends + step, ends + 2.0 * step])
-    lean, before, after = np.split(lean_behind(layout, np.full(6, n), angles), 3)
+    lean, before, after = np.split(stack_leans(layout, np.full(6, n), angles), 3)
     mass = layout.density * layout.height * layout.thickness * layout.width
     lift = 0.5 * (layout.height * np.cos(lean) + layout.thickness * np.sin(lean))
     given = (lift[0] - lift[1]) * mass * GRAVITY

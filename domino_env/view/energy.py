@@ -11,7 +11,7 @@ from domino_env.core.results import brief
 from domino_env.core.types import Floats, Ints
 from domino_env.kernels.slots import FLIP, SWITCH
 from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion, lean_behind
+from domino_env.physics.motion import Motion, stack_leans
 from domino_env.physics.wave import simulate
 
 STEP = 1e-6  # [rad] of the leader, by which the rates of all dominoes are found
@@ -69,7 +69,7 @@ def energies(motion: Motion) -> Energy:
     friction face impacts take all of it.
     """
     layout, physics = motion.layout, motion.physics
-    looks = motion.looks[: layout.count - 1]
+    looks = motion.samples[: layout.count - 1]
     shape = looks.shape
     leader, angle = np.repeat(np.arange(len(looks)), shape[1]), looks["angle"].ravel()
     released, inertia = (part.reshape(shape) for part in _at(layout, leader, angle, STEP, STEP))
@@ -80,7 +80,7 @@ def energies(motion: Motion) -> Energy:
     pushed = float(kinetic[0, 0]) if len(looks) else 0.0
     gone = pushed + released - kinetic - hits
     flushes = gone if physics.friction == 0.0 else _taken_by_flushes(motion, looks)
-    time = motion.begins[: len(looks), None] + looks["time"]
+    time = motion.starts[: len(looks), None] + looks["time"]
     hits = np.repeat(hits, shape[1], axis=1)
     series = released, kinetic, hits, flushes, gone - flushes
     return Energy(time.ravel(), pushed, *(values.ravel() for values in series))
@@ -101,7 +101,7 @@ def _at(
     for first in range(0, len(leader), piece):
         part = slice(first, first + piece)
         n, lean = leader[part], angle[part] + layout.tilt[leader[part]]
-        low, high = lean_behind(layout, n, lean - back), lean_behind(layout, n, lean + on)
+        low, high = stack_leans(layout, n, lean - back), stack_leans(layout, n, lean + on)
         centres = 0.5 * (_centres(layout, low) + _centres(layout, high))
         fallen[part] = (standing - centres) @ mass
         inertia[part] = ((high - low) / (back + on)) ** 2 @ own

@@ -33,7 +33,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import simulate
 from domino_env.rigid.known import known_verification
-from domino_env.rigid.simulation import in_words
+from domino_env.rigid.simulation import floor_name
 from domino_env.scenes.io.reading import common_scene, read_layout
 from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
@@ -218,17 +218,17 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
         known = known_verification(layout, physics)
         if known is None:
             return None
-        last = [(in_words(check.floor), check.last) for check in known.floors]
+        last = [(floor_name(check.floor), check.last) for check in known.floors]
         return {"judge": known.checks[0].simulator, "verdict": known.verdict, "last": last}
     with naming(path):
         check = model_of(VerificationDocument, read_json(path))
     told: dict[str, Any] = {
         "judge": one_line(check.engine, 1000),
         "verdict": one_line(check.verdict, 1000),
-        "last": [(in_words(one.floor), one.difference) for one in check.floors],
+        "last": [(floor_name(one.floor), one.difference) for one in check.floors],
     }
     # of another row: the verdict alone
     if all(len(t) == layout.count for t in (check.model, *(one.arrivals for one in check.floors))):
         told["model"] = list(check.model)
-        told["times"] = [(in_words(one.floor), list(one.arrivals)) for one in check.floors]
+        told["times"] = [(floor_name(one.floor), list(one.arrivals)) for one in check.floors]
     return told

@@ -124,12 +124,12 @@ def opened_study(
     how : dict
         Arguments of `run_experiment`: executor, study and progress.
     """
-    from domino_env.core.files import require_room
+    from domino_env.core.files import require_writable
     from optimize.experiments.runner import Progress
 
     # the study comes last: an executor that does not answer leaves no empty one
     with asked_executor(arguments) as executor:
-        require_room(folder or Path("runs"))
+        require_writable(folder or Path("runs"))
         study = asked_study(arguments, kind, default, tasks, settings)
         try:
             yield study, {"executor": executor, "study": study, "progress": Progress(study.name)}

@@ -23,7 +23,7 @@ from typing import Any
 
 import msgspec
 
-from domino_env.core.files import require_room, write_bytes
+from domino_env.core.files import require_writable, write_bytes
 from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
 
@@ -230,7 +230,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     if not path.exists():
         if not create:
             raise ValueError(f"there is no store {path}: name the one that a study was kept in")
-        require_room(path.parent)
+        require_writable(path.parent)
     store = Store(path)
     with store.connected() as connection:
         if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:

@@ -153,7 +153,7 @@ def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_p
     before = files(tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr("os.fsync", full)  # where a disk that is full is reported at the latest
-        patch.setattr("optimize.run_folder.require_room", lambda _: None)  # it filled up later
+        patch.setattr("optimize.run_folder.require_writable", lambda _: None)  # it filled up later
         with pytest.raises(ValueError, match=r"No space .*; make room, and go on"):
             run(300)
     after = files(tmp_path)

@@ -13,7 +13,7 @@ from typing import Any
 from domino_env.core.files import naming, one_line, read_bytes, refuse
 from domino_env.core.progress import advise
 from domino_env.physics.layout import Layout
-from domino_env.physics.standard import WIDTH, unit_slip
+from domino_env.physics.standard import WIDTH, unit_hint
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.scene import Scene
 
@@ -132,7 +132,7 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
         if has_ranges(document):
             raise ValueError(IS_DISTRIBUTION)
         scene = Scene.of_document({"name": name} | document)
-        slip = unit_slip(scene.height, scene.spacing, scene.thickness)
+        slip = unit_hint(scene.height, scene.spacing, scene.thickness)
         if slip is not None and not scene.in_heights:
             advise(f"{one_line(file, 160, keep_end=True)}: {slip}")
         return scene

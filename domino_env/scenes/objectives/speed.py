@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from domino_env.core.types import Floats
-from domino_env.physics.gradient import longer
+from domino_env.physics.gradient import with_length_gradient
 from domino_env.physics.wave import Outcome, Wave, WaveBatch
 from domino_env.scenes.objectives.base import Objective, ScoreGradient
 from domino_env.scenes.waves import LayoutBatch, Waves
@@ -74,8 +74,8 @@ def speed_gradient(waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
     if by.rise is not None:
         names = "spacing", "thickness", "height", "rise", "tilt"
         fallen = {name: -speed / time * getattr(by, name) for name in names}
-        found = longer(replace(by, **fallen), batch, 1.0 / time)
-        return ScoreGradient.of(batch.followed(found))
+        found = with_length_gradient(replace(by, **fallen), batch, 1.0 / time)
+        return ScoreGradient.of(batch.along_ground(found))
     return ScoreGradient(
         (1.0 - speed * by.spacing) / time,
         (1.0 - speed * by.thickness[:, 1:]) / time,

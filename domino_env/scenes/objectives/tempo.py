@@ -135,7 +135,7 @@ class InTempo(Objective):
             return found.with_gradient(ScoreGradient.zero(one))
         by = wave.pullback(self.settings.slope(wave.arrival_times[None])[0])
         if self.ground is not None:
-            by = self.ground.followed(by, wave.layout)
+            by = self.ground.along_ground(by, wave.layout)
         rows = (array[None] for array in (by.spacing, by.thickness[1:], by.height[1:]))
         return found.with_gradient(ScoreGradient(*rows))
 

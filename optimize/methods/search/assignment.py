@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from domino_env.core.types import Floats, distinct_rows
+from domino_env.core.types import Floats, unique_points
 from optimize.constraints.stock import assign
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import LocalSearch, run_local_searches
@@ -80,7 +80,7 @@ def _others(
     if not found:
         return np.empty((0, len(design)))
     near = problem.project(np.concatenate(found))
-    return distinct_rows(near[np.any(near != design, axis=1)])
+    return unique_points(near[np.any(near != design, axis=1)])
 
 
 def _assigned(evaluator: Evaluator, design: Floats) -> Floats:

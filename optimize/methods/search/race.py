@@ -32,7 +32,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from domino_env.core.types import Floats, distinct_rows
+from domino_env.core.types import Floats, unique_points
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient import least_squares
 from optimize.methods.gradient.local_search import CoarseToFine, advance
@@ -113,7 +113,7 @@ def starts(problem: Problem) -> Floats:
             thick = design.copy()
             thick[-1, -2:] = 1.0
             found.append(thick)
-    return distinct_rows(np.array([design.ravel() for design in found]))
+    return unique_points(np.array([design.ravel() for design in found]))
 
 
 def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:

@@ -3,7 +3,7 @@
 import numpy as np
 import oracle
 import pytest
-from hilly_rows import hilly_row
+from uneven_layouts import uneven_layout
 
 import domino_env as de
 
@@ -66,7 +66,7 @@ def equal_stretches(rng):
 
 def uneven_ground(rng):
     """Crests, hollows and steps; thin dominoes, which slip off, among them."""
-    return hilly_row(int(rng.integers(1, 6)), 9), 16.0
+    return uneven_layout(int(rng.integers(1, 6)), 9), 16.0
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25, 0.5])

@@ -3,7 +3,7 @@
 import numpy as np
 import oracle
 import pytest
-from hilly_rows import hilly_row
+from uneven_layouts import uneven_layout
 
 import domino_env as de
 from domino_env import kernels
@@ -99,7 +99,7 @@ def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, hills):
 @pytest.mark.parametrize("friction", [0.0, 0.25])
 @pytest.mark.parametrize(
     "layout",
-    [de.Layout(np.random.default_rng(0).uniform(0.002, 0.04, 29), 0.0075), hilly_row(3, 12)],
+    [de.Layout(np.random.default_rng(0).uniform(0.002, 0.04, 29), 0.0075), uneven_layout(3, 12)],
     ids=["flat", "uneven"],
 )
 def test_a_diagnosis_agrees_with_the_wave(layout, friction):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hilly_rows import hilly_row
+from uneven_layouts import uneven_layout
 
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.layout import Layout
@@ -35,7 +35,7 @@ def of_time(layout: Layout, physics: Physics, rtol: float = 1e-12) -> Gradient:
 def random_row(rng: np.random.Generator, count: int, uneven: bool, unequal: bool = True) -> Layout:
     """Return a layout in which contacts become face contacts and separate."""
     if uneven:
-        return hilly_row(int(rng.integers(1, 1000)), count, unequal=True)
+        return uneven_layout(int(rng.integers(1, 1000)), count, unequal=True)
     gaps = rng.uniform(0.004, 0.044, count - 1)
     if not unequal:
         return Layout(gaps, 0.0075)
@@ -99,7 +99,7 @@ def test_against_sixty_digits(friction: float, uneven: bool) -> None:
     With friction also by the friction alone; the scaling laws tie gravity and push to the rest.
     """
     flat = Layout([0.004, 0.03, 0.02], np.array([7.5, 6.0, 9.0, 5.0]) * 1e-3)
-    row, physics = hilly_row(7, 3) if uneven else flat, Physics(friction, push=14.0)
+    row, physics = uneven_layout(7, 3) if uneven else flat, Physics(friction, push=14.0)
     wave = simulate(row, physics, rtol=1e-13, gradient=True)
     assert wave.flushes > 0
     rng, gradient = np.random.default_rng(0), wave.gradient()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import oracle
 import pytest
-from hilly_rows import hilly_row
+from uneven_layouts import uneven_layout
 
 import domino_env as de
 
@@ -16,7 +16,7 @@ grounds = pytest.mark.parametrize("uneven", [False, True], ids=["flat", "uneven"
 def random_row(seed, uneven, count=25):
     """A layout in which every domino differs, with face impacts and a separation now and then."""
     if uneven:
-        return hilly_row(seed, count, unequal=True)
+        return uneven_layout(seed, count, unequal=True)
     rng = np.random.default_rng(seed)
     height = 0.048 * np.cumprod(rng.uniform(1.0, 1.05, count))
     spacing = rng.uniform(0.05, 0.8, count - 1) * height[:-1]

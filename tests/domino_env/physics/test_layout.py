@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hilly_rows import hilly_row
 from hypothesis import given
 from hypothesis import strategies as st
+from uneven_layouts import uneven_layout
 
 from domino_env.core.progress import Advice
 from domino_env.physics.layout import Layout
@@ -63,7 +63,7 @@ def test_uniform_by_pitch_and_by_gap() -> None:
     "duplicate",
     [lambda x: x, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x)), dataclasses.replace],
 )
-@pytest.mark.parametrize("original", [UNEQUAL, hilly_row(1, 7)], ids=["flat", "uneven"])
+@pytest.mark.parametrize("original", [UNEQUAL, uneven_layout(1, 7)], ids=["flat", "uneven"])
 def test_copies_are_equal_and_read_only(original: Layout, duplicate) -> None:
     layout = duplicate(original)
     assert same(layout, original)
@@ -158,7 +158,7 @@ def written(layout: Layout, path: Path) -> Path:
 def test_files_keep_every_bit(tmp_path_factory, rows, ending) -> None:
     gaps, thickness, density = (list(column) for column in zip(*rows, strict=True))
     path = tmp_path_factory.getbasetemp() / f"any.{ending}"
-    for layout in (Layout(gaps[:-1], thickness, density=density), UNEQUAL, hilly_row(1, 7)):
+    for layout in (Layout(gaps[:-1], thickness, density=density), UNEQUAL, uneven_layout(1, 7)):
         assert same(Layout.read(written(layout, path)), layout)
 
 

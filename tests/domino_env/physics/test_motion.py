@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import oracle
 import pytest
-from hilly_rows import hilly_row
+from uneven_layouts import uneven_layout
 
 from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion, lean_behind, outlines
+from domino_env.physics.motion import Motion, outlines, stack_leans
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, simulate
 
@@ -20,7 +20,7 @@ ROWS = {
         np.random.default_rng(5).uniform(0.0478, 0.0482, 13),
     ),
     "releases": Layout([0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], 0.0075),
-    "uneven ground": hilly_row(3, 10),
+    "uneven ground": uneven_layout(3, 10),
 }
 rows = pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
 
@@ -99,7 +99,7 @@ def test_corners_of_a_domino_that_stands_and_one_that_lies() -> None:
 def test_leans_of_many_instants_are_those_of_each() -> None:
     row = ROWS["unequal"]
     leaders, angles = np.array([3, 0, 12, 7]), np.array([0.1, 0.4, 0.0, 0.2])
-    together = lean_behind(row, leaders, angles)
+    together = stack_leans(row, leaders, angles)
     for k in range(4):
-        alone = lean_behind(row, leaders[k : k + 1], angles[k : k + 1])[0]
+        alone = stack_leans(row, leaders[k : k + 1], angles[k : k + 1])[0]
         assert np.array_equal(together[k], alone)

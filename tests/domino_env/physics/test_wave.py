@@ -6,10 +6,10 @@ import threading
 import numba
 import numpy as np
 import pytest
-from hilly_rows import hilly_row
+from uneven_layouts import uneven_layout
 
 import domino_env as de
-from domino_env.core.threads import share_pieces, share_rows
+from domino_env.core.threads import share_evenly, share_pieces
 
 SUMMARY = (
     "outcome", "hit", "toppled", "reach", "mean_speed", "error_estimate", "converged", "flushes",
@@ -79,11 +79,11 @@ def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
     def task(first: int, last: int) -> None:
         calls.append((first, last, threading.get_ident()))
 
-    share_rows(task, 100, 1)
+    share_evenly(task, 100, 1)
     assert len(calls) == 4
     monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
     calls.clear()
-    share_rows(task, 100, 1)
+    share_evenly(task, 100, 1)
     share_pieces(task, 100, 100)
     assert calls == [(0, 100, threading.get_ident())] * 2
 
@@ -190,7 +190,7 @@ def test_the_closed_form_is_near_for_thin_dominoes():
 def test_the_smallest_push_divides_propagation_from_a_stall(friction, seed):
     rng = np.random.default_rng(seed)
     flat = de.Layout(rng.uniform(0.002, 0.02, 30), rng.uniform(0.005, 0.012, 31))
-    for layout in (flat, hilly_row(5, 8)):
+    for layout in (flat, uneven_layout(5, 8)):
         least = de.smallest_push(layout, de.Physics(friction))
         if math.isinf(least):
             ends = de.simulate(layout, de.Physics(friction, 9.81, 1e4)).outcome

@@ -119,7 +119,7 @@ def test_within_bounds_that_a_scene_accepts_no_row_is_in_trouble(seed):
     thick = rng.choice(scene.thickness, gaps.shape)
     rows = scene.batch(gaps, thick)
     told = rows.spacing, rows.thickness, rows.height, rows.rise, rows.tilt
-    assert footing.trouble(*told) is None
+    assert footing.find_violation(*told) is None
     assert low > 1e-4
 
 

@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from hilly_rows import hilly_row
+from uneven_layouts import uneven_layout
 
 import domino_env as de
-from domino_env.physics.motion import Motion, lean_behind, outlines
+from domino_env.physics.motion import Motion, outlines, stack_leans
 from domino_env.view.animation import frames
 from domino_env.view.drawing import PAPER, Scale, strip
 from domino_env.view.energy import energies
@@ -15,7 +15,7 @@ from domino_env.view.ground import ground_line, places_along, relief
 from domino_env.view.race import Racer
 
 PHYSICS = de.Physics(0.2, push=14.0)
-ROW = hilly_row(3, 12)
+ROW = uneven_layout(3, 12)
 FLAT = de.Layout(np.linspace(0.006, 0.03, 11), np.linspace(0.005, 0.011, 12))
 HARDLY = de.Layout(FLAT.spacing, FLAT.thickness, tilt=1e-13)  # takes the way over hills
 
@@ -32,7 +32,7 @@ def wheel(radius: float = 0.35, step: float = 0.06, count: int = 5) -> de.Layout
 
 
 def test_the_line_goes_through_all_bases_and_has_no_kinks() -> None:
-    row = hilly_row(4, 30, unequal=True)
+    row = uneven_layout(4, 30, unequal=True)
     line = ground_line(row, 0.02, 0.03)
     feet = outlines(row, row.tilt)[:, [3, 0]].reshape(-1, 2)
     apart = np.linalg.norm(line[:, None] - feet, axis=-1).min(axis=0)
@@ -56,7 +56,7 @@ def test_every_picture_stands_on_its_ground(row: de.Layout) -> None:
     """Nothing is drawn below the line, and the line is there."""
     tall = float(row.height.max())
     scale = Scale.fitting(row.length, tall, 600, 150, relief(row))
-    image = strip(row, lean_behind(row, np.array([row.count - 1]), row.tilt[-1:])[0], 0, scale, "")
+    image = strip(row, stack_leans(row, np.array([row.count - 1]), row.tilt[-1:])[0], 0, scale, "")
     seen = (np.asarray(image) != PAPER).any(axis=2)
     lowest = seen.shape[0] - 1 - np.argmax(seen[::-1], axis=0)
     line = ground_line(row)

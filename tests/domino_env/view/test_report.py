@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hilly_rows import hilly_row
+from uneven_layouts import uneven_layout
 
 import domino_env as de
 from domino_env.physics.motion import Motion
@@ -27,7 +27,7 @@ ROWS = [
 
 @pytest.mark.parametrize(("layout", "push"), [
     (de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008), 10.0),
-    (hilly_row(3, 12), 14.0),
+    (uneven_layout(3, 12), 14.0),
 ], ids=["flat", "hills"])  # fmt: skip
 def test_energy_books_balance_and_a_little_friction_takes_a_little(
     layout: de.Layout, push: float
@@ -158,7 +158,7 @@ def test_page_loads_in_silence_and_asks_nobody(browser) -> None:
 
 def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path: Path) -> None:
     first = browser.current_url
-    racers = [*ROWS, Racer("hills", de.simulate(hilly_row(3, 14), de.Physics(push=14.0)))]
+    racers = [*ROWS, Racer("hills", de.simulate(uneven_layout(3, 14), de.Physics(push=14.0)))]
     write_report(racers, "test", tmp_path / "page.html")
     browser.get((tmp_path / "page.html").as_uri())
     for k, one in enumerate(racers):

@@ -5,7 +5,7 @@ import numpy as np
 import domino_env as de
 
 
-def hilly_row(seed: int, count: int, unequal: bool = False) -> de.Layout:
+def uneven_layout(seed: int, count: int, unequal: bool = False) -> de.Layout:
     """Draw a row over crests, hollows and small steps, every other one of thin dominoes."""
     rng = np.random.default_rng(seed)
     while True:
