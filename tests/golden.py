@@ -3,10 +3,10 @@
 python tests/golden.py --write FILE    before the change
 python tests/golden.py --check FILE    after it, with the same three files and on the same machine
 
-The inputs (golden_rows.py) are made here and the results (golden_results.py) are reached by public
-names, so that the same files run on both sides of a restructuring.  A digest covers a bundle of
-results, and its name says which.  Bits differ from processor to processor and from one Numba to the
-next: this is no test.
+The inputs (golden_layouts.py) are made here and the results (golden_results.py) are reached by
+public names, so that the same files run on both sides of a restructuring.  A digest covers a bundle
+of results, and its name says which.  Bits differ from processor to processor and from one Numba to
+the next: this is no test.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from golden_rows import Block, H, blocks, drawn_scene, scene_row
+from golden_layouts import Block, H, blocks, drawn_scene, scene_row
 
 import domino_env as de
 from domino_env.physics.motion import Motion

@@ -346,7 +346,7 @@ class DominoChainVector(DominoVectorEnv):
 
     def bounds_ahead(self, env: int) -> dict[str, tuple[float, float]]:
         """Return the bounds of an environment's next action; see `DominoChain.bounds_ahead`."""
-        low, high, thin, thick = kernels.bounds_ahead(self._batch, env)
+        low, high, thin, thick = kernels.next_bounds(self._batch, env)
         return {"spacing": (low, high), "thickness": (thin, thick)}
 
     def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
@@ -360,7 +360,7 @@ class DominoChainVector(DominoVectorEnv):
             if n < one.count - 1:
                 wanted[b] = one.spacing[n], one.thickness[n + 1], *one.height[n : n + 2]
         actions = np.zeros(self.action_space.shape or ())
-        kernels.aim_batch(0, self.num_envs, self._batch, wanted, actions)
+        kernels.encode_batch(0, self.num_envs, self._batch, wanted, actions)
         return actions
 
     def place_all(self, actions: Floats) -> tuple[Floats, Floats, Floats]:

@@ -375,14 +375,14 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             reach=episodes["reach"],
             score=episodes["score"],
         )
-        if episodes["unsure"].any():
-            results.simulate(np.flatnonzero(episodes["unsure"]).tolist())
+        if episodes["uncertain"].any():
+            results.simulate(np.flatnonzero(episodes["uncertain"]).tolist())
             self._episodes["outcome"][envs] = results.outcome
         infos = results.infos()
         if self.distribution is not None:
             infos["scene"] = objects(results.scenes)
         self._waves[envs] = infos["wave"]
-        return results.returns - episodes["paid"], infos
+        return results.returns - episodes["rewarded"], infos
 
     def _spread(self, infos: dict[str, Any], values: Infos, envs: Bools) -> dict[str, Any]:
         """Add infos of some environments, arrays in their order, to those in arrays of all."""
@@ -600,10 +600,10 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
     size = 2  # a power of two that holds the chain, or as much of it as is felt
     while size < longest + 1 and size < LARGEST_RING:
         size *= 2
-    link = kernels.LINK if scene.ground is None else kernels.UNEVEN_LINK
+    link = kernels.CONTACT if scene.ground is None else kernels.UNEVEN_CONTACT
     batch = kernels.Batch(
         rules=np.zeros(1 if sampled is None else num_envs, kernels.RULES),
-        parts=layout.starts,
+        entries=layout.starts,
         features=np.zeros((num_envs, source.features.shape[1]), np.float32),
         closeness=closeness(longest),
         gap_values=np.array(scene.spacing_values or (), dtype=np.float64),

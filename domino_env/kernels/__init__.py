@@ -23,33 +23,34 @@ Sources: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of topp
 eqs. 1-3, 7-9, restated for unequal dominoes.
 """
 
-from domino_env.kernels.adjoint.chain import pull, pull_rows
-from domino_env.kernels.adjoint.contact import WHOLE
-from domino_env.kernels.chain import compose_row, period_falls, solve_rows
-from domino_env.kernels.ground import follow_rows, lay_rows
-from domino_env.kernels.slots import (
+from domino_env.kernels.adjoint.chain import vjp, vjp_batch
+from domino_env.kernels.adjoint.contact import PHYSICS_BAR
+from domino_env.kernels.arrays import (
     ARRIVAL,
+    CONTACT,
     EVENT,
     FALL,
     JAMMED,
-    LINK,
     NO_RIGID_ANSWER,
     OUT_OF_REACH,
     PROPAGATED,
-    RING_ROWS,
+    RING_SIZE,
     SNAPSHOT,
     STALLED,
     STATE,
     SUMMARY,
-    UNEVEN_LINK,
+    UNEVEN_CONTACT,
+    Arrays,
     Curve,
-    Row,
     Summary,
 )
+from domino_env.kernels.chain import compose_falls, period_falls, solve_batch
+from domino_env.kernels.diagnosis import LOADS, diagnose_chain, trace_motion
+from domino_env.kernels.ground import place_on_ground, place_on_ground_vjp
 from domino_env.kernels.step.batch import EPISODE, RULES, RUNNING, Batch
 from domino_env.kernels.step.environment import (
-    aim_batch,
-    bounds_ahead,
+    encode_batch,
+    next_bounds,
     place_back,
     place_batch,
     reset_batch,
@@ -62,23 +63,23 @@ from domino_env.kernels.step.observation import (
     RISE_LIMIT,
     SPEED_LIMIT,
 )
-from domino_env.kernels.watch import LOADS, diagnose_chain, watch_chain
 
 __all__ = [
     "ARRIVAL",
+    "CONTACT",
     "EPISODE",
     "EVENT",
     "FALL",
     "FRONT_LIMIT",
     "JAMMED",
     "LEAD_LIMIT",
-    "LINK",
     "LOADS",
     "NO_RIGID_ANSWER",
     "OBSERVATION",
     "OUT_OF_REACH",
+    "PHYSICS_BAR",
     "PROPAGATED",
-    "RING_ROWS",
+    "RING_SIZE",
     "RISE_LIMIT",
     "RULES",
     "RUNNING",
@@ -87,25 +88,24 @@ __all__ = [
     "STALLED",
     "STATE",
     "SUMMARY",
-    "UNEVEN_LINK",
-    "WHOLE",
+    "UNEVEN_CONTACT",
+    "Arrays",
     "Batch",
     "Curve",
-    "Row",
     "Summary",
-    "aim_batch",
-    "bounds_ahead",
-    "compose_row",
+    "compose_falls",
     "diagnose_chain",
-    "follow_rows",
-    "lay_rows",
+    "encode_batch",
+    "next_bounds",
     "period_falls",
     "place_back",
     "place_batch",
-    "pull",
-    "pull_rows",
+    "place_on_ground",
+    "place_on_ground_vjp",
     "reset_batch",
-    "solve_rows",
+    "solve_batch",
     "step_batch",
-    "watch_chain",
+    "trace_motion",
+    "vjp",
+    "vjp_batch",
 ]

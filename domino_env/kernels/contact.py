@@ -13,15 +13,14 @@ import numba
 import numpy as np
 from numba.core import types
 
-from domino_env.kernels.jit import always_inline, internal, leaf
-from domino_env.kernels.slots import (
+from domino_env.kernels.arrays import (
+    CONTACT,
     CORNER,
     EPS,
-    LINK,
-    RELEASED,
+    SEPARATED,
     TINY,
     TIP,
-    UNEVEN_LINK,
+    UNEVEN_CONTACT,
     Shape,
     is_uneven,
     pace_of,
@@ -29,22 +28,23 @@ from domino_env.kernels.slots import (
     turn_s_of,
     turn_v_of,
 )
+from domino_env.kernels.jit import always_inline, internal, leaf
 
 NEVER = 3.0  # 1 - cos θ is at most 2
-_TYPES = {flat: numba.from_dtype(LINK if flat else UNEVEN_LINK) for flat in (True, False)}
+_TYPES = {flat: numba.from_dtype(CONTACT if flat else UNEVEN_CONTACT) for flat in (True, False)}
 
 
 @numba.extending.intrinsic
-def _link_type(_, tilt):
+def _contact_type(_, tilt):
     """Return the record type of the links of a row, by the type of its tilt."""
     kind = types.DType(_TYPES[isinstance(tilt, types.NoneType)])
     return kind(tilt), lambda context, *_: context.get_dummy_value()
 
 
 @internal
-def new_ring(row, size):
+def new_ring(layout, size):
     """Return an empty ring for the dominoes of a row."""
-    return np.zeros(size, _link_type(row.tilt))
+    return np.zeros(size, _contact_type(layout.tilt))
 
 
 @always_inline
@@ -56,75 +56,75 @@ def at_or_zero(values, i):
 
 
 @always_inline
-def stand(ring, mask, i, row, j):
+def place_domino(ring, mask, i, layout, j):
     """Write domino j of a row into the ring as domino i.
 
     Per unit of width; its link forward comes with the next.  Counted from its stand, its weight
     turns it like that of a domino of another weight and slenderness on flat ground:
     ½ m g (L sin(θ + α) - d cos(θ + α)).
     """
-    domino, height, thickness = ring[i & mask], row.height[j], row.thickness[j]
-    mass = row.density[j] * height * thickness
+    domino, height, thickness = ring[i & mask], layout.height[j], layout.thickness[j]
+    mass = layout.density[j] * height * thickness
     domino.inertia = mass * (height * height + thickness * thickness) / 3.0
-    tilt, slender = at_or_zero(row.tilt, j), thickness / height
+    tilt, slender = at_or_zero(layout.tilt, j), thickness / height
     s, c = math.sin(tilt), math.cos(tilt)
     share = c + slender * s
     domino.half_weight = 0.5 * mass * height * share  # times gravity where it is used
     domino.slender = (slender * c - s) / share
-    domino.contact = TIP
-    domino.noted = 0
+    domino.kind = TIP
+    domino.on_tape = 0
     domino.tail = domino.inertia
     domino.end_weight = 0.0
 
 
 @always_inline
-def join(ring, mask, i, row, j, ahead):
+def place_contact(ring, mask, i, layout, j, ahead):
     """Write the link from i to i+1, which are dominoes j and `ahead` of the row."""
-    link, height, gap, thickness_next = (
+    contact, height, gap, thickness_next = (
         ring[i & mask],
-        row.height[j],
-        row.spacing[j],
-        row.thickness[ahead],
+        layout.height[j],
+        layout.spacing[j],
+        layout.thickness[ahead],
     )
     pitch = gap + thickness_next
-    link.p_l = pitch / height
-    link.s_l = gap / height
-    link.rest = (height - gap) / height
-    link.d_l = thickness_next / height
-    link.v_flush = gap / pitch  # cos θ = d/p
+    contact.p_l = pitch / height
+    contact.s_l = gap / height
+    contact.rest = (height - gap) / height
+    contact.d_l = thickness_next / height
+    contact.v_flush = gap / pitch  # cos θ = d/p
     # cos θ = (p² + d² - L²) / 2pd, for the tip and for the corner
-    link.v_release = (height - gap) * (height + gap) / (2.0 * pitch * thickness_next)
-    _join_ground(link, row, row.tilt, j, ahead)
-    link.due = min(link.v_flush, link.v_release)
+    contact.v_separation = (height - gap) * (height + gap) / (2.0 * pitch * thickness_next)
+    _place_contact_on_ground(contact, layout, layout.tilt, j, ahead)
+    contact.v_switch = min(contact.v_flush, contact.v_separation)
 
 
 @internal
-def _join_ground(link, row, tilt, j, ahead):
+def _place_contact_on_ground(contact, layout, tilt, j, ahead):
     """Write what uneven ground adds to a link."""
     if tilt is None:
         return
-    e, p, d = step_of(row, j, ahead) / row.height[j], link.p_l, link.d_l
-    link.rise_l = e
-    link.turn = tilt[j] - tilt[ahead]
-    link.turn_s = math.sin(link.turn)
-    link.turn_v = 2.0 * math.sin(0.5 * link.turn) ** 2
-    link.pace = 0.0
+    e, p, d = contact_rise(layout, j, ahead) / layout.height[j], contact.p_l, contact.d_l
+    contact.rise_l = e
+    contact.turn = tilt[j] - tilt[ahead]
+    contact.turn_s = math.sin(contact.turn)
+    contact.turn_v = 2.0 * math.sin(0.5 * contact.turn) ** 2
+    contact.pace = 0.0
     if e != 0.0:
-        link.v_flush = first_lean(p, e, d, link.s_l)
-        v = link.v_flush
+        contact.v_flush = first_lean(p, e, d, contact.s_l)
+        v = contact.v_flush
         if 0.0 < v < 2.0:
-            link.pace = e * (1.0 - v) / math.sqrt(v * (2.0 - v))
+            contact.pace = e * (1.0 - v) / math.sqrt(v * (2.0 - v))
         # p cos θ - e sin θ = (p² + e² + d² - L²) / 2d, for the tip and for the corner
-        short = link.rest * (1.0 + link.s_l) - e * e
-        link.v_release = first_lean(p, e, d, short / (2.0 * d))
+        short = contact.rest * (1.0 + contact.s_l) - e * e
+        contact.v_separation = first_lean(p, e, d, short / (2.0 * d))
 
 
 @internal
-def step_of(row, j, ahead):
+def contact_rise(layout, j, ahead):
     """Return e of the link between dominoes j and `ahead` [m]; 0 where it is all rounding."""
-    tilt = at_or_zero(row.tilt, ahead)
-    along = (row.spacing[j] + row.thickness[ahead]) * math.tan(tilt)
-    up = at_or_zero(row.rise, j) / math.cos(tilt)
+    tilt = at_or_zero(layout.tilt, ahead)
+    along = (layout.spacing[j] + layout.thickness[ahead]) * math.tan(tilt)
+    up = at_or_zero(layout.rise, j) / math.cos(tilt)
     step = along + up
     return 0.0 if abs(step) <= 8.0 * EPS * (abs(along) + abs(up)) else step
 
@@ -143,58 +143,58 @@ def first_lean(p, e, d, drop):
 
 
 @always_inline
-def far(link):
+def span2(contact):
     """p² + e² - d², between the pivots."""
-    return link.s_l * (link.p_l + link.d_l) + rise_of(link) * rise_of(link)
+    return contact.s_l * (contact.p_l + contact.d_l) + rise_of(contact) * rise_of(contact)
 
 
 @always_inline
-def most_passed_on(link):
+def ratio_bound(contact):
     """Bound on Ω and |B/A| of a link at its tip: both only fall from what they are at the hit."""
-    if not is_uneven(link):
+    if not is_uneven(contact):
         return 1.0
-    return max(1.0, 1.0 - rise_of(link) / math.sqrt(link.rest * (1.0 + link.s_l)))
+    return max(1.0, 1.0 - rise_of(contact) / math.sqrt(contact.rest * (1.0 + contact.s_l)))
 
 
 @always_inline
-def past_flush(link, over):
+def past_flush(contact, over):
     """By what Δ [rad] the faces are past flush where 1 - cos θ_{i+1} is past its due by `over`."""
-    return over * (link.p_l + pace_of(link))
+    return over * (contact.p_l + pace_of(contact))
 
 
 @always_inline
-def can_flush(link):
+def can_flush(contact):
     """Whether the link is to go from tip to corner, rather than be released."""
-    return link.contact == TIP and link.v_flush < link.v_release
+    return contact.kind == TIP and contact.v_flush < contact.v_separation
 
 
 @always_inline
-def flush(link, state):
+def flush(contact, state):
     """From tip to corner."""
-    link.contact = CORNER
-    link.due = link.v_release
+    contact.kind = CORNER
+    contact.v_switch = contact.v_separation
     state.flushes += 1
 
 
 @internal
-def release(link, i, state):
+def separate(contact, i, state):
     """Domino i loses i+1: it and all behind it leave the stack."""
-    link.contact = RELEASED
+    contact.kind = SEPARATED
     state.back = i + 1
     state.releases += 1
 
 
 @always_inline
-def catch_up(link, i, v, state):
+def catch_up(contact, i, v, state):
     """Make up for switches beyond an earlier cut: they had no weight then, and need no impact."""
-    if can_flush(link):
-        flush(link, state)
-    if v > link.v_release * (1.0 + 1e-9):
-        release(link, i, state)
+    if can_flush(contact):
+        flush(contact, state)
+    if v > contact.v_separation * (1.0 + 1e-9):
+        separate(contact, i, state)
 
 
 @internal
-def pose(angle):
+def sin_versine(angle):
     """sin and 1 - cos of one angle."""
     half = 0.5 * angle
     s, c = math.sin(half), math.cos(half)
@@ -202,10 +202,12 @@ def pose(angle):
 
 
 @always_inline
-def shape_of(link):
+def shape_of(contact):
     """Return what the contacts below need of a link."""
-    e, turn_s, turn_v = rise_of(link), turn_s_of(link), turn_v_of(link)
-    return Shape(link.p_l, link.s_l, link.rest, link.d_l, e, turn_s, turn_v, is_uneven(link))
+    e, turn_s, turn_v = rise_of(contact), turn_s_of(contact), turn_v_of(contact)
+    return Shape(
+        contact.p_l, contact.s_l, contact.rest, contact.d_l, e, turn_s, turn_v, is_uneven(contact)
+    )
 
 
 @leaf
@@ -221,9 +223,9 @@ def tip(s, v, shape, mu):
     r = 1.0 / (cd * arm)
     inv_cd = r * arm
     c = 1.0 - v
-    pull = p_l * s + e * c
-    omega = 1.0 - pull * inv_cd  # eq. 2
-    ratio = (cd - pull - mu * d_l) * (r * cd)  # eq. 7
+    across = p_l * s + e * c
+    omega = 1.0 - across * inv_cd  # eq. 2
+    ratio = (cd - across - mu * d_l) * (r * cd)  # eq. 7
     s_0 = s * cd + c * sd
     v_0 = v + vd - v * vd + s * sd
     if uneven:  # eq. 3, corrected: one formula for both takes 3 % longer on uneven ground
@@ -262,8 +264,8 @@ def corner(s, v, shape, mu):
 
 
 @internal
-def link_at(link, s, v, mu):
+def contact_at(contact, s, v, mu):
     """One link in its present contact, for a single angle; the same five numbers."""
-    if link.contact == TIP:
-        return tip(s, v, shape_of(link), mu)
-    return corner(s, v, shape_of(link), mu)
+    if contact.kind == TIP:
+        return tip(s, v, shape_of(contact), mu)
+    return corner(s, v, shape_of(contact), mu)

@@ -2,21 +2,7 @@
 
 import math
 
-from domino_env.kernels.contact import can_flush, join, most_passed_on, stand
-from domino_env.kernels.interval import (
-    CREEP,
-    DEAD,
-    LAST_RESORT,
-    ROUGH,
-    RUN,
-    affine_map,
-    compose,
-    ride,
-)
-from domino_env.kernels.jit import always_inline, internal, leaf, noinline
-from domino_env.kernels.quadrature import ORDERS
-from domino_env.kernels.records import note_flips, note_hit, note_ride, note_switch
-from domino_env.kernels.slots import (
+from domino_env.kernels.arrays import (
     EPS,
     JAMMED,
     NO_RIGID_ANSWER,
@@ -27,11 +13,24 @@ from domino_env.kernels.slots import (
     rise_of,
     turn_of,
 )
+from domino_env.kernels.contact import can_flush, place_contact, place_domino, ratio_bound
+from domino_env.kernels.interval import (
+    LAST_RESORT,
+    NEAR_STALL,
+    NORMAL,
+    UNRESOLVED,
+    affine_map,
+    compose,
+    propagate,
+)
+from domino_env.kernels.jit import always_inline, internal, leaf, noinline
+from domino_env.kernels.quadrature import ORDERS
+from domino_env.kernels.records import record_flips, record_hit, record_interval, record_switch
 from domino_env.kernels.stack import (
-    TO_HIT,
-    TO_SWITCH,
-    UNWATCHED,
-    spread,
+    END_AT_HIT,
+    END_AT_SWITCH,
+    IGNORE_SWITCHES,
+    set_angles,
     sweep,
     switch,
     switch_angle,
@@ -40,55 +39,55 @@ from domino_env.kernels.stack import (
 
 
 @always_inline
-def heaviest_force(height, thickness):
+def torque_bound(height, thickness):
     """Largest gravity torque of a domino over its inertia and g (for the bound on the tail)."""
     return 1.5 / math.sqrt(height * height + thickness * thickness)
 
 
 @internal
-def begin(state, push):
+def initialise(state, push):
     """The state of a chain whose first domino has just been pushed."""
     state.u = push * push
     state.u_error = state.u_round = state.u_impact = 0.0
     state.time = state.time_low = state.time_error = state.time_round = 0.0
     state.worst = state.worst_round = 0.0
-    state.angle = state.part = state.fall_time = state.margin = 0.0
+    state.angle = state.fraction = state.fall_time = state.margin = 0.0
     state.lowest_margin = 1.0
-    state.switched = state.w_before = state.w_after = state.flush_loss = state.crept = 0.0
+    state.switched = state.w_before = state.w_after = state.flush_loss = state.slowest_at = 0.0
     state.m_end = state.cut = state.kappa = state.noise = state.log_rho = state.last_h = 0.0
-    state.gain, state.offset, state.need, state.composing = 1.0, 0.0, 0.0, False
+    state.gain, state.offset, state.least_start, state.composing = 1.0, 0.0, 0.0, False
     state.back = state.depth = state.last_due = 0
     state.flushes = state.releases = state.taped = 0
 
 
 @internal
-def open_chain(row, push, ring, state):
+def start_chain(layout, push, ring, state):
     """The first domino stands and has been pushed."""
-    begin(state, push)
-    stand(ring, 0, 0, row, 0)
-    state.kappa = heaviest_force(row.height[0], row.thickness[0])
+    initialise(state, push)
+    place_domino(ring, 0, 0, layout, 0)
+    state.kappa = torque_bound(layout.height[0], layout.thickness[0])
 
 
 @always_inline
-def place(row, ring, mask, n, state):
+def add_next_domino(layout, ring, mask, n, state):
     """Stand domino n+1, if there is one, in front of leader n."""
-    if n + 1 < len(row.thickness):
-        stand(ring, mask, n + 1, row, n + 1)
-        join(ring, mask, n, row, n, n + 1)
-        torque = heaviest_force(row.height[n + 1], row.thickness[n + 1])
+    if n + 1 < len(layout.thickness):
+        place_domino(ring, mask, n + 1, layout, n + 1)
+        place_contact(ring, mask, n, layout, n, n + 1)
+        torque = torque_bound(layout.height[n + 1], layout.thickness[n + 1])
         state.kappa = max(state.kappa, torque)
 
 
 @always_inline
-def lengthen_tail(ring, mask, n):
+def extend_tail(ring, mask, n):
     """A bound on what lies behind leader n, from that of the one before."""
     if n > 0:
         behind = ring[(n - 1) & mask]
-        ring[n & mask].tail = ring[n & mask].inertia + most_passed_on(behind) * behind.tail
+        ring[n & mask].tail = ring[n & mask].inertia + ratio_bound(behind) * behind.tail
 
 
 @always_inline
-def grain(leader, mu, depth):
+def rounding_units(leader, mu, depth):
     """By how many roundings of a leader's torque an interval may be off.
 
     Without friction u is a difference of energies.  On uneven ground a lean is not small where a
@@ -100,7 +99,7 @@ def grain(leader, mu, depth):
 @always_inline
 def begin_fall(leader, mu, gravity, state):
     """Nothing of the fall is done; returns u at release."""
-    state.noise = grain(leader, mu, state.depth) * EPS * gravity * state.kappa
+    state.noise = rounding_units(leader, mu, state.depth) * EPS * gravity * state.kappa
     state.fall_time = 0.0
     state.margin = state.u
     return state.u
@@ -129,34 +128,34 @@ def add_time(state):
 
 
 @always_inline
-def order_for(state, h, tol):
+def choose_rule(state, h, tol):
     """The rule expected to meet `tol` on an interval of length h, from the last one's decay."""
     if state.log_rho <= 0.0:
         return 3
     rho = max(state.log_rho + math.log(state.last_h / h), 0.35)
-    need = 0.5 * math.log(1.0 / tol) / rho
+    least_start = 0.5 * math.log(1.0 / tol) / rho
     # A short interval tells little of what a much longer one holds: look with more than six nodes.
     for k in range(2 if h > 4.0 * state.last_h else 1, len(ORDERS)):
-        if ORDERS[k] >= need:
+        if ORDERS[k] >= least_start:
             return k
     return len(ORDERS) - 1
 
 
 @internal
-def stack_at(lanes, ring, mask, n, angle, mu, tol, watch, state):
+def stack_at(lanes, ring, mask, n, angle, mu, tol, detect, state):
     """M of the stack at one angle of the leader; returns the lowest domino included."""
-    count = spread(lanes, 0, angle, 0.0)
-    low, _, _ = sweep(lanes, count, ring, mask, n, state, mu, 0.0, 0.0, 0.3 * tol, watch)
+    count = set_angles(lanes, 0, angle, 0.0)
+    low, _, _ = sweep(lanes, count, ring, mask, n, state, mu, 0.0, 0.0, 0.3 * tol, detect)
     state.m_end = lanes[SUM_M]
     state.depth = n - low
     return low
 
 
 @noinline
-def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
+def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, exact_minimum, tape):
     """Let leader n fall from angle a to b: u, time and their errors move on in `state`."""
     step, end, located, floor_order = b, b, False, 0
-    due_link = n
+    due_contact = n
     tol = 0.3 * rtol
     for _ in range(4000):
         if a >= b:
@@ -166,34 +165,36 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
             if b - end < 1e-3 * (end - a):
                 end = b
         h = end - a
-        k = max(order_for(state, h, tol), floor_order, 3 if n < 3 else 0)
-        count = spread(lanes, k, a, h)
+        k = max(choose_rule(state, h, tol), floor_order, 3 if n < 3 else 0)
+        count = set_angles(lanes, k, a, h)
         force = 2.0 * h * gravity * state.kappa / state.u
-        watch = UNWATCHED if mask == 0 else (TO_SWITCH if located else TO_HIT)
+        detect = IGNORE_SWITCHES if mask == 0 else (END_AT_SWITCH if located else END_AT_HIT)
         low, tail, flagged = sweep(
-            lanes, count, ring, mask, n, state, mu, force, h, 0.3 * tol, watch
+            lanes, count, ring, mask, n, state, mu, force, h, 0.3 * tol, detect
         )
         if flagged:
-            guess = switch_guess(lanes, k, a, h, ring[low & mask].due)
+            guess = switch_guess(lanes, k, a, h, ring[low & mask].v_switch)
             end = switch_angle(ring, mask, n, low, a, end, guess, mu)
-            located, due_link = True, low
+            located, due_contact = True, low
             if end - a > 4.0 * EPS * b:
                 continue
-            low = stack_at(lanes, ring, mask, n, a, mu, tol, TO_SWITCH, state)
+            low = stack_at(lanes, ring, mask, n, a, mu, tol, END_AT_SWITCH, state)
         else:
-            done, came = ROUGH, state.u
-            ok, e_error, u_error, q_off, r_off = affine_map(lanes, k, h, mu, gravity)
+            status, u_start = UNRESOLVED, state.u
+            ok, e_error, u_error, q_mismatch, r_mismatch = affine_map(lanes, k, h, mu, gravity)
             if ok and state.composing:
-                done = compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state)
+                status = compose(
+                    lanes, k, h, e_error, u_error, q_mismatch, r_mismatch, tail, tol, state
+                )
             elif ok:
-                creep = CREEP if k == len(ORDERS) - 1 or n > 6 else RUN
+                effort = NEAR_STALL if k == len(ORDERS) - 1 or n > 6 else NORMAL
                 if h <= 1e-9 * b:
-                    creep = LAST_RESORT
-                errors = (e_error, u_error, q_off, r_off)
-                done = ride(lanes, k, a, h, errors, tail, tol, state, deep, creep)
-            if done == DEAD:
+                    effort = LAST_RESORT
+                errors = (e_error, u_error, q_mismatch, r_mismatch)
+                status = propagate(lanes, k, a, h, errors, tail, tol, state, exact_minimum, effort)
+            if status == STALLED:
                 return STALLED
-            if done == ROUGH:
+            if status == UNRESOLVED:
                 if ok and k < len(ORDERS) - 1:
                     floor_order = k + 1
                     continue
@@ -205,18 +206,18 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
                 located = False
                 continue
             if len(tape) > 0:
-                note_flips(tape, ring, mask, n, low, state)
-                note_ride(tape, state, n, a, h, k, low, came)
+                record_flips(tape, ring, mask, n, low, state)
+                record_interval(tape, state, n, a, h, k, low, u_start)
             floor_order = 0
             state.depth = n - low
             a = end
             step = max(step, 3.0 * h)
         if located:
             located, step = False, b
-            flushes = can_flush(ring[due_link & mask])
-            keep = switch(ring, mask, n, due_link, low, end, mu, state)
+            flushes = can_flush(ring[due_contact & mask])
+            keep = switch(ring, mask, n, due_contact, low, end, mu, state)
             if len(tape) > 0:
-                note_switch(tape, ring, mask, n, due_link, low, end, flushes, state)
+                record_switch(tape, ring, mask, n, due_contact, low, end, flushes, state)
             if not keep > 0.0:
                 state.angle = end
                 return JAMMED
@@ -225,7 +226,7 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, deep, tape):
             slow_down(state, keep)
             state.w_after = math.sqrt(state.u)
             if a >= b:  # the hit follows at once: its M is that of the new states
-                stack_at(lanes, ring, mask, n, b, mu, tol, UNWATCHED, state)
+                stack_at(lanes, ring, mask, n, b, mu, tol, IGNORE_SWITCHES, state)
     if a < b:
         state.angle = a
         return NO_RIGID_ANSWER
@@ -270,10 +271,10 @@ def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
     state.margin = 0.0 if outcome == STALLED else state.margin / released
     state.lowest_margin = min(state.lowest_margin, state.margin)
     if outcome != PROPAGATED:
-        state.part = state.angle / b
+        state.fraction = state.angle / b
         return outcome
     state.angle = b
-    state.part = 1.0
+    state.fraction = 1.0
     if strikes:
         if not state.composing:
             add_time(state)
@@ -283,14 +284,14 @@ def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
 
 
 @always_inline
-def step(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, deep, tape):
+def fall_and_hit(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, exact_minimum, tape):
     """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
     if state.composing:
         state.u = gravity * state.kappa  # something of its size: it weighs what may be cut
     released = begin_fall(ring[n & mask], mu, gravity, state)
     b = fall_angle(ring[n & mask], strikes)
-    outcome = fall(lanes, ring, mask, n, 0.0, b, mu, gravity, rtol, state, deep, tape)
+    outcome = fall(lanes, ring, mask, n, 0.0, b, mu, gravity, rtol, state, exact_minimum, tape)
     outcome = close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
     if len(tape) > 0 and strikes and outcome == PROPAGATED:
-        note_hit(tape, state, n)
+        record_hit(tape, state, n)
     return outcome

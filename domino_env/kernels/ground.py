@@ -27,7 +27,7 @@ def piece_at(curve, x, k):
 
 
 @always_inline
-def at(curve, x, k):
+def height_and_slope(curve, x, k):
     """Height and slope of piece k at x."""
     t, c = x - curve.starts[k], curve.pieces[k]
     return ((c[0] * t + c[1]) * t + c[2]) * t + c[3], (3.0 * c[0] * t + 2.0 * c[1]) * t + c[2]
@@ -37,12 +37,12 @@ def at(curve, x, k):
 def first_tilt(curve, thickness):
     """α of the domino whose pivot is at x = 0; nan where it finds no place."""
     k = piece_at(curve, 0.0, 0)
-    height, slope = at(curve, 0.0, k)
+    height, slope = height_and_slope(curve, 0.0, k)
     tilt = -math.atan(slope)
     for _ in range(MOST_STEPS):
         x, y = -thickness * math.cos(tilt), height + thickness * math.sin(tilt)
         k = piece_at(curve, x, k)
-        ground, slope = at(curve, x, k)
+        ground, slope = height_and_slope(curve, x, k)
         turned = thickness * (slope * math.sin(tilt) - math.cos(tilt))
         change = (y - ground) / turned
         tilt += change
@@ -57,24 +57,24 @@ def next_place(curve, x, k, gap, thickness, tilt):
 
     tilt: where to begin, that of the domino before.
     """
-    height, _ = at(curve, x, k)
+    height, _ = height_and_slope(curve, x, k)
     reach, up = gap + thickness, 0.0
     for _ in range(MOST_STEPS):
         s, c = math.sin(tilt), math.cos(tilt)
         back, front = x + gap * c + up * s, x + reach * c + up * s
         k = piece_at(curve, back, k)
-        ground_b, slope_b = at(curve, back, k)
+        ground_b, slope_b = height_and_slope(curve, back, k)
         k = piece_at(curve, front, k)
-        ground_f, slope_f = at(curve, front, k)
+        ground_f, slope_f = height_and_slope(curve, front, k)
         over_b = ground_b - (height - gap * s + up * c)
         over_f = ground_f - (height - reach * s + up * c)
         # how both change with α and with q
         by_tilt_b = slope_b * (up * c - gap * s) + gap * c + up * s
         by_tilt_f = slope_f * (up * c - reach * s) + reach * c + up * s
         by_up_b, by_up_f = slope_b * s - c, slope_f * s - c
-        whole = by_tilt_b * by_up_f - by_tilt_f * by_up_b
-        turn = (by_up_b * over_f - by_up_f * over_b) / whole
-        lift = (by_tilt_f * over_b - by_tilt_b * over_f) / whole
+        determinant = by_tilt_b * by_up_f - by_tilt_f * by_up_b
+        turn = (by_up_b * over_f - by_up_f * over_b) / determinant
+        lift = (by_tilt_f * over_b - by_tilt_b * over_f) / determinant
         tilt, up = tilt + turn, up + lift
         if abs(turn) <= CLOSE and abs(lift) <= CLOSE * reach:
             return tilt, up
@@ -82,7 +82,7 @@ def next_place(curve, x, k, gap, thickness, tilt):
 
 
 @entry_point
-def lay_rows(first, last, curve, spacing, thickness, rise, tilt):
+def place_on_ground(first, last, curve, spacing, thickness, rise, tilt):
     """Write rise and tilt of rows first … last-1."""
     for b in range(first, last):
         x, k = 0.0, piece_at(curve, 0.0, 0)
@@ -97,7 +97,7 @@ def lay_rows(first, last, curve, spacing, thickness, rise, tilt):
 
 
 @entry_point
-def follow_rows(
+def place_on_ground_vjp(
     first, last, curve, spacing, thickness, rise, tilt, by_rise, by_tilt, by_spacing, by_thickness
 ):
     """Add to the slopes by gaps and thicknesses what they do through rise and tilt, backwards."""
@@ -116,22 +116,22 @@ def follow_rows(
             s, c = math.sin(tilt[b, i + 1]), math.cos(tilt[b, i + 1])
             front, along = places[i + 1], places[i + 1] - places[i]
             k = piece_at(curve, front, k)
-            _, slope_f = at(curve, front, k)
+            _, slope_f = height_and_slope(curve, front, k)
             back = front - thickness[b, i + 1] * c
             k = piece_at(curve, back, k)
-            _, slope_b = at(curve, back, k)
+            _, slope_b = height_and_slope(curve, back, k)
             k = piece_at(curve, places[i], k)
-            _, slope = at(curve, places[i], k)
+            _, slope = height_and_slope(curve, places[i], k)
             up = along * s + rise[b, i] * c
             by_tilt_b = slope_b * (up * c - gap * s) + gap * c + up * s
             by_tilt_f = slope_f * (up * c - reach * s) + reach * c + up * s
             by_up_b, by_up_f = slope_b * s - c, slope_f * s - c
-            whole = by_tilt_b * by_up_f - by_tilt_f * by_up_b
+            determinant = by_tilt_b * by_up_f - by_tilt_f * by_up_b
             # by α, by q, and so by where the two edges are
             turned = by_tilt[b, i + 1] - along * by_rise[b, i] + rise[b, i] * by_place
             lifted = c * by_rise[b, i] + s * by_place
-            at_b = (by_up_f * turned - by_tilt_f * lifted) / whole
-            at_f = (by_tilt_b * lifted - by_up_b * turned) / whole
+            at_b = (by_up_f * turned - by_tilt_f * lifted) / determinant
+            at_f = (by_tilt_b * lifted - by_up_b * turned) / determinant
             straight = c * by_place - s * by_rise[b, i]
             over_b, over_f = slope_b * c + s, slope_f * c + s
             by_spacing[b, i] += straight - at_b * over_b - at_f * over_f
@@ -139,5 +139,5 @@ def follow_rows(
             by_place -= at_b * (slope_b - slope) + at_f * (slope_f - slope)
         s, c, d = math.sin(tilt[b, 0]), math.cos(tilt[b, 0]), thickness[b, 0]
         k = piece_at(curve, -d * c, k)
-        _, slope = at(curve, -d * c, k)
+        _, slope = height_and_slope(curve, -d * c, k)
         by_thickness[b, 0] += by_tilt[b, 0] * (slope * c + s) / (d * (slope * s - c))

@@ -7,6 +7,21 @@ is stepped in time.
 
 import math
 
+from domino_env.kernels.arrays import (
+    COEF,
+    EPS,
+    EXPO,
+    MAP_E,
+    MAP_U,
+    RATE,
+    SLOWNESS,
+    SPEED2,
+    STALLED,
+    SUM_D,
+    SUM_G,
+    SUM_M,
+    TINY,
+)
 from domino_env.kernels.jit import always_inline, internal, noinline
 from domino_env.kernels.quadrature import (
     HIGH,
@@ -21,23 +36,9 @@ from domino_env.kernels.quadrature import (
     series,
     slow_time,
 )
-from domino_env.kernels.slots import (
-    COEF,
-    EPS,
-    EXPO,
-    MAP_E,
-    MAP_U,
-    RATE,
-    SLOWNESS,
-    SPEED2,
-    SUM_D,
-    SUM_G,
-    SUM_M,
-    TINY,
-)
 
-FINE, ROUGH, DEAD = 0, 1, 2  # what a ride comes to
-RUN, CREEP, LAST_RESORT = 0, 1, 2  # how hard it tries
+ACCEPTED, UNRESOLVED = 0, 2  # outcomes of `propagate`, besides STALLED
+NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # how hard it tries
 
 
 @always_inline
@@ -100,15 +101,15 @@ def affine_map(lanes, k, h, mu, gravity):
     lanes[MAP_U + end] = r_end
     # What the nodes predict at the two ends against what is there: the size of the first neglected
     # Legendre coefficients.  Gauss rules err by its square.
-    q_off = max(abs(q_lo - lanes[EXPO]), abs(q_hi - lanes[EXPO + end]))
-    r_off = max(abs(r_lo - lanes[RATE]), abs(r_hi - lanes[RATE + end]))
-    e_error = q_off * q_off / max(q_size, TINY)
-    u_error = r_off * r_off / max(r_size, TINY) + r_off * q_off
-    return True, e_error, u_error, q_off, r_off
+    q_mismatch = max(abs(q_lo - lanes[EXPO]), abs(q_hi - lanes[EXPO + end]))
+    r_mismatch = max(abs(r_lo - lanes[RATE]), abs(r_hi - lanes[RATE + end]))
+    e_error = q_mismatch * q_mismatch / max(q_size, TINY)
+    u_error = r_mismatch * r_mismatch / max(r_size, TINY) + r_mismatch * q_mismatch
+    return True, e_error, u_error, q_mismatch, r_mismatch
 
 
 @noinline
-def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
+def propagate(lanes, k, a, h, errors, tail, tol, state, exact_minimum, effort):
     """Carry u and the time over the interval [a, a + h], whose map is in the lanes.
 
     FINE: done, errors booked.  ROUGH: the rule does not resolve it, nothing is changed.  DEAD: u
@@ -117,8 +118,8 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
     creep: CREEP where only the root of u is unresolved: integrate the polynomial of u in small
         panels; LAST_RESORT: book the error, however large.
     """
-    e_error, u_error, q_off, r_off = errors
-    last_resort = creep == LAST_RESORT
+    e_error, u_error, q_mismatch, r_mismatch = errors
+    last_resort = effort == LAST_RESORT
     last = ORDERS[k] + 1
     u0 = state.u
     size, u_low = u0, u0
@@ -130,17 +131,17 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         lanes[SPEED2 + j] = u
     e_end, u_end = lanes[MAP_E + last], lanes[SPEED2 + last]
     local = (u0 + abs(lanes[MAP_U + last])) * e_error + u_error
-    rough = r_off + q_off * size
-    known = deep or u_low < 0.3 * size
+    map_error = r_mismatch + q_mismatch * size
+    known = exact_minimum or u_low < 0.3 * size
     x_low = 0.0
     if known:
         series(lanes, SPEED2, k)
         x_low, u_low = lowest_point(lanes, SPEED2, k)
     if u_low <= 0.0:
         if local > max(tol * size, 1e-6 * abs(u_low)) and not last_resort:
-            return ROUGH
+            return UNRESOLVED
         state.angle = a + h * first_zero(lanes, SPEED2, k, x_low)
-        return DEAD
+        return STALLED
     for j in range(last + 1):
         lanes[SLOWNESS + j] = 1.0 / math.sqrt(lanes[SPEED2 + j])
     t, sens, f_lo, f_hi, f_high, f_top = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -153,39 +154,41 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
         f_hi += TO_END[k, j - 1] * f
         f_high += HIGH[k, j - 1] * f
         f_top += TOP[k, j - 1] * f
-    off = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
+    mismatch = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
     high, top = 0.0, 0.0
     if k > 0:
         # What is seen at the ends may be zero by chance; then the last two coefficients tell how
         # large the first neglected ones are, if all decay like a power series.
         high, top = abs(f_high) / t, abs(f_top) / t
         root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
-        off = max(off, high * root, top * math.sqrt(math.sqrt(top)))
-    fine = off * t / math.sqrt(math.sqrt(math.sqrt(max(off, TINY))))
-    if k == 3 and off > 1e-3:
+        mismatch = max(mismatch, high * root, top * math.sqrt(math.sqrt(top)))
+    node_error = mismatch * t / math.sqrt(math.sqrt(math.sqrt(max(mismatch, TINY))))
+    if k == 3 and mismatch > 1e-3:
         # A small sharp feature beside a smooth rest decays slowly from a low level: go by its pace.
-        fine = max(fine, t * min(off / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2))
-    t_error = 2.0 * off * (fine + rough * sens)
+        node_error = max(
+            node_error, t * min(mismatch / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2)
+        )
+    t_error = 2.0 * mismatch * (node_error + map_error * sens)
     if not ((local * sens <= tol * t and local * e_end <= tol * u_end) or last_resort):
-        return ROUGH
-    state.crept = -1.0
+        return UNRESOLVED
+    state.slowest_at = -1.0
     if t_error > tol * t:
-        if creep == RUN:
-            return ROUGH
+        if effort == NORMAL:
+            return UNRESOLVED
         if not known:
             series(lanes, SPEED2, k)
             x_low, u_low = lowest_point(lanes, SPEED2, k)
-        left = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + rough / ORDERS[k]
+        left = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + map_error / ORDERS[k]
         t_slow, sens_slow = slow_time(lanes, last + 1, x_low, lanes[:0])
         limit = left <= 64.0 * EPS * size + 8.0 * state.noise  # no rule sees u more sharply
         if not (left * sens_slow <= tol * t_slow or limit or last_resort):
-            return ROUGH
+            return UNRESOLVED
         t, sens, t_error = t_slow, sens_slow, left * sens_slow + 1e-14 * t_slow
-        state.crept = x_low
+        state.slowest_at = x_low
         if limit:
             state.time_round += h * t_error
-    off = max(off, rough / size, 1e-15)
-    state.log_rho = math.log(1.0 / min(off, 0.5)) / ORDERS[k]
+    mismatch = max(mismatch, map_error / size, 1e-15)
+    state.log_rho = math.log(1.0 / min(mismatch, 0.5)) / ORDERS[k]
     state.last_h = h
     noise = 16.0 * EPS * size + state.noise
     cut = tail * u0
@@ -198,11 +201,11 @@ def ride(lanes, k, a, h, errors, tail, tol, state, deep, creep):
     state.m_end = lanes[SUM_M + last]
     state.fall_time += h * t
     state.margin = min(state.margin, u_low)
-    return FINE
+    return ACCEPTED
 
 
 @internal
-def compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state):
+def compose(lanes, k, h, e_error, u_error, q_mismatch, r_mismatch, tail, tol, state):
     """Take the map of an interval into that of all falls so far, instead of riding a wave on it.
 
     u = GAIN u_0 + OFFSET; the wave does not stall as long as u_0 > NEED.
@@ -212,17 +215,21 @@ def compose(lanes, k, h, e_error, u_error, q_off, r_off, tail, tol, state):
     for j in range(1, last + 1):
         size = max(size, abs(lanes[MAP_U + j]))
     series(lanes, MAP_U, k)
-    off = abs(lanes[COEF + last]) + abs(lanes[COEF + last - 1]) + (r_off + q_off * size) / ORDERS[k]
-    off -= 8.0 * state.noise  # no rule sees U more sharply
-    if not (e_error <= tol and u_error <= tol * size and off <= tol * size):
-        return ROUGH
+    mismatch = (
+        abs(lanes[COEF + last])
+        + abs(lanes[COEF + last - 1])
+        + (r_mismatch + q_mismatch * size) / ORDERS[k]
+    )
+    mismatch -= 8.0 * state.noise  # no rule sees U more sharply
+    if not (e_error <= tol and u_error <= tol * size and mismatch <= tol * size):
+        return UNRESOLVED
     _, u_low = lowest_point(lanes, MAP_U, k)
     gain = max(state.gain, TINY)
-    state.need = max(state.need, -(state.offset + u_low) / gain)
+    state.least_start = max(state.least_start, -(state.offset + u_low) / gain)
     state.offset = lanes[MAP_E + last] * (state.offset + lanes[MAP_U + last])
     state.gain *= lanes[MAP_E + last]
-    state.log_rho = math.log(1.0 / min(max(off / size, 1e-15), 0.5)) / ORDERS[k]
+    state.log_rho = math.log(1.0 / min(max(mismatch / size, 1e-15), 0.5)) / ORDERS[k]
     state.last_h = h
     state.cut = tail
     state.m_end = lanes[SUM_M + last]
-    return FINE
+    return ACCEPTED

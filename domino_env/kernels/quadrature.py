@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.polynomial import legendre
 
+from domino_env.kernels.arrays import COEF, TINY
 from domino_env.kernels.jit import always_inline, internal
-from domino_env.kernels.slots import COEF, TINY
 
 ORDERS = np.array([2, 6, 10, 14, 22, 30])
 _ROOM = 32
@@ -38,7 +38,7 @@ def _rules() -> tuple[np.ndarray, ...]:
     return nodes, weights, places, running, to_start, to_end, high, top, closed
 
 
-NODES, WEIGHTS, PLACES, RUNNING, TO_START, TO_END, HIGH, TOP, CLOSED = _rules()
+NODES, WEIGHTS, POSITIONS, RUNNING, TO_START, TO_END, HIGH, TOP, CLOSED = _rules()
 """NODES, WEIGHTS, TO_START, TO_END: (rule, node); PLACES: (rule, lane), the nodes with both ends;
 HIGH, TOP: (rule, node), the last two Legendre coefficients of the polynomial through the nodes;
 RUNNING: (rule, node, row), ∫ from 0 to x_row of the node's Lagrange polynomial; CLOSED: (rule,
@@ -91,7 +91,7 @@ def lowest_lane(lanes, values, count):
 
 
 @always_inline
-def place(k, j):
+def lane_position(k, j):
     """Position of lane j in [0, 1]."""
     if j == 0:
         return 0.0
@@ -105,8 +105,8 @@ def lowest_point(lanes, values, k):
     """Place and value of the minimum over [0, 1] of the polynomial through a row (COEF is set)."""
     count = ORDERS[k] + 2
     j = lowest_lane(lanes, values, count)
-    lo, hi = place(k, max(j - 1, 0)), place(k, min(j + 1, count - 1))
-    x = place(k, j)
+    lo, hi = lane_position(k, max(j - 1, 0)), lane_position(k, min(j + 1, count - 1))
+    x = lane_position(k, j)
     _, dy, _ = series_at(lanes, count, lo)
     if dy >= 0.0 and j == 0:
         return 0.0, lanes[values]
@@ -136,8 +136,8 @@ def first_zero(lanes, values, k, x_low):
     count = ORDERS[k] + 2
     lo, hi = 0.0, x_low
     for j in range(count):  # the first lane that is not positive bounds the first zero
-        if lanes[values + j] <= 0.0 and place(k, j) < hi:
-            hi = place(k, j)
+        if lanes[values + j] <= 0.0 and lane_position(k, j) < hi:
+            hi = lane_position(k, j)
             break
     for _ in range(80):
         x = 0.5 * (lo + hi)

@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 
+from domino_env.kernels.arrays import CORNER, FLIP, HIT, INTERVAL, JAMMED, PROPAGATED, SWITCH
 from domino_env.kernels.jit import internal
-from domino_env.kernels.slots import CORNER, FLIP, HIT, JAMMED, PROPAGATED, RIDE, SWITCH
 
 
 @internal
-def blank(arrivals, push):
+def clear_arrivals(arrivals, push):
     """No domino has been reached but the first."""
     for i in range(len(arrivals)):
         arrival = arrivals[i]
@@ -24,12 +24,12 @@ def blank(arrivals, push):
 
 
 @internal
-def record(arrivals, n, outcome, state):
+def record_fall(arrivals, n, outcome, state):
     """Write what fall n has shown: margin, and where it struck, both speeds and the arrival."""
     if len(arrivals) == 0:
         return
     arrivals[n].margin = state.margin
-    if n + 1 < len(arrivals) and state.part == 1.0 and outcome in (PROPAGATED, JAMMED):
+    if n + 1 < len(arrivals) and state.fraction == 1.0 and outcome in (PROPAGATED, JAMMED):
         arrivals[n].impact = math.sqrt(state.u_impact)
         arrivals[n + 1].time = state.time
         if outcome == PROPAGATED:
@@ -40,7 +40,7 @@ def record(arrivals, n, outcome, state):
 def summarise(summary, count, outcome, leader, struck, toppled, state):
     """Write what became of a chain of `count` dominoes."""
     summary.outcome, summary.hit, summary.toppled = outcome, struck, toppled
-    summary.reach = 1.0 if outcome == PROPAGATED else (leader + state.part) / count
+    summary.reach = 1.0 if outcome == PROPAGATED else (leader + state.fraction) / count
     summary.total_time = state.time if outcome == PROPAGATED else np.inf
     summary.estimate = state.worst
     summary.flushes, summary.releases = state.flushes, state.releases
@@ -49,18 +49,18 @@ def summarise(summary, count, outcome, leader, struck, toppled, state):
 
 
 @internal
-def note_ride(tape, state, n, a, h, rule, low, u):
+def record_interval(tape, state, n, a, h, rule, low, u):
     """Leader n rode over the interval [a, a + h], with u at its start."""
     if state.taped < len(tape):
         event = tape[state.taped]
-        event.kind, event.leader, event.low = RIDE, n, low
+        event.kind, event.leader, event.low = INTERVAL, n, low
         event.angle, event.length, event.rule = a, h, rule
-        event.u, event.crept = u, state.crept
+        event.u, event.slowest_at = u, state.slowest_at
     state.taped += 1
 
 
 @internal
-def note_hit(tape, state, n):
+def record_hit(tape, state, n):
     """Leader n has struck the next."""
     if state.taped < len(tape):
         event = tape[state.taped]
@@ -70,13 +70,13 @@ def note_hit(tape, state, n):
 
 
 @internal
-def note_flips(tape, ring, mask, n, low, state):
+def record_flips(tape, ring, mask, n, low, state):
     """The links that have turned corner unseen; returns how many."""
     flips = 0
     for i in range(low, n):
-        link = ring[i & mask]
-        if link.contact == CORNER and link.noted == 0:
-            link.noted = 1
+        contact = ring[i & mask]
+        if contact.kind == CORNER and contact.on_tape == 0:
+            contact.on_tape = 1
             if state.taped < len(tape):
                 event = tape[state.taped]
                 event.kind, event.leader = FLIP, i
@@ -86,13 +86,13 @@ def note_flips(tape, ring, mask, n, low, state):
 
 
 @internal
-def note_switch(tape, ring, mask, n, due_link, low, angle, flushes, state):
+def record_switch(tape, ring, mask, n, due_contact, low, angle, flushes, state):
     """A switch at the leader's angle, and the links that it has turned."""
     at = state.taped
     state.taped += 1
-    flips = note_flips(tape, ring, mask, n, low, state)
+    flips = record_flips(tape, ring, mask, n, low, state)
     if at < len(tape):
         event = tape[at]
         event.kind, event.leader, event.low = SWITCH, n, low
-        event.link, event.flushed, event.flips = due_link, flushes, flips
+        event.contact, event.flushed, event.flips = due_contact, flushes, flips
         event.angle, event.u = angle, state.u

@@ -6,27 +6,11 @@ leader that Newton's method finds.
 
 import math
 
-from domino_env.kernels.contact import (
-    can_flush,
-    catch_up,
-    corner,
-    far,
-    flush,
-    link_at,
-    most_passed_on,
-    past_flush,
-    pose,
-    release,
-    shape_of,
-    tip,
-)
-from domino_env.kernels.jit import always_inline, internal, noinline
-from domino_env.kernels.quadrature import ORDERS, PLACES
-from domino_env.kernels.slots import (
+from domino_env.kernels.arrays import (
     DRV,
     EXPO,
     JAC,
-    RELEASED,
+    SEPARATED,
     SIN,
     SUM_D,
     SUM_G,
@@ -37,8 +21,28 @@ from domino_env.kernels.slots import (
     VER,
     WGT,
 )
+from domino_env.kernels.contact import (
+    can_flush,
+    catch_up,
+    contact_at,
+    corner,
+    flush,
+    past_flush,
+    ratio_bound,
+    separate,
+    shape_of,
+    sin_versine,
+    span2,
+    tip,
+)
+from domino_env.kernels.jit import always_inline, internal, noinline
+from domino_env.kernels.quadrature import ORDERS, POSITIONS
 
-UNWATCHED, TO_HIT, TO_SWITCH = 0, 1, 2  # how an interval ends, for the watch on switches
+IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = (
+    0,
+    1,
+    2,
+)  # how an interval ends, for the watch on switches
 
 _ODD = [(-1.0) ** n / math.factorial(2 * n + 1) for n in range(10)]
 S3, S5, S7, S9, S11, S13, S15, S17 = _ODD[1:9]
@@ -56,11 +60,11 @@ def half_angle(x):
 
 
 @always_inline
-def spread(lanes, k, a, h):
+def set_angles(lanes, k, a, h):
     """Lay the lanes over the interval [a, a + h] of the leader's angle; returns their number."""
     count = ORDERS[k] + 2
     for j in range(count):
-        lanes[EXPO + j] = 0.5 * (a + h * PLACES[k, j])
+        lanes[EXPO + j] = 0.5 * (a + h * POSITIONS[k, j])
     for j in range(count):  # apart from the table, so that it vectorises
         s, c = half_angle(lanes[EXPO + j])
         lanes[SIN + j] = 2.0 * s * c
@@ -69,7 +73,7 @@ def spread(lanes, k, a, h):
 
 
 @always_inline
-def lead(lanes, count, leader, mu):
+def add_leader(lanes, count, leader, mu):
     """Begin the sums with the leading domino."""
     inertia, half, slender = leader.inertia, leader.half_weight, leader.slender
     for j in range(count):
@@ -87,9 +91,14 @@ def lead(lanes, count, leader, mu):
 
 
 @always_inline
-def lean_at(lanes, count, link, mu, at_tip):
+def add_domino_at(lanes, count, contact, mu, at_tip):
     """`lean` in one contact: a constant in the call makes a loop for each."""
-    shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
+    shape, inertia, half, slender = (
+        shape_of(contact),
+        contact.inertia,
+        contact.half_weight,
+        contact.slender,
+    )
     for j in range(count):
         if at_tip:
             s, v, omega, psi, ratio = tip(lanes[SIN + j], lanes[VER + j], shape, mu)
@@ -110,18 +119,18 @@ def lean_at(lanes, count, link, mu, at_tip):
 
 
 @internal
-def lean(lanes, count, link, mu):
+def add_domino(lanes, count, contact, mu):
     """Lead all lanes over one link and add the domino behind it to the sums."""
-    if link.contact == TIP:
-        lean_at(lanes, count, link, mu, True)
+    if contact.kind == TIP:
+        add_domino_at(lanes, count, contact, mu, True)
     else:
-        lean_at(lanes, count, link, mu, False)
+        add_domino_at(lanes, count, contact, mu, False)
 
 
 @always_inline
-def lean_free_at(lanes, count, link, at_tip):
+def add_domino_frictionless_at(lanes, count, contact, at_tip):
     """`lean_free` in one contact."""
-    shape, inertia = shape_of(link), link.inertia
+    shape, inertia = shape_of(contact), contact.inertia
     for j in range(count):
         if at_tip:
             s, v, omega, _, _ = tip(lanes[SIN + j], lanes[VER + j], shape, 0.0)
@@ -135,14 +144,14 @@ def lean_free_at(lanes, count, link, at_tip):
 
 
 @internal
-def lean_free(lanes, count, link):
+def add_domino_frictionless(lanes, count, contact):
     """`lean` without friction: w = J, and the potential energy instead of forces."""
-    if link.contact == TIP:
-        lean_free_at(lanes, count, link, True)
+    if contact.kind == TIP:
+        add_domino_frictionless_at(lanes, count, contact, True)
     else:
-        lean_free_at(lanes, count, link, False)
+        add_domino_frictionless_at(lanes, count, contact, False)
     # only what changed since the start of the interval: its small differences stay exact
-    half, slender = link.half_weight, link.slender
+    half, slender = contact.half_weight, contact.slender
     at_start = slender * lanes[SIN] - lanes[VER]
     for j in range(count):
         lanes[SUM_G + j] += half * ((slender * lanes[SIN + j] - lanes[VER + j]) - at_start)
@@ -167,14 +176,14 @@ def tail_size(lanes, count, mu, force, h, behind):
 
 
 @noinline
-def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, watch):
+def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, detect):
     """Walk all lanes down the stack of leader n until the rest cannot matter.
 
     Returns (lowest domino included, bound on the tail, whether some link switches on the way).
     state.last_due is the lowest link that is due at the very end of the interval, n if none.
     """
     end = count - 1
-    lead(lanes, count, ring[n & mask], mu)
+    add_leader(lanes, count, ring[n & mask], mu)
     back = state.back
     first_check = max(4, state.depth - 2)
     oldest = max(back, n - mask) if mask > 0 else back
@@ -182,31 +191,31 @@ def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, watch):
     i = n
     while i > oldest:
         i -= 1
-        link = ring[i & mask]
-        if lanes[VER + end] >= link.due * (1.0 - 1e-6) and watch != UNWATCHED:
-            if lanes[VER] > link.due * (1.0 + 1e-9):
-                catch_up(link, i, lanes[VER], state)
-                if link.contact == RELEASED:
+        contact = ring[i & mask]
+        if lanes[VER + end] >= contact.v_switch * (1.0 - 1e-6) and detect != IGNORE_SWITCHES:
+            if lanes[VER] > contact.v_switch * (1.0 + 1e-9):
+                catch_up(contact, i, lanes[VER], state)
+                if contact.kind == SEPARATED:
                     return i + 1, 0.0, False
             # A flush within 1e-12 rad behind a hit still comes before it; where the interval ends
             # at a switch, one that is due at the same instant is no news.
-            over = lanes[VER + end] - link.due
-            if watch == TO_HIT and over + 1e-12 * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
+            over = lanes[VER + end] - contact.v_switch
+            if detect == END_AT_HIT and over + 1e-12 * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
                 return i, 0.0, True
-            if watch == TO_SWITCH:
-                if past_flush(link, over) >= 1e-3 * TOGETHER:
+            if detect == END_AT_SWITCH:
+                if past_flush(contact, over) >= 1e-3 * TOGETHER:
                     return i, 0.0, True
-                if past_flush(link, over) >= -TOGETHER:
+                if past_flush(contact, over) >= -TOGETHER:
                     state.last_due = i
         if mu > 0.0:
-            lean(lanes, count, link, mu)
-            link.end_weight = lanes[WGT + end]
+            add_domino(lanes, count, contact, mu)
+            contact.end_weight = lanes[WGT + end]
         else:
-            lean_free(lanes, count, link)
-            link.end_weight = lanes[JAC + end]
+            add_domino_frictionless(lanes, count, contact)
+            contact.end_weight = lanes[JAC + end]
         reached = n - i
         if reached >= first_check and reached % 2 == 0 and i > back:
-            tail = tail_size(lanes, count, mu, force, h, link.tail - link.inertia)
+            tail = tail_size(lanes, count, mu, force, h, contact.tail - contact.inertia)
             if tail <= tol:
                 return i, tail, False
     if i > back:  # the ring ends before the row does
@@ -223,9 +232,9 @@ def renew_tails(ring, mask, low, n):
     """
     for i in range(low + 1, n + 1):
         below, domino = ring[(i - 1) & mask], ring[i & mask]
-        x2 = far(below)
+        x2 = span2(below)
         ratio = 0.5 * (1.0 - x2)
-        above, most = abs(domino.end_weight), most_passed_on(below)
+        above, most = abs(domino.end_weight), ratio_bound(below)
         if above > TINY:
             ratio = max(ratio, min(abs(below.end_weight) / above, most))
         else:
@@ -245,7 +254,7 @@ def switch_guess(lanes, k, a, h, due):
         j += 1
     v0, v1 = lanes[VER + j - 1], lanes[VER + j]
     rate0, rate1 = lanes[SIN + j - 1] * lanes[JAC + j - 1], lanes[SIN + j] * lanes[JAC + j]
-    x0, x1 = PLACES[k, j - 1], PLACES[k, j]
+    x0, x1 = POSITIONS[k, j - 1], POSITIONS[k, j]
     if not (v0 < due < v1 and rate0 * h > TINY and rate1 * h > TINY):
         return a + h * x1
     t = (due - v0) / (v1 - v0)
@@ -258,13 +267,13 @@ def switch_guess(lanes, k, a, h, due):
 @internal
 def switch_angle(ring, mask, n, i, a, b, guess, mu):
     """Leader's angle in [a, b] at which link i switches: Newton from a guess, kept in a bracket."""
-    due = ring[i & mask].due
+    due = ring[i & mask].v_switch
     lo, hi, x = a, b, guess
     for _ in range(100):
-        s, v = pose(x)
+        s, v = sin_versine(x)
         jac = 1.0
         for j in range(n - 1, i, -1):
-            s, v, omega, _, _ = link_at(ring[j & mask], s, v, mu)
+            s, v, omega, _, _ = contact_at(ring[j & mask], s, v, mu)
             jac *= omega
         over = v - due
         if over >= 0.0:
@@ -283,7 +292,7 @@ def switch_angle(ring, mask, n, i, a, b, guess, mu):
 
 
 @internal
-def census(ring, mask, n, back, s, v, mu, state):
+def count_toppled(ring, mask, n, back, s, v, mu, state):
     """Catch up with all switches behind domino n, leaning by (s, v); count who is past tipping.
 
     Dominoes behind a release, or gone from the ring, count as past it.
@@ -298,16 +307,16 @@ def census(ring, mask, n, back, s, v, mu, state):
         i -= 1
         if mask > 0 and n - i > mask:
             return fallen + i + 1
-        link = ring[i & mask]
-        if mask > 0 and v > link.due * (1.0 + 1e-9):
-            catch_up(link, i, v, state)
-            if link.contact == RELEASED:
+        contact = ring[i & mask]
+        if mask > 0 and v > contact.v_switch * (1.0 + 1e-9):
+            catch_up(contact, i, v, state)
+            if contact.kind == SEPARATED:
                 return fallen + i + 1
-        s, v, _, _, _ = link_at(link, s, v, mu)
+        s, v, _, _, _ = contact_at(contact, s, v, mu)
 
 
 @noinline
-def switch(ring, mask, n, due_link, low, angle, mu, state):
+def switch(ring, mask, n, due_contact, low, angle, mu, state):
     """Switch every link that is due at the leader's `angle`; returns ω⁺/ω⁻ of the impact.
 
     due_link is the one that the angle was found for; those due with it reach down to
@@ -316,33 +325,33 @@ def switch(ring, mask, n, due_link, low, angle, mu, state):
     states, J⁺ = 0 behind the first of them.  state.m_end holds Σ w I J⁻ with the old w down to
     domino `low`; behind the last link that switches, w changes by a common factor.
     """
-    s, v = pose(angle)
+    s, v = sin_versine(angle)
     jac, w_old, w_new = 1.0, 1.0, 1.0
-    part = ring[n & mask].inertia  # Σ w_old I J⁻ so far
-    before, after = part, part  # Σ w_new I J⁻, Σ w_new I J⁺
-    stop = min(state.last_due, due_link)
+    momentum = ring[n & mask].inertia  # Σ w_old I J⁻ so far
+    before, after = momentum, momentum  # Σ w_new I J⁻, Σ w_new I J⁺
+    stop = min(state.last_due, due_contact)
     flushed = False
     i = n
     while i > stop:
         i -= 1
-        link = ring[i & mask]
-        over = v - link.due
-        due = past_flush(link, over) >= -TOGETHER
-        if not can_flush(link) and over >= -1e-12 * link.due:
-            s, v, _, _, _ = link_at(link, s, v, mu)
-            census(ring, mask, i, state.back, s, v, mu, state)
-            release(link, i, state)
+        contact = ring[i & mask]
+        over = v - contact.v_switch
+        due = past_flush(contact, over) >= -TOGETHER
+        if not can_flush(contact) and over >= -1e-12 * contact.v_switch:
+            s, v, _, _, _ = contact_at(contact, s, v, mu)
+            count_toppled(ring, mask, i, state.back, s, v, mu, state)
+            separate(contact, i, state)
             break
-        s_i, v_i, omega, _, ratio = link_at(link, s, v, mu)
+        s_i, v_i, omega, _, ratio = contact_at(contact, s, v, mu)
         w_old *= ratio
-        if due and can_flush(link):
+        if due and can_flush(contact):
             flushed = True
-            flush(link, state)
-            s_i, v_i, _, _, ratio = link_at(link, s, v, mu)
+            flush(contact, state)
+            s_i, v_i, _, _, ratio = contact_at(contact, s, v, mu)
         w_new *= ratio
         jac *= omega
-        term = link.inertia * jac
-        part += w_old * term
+        term = contact.inertia * jac
+        momentum += w_old * term
         before += w_new * term
         if not flushed:
             after += w_new * term
@@ -351,8 +360,8 @@ def switch(ring, mask, n, due_link, low, angle, mu, state):
             stop = low  # no common factor to go by
     if not flushed or mu == 0.0:
         return 1.0
-    if i > low and ring[i & mask].contact != RELEASED:
-        before += (state.m_end - part) * (w_new / w_old)
+    if i > low and ring[i & mask].kind != SEPARATED:
+        before += (state.m_end - momentum) * (w_new / w_old)
     if after == 0.0:
         return 0.0
     return before / after

@@ -71,27 +71,29 @@ class Gradient:
         return replace(self, **{k: x * factor for k, x in parts.items() if x is not None})
 
 
-def arrays_of(layout: Layout) -> kernels.Row:
+def arrays_of(layout: Layout) -> kernels.Arrays:
     """Return the arrays of a layout."""
     ground = () if layout.is_flat else (layout.rise, layout.tilt)
-    return kernels.Row(layout.spacing, layout.thickness, layout.height, layout.density, *ground)
+    return kernels.Arrays(layout.spacing, layout.thickness, layout.height, layout.density, *ground)
 
 
-def batch_arrays_of(layout: Layout) -> kernels.Row:
+def batch_arrays_of(layout: Layout) -> kernels.Arrays:
     """Return the arrays of a layout as a batch of one."""
     ground = () if layout.is_flat else (layout.rise[None], layout.tilt[None])
     row = layout.spacing[None], layout.thickness[None], layout.height[None], layout.density[None]
-    return kernels.Row(*row, *ground)
+    return kernels.Arrays(*row, *ground)
 
 
-def adjoint_arrays(row: kernels.Row) -> kernels.Row:
+def adjoint_arrays(row: kernels.Arrays) -> kernels.Arrays:
     """Return room for the derivatives by all that a row, or each of a batch, is made of."""
     pairs, dominoes = row.spacing.shape, row.thickness.shape
     flat = np.empty(pairs), np.empty(dominoes), np.empty(dominoes), np.empty(dominoes)
-    return kernels.Row(*flat, *(() if row.rise is None else (np.empty(pairs), np.empty(dominoes))))
+    return kernels.Arrays(
+        *flat, *(() if row.rise is None else (np.empty(pairs), np.empty(dominoes)))
+    )
 
 
-def gradient_of(bars: kernels.Row, friction: Any, gravity: Any, push: Any) -> Gradient:
+def gradient_of(bars: kernels.Arrays, friction: Any, gravity: Any, push: Any) -> Gradient:
     """Return the gradient that the kernels wrote, of one row or of many."""
     return Gradient(*bars[:4], friction, gravity, push, *bars[4:])
 
@@ -130,10 +132,10 @@ def pull(
         raise ValueError(
             f"arrival_bar[{k}] = {bar[k]}, but the wave never came to domino {k}: leave it at 0"
         )
-    whole = np.zeros(1, kernels.WHOLE)[0]
+    whole = np.zeros(1, kernels.PHYSICS_BAR)[0]
     row = arrays_of(layout)
     slopes = adjoint_arrays(row)
-    kernels.pull(
+    kernels.vjp(
         row, physics.friction, physics.gravity, physics.push, tape, len(tape), bar, slopes, whole
     )
     return gradient_of(slopes, float(whole.friction), float(whole.gravity), float(whole.push))

@@ -152,7 +152,9 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             raise ValueError(refused)
         rows, deep = _rows(gaps), _rows(thick)
         rise, tilt = np.empty(rows.shape), np.empty(deep.shape)
-        share_pieces(kernels.lay_rows, len(deep), deep.shape[1], self.curve, rows, deep, rise, tilt)
+        share_pieces(
+            kernels.place_on_ground, len(deep), deep.shape[1], self.curve, rows, deep, rise, tilt
+        )
         return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
 
     def layout(
@@ -213,7 +215,9 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             arrays = [_rows(array) for array in told]
             written = [np.atleast_2d(array) for array in (spacing, thickness)]
             count = arrays[1].shape[1]
-            share_pieces(kernels.follow_rows, len(arrays[1]), count, self.curve, *arrays, *written)
+            share_pieces(
+                kernels.place_on_ground_vjp, len(arrays[1]), count, self.curve, *arrays, *written
+            )
         same = found.height, found.density, found.friction, found.gravity, found.push
         return Gradient(spacing, thickness, *same)
 

@@ -48,7 +48,7 @@ class Motion:
         self.layout, self.physics = layout, physics
         row = arrays_of(layout)
         snapshots = np.zeros((layout.count, PIECES + 1), kernels.SNAPSHOT)
-        falls = kernels.watch_chain(
+        falls = kernels.trace_motion(
             row, physics.friction, physics.gravity, physics.push, rtol, snapshots
         )
         self.samples = snapshots[:falls]

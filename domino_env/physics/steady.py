@@ -114,17 +114,19 @@ def steady_wave(
         j = int(np.argmax(gaps >= tall))
         return _none(f"gap {j} of the pattern, {gaps[j]} m, is out of reach", scalar, len(thick))
     ground = (rise, np.full(len(thick), float(slope))) if slope != 0.0 else ()
-    return _fixed_point(kernels.Row(gaps, thick, tall, rho, *ground), physics, rtol, scalar)
+    return _fixed_point(kernels.Arrays(gaps, thick, tall, rho, *ground), physics, rtol, scalar)
 
 
-def _fixed_point(pattern: kernels.Row, physics: Physics, rtol: float, scalar: bool) -> SteadyWave:
+def _fixed_point(
+    pattern: kernels.Arrays, physics: Physics, rtol: float, scalar: bool
+) -> SteadyWave:
     gaps, thick = pattern.spacing, pattern.thickness
     falls = np.zeros(len(thick), kernels.FALL)
     ring_rows = 512
     while True:
         setting = (pattern, physics.friction, physics.gravity, rtol, ring_rows)
         outcome, leader, tail, gain, offset, need = kernels.period_falls(*setting, 0.0, falls)
-        if tail <= rtol or ring_rows == kernels.RING_ROWS:
+        if tail <= rtol or ring_rows == kernels.RING_SIZE:
             break
         ring_rows *= 2
     if outcome != Outcome.PROPAGATED:
@@ -175,7 +177,9 @@ def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> floa
         to be lifted over its edge).
     """
     require_arguments(layout, physics)
-    outcome, need = kernels.compose_row(arrays_of(layout), physics.friction, physics.gravity, rtol)
+    outcome, need = kernels.compose_falls(
+        arrays_of(layout), physics.friction, physics.gravity, rtol
+    )
     if outcome != Outcome.PROPAGATED:
         return math.inf
     return math.sqrt(max(float(need), 0.0))

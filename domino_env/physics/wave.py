@@ -263,7 +263,7 @@ class WaveBatch:
         None unless asked for.
     """
 
-    rows: kernels.Row
+    rows: kernels.Arrays
     physics: Physics
     rtol: float
     summaries: NDArray[np.record]
@@ -382,7 +382,7 @@ def simulate(
     summaries, arrivals = np.empty(1, kernels.SUMMARY), np.empty((1, count), kernels.ARRIVAL)
     tape = np.empty(4 * count + 16, kernels.EVENT) if gradient else _UNTAPED
     while True:
-        kernels.solve_rows(0, 1, rows, *setting, True, summaries, arrivals, tape)
+        kernels.solve_batch(0, 1, rows, *setting, True, summaries, arrivals, tape)
         summary = kernels.Summary._make(summaries.item())
         if summary.taped <= len(tape) or not gradient:
             break
@@ -448,12 +448,20 @@ def simulate_batch(
     arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
     slopes = None
     if gradient:
-        bars, wholes = adjoint_arrays(rows), np.empty(number, kernels.WHOLE)
-        share_pieces(kernels.pull_rows, number, count, rows, *setting, summaries, bars, wholes)
+        bars, wholes = adjoint_arrays(rows), np.empty(number, kernels.PHYSICS_BAR)
+        share_pieces(kernels.vjp_batch, number, count, rows, *setting, summaries, bars, wholes)
         slopes = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
     else:
         share_pieces(
-            kernels.solve_rows, number, count, rows, *setting, record, summaries, arrivals, _UNTAPED
+            kernels.solve_batch,
+            number,
+            count,
+            rows,
+            *setting,
+            record,
+            summaries,
+            arrivals,
+            _UNTAPED,
         )
     return WaveBatch(rows, physics, rtol, summaries, arrivals, time.perf_counter() - began, slopes)
 
@@ -508,7 +516,7 @@ def _checked_batch(
     density: ArrayLike,
     rise: ArrayLike,
     tilt: ArrayLike,
-) -> kernels.Row:
+) -> kernels.Arrays:
     """The arrays of a batch as the kernels take them; all that cannot stand is refused."""
     s = np.asarray(spacing, dtype=np.float64)
     if s.ndim != 2:
@@ -527,7 +535,7 @@ def _checked_batch(
         arrays.append(np.broadcast_to(_rows("tilt", tilt, rows, count), d.shape))
     if found := footing.find_violation(s, d, length, *arrays[4:]):
         raise ValueError(f"layout {found[0][0]}: {found[1]}")
-    return kernels.Row(*(_read_only(array) for array in arrays))
+    return kernels.Arrays(*(_read_only(array) for array in arrays))
 
 
 def _read_only(array: Floats) -> Floats:

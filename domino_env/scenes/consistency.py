@@ -167,7 +167,7 @@ def _too_many(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_of_length(tables: SceneFile) -> Iterator[str]:
-    """Whether a row within the bounds meets it; lists: `optimize.constraints.feasible_set`."""
+    """Whether a row within the bounds meets it; lists: `optimize.constraints.feasibility`."""
     length, count = tables.row.length, tables.row.count
     if length is None:
         return

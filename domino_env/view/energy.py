@@ -9,7 +9,7 @@ import numpy as np
 
 from domino_env.core.results import brief
 from domino_env.core.types import Floats, Ints
-from domino_env.kernels.slots import FLIP, SWITCH
+from domino_env.kernels.arrays import FLIP, SWITCH
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion, stack_leans
 from domino_env.physics.wave import simulate

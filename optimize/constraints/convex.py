@@ -16,12 +16,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from domino_env.core.threads import compiled
 from domino_env.core.types import Floats
-from domino_env.kernels.jit import compile_alone
+
+ROUNDS = 100  # of the search for the shift; some ten are used
 
 
 def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """Find the point of {low ≤ x ≤ high, Σ x = total} nearest to each of `values`.
+    """Find the point of {low ≤ x ≤ high, Σ x = total} nearest to each row of `values`.
 
     Parameters
     ----------
@@ -43,15 +45,15 @@ def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) ->
     shift, with a corner wherever an entry meets or leaves a bound, so sorting the corners gives the
     shift exactly.
     """
-    batch, n = values.shape
+    rows, n = values.shape
     corners = np.concatenate([low - values, high - values], axis=1)
     order = np.argsort(corners, axis=1, kind="stable")
     corners = np.take_along_axis(corners, order, axis=1)
     movable = np.cumsum(np.where(order < n, 1.0, -1.0), axis=1)  # entries between their bounds
     rise = movable[:, :-1] * np.diff(corners, axis=1)
-    sums = low.sum() + np.concatenate([np.zeros((batch, 1)), np.cumsum(rise, axis=1)], axis=1)
+    sums = low.sum() + np.concatenate([np.zeros((rows, 1)), np.cumsum(rise, axis=1)], axis=1)
     k = np.clip((sums <= total).sum(axis=1) - 1, 0, 2 * n - 2)
-    every = np.arange(batch)
+    every = np.arange(rows)
     step = (total - sums[every, k]) / np.maximum(movable[every, k], 1.0)
     shift = np.clip(corners[every, k] + step, corners[:, 0], corners[:, -1])
     moved = np.clip(values + shift[:, None], low, high)
@@ -79,41 +81,47 @@ def nearest_smooth(
     -------
     ndarray
         (B, n) nearest points.
-
-    Notes
-    -----
-    As without a largest change, all values are shifted alike until the sum is right; the sum rises
-    with the shift.
     """
     values = np.ascontiguousarray(values, dtype=np.float64)
-    if total is None:
-        return np.array([_nearest(one, low, high, change) for one in values])
-    from scipy.optimize import brentq
-
-    span = float((high - low).max())
-    total = min(max(total, float(low.sum())), float(high.sum()))
     found = np.empty_like(values)
-    for b, one in enumerate(values):
+    for b in range(len(values)):
+        if total is None:
+            found[b] = _nearest(values[b], low, high, change)
+        else:
+            found[b] = _with_total(values[b], low, high, change, total)
+    return found
 
-        def excess(shift: float, one: Floats = one) -> float:
-            return float(_nearest(one + shift, low, high, change).sum()) - total
 
-        below, above = float((low - one).min()) - span, float((high - one).max()) + span
-        shift = brentq(excess, below, above, xtol=1e-15 * span)
-        found[b] = _nearest(one + shift, low, high, change)
-    return _even_out(found, low, high, total)
+def _with_total(values: Floats, low: Floats, high: Floats, change: Floats, total: float) -> Floats:
+    """A shift of all values alike, as without smoothness; its effect on the sum is monotone."""
+    span = float((high - low).max())
+    below, above = float((low - values).min()) - span, float((high - values).max()) + span
+    sum_below, sum_above = float(low.sum()) - total, float(high.sum()) - total
+    shift, near = 0.0, _nearest(values, low, high, change)
+    for k in range(ROUNDS):
+        rest = float(near.sum()) - total
+        if abs(rest) <= 4e-16 * len(values) * span or above - below <= 1e-16 * span:
+            break
+        if rest < 0.0:
+            below, sum_below = shift, rest
+        else:
+            above, sum_above = shift, rest
+        # regula falsi, halved every third time so that no end stays for long
+        part = 0.5 if k % 3 == 2 else -sum_below / (sum_above - sum_below)
+        shift = below + min(max(part, 0.01), 0.99) * (above - below)
+        near = _nearest(values + shift, low, high, change)
+    return np.asarray(_even_out(near[None], low, high, total)[0])
 
 
 def _even_out(near: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """Spread the rounding error of the sum (B,) over all entries that are not at a bound."""
+    """What rounding has left of the sum (B,) goes to all entries that are not at a bound."""
     free = (near > low) & (near < high)
     share = (total - near.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
     return np.asarray(np.clip(near + free * share[:, None], low, high))
 
 
-@compile_alone
+@compiled
 def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Floats:
-    """Find the nearest point (n,) with limited changes of neighbours."""
     n = len(values)
     # knots of the slope, at x, and its value there; from the middle, one more to each side a step
     size = 4 * n + 4

@@ -7,60 +7,68 @@ import numpy as np
 from domino_env.kernels.adjoint.contact import (
     BARS,
     FLUSHING,
-    PART_GAP,
-    PART_HALF,
-    PART_INERTIA,
-    PART_PITCH,
-    PART_RISE,
-    PART_SLENDER,
-    PART_THICK,
-    PART_TURN,
-    PARTS,
+    PARAM_GAP,
+    PARAM_HALF,
+    PARAM_INERTIA,
+    PARAM_PITCH,
+    PARAM_RISE,
+    PARAM_SLENDER,
+    PARAM_THICK,
+    PARAM_TURN,
+    PARAMS,
     flush_back,
     hit_angle_back,
     hit_back,
     switch_back,
 )
-from domino_env.kernels.adjoint.interval import SHARED, fall_back, forget, ride_back, room_for_table
+from domino_env.kernels.adjoint.interval import (
+    SHARED_STACK,
+    fall_back,
+    interval_back,
+    reset_shared,
+    room_for_table,
+)
 from domino_env.kernels.adjoint.stack import mass_back
-from domino_env.kernels.chain import is_uniform, ring_size, row_of, solve
-from domino_env.kernels.contact import at_or_zero, join, new_ring, stand
-from domino_env.kernels.fall import fall_angle
-from domino_env.kernels.jit import entry_point, internal, keep_alive, noinline
-from domino_env.kernels.quadrature import ORDERS
-from domino_env.kernels.records import summarise
-from domino_env.kernels.slots import (
+from domino_env.kernels.arrays import (
     ARRIVAL,
     CORNER,
     EVENT,
     FLIP,
     HIT,
+    INTERVAL,
     LANES,
     PITCH,
     PROPAGATED,
-    RIDE,
     STATE,
     SWITCH,
     TIP,
     is_uneven,
     turn_of,
 )
+from domino_env.kernels.chain import is_uniform, layout_of, ring_length, solve
+from domino_env.kernels.contact import at_or_zero, new_ring, place_contact, place_domino
+from domino_env.kernels.fall import fall_angle
+from domino_env.kernels.jit import entry_point, internal, keep_alive, noinline
+from domino_env.kernels.quadrature import ORDERS
+from domino_env.kernels.records import summarise
 
 AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # what an interval ends at
 
 
 @internal
-def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole):
+def backward(
+    tape, used, ring, mu, gravity, arrival_bar, lanes, bars, saved, table, param_bars, physics_bar
+):
     """Walk the tape back, gathering bars in `parts` and `whole`; returns the bar of the first u.
 
     ring: all dominoes and links, in the contacts of the end.
     table: room for what the falls of a uniform row share; empty for others.
     """
     u_bar, m_bar, t_bar = 0.0, 0.0, 0.0
-    own_shared = np.empty(1, SHARED)
+    own_shared = np.empty(1, SHARED_STACK)
     shared = own_shared[0]
-    forget(shared)
-    edge, edge_bar, edge_row = AT_SPLIT, 0.0, 0
+    reset_shared(shared)
+    edge, edge_bar, edge_event = AT_SPLIT, 0.0, 0
     counted = len(arrival_bar)
     last_hit = used - 1
     while last_hit >= 0 and tape[last_hit].kind != HIT:
@@ -68,98 +76,113 @@ def rewind(tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table
     for at in range(used - 1, -1, -1):
         event = tape[at]
         kind, n = event.kind, event.leader
-        if edge == AT_HIT and at < last_hit and kind != RIDE:
+        if edge == AT_HIT and at < last_hit and kind != INTERVAL:
             # a switch at the very instant of the hit: M there is that of the new states
-            struck, low = tape[edge_row].leader, tape[edge_row].low
+            struck, low = tape[edge_event].leader, tape[edge_event].low
             b = fall_angle(ring[struck], True)
-            x_bar = mass_back(lanes, bars, trail, ring, struck, low, b, m_bar, mu, parts, whole)
-            hit_angle_back(ring[struck], math.cos(b + turn_of(ring[struck])), x_bar, parts[struck])
+            x_bar = mass_back(
+                lanes, bars, saved, ring, struck, low, b, m_bar, mu, param_bars, physics_bar
+            )
+            hit_angle_back(
+                ring[struck], math.cos(b + turn_of(ring[struck])), x_bar, param_bars[struck]
+            )
             m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
         if kind == FLIP:
-            ring[n].contact = TIP
+            ring[n].kind = TIP
         elif at > last_hit:
             continue  # what no arrival has seen
         elif kind == HIT:
             while counted > n + 1:  # the time of a fall is part of all later arrivals
                 counted -= 1
                 t_bar += arrival_bar[counted]
-            u_bar, m_bar = hit_back(ring, event, u_bar, mu, parts, whole)
-            edge, edge_bar, edge_row = AT_HIT, 0.0, at
+            u_bar, m_bar = hit_back(ring, event, u_bar, mu, param_bars, physics_bar)
+            edge, edge_bar, edge_event = AT_HIT, 0.0, at
         elif kind == SWITCH:
             if event.flushed and mu > 0.0:
                 for i in range(at + 1, at + 1 + event.flips):
-                    ring[tape[i].leader].contact = FLUSHING
-                u_bar, x_bar = flush_back(trail, ring, event, u_bar, mu, parts, whole)
+                    ring[tape[i].leader].kind = FLUSHING
+                u_bar, x_bar = flush_back(saved, ring, event, u_bar, mu, param_bars, physics_bar)
                 edge_bar += x_bar
                 for i in range(at + 1, at + 1 + event.flips):
-                    ring[tape[i].leader].contact = TIP
-            edge, edge_row = AT_SWITCH, at
-            if at == 0 or tape[at - 1].kind != RIDE or tape[at - 1].leader != n:
-                switch_back(trail, ring, event, edge_bar, mu, parts)
+                    ring[tape[i].leader].kind = TIP
+            edge, edge_event = AT_SWITCH, at
+            if at == 0 or tape[at - 1].kind != INTERVAL or tape[at - 1].leader != n:
+                switch_back(saved, ring, event, edge_bar, mu, param_bars)
                 edge, edge_bar = AT_SPLIT, 0.0
         else:
             if len(table) > 0 and edge == AT_HIT and event.angle == 0.0:
                 u_bar, end_bar = fall_back(
-                    shared, lanes, bars, trail, table, ring, event, u_bar, t_bar, m_bar, mu,
-                    gravity, parts, whole,
+                    shared, lanes, bars, saved, table, ring, event, u_bar, t_bar, m_bar, mu,
+                    gravity, param_bars, physics_bar,
                 )  # fmt: skip
                 start_bar = 0.0  # a fall starts upright, always
             else:
-                forget(shared)
-                u_bar, start_bar, end_bar = ride_back(
-                    lanes, bars, trail, ring, event, u_bar, t_bar, m_bar, mu, gravity, parts, whole
+                reset_shared(shared)
+                u_bar, start_bar, end_bar = interval_back(
+                    lanes,
+                    bars,
+                    saved,
+                    ring,
+                    event,
+                    u_bar,
+                    t_bar,
+                    m_bar,
+                    mu,
+                    gravity,
+                    param_bars,
+                    physics_bar,
                 )
             edge_bar += end_bar
             if edge == AT_HIT:
                 leader = ring[n]
                 cosine = math.sqrt(leader.rest * (1.0 + leader.s_l))
-                hit_angle_back(leader, cosine, edge_bar, parts[n])
+                hit_angle_back(leader, cosine, edge_bar, param_bars[n])
             elif edge == AT_SWITCH:
-                switch_back(trail, ring, tape[edge_row], edge_bar, mu, parts)
+                switch_back(saved, ring, tape[edge_event], edge_bar, mu, param_bars)
             edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
     keep_alive(own_shared)
     return u_bar
 
 
 @internal
-def stands_back(row, ring, parts, bar, tilt):
+def stands_back(layout, ring, param_bars, bar, tilt):
     """From the bars of bodies on their slopes to those of the slopes and of upright bodies."""
     if tilt is None:
         return
     count = len(tilt)
     bar.tilt[:] = 0.0
     for i in range(count):
-        slender, domino = row.thickness[i] / row.height[i], ring[i]
+        slender, domino = layout.thickness[i] / layout.height[i], ring[i]
         s, c = math.sin(tilt[i]), math.cos(tilt[i])
-        half_bar, slender_bar = parts[i, PART_HALF], parts[i, PART_SLENDER]
-        half = 0.5 * row.density[i] * row.height[i] * row.height[i] * row.thickness[i]
+        half_bar, slender_bar = param_bars[i, PARAM_HALF], param_bars[i, PARAM_SLENDER]
+        half = 0.5 * layout.density[i] * layout.height[i] * layout.height[i] * layout.thickness[i]
         turned = 1.0 + domino.slender * domino.slender  # of tan(φ - α)
         bar.tilt[i] += half * (slender * c - s) * half_bar - turned * slender_bar
-        parts[i, PART_HALF] = (c + slender * s) * half_bar
-        parts[i, PART_SLENDER] = turned / (1.0 + slender * slender) * slender_bar
-        parts[i, PART_SLENDER] += half * s * half_bar
+        param_bars[i, PARAM_HALF] = (c + slender * s) * half_bar
+        param_bars[i, PARAM_SLENDER] = turned / (1.0 + slender * slender) * slender_bar
+        param_bars[i, PARAM_SLENDER] += half * s * half_bar
         if i + 1 < count:
-            bar.tilt[i] += parts[i, PART_TURN]
+            bar.tilt[i] += param_bars[i, PARAM_TURN]
     for i in range(count - 1):
-        e_bar = parts[i, PART_RISE] / row.height[i]
+        e_bar = param_bars[i, PARAM_RISE] / layout.height[i]
         tan, sec = math.tan(tilt[i + 1]), 1.0 / math.cos(tilt[i + 1])
-        pitch, rise = row.spacing[i] + row.thickness[i + 1], row.rise[i]
+        pitch, rise = layout.spacing[i] + layout.thickness[i + 1], layout.rise[i]
         bar.rise[i] = sec * e_bar
-        bar.tilt[i + 1] += (pitch * sec + rise * tan) * sec * e_bar - parts[i, PART_TURN]
-        parts[i, PART_PITCH] += tan * parts[i, PART_RISE]
+        bar.tilt[i + 1] += (pitch * sec + rise * tan) * sec * e_bar - param_bars[i, PARAM_TURN]
+        param_bars[i, PARAM_PITCH] += tan * param_bars[i, PARAM_RISE]
 
 
 @internal
-def bodies_back(row, ring, parts, bar):
+def bodies_back(layout, ring, param_bars, bar):
     """From the bars of links and bodies to those of all that the row is made of."""
-    stands_back(row, ring, parts, bar, row.tilt)
-    count = len(row.thickness)
+    stands_back(layout, ring, param_bars, bar, layout.tilt)
+    count = len(layout.thickness)
     bar.thickness[:] = 0.0
     bar.height[:] = 0.0
     for i in range(count):
-        length, d, rho = row.height[i], row.thickness[i], row.density[i]
-        inertia_bar, half_bar = parts[i, PART_INERTIA], parts[i, PART_HALF]
-        slender_bar = parts[i, PART_SLENDER]
+        length, d, rho = layout.height[i], layout.thickness[i], layout.density[i]
+        inertia_bar, half_bar = param_bars[i, PARAM_INERTIA], param_bars[i, PARAM_HALF]
+        slender_bar = param_bars[i, PARAM_SLENDER]
         square = (length * length + d * d) / 3.0
         bar.thickness[i] += (
             rho * length * (square + 2.0 * d * d / 3.0) * inertia_bar
@@ -173,48 +196,65 @@ def bodies_back(row, ring, parts, bar):
         )
         bar.density[i] = length * d * (square * inertia_bar + 0.5 * length * half_bar)
         if i + 1 < count:
-            link = ring[i]
-            p_bar, s_bar, d_bar = parts[i, PART_PITCH], parts[i, PART_GAP], parts[i, PART_THICK]
+            contact = ring[i]
+            p_bar, s_bar, d_bar = (
+                param_bars[i, PARAM_PITCH],
+                param_bars[i, PARAM_GAP],
+                param_bars[i, PARAM_THICK],
+            )
             bar.spacing[i] = (p_bar + s_bar) / length
             bar.thickness[i + 1] += (p_bar + d_bar) / length
-            bar.height[i] -= (link.p_l * p_bar + link.s_l * s_bar + link.d_l * d_bar) / length
-            if is_uneven(link):
-                upright = at_or_zero(row.rise, i) / math.cos(at_or_zero(row.tilt, i + 1))
-                bar.height[i] -= upright * parts[i, PART_RISE] / (length * length)
+            bar.height[i] -= (
+                contact.p_l * p_bar + contact.s_l * s_bar + contact.d_l * d_bar
+            ) / length
+            if is_uneven(contact):
+                upright = at_or_zero(layout.rise, i) / math.cos(at_or_zero(layout.tilt, i + 1))
+                bar.height[i] -= upright * param_bars[i, PARAM_RISE] / (length * length)
 
 
 @noinline
-def pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
+def chain_vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_bar):
     """Pull bars of the arrival times back to all that a chain is made of.
 
     bar: a `Row` that is written, as is `whole`.
     """
-    count = len(row.thickness)
-    ring = new_ring(row, count)
+    count = len(layout.thickness)
+    ring = new_ring(layout, count)
     for i in range(count):
-        stand(ring, -1, i, row, i)
+        place_domino(ring, -1, i, layout, i)
         if i + 1 < count:
-            join(ring, -1, i, row, i, i + 1)
+            place_contact(ring, -1, i, layout, i, i + 1)
     depth, count_lanes = 0, 0
     for at in range(used):
         event = tape[at]
         if event.kind == FLIP:
-            ring[event.leader].contact = CORNER
+            ring[event.leader].kind = CORNER
         else:
             depth = max(depth, event.leader - event.low)
-            if event.kind == RIDE:
+            if event.kind == INTERVAL:
                 count_lanes = max(count_lanes, ORDERS[event.rule] + 2)
     lanes, bars = np.zeros(LANES), np.zeros(BARS)
-    trail, parts = np.empty((depth + 2, 8 * PITCH)), np.zeros((count, PARTS))
-    whole.friction = whole.gravity = 0.0
+    saved, param_bars = np.empty((depth + 2, 8 * PITCH)), np.zeros((count, PARAMS))
+    physics_bar.friction = physics_bar.gravity = 0.0
     table = np.empty((0, 0))
-    if count > 3 and is_uniform(row):
+    if count > 3 and is_uniform(layout):
         table = room_for_table(depth, count_lanes)
-    u_bar = rewind(
-        tape, used, ring, mu, gravity, arrival_bar, lanes, bars, trail, table, parts, whole
+    u_bar = backward(
+        tape,
+        used,
+        ring,
+        mu,
+        gravity,
+        arrival_bar,
+        lanes,
+        bars,
+        saved,
+        table,
+        param_bars,
+        physics_bar,
     )
-    whole.push = 2.0 * push * u_bar
-    bodies_back(row, ring, parts, bar)
+    physics_bar.push = 2.0 * push * u_bar
+    bodies_back(layout, ring, param_bars, bar)
     keep_alive(ring)
 
 
@@ -228,28 +268,28 @@ def clear(bar, tilt):
 
 
 @entry_point
-def pull(row, mu, gravity, push, tape, used, arrival_bar, bar, whole):
+def vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_bar):
     """`pull_bars`, for Python."""
-    pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, whole)
+    chain_vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_bar)
 
 
 @entry_point
-def pull_rows(first, last, rows, mu, gravity, push, rtol, summaries, bars, wholes):
+def vjp_batch(first, last, layouts, mu, gravity, push, rtol, summaries, bars, physics_bars):
     """`solve_rows` with the gradient of the last arrival time; zeros where it never comes.
 
     bars: a `Row` of (B, N-1) and thrice (B, N).  wholes: (B,).
     """
-    count = rows.thickness.shape[1]
-    ring, lanes = new_ring(rows, ring_size(count)), np.zeros(LANES)
+    count = layouts.thickness.shape[1]
+    ring, lanes = new_ring(layouts, ring_length(count)), np.zeros(LANES)
     own_state, unrecorded = np.zeros(1, STATE), np.empty(0, ARRIVAL)
     tape, arrival_bar, state = np.empty(4 * count + 16, EVENT), np.zeros(count), own_state[0]
     arrival_bar[count - 1] = 1.0
     for b in range(first, last):
-        row = row_of(rows, b)
-        bar = row_of(bars, b)
+        layout = layout_of(layouts, b)
+        bar = layout_of(bars, b)
         while True:
             outcome, leader, struck, toppled = solve(
-                row, mu, gravity, push, rtol, lanes, ring, state, True, unrecorded, tape
+                layout, mu, gravity, push, rtol, lanes, ring, state, True, unrecorded, tape
             )
             if state.taped <= len(tape):
                 break
@@ -257,9 +297,9 @@ def pull_rows(first, last, rows, mu, gravity, push, rtol, summaries, bars, whole
         summarise(summaries[b], count, outcome, leader, struck, toppled, state)
         if outcome == PROPAGATED:
             used = state.taped
-            pull_bars(row, mu, gravity, push, tape, used, arrival_bar, bar, wholes[b])
+            chain_vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_bars[b])
         else:
             clear(bar, bar.tilt)
-            wholes[b].friction = wholes[b].gravity = wholes[b].push = 0.0
+            physics_bars[b].friction = physics_bars[b].gravity = physics_bars[b].push = 0.0
     keep_alive(own_state)
     keep_alive(ring)

@@ -3,9 +3,7 @@
 import math
 from typing import NamedTuple
 
-from domino_env.kernels.contact import link_at, pose, shape_of, tip
-from domino_env.kernels.jit import always_inline, internal, leaf
-from domino_env.kernels.slots import (
+from domino_env.kernels.arrays import (
     JAC,
     PITCH,
     SIN,
@@ -17,6 +15,8 @@ from domino_env.kernels.slots import (
     record_type,
     rise_of,
 )
+from domino_env.kernels.contact import contact_at, shape_of, sin_versine, tip
+from domino_env.kernels.jit import always_inline, internal, leaf
 
 # Lanes of bars: of the five numbers that go down the stack; seeds, the bars of the three sums; of
 # friction; and of what one domino and its link are made of, in the order of the parts below.
@@ -30,9 +30,9 @@ BARS = 17 * PITCH
 # What is gathered of each domino: bars of p, s, d of its link (units of L_i), of its inertia, half
 # weight and slenderness; on uneven ground of e and β too. A plain array, so that sums over many
 # dominoes vectorise.
-PART_PITCH, PART_GAP, PART_THICK, PART_INERTIA, PART_HALF, PART_SLENDER = range(6)
-PART_RISE, PART_TURN = 6, 7
-PARTS = 8  # on flat ground two are unused
+PARAM_PITCH, PARAM_GAP, PARAM_THICK, PARAM_INERTIA, PARAM_HALF, PARAM_SLENDER = range(6)
+PARAM_RISE, PARAM_TURN = 6, 7
+PARAMS = 8  # on flat ground two are unused
 
 
 class ShapeBar(NamedTuple):
@@ -45,7 +45,9 @@ class ShapeBar(NamedTuple):
     turn: float
 
 
-WHOLE = record_type(friction=float, gravity=float, push=float)  # bars of what the chain shares
+PHYSICS_BAR = record_type(
+    friction=float, gravity=float, push=float
+)  # bars of what the chain shares
 
 FLUSHING = 3  # a link at the instant of its flush: tip contact before, corner contact after
 
@@ -63,11 +65,11 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     inv_cd, inv_arm = r * arm, r * cd
     c = 1.0 - v
     c_0, s_0 = c * cd - s * sd, s * cd + c * sd
-    pull, rise = p_l * inv_cd, e * inv_cd
-    omega = 1.0 - (pull * s + rise * c)
+    p_cd, rise = p_l * inv_cd, e * inv_cd
+    omega = 1.0 - (p_cd * s + rise * c)
     ratio = (cd - p_l * s - e * c - mu * d_l) * inv_arm
     bracket, by_rise = c_0 + s * sd * omega, s_0 - c * sd * omega
-    psi = -pull * inv_cd * bracket + rise * inv_cd * by_rise
+    psi = -p_cd * inv_cd * bracket + rise * inv_cd * by_rise
     # the turn
     s_i = s_0 - (s_0 * turn_v + c_0 * turn_s)
     c_i = c_0 - c_0 * turn_v + s_0 * turn_s
@@ -75,7 +77,7 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     s0_bar = s_bar - s_bar * turn_v - v_bar * turn_s
     c0_bar = v_bar * turn_v - v_bar - s_bar * turn_s
     # psi
-    q, f = -pull * inv_cd * psi_bar, rise * inv_cd * psi_bar
+    q, f = -p_cd * inv_cd * psi_bar, rise * inv_cd * psi_bar
     cd_bar = -2.0 * psi * inv_cd * psi_bar
     p_bar = -inv_cd * inv_cd * bracket * psi_bar
     e_bar = inv_cd * inv_cd * by_rise * psi_bar
@@ -97,7 +99,7 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     e_bar -= c * (top_bar + q)
     back_s -= p_l * (top_bar + q)
     c_bar -= e * (top_bar + q)
-    cd_bar += pull * s * q + rise * c * q
+    cd_bar += p_cd * s * q + rise * c * q
     # lean of the domino behind
     back_s += cd * s0_bar - sd * c0_bar
     c_bar += sd * s0_bar + cd * c0_bar
@@ -173,63 +175,68 @@ def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
 
 
 @internal
-def link_back_at(link, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
+def contact_back_at(contact, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
     """`link_at` in reverse, for a single angle; the same seven."""
-    if link.contact == TIP:
-        return tip_back(s, v, shape_of(link), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
-    return corner_back(s, v, shape_of(link), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
+    if contact.kind == TIP:
+        return tip_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
+    return corner_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
 
 
 @always_inline
-def add_shape(parts, shape_bar):
+def add_shape(param_bars, shape_bar):
     """Add the bars of a link to those of its parts."""
-    parts[PART_PITCH] += shape_bar.pitch
-    parts[PART_GAP] += shape_bar.gap
-    parts[PART_THICK] += shape_bar.thick
-    parts[PART_RISE] += shape_bar.rise
-    parts[PART_TURN] += shape_bar.turn
+    param_bars[PARAM_PITCH] += shape_bar.pitch
+    param_bars[PARAM_GAP] += shape_bar.gap
+    param_bars[PARAM_THICK] += shape_bar.thick
+    param_bars[PARAM_RISE] += shape_bar.rise
+    param_bars[PARAM_TURN] += shape_bar.turn
 
 
 @always_inline
-def due_back(link, flushed, due_bar, parts):
+def due_back(contact, flushed, due_bar, param_bars):
     """What a link waits for, in reverse: s = p v + e sin θ, or √R = L."""
-    v, p, e, d = link.v_flush if flushed else link.v_release, link.p_l, rise_of(link), link.d_l
+    v, p, e, d = (
+        contact.v_flush if flushed else contact.v_separation,
+        contact.p_l,
+        rise_of(contact),
+        contact.d_l,
+    )
     if e == 0.0:
         if flushed:  # s / p
-            parts[PART_GAP] += due_bar / p
-            parts[PART_PITCH] -= due_bar * link.s_l / (p * p)
+            param_bars[PARAM_GAP] += due_bar / p
+            param_bars[PARAM_PITCH] -= due_bar * contact.s_l / (p * p)
         else:  # (1 - s²) / 2pd
-            parts[PART_GAP] -= due_bar * link.s_l / (p * d)
-            parts[PART_PITCH] -= due_bar * v / p
-            parts[PART_THICK] -= due_bar * v / d
-    if not is_uneven(link):
+            param_bars[PARAM_GAP] -= due_bar * contact.s_l / (p * d)
+            param_bars[PARAM_PITCH] -= due_bar * v / p
+            param_bars[PARAM_THICK] -= due_bar * v / d
+    if not is_uneven(contact):
         return
     s = math.sqrt(v * (2.0 - v))
     q = p * s + e * (1.0 - v)
     if flushed:
         x = due_bar * s / q
         if e != 0.0:
-            parts[PART_GAP] += x
-            parts[PART_PITCH] -= v * x
-        parts[PART_RISE] -= s * x
+            param_bars[PARAM_GAP] += x
+            param_bars[PARAM_PITCH] -= v * x
+        param_bars[PARAM_RISE] -= s * x
     else:
         x = due_bar * s / (d * q)
         if e != 0.0:
-            parts[PART_GAP] -= link.s_l * x
-            parts[PART_PITCH] -= d * v * x
-            parts[PART_THICK] -= (p * v + e * s) * x
-        parts[PART_RISE] -= (e + d * s) * x
+            param_bars[PARAM_GAP] -= contact.s_l * x
+            param_bars[PARAM_PITCH] -= d * v * x
+            param_bars[PARAM_THICK] -= (p * v + e * s) * x
+        param_bars[PARAM_RISE] -= (e + d * s) * x
 
 
 @always_inline
-def hit_angle_back(link, cosine, x_bar, parts):
+def hit_angle_back(contact, cosine, x_bar, param_bars):
     """The angle of a hit in reverse: sin(θ + β) = s, with its cosine."""
-    parts[PART_GAP] += x_bar / cosine
-    parts[PART_TURN] -= x_bar
+    param_bars[PARAM_GAP] += x_bar / cosine
+    param_bars[PARAM_TURN] -= x_bar
 
 
 @leaf
-def hit_back(ring, hit, u_bar, mu, parts, whole):
+def hit_back(ring, hit, u_bar, mu, param_bars, physics_bar):
     """`hit` in reverse: bars of u before it and of M."""
     n, u, m_end = hit.leader, hit.u, hit.m
     leader, other = ring[n], ring[n + 1].inertia
@@ -242,95 +249,95 @@ def hit_back(ring, hit, u_bar, mu, parts, whole):
     keep = m / total
     keep_bar = 2.0 * keep * u * u_bar
     m_bar = keep_bar * other / (total * total)
-    parts[n + 1, PART_INERTIA] -= keep_bar * m / (total * total)
+    param_bars[n + 1, PARAM_INERTIA] -= keep_bar * m / (total * total)
     omega_bar = -keep_bar * m * m / (total * total)
     up_bar, down_bar = m_end * m_bar / down, -m_end * m_bar * f / down
     cd_bar = up_bar + down_bar + omega_bar * e / (cd * cd)
-    parts[n, PART_THICK] -= mu * up_bar
+    param_bars[n, PARAM_THICK] -= mu * up_bar
     if is_uneven(leader):
-        parts[n, PART_RISE] -= up_bar + omega_bar / cd
-    parts[n, PART_GAP] += mu * down_bar - s_l / cd * cd_bar
-    whole.friction += s_l * down_bar - d_l * up_bar
+        param_bars[n, PARAM_RISE] -= up_bar + omega_bar / cd
+    param_bars[n, PARAM_GAP] += mu * down_bar - s_l / cd * cd_bar
+    physics_bar.friction += s_l * down_bar - d_l * up_bar
     return keep * keep * u_bar, f * m_bar
 
 
 @internal
-def flush_back(trail, ring, switch, u_bar, mu, parts, whole):
+def flush_back(saved, ring, switch, u_bar, mu, param_bars, physics_bar):
     """The impact of a flush in reverse, links that flush being FLUSHING.
 
     Returns bars of u before it and of the angle.
     """
     n, low, u = switch.leader, switch.low, switch.u
-    s, v = pose(switch.angle)
+    s, v = sin_versine(switch.angle)
     w, jac = 1.0, 1.0
-    trail[0, SIN], trail[0, VER], trail[0, WGT], trail[0, JAC] = s, v, w, jac
+    saved[0, SIN], saved[0, VER], saved[0, WGT], saved[0, JAC] = s, v, w, jac
     before, after, first = ring[n].inertia, ring[n].inertia, low
     for i in range(n - 1, low - 1, -1):
-        link, here = ring[i], trail[n - i]
-        s_i, v_i, omega, _, ratio = link_at(link, s, v, mu)
-        if link.contact == FLUSHING:
-            _, _, omega, _, _ = tip(s, v, shape_of(link), mu)
+        contact, here = ring[i], saved[n - i]
+        s_i, v_i, omega, _, ratio = contact_at(contact, s, v, mu)
+        if contact.kind == FLUSHING:
+            _, _, omega, _, _ = tip(s, v, shape_of(contact), mu)
             first = max(first, i + 1)
         s, v, w, jac = s_i, v_i, w * ratio, jac * omega
         here[SIN], here[VER], here[WGT], here[JAC] = s, v, w, jac
-        before += w * link.inertia * jac
+        before += w * contact.inertia * jac
         if i >= first:
-            after += w * link.inertia * jac
+            after += w * contact.inertia * jac
     keep = before / after
     keep_bar = 2.0 * keep * u * u_bar
     before_bar, after_bar = keep_bar / after, -keep_bar * keep / after
     s_bar, v_bar, w_bar, jac_bar = 0.0, 0.0, 0.0, 0.0
-    sums = trail[n - low + 1, :PARTS]  # of one link; the trail is one longer than the stack
+    sums = saved[n - low + 1, :PARAMS]  # of one link; the trail is one longer than the stack
     for i in range(low, n):
-        link, here, above = ring[i], trail[n - i], trail[n - i - 1]
+        contact, here, above = ring[i], saved[n - i], saved[n - i - 1]
         seed = before_bar + (after_bar if i >= first else 0.0)
         w, jac = here[WGT], here[JAC]
-        parts[i, PART_INERTIA] += seed * w * jac
-        w_bar += seed * link.inertia * jac
-        jac_bar += seed * link.inertia * w
+        param_bars[i, PARAM_INERTIA] += seed * w * jac
+        w_bar += seed * contact.inertia * jac
+        jac_bar += seed * contact.inertia * w
         s, v, w, jac = above[SIN], above[VER], above[WGT], above[JAC]
         o_bar, r_bar = jac_bar * jac, w_bar * w
-        o_new = 0.0 if link.contact == FLUSHING else o_bar
+        o_new = 0.0 if contact.kind == FLUSHING else o_bar
         sums[:] = 0.0
-        s_bar, v_bar, shape_bar, mu_bar, omega, _, ratio = link_back_at(
-            link, s, v, mu, s_bar, v_bar, o_new, 0.0, r_bar
+        s_bar, v_bar, shape_bar, mu_bar, omega, _, ratio = contact_back_at(
+            contact, s, v, mu, s_bar, v_bar, o_new, 0.0, r_bar
         )
         add_shape(sums, shape_bar)
-        if link.contact == FLUSHING:
+        if contact.kind == FLUSHING:
             s_2, v_2, shape_bar, _, omega, _, _ = tip_back(
-                s, v, shape_of(link), mu, 0.0, 0.0, o_bar, 0.0, 0.0
+                s, v, shape_of(contact), mu, 0.0, 0.0, o_bar, 0.0, 0.0
             )
             s_bar, v_bar = s_bar + s_2, v_bar + v_2
             add_shape(sums, shape_bar)
         w_bar, jac_bar = w_bar * ratio, jac_bar * omega
-        for c in range(PARTS):
-            parts[i, c] += sums[c]
-        whole.friction += mu_bar
-    parts[n, PART_INERTIA] += before_bar + after_bar
-    return keep * keep * u_bar, (1.0 - trail[0, VER]) * s_bar + trail[0, SIN] * v_bar
+        for c in range(PARAMS):
+            param_bars[i, c] += sums[c]
+        physics_bar.friction += mu_bar
+    param_bars[n, PARAM_INERTIA] += before_bar + after_bar
+    return keep * keep * u_bar, (1.0 - saved[0, VER]) * s_bar + saved[0, SIN] * v_bar
 
 
 @internal
-def switch_back(trail, ring, switch, x_bar, mu, parts):
+def switch_back(saved, ring, switch, x_bar, mu, param_bars):
     """The angle of a switch in reverse, by the implicit function theorem: at that angle 1 - cos
     θ_{i+1} is what the link waits for."""
-    n, due_link = switch.leader, switch.link
-    s, v = pose(switch.angle)
+    n, due_contact = switch.leader, switch.contact
+    s, v = sin_versine(switch.angle)
     jac = 1.0
-    trail[0, SIN], trail[0, VER] = s, v
-    for i in range(n - 1, due_link, -1):
-        s, v, omega, _, _ = link_at(ring[i], s, v, mu)
-        trail[n - i, SIN], trail[n - i, VER] = s, v
+    saved[0, SIN], saved[0, VER] = s, v
+    for i in range(n - 1, due_contact, -1):
+        s, v, omega, _, _ = contact_at(ring[i], s, v, mu)
+        saved[n - i, SIN], saved[n - i, VER] = s, v
         jac *= omega
     rate = s * jac
     if abs(rate) < TINY:
         return  # the link stands still: no angle is the answer, and this one is kept
     due_bar = x_bar / rate
-    due_back(ring[due_link], switch.flushed, due_bar, parts[due_link])
+    due_back(ring[due_contact], switch.flushed, due_bar, param_bars[due_contact])
     s_bar, v_bar = 0.0, -due_bar
-    for i in range(due_link + 1, n):
-        above = trail[n - i - 1]
-        s_bar, v_bar, shape_bar, _, _, _, _ = link_back_at(
+    for i in range(due_contact + 1, n):
+        above = saved[n - i - 1]
+        s_bar, v_bar, shape_bar, _, _, _, _ = contact_back_at(
             ring[i], above[SIN], above[VER], mu, s_bar, v_bar, 0.0, 0.0, 0.0
         )
-        add_shape(parts[i], shape_bar)
+        add_shape(param_bars[i], shape_bar)

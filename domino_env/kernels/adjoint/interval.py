@@ -7,27 +7,16 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.adjoint.contact import B_MU, PARTS, SEED_D, SEED_G, SEED_M
+from domino_env.kernels.adjoint.contact import B_MU, PARAMS, SEED_D, SEED_G, SEED_M
 from domino_env.kernels.adjoint.stack import (
     angle_bar,
     copy_sums,
     retrace,
     stack_back,
-    stack_back_again,
-    tabulate,
+    stack_back_from_table,
+    tabulate_stack,
 )
-from domino_env.kernels.interval import affine_map
-from domino_env.kernels.jit import internal
-from domino_env.kernels.quadrature import (
-    CLOSED,
-    ORDERS,
-    PLACES,
-    RUNNING,
-    WEIGHTS,
-    series,
-    slow_time,
-)
-from domino_env.kernels.slots import (
+from domino_env.kernels.arrays import (
     COEF,
     EXPO,
     MAP_E,
@@ -39,15 +28,26 @@ from domino_env.kernels.slots import (
     SUM_M,
     record_type,
 )
-from domino_env.kernels.stack import spread
+from domino_env.kernels.interval import affine_map
+from domino_env.kernels.jit import internal
+from domino_env.kernels.quadrature import (
+    CLOSED,
+    ORDERS,
+    POSITIONS,
+    RUNNING,
+    WEIGHTS,
+    series,
+    slow_time,
+)
+from domino_env.kernels.stack import set_angles
 
 
 @internal
-def ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole):
+def interval_seeds(lanes, bars, interval, u_bar, t_bar, m_bar, mu, gravity, physics_bar):
     """The time and the map of one interval in reverse: seeds of M, G and D, from lanes that hold
     its map.  Returns bars of u at its start and of its length.
     """
-    h, k, u0, x_low = ride.length, ride.rule, ride.u, ride.crept
+    h, k, u0, x_low = interval.length, interval.rule, interval.u, interval.slowest_at
     end = ORDERS[k] + 1
     count = end + 1
     lanes[SPEED2] = u0
@@ -89,7 +89,7 @@ def ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole):
                 r_bar += RUNNING[k, i - 1, j - 1] * lanes[SLOWNESS + j]
             inv, rate = 1.0 / lanes[SUM_M + i], lanes[RATE + i]
             bars[SEED_G + i] = r_bar * 2.0 * gravity * h * inv / lanes[MAP_E + i]
-            whole.gravity += r_bar * rate / gravity
+            physics_bar.gravity += r_bar * rate / gravity
             h_bar += r_bar * rate / h
             bars[SEED_M + i] = -r_bar * rate * inv
             lanes[COEF + i] = lanes[MAP_E + i] * lanes[SPEED2 + i] - r_bar * rate
@@ -109,45 +109,51 @@ def ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole):
             bars[SEED_G + j] = -2.0 * gravity / m0 * x
             bars[SEED_M] += (e_bar / lanes[SUM_M + j]) - lanes[MAP_U + j] / m0 * x
             bars[SEED_G] -= bars[SEED_G + j]
-            whole.gravity += lanes[MAP_U + j] / gravity * x
+            physics_bar.gravity += lanes[MAP_U + j] / gravity * x
     bars[SEED_M + end] += m_bar
     return u0_bar, h_bar
 
 
 @internal
-def stack_of_ride_back(bars, k, ring, n, low, end_bar, mu, trail, parts, whole):
+def interval_stack_back(bars, k, ring, n, low, end_bar, mu, saved, param_bars, physics_bar):
     """The stack of an interval in reverse, from its seeds; bars of its first and last angle.
 
     end_bar: what is known of the last one already.
     """
     count, first_bar = ORDERS[k] + 2, 0.0
-    stack_back(bars, count, ring, n, low, mu, trail, parts)
+    stack_back(bars, count, ring, n, low, mu, saved, param_bars)
     for j in range(count):  # the angles a + h x_j of the lanes
-        x = angle_bar(bars, trail[0], j)
+        x = angle_bar(bars, saved[0], j)
         first_bar += x
-        end_bar += PLACES[k, j] * x
+        end_bar += POSITIONS[k, j] * x
         if mu > 0.0:
-            whole.friction += bars[B_MU + j]
+            physics_bar.friction += bars[B_MU + j]
     return first_bar - end_bar, end_bar
 
 
 @internal
-def ride_back(lanes, bars, trail, ring, ride, u_bar, t_bar, m_bar, mu, gravity, parts, whole):
+def interval_back(
+    lanes, bars, saved, ring, interval, u_bar, t_bar, m_bar, mu, gravity, param_bars, physics_bar
+):
     """One interval in reverse.
 
     u_bar, t_bar, m_bar: of u and M at its end, and of its time.
     Returns bars of u at its start, of its first and of its last angle.
     """
-    n, k, low = ride.leader, ride.rule, ride.low
-    count = spread(lanes, k, ride.angle, ride.length)
-    retrace(lanes, count, ring, n, low, mu, trail, False)
-    affine_map(lanes, k, ride.length, mu, gravity)
-    u0_bar, end_bar = ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole)
-    first_bar, end_bar = stack_of_ride_back(bars, k, ring, n, low, end_bar, mu, trail, parts, whole)
+    n, k, low = interval.leader, interval.rule, interval.low
+    count = set_angles(lanes, k, interval.angle, interval.length)
+    retrace(lanes, count, ring, n, low, mu, saved, False)
+    affine_map(lanes, k, interval.length, mu, gravity)
+    u0_bar, end_bar = interval_seeds(
+        lanes, bars, interval, u_bar, t_bar, m_bar, mu, gravity, physics_bar
+    )
+    first_bar, end_bar = interval_stack_back(
+        bars, k, ring, n, low, end_bar, mu, saved, param_bars, physics_bar
+    )
     return u0_bar, first_bar, end_bar
 
 
-SHARED = record_type(  # which stack the trail, the lanes and the table hold; -1 for none
+SHARED_STACK = record_type(  # which stack the trail, the lanes and the table hold; -1 for none
     rule=int,
     depth=int,  # of the trail, which serves all stacks that are not deeper
     mapped=int,  # depth of the stack whose map the lanes hold
@@ -156,7 +162,7 @@ SHARED = record_type(  # which stack the trail, the lanes and the table hold; -1
 
 
 @internal
-def forget(shared):
+def reset_shared(shared):
     """Nothing is shared any longer: the lanes have been used for something else."""
     shared.rule = shared.depth = shared.mapped = shared.tabled = -1
 
@@ -164,32 +170,49 @@ def forget(shared):
 @internal
 def room_for_table(depth, count):
     """Room for the table of a stack in `count` lanes, and for a row of sums over it."""
-    return np.empty((3 * count + 1, (depth + 2) * PARTS))
+    return np.empty((3 * count + 1, (depth + 2) * PARAMS))
 
 
 @internal
 def fall_back(
-    shared, lanes, bars, trail, table, ring, ride, u_bar, t_bar, m_bar, mu, gravity, parts, whole
+    shared,
+    lanes,
+    bars,
+    saved,
+    table,
+    ring,
+    interval,
+    u_bar,
+    t_bar,
+    m_bar,
+    mu,
+    gravity,
+    param_bars,
+    physics_bar,
 ):
     """A whole fall in reverse, upright to its hit; bars of u at its start and of its last angle."""
-    n, k, low = ride.leader, ride.rule, ride.low
+    n, k, low = interval.leader, interval.rule, interval.low
     depth, count = n - low, ORDERS[k] + 2
     if k != shared.rule or depth > shared.depth:
-        forget(shared)
-        spread(lanes, k, ride.angle, ride.length)
-        retrace(lanes, count, ring, n, low, mu, trail, True)
+        reset_shared(shared)
+        set_angles(lanes, k, interval.angle, interval.length)
+        retrace(lanes, count, ring, n, low, mu, saved, True)
         shared.rule, shared.depth = k, depth
     if depth != shared.mapped:
-        copy_sums(trail[depth], lanes, count)
-        affine_map(lanes, k, ride.length, mu, gravity)
+        copy_sums(saved[depth], lanes, count)
+        affine_map(lanes, k, interval.length, mu, gravity)
         shared.mapped = depth
     if low > 0 and depth != shared.tabled:  # many falls are cut there, and a table pays
-        tabulate(bars, k, ring, n, low, mu, trail, table)
+        tabulate_stack(bars, k, ring, n, low, mu, saved, table)
         shared.tabled = depth
-    u_bar, end_bar = ride_seeds(lanes, bars, ride, u_bar, t_bar, m_bar, mu, gravity, whole)
+    u_bar, end_bar = interval_seeds(
+        lanes, bars, interval, u_bar, t_bar, m_bar, mu, gravity, physics_bar
+    )
     if low > 0:
         sums = table[len(table) - 1]
-        end_bar += stack_back_again(bars, count, n, low, table, sums, parts, whole)
+        end_bar += stack_back_from_table(bars, count, n, low, table, sums, param_bars, physics_bar)
     else:
-        _, end_bar = stack_of_ride_back(bars, k, ring, n, low, end_bar, mu, trail, parts, whole)
+        _, end_bar = interval_stack_back(
+            bars, k, ring, n, low, end_bar, mu, saved, param_bars, physics_bar
+        )
     return u_bar, end_bar

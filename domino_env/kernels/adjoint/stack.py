@@ -15,9 +15,9 @@ from domino_env.kernels.adjoint.contact import (
     B_TURN,
     B_VER,
     B_WGT,
-    PART_RISE,
-    PART_TURN,
-    PARTS,
+    PARAM_RISE,
+    PARAM_TURN,
+    PARAMS,
     SEED_D,
     SEED_G,
     SEED_M,
@@ -25,10 +25,7 @@ from domino_env.kernels.adjoint.contact import (
     corner_back,
     tip_back,
 )
-from domino_env.kernels.contact import pose, shape_of
-from domino_env.kernels.jit import always_inline, internal
-from domino_env.kernels.quadrature import ORDERS, PLACES
-from domino_env.kernels.slots import (
+from domino_env.kernels.arrays import (
     DRV,
     JAC,
     PITCH,
@@ -41,30 +38,38 @@ from domino_env.kernels.slots import (
     WGT,
     is_uneven,
 )
-from domino_env.kernels.stack import lead, lean, lean_free
+from domino_env.kernels.contact import shape_of, sin_versine
+from domino_env.kernels.jit import always_inline, internal
+from domino_env.kernels.quadrature import ORDERS, POSITIONS
+from domino_env.kernels.stack import add_domino, add_domino_frictionless, add_leader
 
 
 @always_inline
-def keep_shape(bars, j, link, shape_bar):
+def keep_shape(bars, j, contact, shape_bar):
     """Write the bars of a link into its lane."""
     bars[B_PITCH + j] = shape_bar.pitch
     bars[B_GAP + j] = shape_bar.gap
     bars[B_THICK + j] = shape_bar.thick
-    if is_uneven(link):
+    if is_uneven(contact):
         bars[B_RISE + j] = shape_bar.rise
         bars[B_TURN + j] = shape_bar.turn
 
 
 @always_inline
-def parts_of(link):
+def param_count(contact):
     """How many parts there are bars of."""
-    return PARTS if is_uneven(link) else PARTS - 2
+    return PARAMS if is_uneven(contact) else PARAMS - 2
 
 
 @always_inline
-def lean_back(bars, above, here, count, link, mu, at_tip):
+def add_domino_back(bars, above, here, count, contact, mu, at_tip):
     """`lean` in reverse; `above` and `here` are the lanes before and after it."""
-    shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
+    shape, inertia, half, slender = (
+        shape_of(contact),
+        contact.inertia,
+        contact.half_weight,
+        contact.slender,
+    )
     for j in range(count):
         s, v, w, jac, drv = above[SIN + j], above[VER + j], above[WGT + j], above[JAC + j], above[DRV + j]  # noqa: E501  # fmt: skip
         s_i, c_i, w_i, jac_i, drv_i = here[SIN + j], 1.0 - here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
@@ -92,13 +97,18 @@ def lean_back(bars, above, here, count, link, mu, at_tip):
         bars[B_JAC + j] = jac_bar * omega + 2.0 * drv_bar * psi * jac
         bars[B_DRV + j] = drv_bar * omega
         bars[B_MU + j] += mu_bar
-        keep_shape(bars, j, link, shape_bar)
+        keep_shape(bars, j, contact, shape_bar)
 
 
 @always_inline
-def lean_free_back(bars, above, here, count, link, at_tip):
+def add_domino_frictionless_back(bars, above, here, count, contact, at_tip):
     """`lean_free` in reverse."""
-    shape, inertia, half, slender = shape_of(link), link.inertia, link.half_weight, link.slender
+    shape, inertia, half, slender = (
+        shape_of(contact),
+        contact.inertia,
+        contact.half_weight,
+        contact.slender,
+    )
     for j in range(count):
         s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
         s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
@@ -119,11 +129,11 @@ def lean_free_back(bars, above, here, count, link, at_tip):
             )
         bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
         bars[B_JAC + j] = jac_bar * omega
-        keep_shape(bars, j, link, shape_bar)
+        keep_shape(bars, j, contact, shape_bar)
 
 
 @internal
-def gather(bars, count, domino, parts):
+def gather(bars, count, domino, param_bars):
     """Add what all lanes say of one domino and its link."""
     for k in range(2):  # three sums at a time, each of which waits for its last addition
         a, b, c = 0.0, 0.0, 0.0
@@ -132,39 +142,39 @@ def gather(bars, count, domino, parts):
             a += bars[at + j]
             b += bars[at + PITCH + j]
             c += bars[at + 2 * PITCH + j]
-        parts[3 * k] += a
-        parts[3 * k + 1] += b
-        parts[3 * k + 2] += c
+        param_bars[3 * k] += a
+        param_bars[3 * k + 1] += b
+        param_bars[3 * k + 2] += c
     if is_uneven(domino):
         e, turn = 0.0, 0.0
         for j in range(count):
             e += bars[B_RISE + j]
             turn += bars[B_TURN + j]
-        parts[PART_RISE] += e
-        parts[PART_TURN] += turn
+        param_bars[PARAM_RISE] += e
+        param_bars[PARAM_TURN] += turn
 
 
 @internal
-def retrace(lanes, count, ring, n, low, mu, trail, shared):
+def retrace(lanes, count, ring, n, low, mu, saved, shared):
     """Lead the lanes down the stack once more, keeping what they were at every domino.
 
     shared: keep the sums down to there too, for stacks that end at any of them.
     """
-    lead(lanes, count, ring[n], mu)
-    here = trail[0]
+    add_leader(lanes, count, ring[n], mu)
+    here = saved[0]
     for j in range(count):
         here[SIN + j], here[VER + j] = lanes[SIN + j], lanes[VER + j]
         here[WGT + j], here[JAC + j], here[DRV + j] = 1.0, 1.0, 0.0
     if shared:
         copy_sums(lanes, here, count)
     for i in range(n - 1, low - 1, -1):
-        here = trail[n - i]
+        here = saved[n - i]
         if mu > 0.0:
-            lean(lanes, count, ring[i], mu)
+            add_domino(lanes, count, ring[i], mu)
             for j in range(count):
                 here[WGT + j], here[DRV + j] = lanes[WGT + j], lanes[DRV + j]
         else:
-            lean_free(lanes, count, ring[i])
+            add_domino_frictionless(lanes, count, ring[i])
         for j in range(count):
             here[SIN + j], here[VER + j] = lanes[SIN + j], lanes[VER + j]
             here[JAC + j] = lanes[JAC + j]
@@ -181,21 +191,21 @@ def copy_sums(source, target, count):
 
 
 @internal
-def link_back(bars, above, here, count, link, mu):
+def contact_back(bars, above, here, count, contact, mu):
     """Lead all bars up over one link, whatever its contact."""
     if mu > 0.0:  # a constant in the call lets the compiler make a loop for each contact
-        if link.contact == TIP:
-            lean_back(bars, above, here, count, link, mu, True)
+        if contact.kind == TIP:
+            add_domino_back(bars, above, here, count, contact, mu, True)
         else:
-            lean_back(bars, above, here, count, link, mu, False)
-    elif link.contact == TIP:
-        lean_free_back(bars, above, here, count, link, True)
+            add_domino_back(bars, above, here, count, contact, mu, False)
+    elif contact.kind == TIP:
+        add_domino_frictionless_back(bars, above, here, count, contact, True)
     else:
-        lean_free_back(bars, above, here, count, link, False)
+        add_domino_frictionless_back(bars, above, here, count, contact, False)
 
 
 @always_inline
-def lead_back(bars, first, count, leader, mu):
+def add_leader_back(bars, first, count, leader, mu):
     """`lead` in reverse; `first` are the lanes at the leader."""
     half, slender = leader.half_weight, leader.slender
     for j in range(count):
@@ -229,18 +239,18 @@ def angle_bar(bars, first, j):
 
 
 @internal
-def stack_back(bars, count, ring, n, low, mu, trail, parts):
+def stack_back(bars, count, ring, n, low, mu, saved, param_bars):
     """Pull the seeds of the three sums back through the stack."""
     no_bars(bars, count)
     for i in range(low, n):
-        link_back(bars, trail[n - i - 1], trail[n - i], count, ring[i], mu)
-        gather(bars, count, ring[i], parts[i])
-    lead_back(bars, trail[0], count, ring[n], mu)
-    gather(bars, count, ring[n], parts[n])
+        contact_back(bars, saved[n - i - 1], saved[n - i], count, ring[i], mu)
+        gather(bars, count, ring[i], param_bars[i])
+    add_leader_back(bars, saved[0], count, ring[n], mu)
+    gather(bars, count, ring[n], param_bars[n])
 
 
 @internal
-def tabulate(bars, k, ring, n, low, mu, trail, table):
+def tabulate_stack(bars, k, ring, n, low, mu, saved, table):
     """What one unit of each seed adds to each part: for stacks that many falls share.
 
     table[sum and lane, depth and part]; one depth more holds what it adds to the bars of the last
@@ -255,45 +265,45 @@ def tabulate(bars, k, ring, n, low, mu, trail, table):
         no_bars(bars, count)
         for i in range(low, n + 1):
             if i < n:
-                link_back(bars, trail[n - i - 1], trail[n - i], count, ring[i], mu)
+                contact_back(bars, saved[n - i - 1], saved[n - i], count, ring[i], mu)
             else:
-                lead_back(bars, trail[0], count, ring[n], mu)
+                add_leader_back(bars, saved[0], count, ring[n], mu)
             for j in range(count):
-                for c in range(parts_of(ring[i])):
-                    table[q * count + j, (n - i) * PARTS + c] = bars[B_PITCH + c * PITCH + j]
+                for c in range(param_count(ring[i])):
+                    table[q * count + j, (n - i) * PARAMS + c] = bars[B_PITCH + c * PITCH + j]
         for j in range(count):
-            x, at = angle_bar(bars, trail[0], j), (depth + 1) * PARTS
-            table[q * count + j, at] = PLACES[k, j] * x
+            x, at = angle_bar(bars, saved[0], j), (depth + 1) * PARAMS
+            table[q * count + j, at] = POSITIONS[k, j] * x
             table[q * count + j, at + 1] = bars[B_MU + j] if mu > 0.0 else 0.0
 
 
 @internal
-def stack_back_again(bars, count, n, low, table, sums, parts, whole):
+def stack_back_from_table(bars, count, n, low, table, sums, param_bars, physics_bar):
     """`stack_back` by the table; returns the bar of the last angle."""
     depth = n - low
-    size = (depth + 2) * PARTS
+    size = (depth + 2) * PARAMS
     for x in range(size):
         sums[x] = 0.0
     for q in range(3):
         for j in range(count):
-            seed, row = bars[SEED_M + q * PITCH + j], table[q * count + j]
+            seed, entries = bars[SEED_M + q * PITCH + j], table[q * count + j]
             if seed != 0.0:
                 for x in range(size):
-                    sums[x] += seed * row[x]
+                    sums[x] += seed * entries[x]
     for level in range(depth + 1):
-        for c in range(PARTS):
-            parts[n - level, c] += sums[level * PARTS + c]
-    at = (depth + 1) * PARTS
-    whole.friction += sums[at + 1]
+        for c in range(PARAMS):
+            param_bars[n - level, c] += sums[level * PARAMS + c]
+    at = (depth + 1) * PARAMS
+    physics_bar.friction += sums[at + 1]
     return sums[at]
 
 
 @internal
-def mass_back(lanes, bars, trail, ring, n, low, angle, m_bar, mu, parts, whole):
+def mass_back(lanes, bars, saved, ring, n, low, angle, m_bar, mu, param_bars, physics_bar):
     """M of the stack at one angle in reverse; returns the bar of the angle."""
-    lanes[SIN], lanes[VER] = pose(angle)
-    retrace(lanes, 1, ring, n, low, mu, trail, False)
+    lanes[SIN], lanes[VER] = sin_versine(angle)
+    retrace(lanes, 1, ring, n, low, mu, saved, False)
     bars[SEED_M], bars[SEED_G], bars[SEED_D] = m_bar, 0.0, 0.0
-    stack_back(bars, 1, ring, n, low, mu, trail, parts)
-    whole.friction += bars[B_MU]
-    return angle_bar(bars, trail[0], 0)
+    stack_back(bars, 1, ring, n, low, mu, saved, param_bars)
+    physics_bar.friction += bars[B_MU]
+    return angle_bar(bars, saved[0], 0)

@@ -34,7 +34,6 @@ from domino_env.kernels.jit.plain import compile_plainly
 __all__ = [
     "always_inline",
     "borrowed",
-    "compile_alone",
     "entry_point",
     "has_field",
     "internal",
@@ -101,11 +100,6 @@ def noinline(function: Callable[..., Any]) -> Any:
     return _compiled(function, "NoInline")
 
 
-def compile_alone(function: Callable[..., Any]) -> Any:
-    """Compile a function that shares no code with the kernels, for Python."""
-    return compile_plainly(function, kept=True)
-
-
 def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any:
     if _FAST is None:
         return compile_plainly(function, kept=library == "EntryPoint", **options)
@@ -113,7 +107,7 @@ def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any
 
 
 @numba.extending.intrinsic
-def borrowed(_: Any, value: Any) -> Any:
+def borrow(_: Any, value: Any) -> Any:
     """Return an array, or a tuple of arrays, without reference counts; the owners must outlive it.
 
     Counting is atomic, and was an eighth of a step's time.

@@ -35,30 +35,30 @@ def reachable(low, high, least, most):
 
 
 @always_inline
-def pitch_bounds(rules, pairs_left, way):
+def pitch_bounds(rules, pairs_left, distance):
     """Return the pitches of this pair from which the course length can still be met."""
     low = rules.gap_low + rules.thick_low
     high = rules.gap_high + rules.thick_high
-    left, after = rules.length - way, pairs_left - 1
+    left, after = rules.length - distance, pairs_left - 1
     return left - after * high, left - after * low
 
 
 @always_inline
-def thickness_bounds(rules, pairs_left, way):
+def thickness_bounds(rules, pairs_left, distance):
     """Return the bounds of the next domino's thickness: some gap must still fit its pitch."""
     low, high = rules.thick_low, rules.thick_high
     if rules.length > 0.0:
-        least, most = pitch_bounds(rules, pairs_left, way)
+        least, most = pitch_bounds(rules, pairs_left, distance)
         return reachable(low, high, least - rules.gap_high, most - rules.gap_low)
     return low, high
 
 
 @always_inline
-def gap_bounds(rules, spacing, n, way, thickness):
+def gap_bounds(rules, spacing, n, distance, thickness):
     """Return the bounds of gap n, once the thickness of the domino behind it is chosen."""
     low, high = rules.gap_low, rules.gap_high
     if rules.length > 0.0:
-        least, most = pitch_bounds(rules, len(spacing) - n, way)
+        least, most = pitch_bounds(rules, len(spacing) - n, distance)
         low, high = reachable(low, high, least - thickness, most - thickness)
     if rules.largest_change > 0.0 and n > 0:
         before, change = spacing[n - 1], rules.largest_change
@@ -87,13 +87,13 @@ def nearest_within(values, low, high, gap):
 
 
 @always_inline
-def choose(action, rules, batch, left, n, way, row):
+def decode(action, rules, batch, left, n, distance, layout):
     """Write what an action stands for into a row: gap n, thickness (and height) of domino n+1.
 
     rules: of the row.  batch: with the only gaps and thicknesses allowed, if any.
     left: (K,) how many there still are of each kind of domino.
     """
-    spacing, height = row.spacing, row.height
+    spacing, height = layout.spacing, layout.height
     column = len(action) - 1
     behind = height[n]
     if rules.grows:
@@ -105,7 +105,7 @@ def choose(action, rules, batch, left, n, way, row):
     ahead = height[n + 1]
     thick = rules.thick_low
     if rules.thick_low < rules.thick_high:
-        low, high = thickness_bounds(rules, len(spacing) - n, way)
+        low, high = thickness_bounds(rules, len(spacing) - n, distance)
         thick = between(action[column], low, high)
         if batch.kinds.shape[1] > 0:
             k = nearest_left(batch.kinds[0], left, thick)
@@ -113,41 +113,41 @@ def choose(action, rules, batch, left, n, way, row):
             thick = batch.kinds[0, k]
     gap = rules.gap_low
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, way, thick)
+        low, high = gap_bounds(rules, spacing, n, distance, thick)
         gap = between(action[0], low, high)
         if len(batch.gap_values) > 0:
             gap = nearest_within(batch.gap_values, low, high, gap)
     if rules.in_heights:
         thick *= ahead
         gap *= min(behind, ahead)
-    spacing[n], row.thickness[n + 1] = gap, thick
+    spacing[n], layout.thickness[n + 1] = gap, thick
 
 
 @always_inline
-def put_down(rules, errors, b, n, spacing):
+def add_placement_error(rules, errors, b, n, spacing):
     """Add the placement error to gap n, where there are errors."""
     if len(errors) > 0:
         spacing[n] = max(spacing[n] + errors[b, n], rules.least_placed)
 
 
 @always_inline
-def aim(rules, spacing, n, way, wanted, action):
+def encode(rules, spacing, n, distance, target, action):
     """Write the action that comes nearest to a wanted domino behind gap n.
 
     wanted: gap, thickness, and the heights of the domino before and of this one [m].
     """
-    gap, thick, behind, ahead = wanted[0], wanted[1], wanted[2], wanted[3]
+    gap, thick, behind, ahead = target[0], target[1], target[2], target[3]
     if rules.in_heights:
         gap, thick = gap / min(behind, ahead), thick / ahead
     column = len(action) - 1
     if rules.growth_low < rules.growth_high:
         action[column] = action_for(ahead / behind, rules.growth_low, rules.growth_high)
         column -= 1
-    low, high = thickness_bounds(rules, len(spacing) - n, way)
+    low, high = thickness_bounds(rules, len(spacing) - n, distance)
     if rules.thick_low < rules.thick_high:
         action[column] = action_for(thick, low, high)
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, way, min(max(thick, low), high))
+        low, high = gap_bounds(rules, spacing, n, distance, min(max(thick, low), high))
         action[0] = action_for(gap, low, high)
 
 
@@ -167,7 +167,7 @@ def reachable_back(low, high, least, most, low_bar, high_bar):
 
 
 @internal
-def choose_back(action, rules, n, way, row, bars, carried, action_bar):
+def decode_back(action, rules, n, distance, layout, bars, carried, action_bar):
     """Write the derivatives by an action, of what has those by gap n and domino n+1.
 
     bars: by gap, thickness and height, as if nothing else followed from them.
@@ -175,9 +175,9 @@ def choose_back(action, rules, n, way, row, bars, carried, action_bar):
     by the way, by gap n-1 and by the height of domino n.
     Beyond [-1, 1] the derivatives are those at the nearer end.  Lists and stocks have none.
     """
-    spacing, column = row.spacing, len(action) - 1
-    behind, ahead = row.height[n], row.height[n + 1]
-    gap, thick = spacing[n], row.thickness[n + 1]
+    spacing, column = layout.spacing, len(action) - 1
+    behind, ahead = layout.height[n], layout.height[n + 1]
+    gap, thick = spacing[n], layout.thickness[n + 1]
     way_bar, height_bar = carried[0], bars[2] + carried[2]
     gap_bar, thick_bar = bars[0] + way_bar + carried[1], bars[1] + way_bar
     before_bar, behind_bar = 0.0, 0.0
@@ -190,10 +190,10 @@ def choose_back(action, rules, n, way, row, bars, carried, action_bar):
             height_bar += gap * gap_bar
         height_bar += thick * thick_bar
         gap_bar, thick_bar = least * gap_bar, ahead * thick_bar
-    pitch_low, pitch_high = pitch_bounds(rules, len(spacing) - n, way)
+    pitch_low, pitch_high = pitch_bounds(rules, len(spacing) - n, distance)
     free_growth = int(rules.growth_low < rules.growth_high)
     if rules.gap_low < rules.gap_high:
-        low, high = gap_bounds(rules, spacing, n, way, thick)
+        low, high = gap_bounds(rules, spacing, n, distance, thick)
         action_bar[0], low_bar, high_bar = between_back(action[0], low, high, gap_bar)
         if rules.length > 0.0:
             moved = reachable_back(
@@ -206,7 +206,7 @@ def choose_back(action, rules, n, way, row, bars, carried, action_bar):
             before_bar += low_bar if low > rules.gap_low else 0.0
             before_bar += high_bar if high < rules.gap_high else 0.0
     if rules.thick_low < rules.thick_high:
-        low, high = thickness_bounds(rules, len(spacing) - n, way)
+        low, high = thickness_bounds(rules, len(spacing) - n, distance)
         k = column - free_growth
         action_bar[k], low_bar, high_bar = between_back(action[k], low, high, thick_bar)
         if rules.length > 0.0:

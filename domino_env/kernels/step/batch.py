@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.kernels.arrays import Arrays, Curve, record_type
 from domino_env.kernels.jit import always_inline, select
-from domino_env.kernels.slots import Curve, Row, record_type
 
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
 
@@ -33,14 +33,14 @@ RULES = record_type(  # of a scene: one that all environments share, or each its
     score_is_speed=np.bool_,  # and so known at once
 )
 EPISODE = record_type(  # what is kept between two steps, besides the ring and the state
-    way=float,  # first pivot to last [m]
-    paid=float,  # sum of the rewards; what was given at reset counts as paid
+    distance=float,  # first pivot to last [m]
+    rewarded=float,  # sum of the rewards; what was given at reset counts as paid
     reach=float,  # and once it is over: how far the wave came, the score and why it ended
     score=float,
     placed=int,  # dominoes after the first
     phase=int,
     outcome=int,
-    unsure=np.bool_,  # whether the score has to be computed from the layout as a whole
+    uncertain=np.bool_,  # whether the score has to be computed from the layout as a whole
 )
 
 
@@ -48,7 +48,7 @@ class Batch(NamedTuple):
     """B environments: what they share, and their arrays."""
 
     rules: NDArray[np.record]  # (1,) RULES, or (B,) where each has its own scene
-    parts: NDArray[np.record]  # (1,) OBSERVATION
+    entries: NDArray[np.record]  # (1,) OBSERVATION
     features: NDArray[np.float32]  # (B, F) of the scene, to be observed; F = 0 where it is fixed
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c), k dominoes away from an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or none
@@ -75,11 +75,11 @@ def rules_of(batch, b):
 
 
 @always_inline
-def row_built(batch, b):
+def layout_in(batch, b):
     """Return the row of environment b, as long as its scene has it."""
     count = rules_of(batch, b).count
     height, density = b if len(batch.height) > 1 else 0, b if len(batch.density) > 1 else 0
-    return Row(
+    return Arrays(
         batch.spacing[b, : count - 1],
         batch.thickness[b, :count],
         batch.height[height, :count],

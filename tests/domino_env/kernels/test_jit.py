@@ -17,16 +17,16 @@ from domino_env.kernels import chain, quadrature
 
 PROBE = """
 from domino_env.kernels.jit import entry_point, noinline
-from domino_env.kernels.quadrature import place
+from domino_env.kernels.quadrature import lane_position
 from domino_env.kernels.quadrature import ORDERS
 
 @noinline
 def beneath(k, j):
-    return place(k, j)
+    return lane_position(k, j)
 
 @entry_point
 def into(k, j):
-    return place(k, j)
+    return lane_position(k, j)
 
 @entry_point
 def across(k, j):
@@ -115,7 +115,7 @@ def test_a_full_disk_costs_the_cache_and_not_the_answer(copy):
     assert said.count("set NUMBA_CACHE_DIR") == 1
 
 
-@pytest.mark.parametrize("function", [quadrature.place, chain.chain])
+@pytest.mark.parametrize("function", [quadrature.lane_position, chain.chain])
 def test_only_entry_points_are_called_from_python(function):
     with pytest.raises(TypeError, match="called by compiled code only"):
         function(*[0] * function.py_func.__code__.co_argcount)
@@ -129,26 +129,26 @@ if sys.argv[1] == "plain":
 from domino_env import kernels
 from domino_env.kernels import contact, jit
 from domino_env.kernels.adjoint import contact as backwards
-from domino_env.kernels.contact import link_at, pose, shape_of
+from domino_env.kernels.contact import contact_at, shape_of, sin_versine
 
 @jit.entry_point
 def walk(row, mu, found):
     ring = contact.new_ring(row, 8)
     for i in range(len(row.thickness)):
-        contact.stand(ring, 7, i, row, i)
-    s, v = pose(0.1)
+        contact.place_domino(ring, 7, i, row, i)
+    s, v = sin_versine(0.1)
     for i in range(len(row.spacing)):
-        contact.join(ring, 7, i, row, i, i + 1)
+        contact.place_contact(ring, 7, i, row, i, i + 1)
         shape = shape_of(ring[i])
-        s, v, omega, psi, ratio = link_at(ring[i], s, v, mu)
+        s, v, omega, psi, ratio = contact_at(ring[i], s, v, mu)
         back = backwards.tip_back(s, v, shape, mu, 0.1, 0.2, 0.3, 0.4, 0.5)
         found[i, :7] = s, v, omega, psi, ratio, back[0], back[2].gap
     jit.keep_alive(ring)
 
 found = np.zeros((2, 5, 7))
 row = np.linspace(0.01, 0.03, 5), np.full(6, 0.0075), np.full(6, 0.048), np.full(6, 1040.0)
-walk(kernels.Row(*row), 0.3, found[0])
-walk(kernels.Row(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, found[1])
+walk(kernels.Arrays(*row), 0.3, found[0])
+walk(kernels.Arrays(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, found[1])
 print(json.dumps([found.tolist(), jit._FAST is not None]))
 """
 

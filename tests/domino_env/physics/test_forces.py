@@ -7,7 +7,7 @@ from uneven_layouts import uneven_layout
 
 import domino_env as de
 from domino_env import kernels
-from domino_env.kernels import contact, watch
+from domino_env.kernels import contact, diagnosis
 from domino_env.kernels.jit import entry_point
 
 COUNT, GRAVITY = 7, 9.81
@@ -16,23 +16,23 @@ COUNT, GRAVITY = 7, 9.81
 @entry_point
 def stand_all(ring, row):
     for i in range(len(row.thickness)):
-        contact.stand(ring, len(ring) - 1, i, row, i)
+        contact.place_domino(ring, len(ring) - 1, i, row, i)
     for i in range(len(row.spacing)):
-        contact.join(ring, len(ring) - 1, i, row, i, i + 1)
+        contact.place_contact(ring, len(ring) - 1, i, row, i, i + 1)
 
 
 @entry_point
 def loads_at(row, ring, n, angle, u, gravity, mu, geometry, loads):
     mask = len(ring) - 1
-    watch.stack_geometry(row, ring, mask, n, 0, angle, mu, geometry, False)
-    watch.contact_forces(row, ring, mask, n, 0, geometry, u, gravity, mu, loads)
+    diagnosis.stack_geometry(row, ring, mask, n, 0, angle, mu, geometry, False)
+    diagnosis.contact_forces(row, ring, mask, n, 0, geometry, u, gravity, mu, loads)
 
 
 @entry_point
 def impulses_at(row, ring, n, mu, before, after, geometry, least):
     mask = len(ring) - 1
-    watch.stack_geometry(row, ring, mask, n, 0, 0.0, mu, geometry, False)
-    watch.contact_impulses(ring, mask, n, 0, geometry, before, after, least)
+    diagnosis.stack_geometry(row, ring, mask, n, 0, 0.0, mu, geometry, False)
+    diagnosis.contact_impulses(ring, mask, n, 0, geometry, before, after, least)
 
 
 def stacks(seed, friction, hills):
@@ -43,8 +43,8 @@ def stacks(seed, friction, hills):
     rise, tilt = rng.uniform(-0.001, 0.002, COUNT - 1), rng.uniform(-0.05, 0.05, COUNT)
     row = spacing, thickness, np.full(COUNT, 0.048), density
     ground = (hills * rise, hills * tilt)
-    row = kernels.Row(*row, *ground) if hills else kernels.Row(*row)
-    ring = np.zeros(8, kernels.UNEVEN_LINK if hills else kernels.LINK)
+    row = kernels.Arrays(*row, *ground) if hills else kernels.Arrays(*row)
+    ring = np.zeros(8, kernels.UNEVEN_CONTACT if hills else kernels.CONTACT)
     stand_all(ring, row)
     chain = oracle.Chain(
         spacing, thickness, 0.048, density, friction, GRAVITY, 1.0, ground[0], ground[1]
@@ -58,7 +58,7 @@ def stacks(seed, friction, hills):
 def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, hills):
     row, ring, chain = stacks(seed, friction, hills)
     n, angle, speed = COUNT - 1, 0.05, 6.0
-    geometry, loads = np.zeros(COUNT, watch.GEOMETRY), np.full(COUNT, np.inf, watch.LOADS)
+    geometry, loads = np.zeros(COUNT, diagnosis.GEOMETRY), np.full(COUNT, np.inf, diagnosis.LOADS)
     loads["floor_friction"] = -np.inf
     loads_at(row, ring, n, angle, speed**2, GRAVITY, friction, geometry, loads)
     angle += chain.stand[n]

@@ -56,31 +56,33 @@ LANES = 15 * PITCH
 # --- The ring -------------------------------------------------------------------------------------
 # Dominoes and their links to the next. The ring keeps the last ones only: what lies further back is
 # covered by the bound on the tail.
-TIP, CORNER, RELEASED = 0, 1, 2  # the contact of a link
-RING_ROWS = 65536  # dominoes remembered behind the leader, at most
-LINK = record_type(
+TIP, CORNER, SEPARATED = 0, 1, 2  # the contact of a link
+RING_SIZE = 65536  # dominoes remembered behind the leader, at most
+CONTACT = record_type(
     p_l=float,  # p, s, 1 - s and d of the link
     s_l=float,
     rest=float,
     d_l=float,
     v_flush=float,  # 1 - cos θ_{i+1} at which a tip turns corner, and at which contact is lost
-    v_release=float,
-    due=float,  # 1 - cos θ_{i+1} at which the link next switches
+    v_separation=float,
+    v_switch=float,  # 1 - cos θ_{i+1} at which the link next switches
     inertia=float,  # of the domino about its pivot, and half its weight times height over gravity
     half_weight=float,
     slender=float,  # thickness over height
     tail=float,  # bound on Σ_{k ≤ i} I_k w_k / w_i
     end_weight=float,  # w_i at the end of the last interval
-    contact=int,
-    noted=int,  # 1 if the tape knows that the link turned corner
+    kind=int,
+    on_tape=int,  # 1 if the tape knows that the link turned corner
 )
-UNEVEN_LINK = record_type(  # on uneven ground; half_weight and slender are then those to the slope
-    LINK,
-    rise_l=float,  # e of the link, seen upright from the stand of i+1
-    pace=float,  # dΔ/d(1 - cos θ_{i+1}) where it goes flush, beyond p
-    turn=float,  # β, its sine and 1 - cosine
-    turn_s=float,
-    turn_v=float,
+UNEVEN_CONTACT = (
+    record_type(  # on uneven ground; half_weight and slender are then those to the slope
+        CONTACT,
+        rise_l=float,  # e of the link, seen upright from the stand of i+1
+        pace=float,  # dΔ/d(1 - cos θ_{i+1}) where it goes flush, beyond p
+        turn=float,  # β, its sine and 1 - cosine
+        turn_s=float,
+        turn_v=float,
+    )
 )
 
 
@@ -115,7 +117,7 @@ STATE = record_type(
     worst_round=float,
     # the fall
     angle=float,
-    part=float,  # of the fall that was done, 1 if it ended in a hit
+    fraction=float,  # of the fall that was done, 1 if it ended in a hit
     fall_time=float,
     margin=float,  # lowest u of the fall over u at release
     lowest_margin=float,
@@ -124,7 +126,7 @@ STATE = record_type(
     w_before=float,
     w_after=float,
     flush_loss=float,
-    crept=float,  # where u was lowest if its time was taken in panels, else -1
+    slowest_at=float,  # where u was lowest if its time was taken in panels, else -1
     # the stack
     m_end=float,  # M at the end of the last interval
     cut=float,  # bound on what was cut off, over u
@@ -135,7 +137,7 @@ STATE = record_type(
     # the map of all falls so far, where it is composed: u = gain u_0 + offset, u_0 > need
     gain=float,
     offset=float,
-    need=float,
+    least_start=float,
     composing=np.bool_,
     back=int,  # lowest domino still in the stack
     depth=int,  # dominoes behind the leader in the last interval
@@ -147,12 +149,12 @@ STATE = record_type(
 
 # --- The tape -------------------------------------------------------------------------------------
 # What a chain did, for those who ask for gradients: one row an event.
-RIDE, SWITCH, FLIP, HIT = 0, 1, 2, 3
+INTERVAL, SWITCH, FLIP, HIT = 0, 1, 2, 3
 EVENT = record_type(
     kind=np.int32,
     leader=np.int32,  # of a FLIP: the link that went from tip to corner since the last ride
     low=np.int32,  # lowest domino of the stack
-    link=np.int32,  # SWITCH: the link that was due
+    contact=np.int32,  # SWITCH: the link that was due
     flips=np.int32,  # SWITCH: rows of FLIP that follow
     rule=np.int32,  # RIDE: which quadrature
     flushed=np.bool_,  # SWITCH: whether it flushed
@@ -160,7 +162,7 @@ EVENT = record_type(
     length=float,  # RIDE: of the interval of angle
     u=float,  # before the event
     m=float,  # HIT: M of the stack
-    crept=float,  # RIDE: as in the state
+    slowest_at=float,  # RIDE: as in the state
 )
 
 # --- What is told of chains -----------------------------------------------------------------------
@@ -194,7 +196,7 @@ TINY = 1e-290
 TOGETHER = 1e-9  # links flush within this Δ [rad] switch in one impact
 
 
-class Row(NamedTuple):
+class Arrays(NamedTuple):
     """What a chain of N dominoes is made of; many chains have one more axis in front.
 
     On flat ground rise and tilt are None.
