@@ -35,9 +35,13 @@ def outside(
 
 def off_list(name: str, values: Floats, allowed: tuple[float, ...], first: int) -> list[str]:
     """List values that are not on the list."""
-    near = nearest_of(values, np.array(allowed))
     few = ", ".join(f"{v:g}" for v in allowed[:4]) + (", …" if len(allowed) > 4 else "")
-    return _told(f"{name}[{{0}}]", values, np.abs(values - near) <= ON_LIST, f"only {few} m", first)
+    return _told(f"{name}[{{0}}]", values, listed(values, allowed), f"only {few} m", first)
+
+
+def listed(values: Floats, allowed: tuple[float, ...]) -> NDArray[np.bool_]:
+    """Tell for each value (…) whether it is one of the rising values `allowed`."""
+    return np.abs(values - nearest_of(values, np.array(allowed))) <= ON_LIST
 
 
 def too_steep(spacing: Floats, largest_change: float) -> list[str]:

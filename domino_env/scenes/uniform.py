@@ -51,7 +51,7 @@ class Fineness(NamedTuple):
 
 
 FULL = Fineness(1024, 96, (6, 6), 9, 4.0, 1e-9, 1e-11)
-BY_HEADS = FULL._replace(plane=48, keep=(6, 2))
+BY_PREFIX = FULL._replace(plane=48, keep=(6, 2))
 DRAWN = Fineness(128, 24, (6, 6), 9, 4.0, 1e-7, 1e-8)  # the draws are worth no more
 QUICK = Fineness(96, 17, (2, 2), 5, 2.0, 1e-6, 1e-7)  # the score errs by the square of the gap
 STANDING = Fineness(10, 5, (1, 1), 3, 2.0, 3e-4, 1e-3)  # scores are known to some 3e-4
@@ -163,26 +163,22 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     fineness = QUICK if quick else DRAWN if scene.criterion.simulates_anew else FULL
     points = grid(_axes(layouts, fineness))
     if layouts.steady and not quick and scene.count * len(points) > LARGEST_GRID:
-        # the speed of a long layout has few peaks, how it keeps to a schedule has many
-        heads = BY_HEADS if scene.criterion.rewards_speed else BY_HEADS._replace(plane=FULL.plane)
 
-        def by_heads(points: Floats, cell: float) -> Floats:
-            return layouts.scores_by_heads(points, COARSELY if cell > CLOSE else FINELY)
+        def by_prefix(points: Floats, cell: float) -> Floats:
+            return layouts.scores_by_prefix(points, COARSELY if cell > CLOSE else FINELY)
 
-        point = _search(layouts, heads, by_heads)
-        head, whole = by_heads(point[None], 0.0)[0], layouts.scores(point[None], FULL.rtol)[0]
-        if abs(head - whole) <= SAME * abs(whole):
+        point = _search(layouts, BY_PREFIX, by_prefix)
+        found, whole = by_prefix(point[None], 0.0)[0], layouts.scores(point[None], FULL.rtol)[0]
+        if abs(found - whole) <= SAME * abs(whole):
             return point
     return _search(layouts, fineness, lambda points, _: layouts.scores(points, fineness.rtol))
 
 
 def _uniform_layouts(scene: Specification) -> UniformLayouts:
-    """Those that keep the rules; where none does, those that keep all but the lists."""
+    """Return those that keep the rules; where none does, those that keep all but the lists."""
     try:
         return UniformLayouts(scene)
     except ValueError:
-        if scene.stock or not (scene.spacing_values or scene.thickness_values):
-            raise
         return UniformLayouts(scene.replace(spacing_values=None, thickness_values=None))
 
 

@@ -56,7 +56,6 @@ def test_equal_scenes_share_their_mark() -> None:
 
 LONG = {
     "speed": {},
-    "tempo": {"objective": "tempo", "settings": de.Tempo(first=30.0, last=45.0)},
     "length": {"length": 3.2, "thickness": (0.005, 0.010)},
     "dying": {"physics": de.Physics(friction=0.25, push=0.5)},
     "limited": {"limits": Limits(stall_margin=0.3)},
@@ -66,16 +65,16 @@ LONG = {
 
 
 @pytest.mark.parametrize("asked", LONG.values(), ids=LONG)
-def test_long_rows_have_the_same_mark_by_their_heads_as_whole(asked, monkeypatch) -> None:
-    for name in ("FULL", "BY_HEADS"):
+def test_long_rows_have_the_same_mark_by_their_first_dominoes_as_whole(asked, monkeypatch) -> None:
+    for name in ("FULL", "BY_PREFIX"):
         monkeypatch.setattr(uniform, name, getattr(uniform, name)._replace(line=20))
     scene = replace(de.load_scene("marathon"), count=160, **asked)
     monkeypatch.setattr(uniform, "LARGEST_GRID", np.inf)
     whole = best_point(scene)
     monkeypatch.setattr(uniform, "LARGEST_GRID", 0)
     monkeypatch.setattr(UniformLayouts, "scores", _once(UniformLayouts.scores))
-    by_heads = best_point(scene)
-    assert by_heads == pytest.approx(whole, abs=2e-8)
+    by_prefix = best_point(scene)
+    assert by_prefix == pytest.approx(whole, abs=2e-8)
 
 
 def _once(scores):

@@ -239,25 +239,31 @@ def test_the_uniform_row_of_a_list() -> None:
     assert mark.score == max(scene.score(scene.layout(s, d)) for s, d in pairs)
 
 
-def test_where_no_gap_of_the_list_meets_the_length_two_take_turns() -> None:
-    grid = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
-    scene = some("course", spacing_values=grid)
-    mark = scene.uniform()
-    assert scene.violations(mark.layout) == []
-    used, counts = np.unique(np.round(mark.layout.spacing, 6), return_counts=True)
-    assert used.tolist() == [0.0125, 0.013]
-    assert 0.0125 * counts[0] + 0.013 * counts[1] == pytest.approx(1.2 - 59 * 0.0075)
-    wide = np.flatnonzero(mark.layout.spacing > 0.01275)
-    assert np.ptp(np.diff(wide)) <= 1  # evenly
+GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
+LISTS = {
+    "gaps": ("course", {"spacing_values": GRID}),
+    "thicknesses": ("sprint", {
+        "count": 6, "length": 0.0755, "spacing": (0.0078, 0.0078), "thickness": (0.0044, 0.0091),
+        "thickness_values": (0.0044, 0.0059, 0.0065, 0.0091),
+    }),
+    "stock": ("stock", {"length": 0.84, "spacing_values": GRID}),
+}  # fmt: skip
 
 
-def test_a_mark_without_the_lists_where_they_leave_none() -> None:
-    lists = {"spacing": (0.0078, 0.0078), "thickness": (0.0044, 0.0091),
-             "thickness_values": (0.0044, 0.0059, 0.0065, 0.0091)}  # fmt: skip
-    scene = some("sprint", count=6, length=0.0755, **lists)
-    mark = scene.uniform()
-    assert mark.layout.thickness[1:] == pytest.approx(np.full(5, 0.0755 / 5 - 0.0078))
-    assert mark.layout.length == pytest.approx(0.0755, abs=1e-12)
+@pytest.mark.parametrize(("name", "changes"), LISTS.values(), ids=LISTS)
+def test_the_uniform_baseline_ignores_lists_that_do_not_meet_the_length(name, changes) -> None:
+    scene = some(name, **changes)
+    uniform = scene.uniform().layout
+    assert uniform.length == pytest.approx(scene.length, abs=1e-12)
+    assert np.ptp(uniform.pitch[1:]) < 1e-12
+    kinds = {sentence.split("[")[0] for sentence in scene.violations(uniform)}
+    assert kinds == {"thickness" if name == "sprint" else "spacing"}
+
+
+def test_the_uniform_baseline_takes_a_gap_of_the_list_that_meets_the_length() -> None:
+    scene = some("course", spacing_values=GRID, length=59 * (0.0075 + 0.0125))
+    assert scene.uniform().layout.spacing == pytest.approx(np.full(59, 0.0125))
+    assert scene.violations(scene.uniform().layout) == []
 
 
 # what every objective owes ----------------------------------------------------------------------
