@@ -1,4 +1,4 @@
-"""Relations between the tables of a scene: one sentence for each that is broken."""
+"""Relations between the tables of a scene: one sentence for each violation."""
 
 from __future__ import annotations
 
@@ -8,11 +8,26 @@ from typing import Any
 
 from domino_env.core.models import model_of
 from domino_env.physics.ground import Ground
-from domino_env.physics.standard import ADVICE, MOST
+from domino_env.physics.standard import ADVICE, MOST, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
-from domino_env.scenes.tables import MOST_PAIRS, Bounds, SceneFile, ThicknessTable
+from domino_env.scenes.rules import Bounds
+from domino_env.scenes.tables import MOST_PAIRS, SceneFile, ThicknessTable
 
-TALLEST = 1e30  # [m] that a domino of a growing row may become: its square is still a number
+TALLEST = 1e30  # [m] that a growing domino may reach: its square is still a number
+LONGEST_GROUND = 100.0  # times the longest layout that a profile may span
+
+EXCLUSIVE = (
+    ("[thickness]", "[stock]", "both give the thicknesses"),
+    ("physics.floor_friction", "[limits]",
+     "stall margins and flushes are those of dominoes with fixed pivots"),
+    ("[placement]", "[robust]", "both draw errors of the gaps"),
+    ("[placement]", "row.length", "gaps with errors do not add up to a length"),
+    ("ground.profile", "row.length", "the length of a row depends on where its gaps lie"),
+    ("ground.profile", "[growth]", "taller dominoes do not fit its bends"),
+    ("ground.profile", "[placement]",
+     "gaps may come out so narrow that dominoes lean on each other"),
+)  # fmt: skip
+"""Tables or keys that exclude each other, and why."""
 
 
 def tables_of(document: dict[str, Any]) -> SceneFile:
@@ -26,7 +41,7 @@ def tables_of(document: dict[str, Any]) -> SceneFile:
     Raises
     ------
     ValueError
-        With key, value and what is allowed, or the tables that do not go together.
+        With key, value and what is allowed, or the tables that exclude each other.
     """
     tables = model_of(SceneFile, document)
     for sentence in _violations(tables):
@@ -34,33 +49,44 @@ def tables_of(document: dict[str, Any]) -> SceneFile:
     return tables
 
 
-# each rests on those before it
-
-
 def _violations(tables: SceneFile) -> Iterator[str]:
+    """Yield what is wrong; each check may rely on those before it."""
     if tables.thickness is None and tables.stock is None:
         keys = ", ".join(ThicknessTable.__struct_fields__)
         yield f"thickness is missing: give a table of {keys}"
-    if tables.thickness is not None and tables.stock is not None:
-        yield "[thickness] stands beside [stock]: give one or the other"
-    yield from _violations_of_heights(tables)
-    yield from _slips_of_unit(tables)
+    given = {
+        "[thickness]": tables.thickness, "[stock]": tables.stock, "[limits]": tables.limits,
+        "[placement]": tables.placement, "[robust]": tables.settings("robust"),
+        "[growth]": tables.growth, "row.length": tables.row.length,
+        "physics.floor_friction": tables.physics.floor_friction,
+        "ground.profile": tables.ground and tables.ground.profile,
+    }  # fmt: skip
+    for one, other, reason in EXCLUSIVE:
+        if given[one] is not None and given[other] is not None:
+            yield f"{one} and {other} exclude each other: {reason}; leave one of them out"
+    yield from _violations_in_heights(tables)
+    yield from _violations_of_units(tables)
     yield from _violations_of_objective(tables)
     yield from _violations_of_first(tables)
-    yield from _too_many(tables)
+    pairs = len(tables.spacing.allowed()[1] or "1") * len(tables.thickness_allowed()[1] or "1")
+    if pairs > MOST_PAIRS:
+        yield (
+            f"spacing and thickness have {pairs:,} pairs of listed values, and each is tried "
+            f"for the uniform baseline: list at most {MOST_PAIRS:,}"
+        )
     yield from _violations_of_length(tables)
-    yield from _violations_of_ground(tables)
+    if tables.ground is not None:
+        yield from _violations_of_ground(tables, tables.ground)
 
 
-def _violations_of_heights(tables: SceneFile) -> Iterator[str]:
+def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
+    """Yield mixtures of lengths in metres and in heights."""
     thick = tables.thickness is not None and tables.thickness.of is not None
     if tables.in_heights != thick and tables.thickness is not None:
         here, there = ("spacing", "thickness") if tables.in_heights else ("thickness", "spacing")
         yield f'{here}.of = "height" but {there} is in metres: give both in heights'
     if tables.growth is not None and not tables.in_heights:
         yield '[growth] needs spacing and thickness in heights: write of = "height" in both'
-    if not tables.in_heights:
-        return
     metres = {
         "row.length": tables.row.length,
         "spacing.step or values": tables.spacing.allowed()[1],
@@ -68,68 +94,50 @@ def _violations_of_heights(tables: SceneFile) -> Iterator[str]:
         "[stock]": tables.stock,
         "spacing.largest_change": tables.spacing.largest_change,
     }
-    for name, value in metres.items():
+    for name, value in metres.items() if tables.in_heights else ():
         if value is not None:
             yield f'{name} is in metres: not with of = "height"'
 
 
-def _slips_of_unit(tables: SceneFile) -> Iterator[str]:
-    """A scene of which no row can fall, or no domino is one, is none to spend time on."""
-    unit = 1.0 if tables.in_heights else tables.row.height
-    said = "heights" if tables.in_heights else "m"
+def _violations_of_units(tables: SceneFile) -> Iterator[str]:
+    """Yield bounds that allow no layout which falls, and so were probably meant in millimetres."""
+    unit, name = (1.0, "heights") if tables.in_heights else (tables.row.height, "m")
     least = tables.spacing.allowed()[0][0]
     if tables.growth is None and least >= unit:
         yield (
-            f"spacing: no gap may be smaller than {least:g} {said}, and no domino reaches further "
+            f"spacing: no gap may be smaller than {least:g} {name}, and no domino reaches further "
             f"than its height of {tables.row.height:g} m: {ADVICE}"
         )
     thinnest = 0.0 if tables.stock is not None else tables.thickness_allowed()[0][0]
     if thinnest > MOST * unit:
         yield (
-            f"thickness: no domino may be thinner than {thinnest:g} {said}, with a height of "
+            f"thickness: no domino may be thinner than {thinnest:g} {name}, with a height of "
             f"{tables.row.height:g} m: {ADVICE}"
         )
 
 
 def _violations_of_objective(tables: SceneFile) -> Iterator[str]:
     for name, objective in OBJECTIVES.items():
-        there = objective.table is not None and tables.settings(name) is not None
+        given = objective.table is not None and tables.settings(name) is not None
         needed = objective.table is not None and tables.objective == name
-        if there != needed:
-            what = "stands there" if there else "is missing"
+        if given != needed:
             yield (
-                f"the table [{name}] {what} and objective = {tables.objective!r}: "
-                f"[{name}] and objective = {name!r} go together"
+                f"the table [{name}] {'is given' if given else 'is missing'} and objective = "
+                f"{tables.objective!r}: [{name}] and objective = {name!r} go together"
             )
-    if tables.physics.floor_friction is not None:
-        if not OBJECTIVES[tables.objective].is_mean_speed:
-            yield (
-                f"physics.floor_friction and objective = {tables.objective!r}: a row that stands "
-                "is scored by its speed; choose objective = 'mean_speed' or 'time', or leave the "
-                "floor out"
-            )
-        if tables.limits is not None:
-            yield (
-                "physics.floor_friction stands beside [limits]: stall margins and flushes are of "
-                "the analytic wave, which a row that stands does not have; leave one of them out"
-            )
-    if tables.placement is not None:
-        if tables.settings("robust") is not None:
-            yield (
-                "[placement] stands beside [robust], which draws errors of its own: leave one of "
-                "them out"
-            )
-        if tables.row.length is not None:
-            yield (
-                "[placement] stands beside row.length, which a row whose gaps come out wrong does "
-                "not meet: leave one of them out"
-            )
-    yield from OBJECTIVES[tables.objective].violations(tables)
+    objective = OBJECTIVES[tables.objective]
+    if tables.physics.floor_friction is not None and not objective.rewards_speed:
+        speeds = " or ".join(repr(name) for name, o in OBJECTIVES.items() if o.rewards_speed)
+        yield (
+            f"physics.floor_friction and objective = {tables.objective!r}: free-standing layouts "
+            f"are scored by their speed; choose objective = {speeds}, or leave the floor out"
+        )
+    yield from objective.violations(tables)
 
 
 def _violations_of_first(tables: SceneFile) -> Iterator[str]:
-    """Of domino 0, its height, and those that may follow it."""
-    row = tables.row
+    """Yield what is wrong with domino 0 and with the number of those that follow it."""
+    row, stock = tables.row, tables.stock
     if row.first_thickness is None:
         low, high = tables.thickness.allowed()[0] if tables.thickness else (0.0, 1.0)
         if low < high:
@@ -137,15 +145,15 @@ def _violations_of_first(tables: SceneFile) -> Iterator[str]:
                 "row.first_thickness is missing: give the thickness of domino 0 [m], as that "
                 "of the others is free"
             )
-    if tables.stock is not None:
-        box = tables.stock
-        if sum(box.count) < row.count:
+    if stock is not None:
+        if sum(stock.count) < row.count or (row.length and sum(stock.count) > row.count):
+            exactly = "exactly " if row.length else "at least "
             yield (
-                f"stock.count adds up to {sum(box.count)} dominoes: row.count = {row.count} "
-                "needs as many"
+                f"stock.count adds up to {sum(stock.count)} dominoes: row.count = {row.count}"
+                f"{' and row.length' * bool(row.length)} need {exactly}as many"
             )
         try:
-            box.without(tables.first_thickness())
+            stock.without(tables.first_thickness())
         except ValueError as error:
             yield f"row.first_thickness = {row.first_thickness}: {error}"
     if tables.growth is not None:
@@ -157,55 +165,57 @@ def _violations_of_first(tables: SceneFile) -> Iterator[str]:
             )
 
 
-def _too_many(tables: SceneFile) -> Iterator[str]:
-    listed = len(tables.spacing.allowed()[1] or "1") * len(tables.thickness_allowed()[1] or "1")
-    if listed > MOST_PAIRS:
-        yield (
-            f"spacing and thickness have {listed:,} pairs of listed values, and each is tried "
-            f"for the best uniform row: list at most {MOST_PAIRS:,}"
-        )
+def _pitches(tables: SceneFile) -> Bounds:
+    """Return the least and the largest mean pitch within the bounds [m]."""
+    unit = tables.row.height if tables.in_heights else 1.0
+    (low, high), _ = tables.spacing.allowed()
+    (thin, thick), _ = tables.thickness_allowed()
+    if tables.stock is not None:
+        bodies = tables.stock.without(tables.first_thickness()).dominoes
+        thin = thick = float(bodies.mean())
+    return unit * (low + thin), unit * (high + thick)
 
 
 def _violations_of_length(tables: SceneFile) -> Iterator[str]:
-    """Whether a row within the bounds meets it; lists: `optimize.constraints.feasibility`."""
-    length, count = tables.row.length, tables.row.count
+    """Yield why no layout within the bounds meets it; lists: `optimize.constraints.feasibility`."""
+    length, pairs = tables.row.length, tables.row.count - 1
     if length is None:
         return
-    pairs = count - 1
-    (low, high), _ = tables.spacing.allowed()
-    if tables.stock is None:
-        (thin, thick), _ = tables.thickness_allowed()
-        least, most = pairs * (low + thin), pairs * (high + thick)
-    else:
-        box = tables.stock
-        if sum(box.count) != count:
-            yield (
-                f"stock.count adds up to {sum(box.count)}: with row.length, give exactly "
-                f"row.count = {count}"
-            )
-        bodies = float(box.without(tables.first_thickness()).dominoes.sum())
-        least, most = pairs * low + bodies, pairs * high + bodies
-    if not least - 1e-12 <= length <= most + 1e-12:
-        yield (
-            f"row.length = {length} m cannot be met: {count} dominoes within the bounds cover "
-            f"{least:.6g} to {most:.6g} m"
-        )
+    low, high = _pitches(tables)
+    if pairs * low - 1e-12 <= length <= pairs * high + 1e-12:
+        return
+    bounds = tables.spacing.allowed()[0], tables.thickness_allowed()[0]
+    hint = unit_hint(tables.row.height, *bounds)
+    if hint is None and pairs * low <= 1e-3 * length <= pairs * high:
+        hint = f"{length:g} mm is row.length = {1e-3 * length:g}"
+    fewest, most = math.ceil(length / high - 1e-9) + 1, math.floor(length / low + 1e-9) + 1
+    if hint is None and tables.stock is None and 2 <= fewest <= most:
+        many = f"{fewest} to {most}" if fewest < most else f"{most}"
+        hint = f"row.count = {many} would fit"
+    yield (
+        f"row.length = {length:g} m cannot be met: {pairs + 1} dominoes within the bounds cover "
+        f"{pairs * low:.6g} to {pairs * high:.6g} m{'; ' if hint else ''}{hint or ''}"
+    )
 
 
-def _violations_of_ground(tables: SceneFile) -> Iterator[str]:
+def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
     """Yield why some layouts within the bounds cannot stand on the ground.
 
     No design can then be one that does not stand, so that a search or an episode never meets it. It
     is enough, and nearly necessary, that the ground is nowhere too steep for the thinnest domino
-    and nowhere bends so much that the narrowest gap, or the widest, is in trouble.
+    and nowhere bends too much for the narrowest gap or for the widest.
     """
-    ground, height, first = tables.ground, tables.row.height, tables.first_thickness()
-    if ground is None:
-        return
+    height, first = tables.row.height, tables.first_thickness()
     unit = height if tables.in_heights else 1.0
-    low, high = (unit * gap for gap in tables.spacing.allowed()[0])
     free = [unit * depth for depth in tables.thickness_allowed()[0]]
     thin, thick = min(first, *free), max(first, *free)
+    if ground.profile is not None:
+        span, longest = ground.profile[-1][0], (tables.row.count - 1) * _pitches(tables)[1]
+        if span > LONGEST_GROUND * longest:
+            yield (
+                f"ground.profile ends at x = {span:g} m, and the longest row at {longest:.4g} m: "
+                f"points are in metres, [300, 20] mm is [0.3, 0.02]"
+            )
     place, steepest = ground.steepest
     if steepest >= thin / height:
         slope, most = (math.degrees(math.atan(one)) for one in (steepest, thin / height))
@@ -217,23 +227,15 @@ def _violations_of_ground(tables: SceneFile) -> Iterator[str]:
         )
     if ground.is_even:
         return
-    for table, name, why in (
-        (tables.row.length, "row.length", "the length of a row depends on where its gaps lie"),
-        (tables.growth, "[growth]", "taller dominoes do not fit its bends"),
-        (tables.placement, "[placement]", "gaps may come out so narrow that dominoes lean on each "
-         "other"),
-    ):  # fmt: skip
-        if table is not None:
-            yield (
-                f"{name} stands beside ground.profile: on uneven ground {why}; leave one of them "
-                "out"
-            )
-    if refused := ground.violation(thick):
-        yield refused
-    yield from _bends(ground, height, thick, (low, high))
+    if violation := ground.violation(thick):
+        yield violation
+    low, high = (unit * gap for gap in tables.spacing.allowed()[0])
+    yield from _violations_of_bends(ground, height, thick, (low, high))
 
 
-def _bends(ground: Ground, height: float, thick: float, spacing: Bounds) -> Iterator[str]:
+def _violations_of_bends(
+    ground: Ground, height: float, thick: float, spacing: Bounds
+) -> Iterator[str]:
     """Yield where the ground is too hollow for the narrowest gap, or bends too much for the widest.
 
     Where the ground bends by at most k, the slopes of two neighbouring chords differ by at most
@@ -247,22 +249,21 @@ def _bends(ground: Ground, height: float, thick: float, spacing: Bounds) -> Iter
         place, bend = ground.curvature(way)
         if bend == 0.0:
             continue
+        where = f"the {name} near x = {place:.4g} m, of radius {1.0 / bend:.3g} m"
         if way > 0.0 and height * _turned(bend, low + thick) >= low:
             # the gap that is just wide enough, and 2 % more
             reach = height * bend
             need = f"at least {1020.0 * reach * thick / (1.0 - reach):.3g} mm" * (reach < 0.9)
             yield (
-                f"spacing from {1e3 * low:.4g} mm on is too narrow for the hollow near x = "
-                f"{place:.4g} m, of radius {1.0 / bend:.3g} m: dominoes would lean against each "
-                f"other, or strike above the next one's top; make spacing.min {need or 'larger'}, "
-                "or the ground less hollow"
+                f"spacing from {1e3 * low:.4g} mm on is too narrow for {where}: dominoes would "
+                "lean against each other, or strike above the next one's top; make spacing.min "
+                f"{need or 'larger'}, or the ground less hollow"
             )
-        off = 0.5 * high * _turned(bend, high + thick)
-        if high >= height or off > min(high, 0.999 * math.sqrt(height**2 - high**2)):
+        offset = 0.5 * high * _turned(bend, high + thick)
+        if high >= height or offset > min(high, 0.999 * math.sqrt(height**2 - high**2)):
             yield (
-                f"spacing up to {1e3 * high:.4g} mm is too wide for the {name} near x = "
-                f"{place:.4g} m, of radius {1.0 / bend:.3g} m: a tip would miss the next domino; "
-                "make spacing.max smaller, or the ground more even"
+                f"spacing up to {1e3 * high:.4g} mm is too wide for {where}: a tip would miss the "
+                "next domino; make spacing.max smaller, or the ground more even"
             )
 
 

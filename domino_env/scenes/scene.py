@@ -148,7 +148,7 @@ class Scene(Specification):
             The layouts, as `batch` of the scene makes them.
         gradient
             Whether to compute the exact derivatives of the scores by gaps, thicknesses and heights
-            too. On a floor they are approximate, see `StandingSpeed`.
+            too. On a floor they are approximate, see `Objective.evaluate`.
         """
         return self.criterion.evaluate(batch, gradient)
 

@@ -17,7 +17,6 @@ from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.consistency import tables_of
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.base import Limits
-from domino_env.scenes.objectives.standing import StandingSpeed
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import Stock, off_list, on_other_ground, outside, too_steep
 from domino_env.scenes.tables import Bounds, RangeTable, RowTable
@@ -110,10 +109,8 @@ class Specification:
     @property
     def criterion(self) -> Objective:
         """What counts, as an object: how waves are scored."""
-        if self.floor_friction is not None:
-            floor = self.floor_friction
-            return StandingSpeed(self.settings, self.limits, floor, ground=self.ground)
-        return OBJECTIVES[self.objective](self.settings, self.limits, ground=self.ground)
+        kind, floor = OBJECTIVES[self.objective], self.floor_friction
+        return kind(self.settings, self.limits, ground=self.ground, floor_friction=floor)
 
     @property
     def tempo(self) -> Tempo | None:

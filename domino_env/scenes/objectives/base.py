@@ -1,8 +1,8 @@
-"""Interface of all objectives: how waves become scores, and the limits that waves must keep.
+"""Interface of all objectives: scores of waves, and the limits that waves must keep.
 
-A success scores more than 0.  A wave that dies scores between -1 and 0, higher the further it came.
-One that runs through but breaks a limit scores between -1/2 and 0, higher the less it breaks it,
-and deaths then stay below -1/2.  So any two layouts can be compared, and a search can climb.
+A success scores more than 0. A wave that stops scores between -1 and 0, higher the further it came.
+One that completes but breaks a limit scores between -1/2 and 0, higher the less it breaks it, and
+waves that stop then score less than -1/2. So any two layouts can be compared by a search.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from domino_env.core.types import Floats, Ints
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.ground import Ground
 from domino_env.physics.wave import Wave, WaveBatch
+from domino_env.scenes.objectives.free_standing import COST, simulate_free_standing
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 
@@ -68,8 +69,8 @@ class Evaluation:
     score
         (B,) higher is better.
     reach
-        (B,) how far the wave came, as of `Wave`; 1 where it completes.  Where a score takes many
-        simulations: 1 where enough of them complete, else their mean.
+        (B,) `reach` of the waves; 1 where they complete. Where a score takes many simulations: 1
+        where enough of them complete, else their mean.
     falls
         (B,) number of simulated falls.
     gradient
@@ -86,12 +87,14 @@ class Evaluation:
     @classmethod
     def joined(cls, parts: Sequence[Evaluation]) -> Evaluation:
         """Concatenate evaluations of batches, all with a gradient or all without."""
+        score, reach, falls = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("score", "reach", "falls")
+        )
         by = [part.gradient for part in parts if part.gradient is not None]
-        slopes = zip(*((one.spacing, one.thickness, one.height) for one in by), strict=True)
-        found = zip(*((part.score, part.reach, part.falls) for part in parts), strict=True)
-        gradient = ScoreGradient(*map(np.concatenate, slopes)) if by else None
-        score, reach, falls = map(np.concatenate, found)
-        return cls(score, reach, falls, gradient)
+        names = ScoreGradient.__annotations__ if by else ()
+        arrays = (np.concatenate([getattr(one, name) for one in by]) for name in names)
+        return cls(score, reach, falls, ScoreGradient(*arrays) if by else None)
 
     def with_gradient(self, gradient: ScoreGradient) -> Evaluation:
         """Add the derivatives, set to zero where a layout is no success."""
@@ -99,18 +102,18 @@ class Evaluation:
 
     @property
     def without_gradient(self) -> NDArray[np.bool_]:
-        """(B,) whether a score has no exact derivatives: the wave stopped or broke a limit."""
+        """(B,) True where a score has no exact derivatives: the wave stopped or broke a limit."""
         return (self.score < 0.0) | (self.reach < 1.0)
 
 
-# Of a row at its limit it depends on rounding whether it keeps it.  A close look lets that pass; a
-# search, which looks less closely, does not, and so proposes rows that the close look passes.
-CLOSE_LOOK = 1e-9
-HAIR = 1e-6
+# Rounding decides whether a layout at a limit keeps it. Simulations at most this inexact allow some
+# excess; those of a search, which are less exact, do not, so that what it proposes is accepted.
+FINAL_RTOL = 1e-9
+ALLOWED_EXCESS = 1e-6
 
 
 class Limits(Value, frozen=True):  # type: ignore[misc]
-    """What a design must not lean on.
+    """Limits on the wave that a design must keep.
 
     Parameters
     ----------
@@ -140,17 +143,17 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
             raise ValueError("the table is empty; it holds stall_margin, flush_loss")
 
     def excess(self, waves: Waves) -> Floats:
-        """Return (B,) by how much the limits are broken, both parts added; 0 where kept."""
+        """Return (B,) the sum by which the limits are exceeded; 0 where they are kept."""
         over = np.zeros(len(waves.reach))
         if self.stall_margin is not None:
             over += np.maximum(self.stall_margin - waves.lowest_stall_margin, 0.0)
         if self.flush_loss is not None:
             over += np.maximum(waves.largest_flush_loss - self.flush_loss, 0.0)
-        hair = HAIR if waves.rtol <= CLOSE_LOOK else 0.0
-        return np.where(over <= hair, 0.0, over)
+        allowed = ALLOWED_EXCESS if waves.rtol <= FINAL_RTOL else 0.0
+        return np.where(over <= allowed, 0.0, over)
 
     def lower(self, scores: Floats, waves: Waves) -> Floats:
-        """Return scores (B,), lowered where a wave breaks a limit; deaths make room for those."""
+        """Return scores (B,), lowered where a wave breaks a limit or stops."""
         excess = self.excess(waves)
         broken = -0.5 * excess / (1.0 + excess)
         lowered = np.where(scores < 0.0, 0.5 * scores - 0.5, scores)
@@ -159,48 +162,62 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
 
 @dataclass(frozen=True)
 class Objective(ABC):
-    """What counts in a scene.
+    """Scoring rule of a scene.
 
-    One class each, in a file of its own in this folder, where it is found by itself.
+    Each is a class in a module of its own in this folder, where it is found.
 
     Parameters
     ----------
     settings
-        What its own table says; None where it has none.
+        The table of its name in a scene's file; None where it has none.
     limits
-        What the wave must keep; None for none.
+        Limits that the wave must keep; None for none.
     ground
-        What rows stand on; None for flat ground.
+        Ground on which layouts stand; None for flat ground.
+    floor_friction
+        Coulomb coefficient of the floor on which layouts stand free; None for fixed pivots.
     """
 
     settings: Any
     limits: Limits | None
     ground: Ground | None = field(default=None, kw_only=True)
+    floor_friction: float | None = field(default=None, kw_only=True)
 
     name: ClassVar[str]
-    """How scene files call it."""
+    """Value of the key `objective` in scene files."""
     unit: ClassVar[str] = ""
-    """Of a success's score."""
+    """Unit of the score of a success."""
     table: ClassVar[type[Value] | None] = None
-    """Type of `settings`, the table of its name in a scene's file; None where it has none."""
+    """Type of `settings`; None where the objective has no table."""
     failure: ClassVar[str] = "no success"
-    """In words, what a wave that dies has reached."""
+    """Result of a wave that stops, in words."""
     rewards_speed: ClassVar[bool] = False
-    """Whether a wave that is ahead of another on the way is likely to score more."""
-    is_mean_speed: ClassVar[bool] = False
-    """Whether a success scores the mean speed of its wave."""
+    """A wave that is ahead of another on the way is likely to score more."""
     is_ratio: ClassVar[bool] = False
-    """Whether a success scores a length over a time, and a design may change both."""
+    """A success scores a length over a time, and a design may change both."""
     needs_arrivals: ClassVar[bool] = False
-    """Whether scores depend on when each domino is hit."""
+    """Scores depend on the arrival time of each domino."""
     differentiates_waves: ClassVar[bool] = False
-    """Whether `derivatives` takes waves with the gradient of their time."""
-    simulates_anew: ClassVar[bool] = False
-    """Whether a score takes other simulations than the wave of the layout itself."""
+    """`derivatives` takes waves with the gradient of their time."""
+
+    @property
+    def is_mean_speed(self) -> bool:
+        """True where a success scores the mean speed of its analytic wave."""
+        return False
+
+    @property
+    def simulates_anew(self) -> bool:
+        """True where a score takes other simulations than the analytic wave of the layout."""
+        return self.floor_friction is not None
+
+    @property
+    def simulations_per_score(self) -> int:
+        """Number of analytic waves that take as long as one score."""
+        return 1 if self.floor_friction is None else COST
 
     @abstractmethod
     def success(self, waves: Waves) -> Floats:
-        """Score waves (B,) that run through; what it says of others does not count."""
+        """Return scores (B,) of waves; those of waves that stop are not used."""
 
     def score(self, waves: Waves) -> Evaluation:
         """Score waves that have been simulated."""
@@ -219,27 +236,33 @@ class Objective(ABC):
         batch
             The layouts.
         gradient
-            Whether to compute the derivatives of the successes' scores too.
+            Compute the derivatives of the successes' scores too. Those of free-standing layouts
+            are the derivatives of the analytic model, scaled by the ratio of the scores: near
+            enough for a local search, but not exact.
         """
+        if self.floor_friction is not None:
+            found = self.score(simulate_free_standing(batch, self.floor_friction))
+            if not gradient:
+                return found
+            analytic = replace(self, floor_friction=None).evaluate(batch, gradient=True)
+            assert analytic.gradient is not None
+            both = (found.score > 0.0) & (analytic.score > 0.0)
+            ratio = np.where(both, found.score / np.where(both, analytic.score, 1.0), 0.0)
+            return found.with_gradient(analytic.gradient.scaled(ratio))
         record = self.needs_arrivals or self.limits is not None
         waves = batch.simulate(record=record, gradient=gradient and self.differentiates_waves)
         found = self.score(Waves.of_batch(waves, batch))
         return found.with_gradient(self.derivatives(waves, batch)) if gradient else found
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-        """Differentiate the scores of simulated layouts; numbers of failures do not count."""
+        """Return the derivatives of the scores of waves; those of failures are not used."""
         return ScoreGradient.zero(batch)
-
-    @property
-    def simulations_per_score(self) -> int:
-        """How many rows are simulated for one score."""
-        return 1
 
     @abstractmethod
     def in_words(self, score: float, wave: Wave) -> str:
-        """Say the score of a success in words and units."""
+        """Return the score of a success in words and units."""
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Yield what the tables of a scene, which has this objective, lack for it."""
+        """Yield what the tables of a scene with this objective lack for it."""
         yield from ()

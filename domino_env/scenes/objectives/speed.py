@@ -1,4 +1,4 @@
-"""The mean speed from the first pivot to the last, over a length that is free or a fixed course."""
+"""Mean speed from the first pivot to the last, over a free or a fixed length."""
 
 from __future__ import annotations
 
@@ -22,43 +22,49 @@ class Speed(Objective):
     unit: ClassVar[str] = "m/s"
     failure: ClassVar[str] = "no speed"
     rewards_speed: ClassVar[bool] = True
-    is_mean_speed: ClassVar[bool] = True
     differentiates_waves: ClassVar[bool] = True
 
+    @property
+    def is_mean_speed(self) -> bool:
+        """True with fixed pivots."""
+        return self.floor_friction is None
+
     def success(self, waves: Waves) -> Floats:
-        """Score waves (B,) by their mean speeds."""
+        """Return the mean speeds (B,) [m/s]."""
         return waves.mean_speed
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-        """Differentiate the mean speeds."""
+        """Return the derivatives of the mean speeds."""
         return speed_gradient(waves, batch)
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """Say the speed of a success."""
-        return f"{score:.6f} m/s"
+        """Return the speed and, for free-standing layouts, the floor."""
+        if self.floor_friction is None:
+            return f"{score:.6f} m/s"
+        return f"{score:.4f} m/s on a floor of friction {self.floor_friction:g}"
 
 
 class MeanSpeed(Speed):
-    """The mean speed of a row whose length is free, unless the scene fixes it too."""
+    """Mean speed of a layout whose length is free, unless the scene fixes it too."""
 
     name: ClassVar[str] = "mean_speed"
     is_ratio: ClassVar[bool] = True
 
 
 class Time(Speed):
-    """The same over a course of fixed length, so that the shortest time scores most."""
+    """Mean speed over a fixed length, so that the shortest time scores most."""
 
     name: ClassVar[str] = "time"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Ask for a course."""
+        """Yield that the length is missing."""
         if tables.row.length is None:
-            yield "row.length is missing: objective = 'time' needs a course"
+            yield "row.length is missing: objective = 'time' needs a fixed length"
 
 
 def speed_gradient(waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-    """Differentiate mean speeds: v = length / t, and the length grows with gaps and thicknesses.
+    """Return the derivatives of v = length / t; the length grows with gaps and thicknesses.
 
     Parameters
     ----------

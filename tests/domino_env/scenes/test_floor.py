@@ -34,6 +34,19 @@ def test_a_row_that_fails_scores_by_how_far_it_topples() -> None:
     assert 2.0 / 5.0 <= early + 1.0 < 4.0 / 5.0 <= late + 1.0
 
 
+def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts() -> None:
+    placement = de.Placement(0.001, quantile=0.5, draws=4, seed=1)
+    scene = SMALL.replace(objective="robust", settings=placement)
+    speeds = np.sort(SMALL.evaluate(SMALL.batch(placement.placed(GAPS[:1]))).score)
+    found = scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
+    assert found.score == speeds[1] == scene.score(scene.layout(GAPS[0]))
+    assert np.all(np.isfinite(found.gradient.spacing))
+    assert found.gradient.spacing.any()
+    assert scene.simulations_per_score == 4 * SMALL.simulations_per_score
+    words = scene.in_words(found.score[0], scene.simulate(scene.layout(GAPS[0])))
+    assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
+
+
 def test_scores_have_the_same_bits_in_any_company() -> None:
     threads = numba.get_num_threads()
     together = SMALL.evaluate(SMALL.batch(GAPS)).score

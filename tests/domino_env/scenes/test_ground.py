@@ -127,7 +127,7 @@ def test_rows_that_errors_of_placement_leave_leaning_end_there():
     wild = replace(FREE, objective="robust", settings=de.Placement(0.02, quantile=0.5, draws=64))
     gaps, thick = some_rows(2)
     placed = replace(
-        wild.batch(wild.settings.rows(gaps), np.repeat(thick, 64, axis=0)), ground=HILLS
+        wild.batch(wild.settings.placed(gaps), np.repeat(thick, 64, axis=0)), ground=HILLS
     )
     told = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
     assert footing.impassable(*told).any()
@@ -141,7 +141,7 @@ def test_what_does_not_go_with_hills():
     hollow = de.Ground(profile=[[0, 0.0014], [0.03, 0], [0.06, 0.0014]])
     for changes, words in (
         ({"ground": hollow, "spacing": (0.003, 0.03)}, r"too narrow for the hollow near x = 0\.03"),
-        ({"length": 0.2}, r"row\.length stands beside ground\.profile"),
+        ({"length": 0.2}, r"ground\.profile and row\.length exclude each other"),
         ({"placement_deviation": 0.001}, "gaps may come out so narrow"),
         ({"spacing": (0.008, 0.0479)}, "too wide for the hollow"),
     ):

@@ -70,7 +70,7 @@ def test_draws_that_die_count_as_zero() -> None:
     scene = some("jitter", count=9, settings=Placement(0.002, 0.25, 40, seed=3))
     gaps = np.full((1, 8), 0.02)
     gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
-    placed = scene.settings.rows(gaps)
+    placed = scene.settings.placed(gaps)
     died = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in placed])
     assert 10 < died.sum() < 30
     assert scene.evaluate(scene.batch(gaps)).score[0] < 0.0  # more than a quarter
@@ -79,7 +79,7 @@ def test_draws_that_die_count_as_zero() -> None:
 
 
 def test_no_gap_is_placed_tighter_than_a_fifth_of_a_millimetre() -> None:
-    placed = Placement(0.01, draws=500, seed=1).rows(np.full((3, 5), 0.002))
+    placed = Placement(0.01, draws=500, seed=1).placed(np.full((3, 5), 0.002))
     assert placed.shape == (1500, 5)
     assert placed.min() == LEAST_GAP
     assert np.array_equal(placed[:500], placed[500:1000])  # the same errors for every row
