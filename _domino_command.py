@@ -5,11 +5,15 @@ Importing `domino_env` loads Gymnasium to register the environments, which takes
 the package leaves that out.
 """
 
+import signal
 import sys
 
 
 def main() -> int:
     """Run the command; see `domino_env.cli.main.main`."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        # Ctrl-C during the imports ends the process without a traceback; main() replaces this
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     from domino_env.cli.main import main
 
     return main()

@@ -41,7 +41,7 @@ CARD_TEXT = """# {number} scenes of `{name}`, with searched layouts and episodes
 
 `rows.parquet` has one line per scene, in the order in which the searches ended: `scene` is its text
 as a file of domino-chains, `spacing` and `thickness` the best layout that `auto` found in
-{evaluations} evaluations [m], `score` its mean speed and `uniform_score` that of the best uniform
+{budget} evaluations [m], `score` its mean speed and `uniform_score` that of the best uniform
 layout [m/s], `label.scene` the number of the scene. The layouts gain {median:.2%} over the best
 uniform one in the median, {tenth:.2%} in the tenth percentile; longer searches find more.
 
@@ -64,7 +64,7 @@ def make_dataset(
     distribution: str | Path = "varied",
     scenes: int = SCENES,
     seed: int = 0,
-    evaluations: int = EVALUATIONS,
+    budget: int = EVALUATIONS,
     executor: Executor | None = None,
     *,
     noise: float = NOISE,
@@ -85,8 +85,8 @@ def make_dataset(
         How many.
     seed
         Of the draws, the searches and the noise.
-    evaluations
-        Of each search.
+    budget
+        Number of evaluations of each search.
     executor
         Who searches; None: this process.
     noise
@@ -107,7 +107,7 @@ def make_dataset(
         Where the extra "minari" is missing, before anything is searched.
     """
     require("scenes", scenes, 1, whole=True)
-    require("evaluations", evaluations, 1, whole=True)
+    require("budget", budget, 1, whole=True)
     require("seed", seed, 0, whole=True)
     require("noise", noise, 0.0, 1.0)
     for package in ("pyarrow", "minari"):
@@ -121,16 +121,14 @@ def make_dataset(
     home.mkdir(parents=True, exist_ok=True)
     chosen = [draw(drawn, seed, i) for i in range(scenes)]
     settings = {"distribution": drawn.name, "ranges": repr(drawn.ranges)}
-    found = search_rows(
-        chosen, evaluations, seed, home / STORE, settings, executor, progress=progress
-    )
+    found = search_rows(chosen, budget, seed, home / STORE, settings, executor, progress=progress)
     export_study(open_store(home / STORE).study(STUDY), home / ROWS)
     rows = [row.layout for row in found]
     partial = home / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     returns = write_episodes(partial, drawn, chosen, rows, seed, noise)
     partial.rename(home / EPISODES)
-    write_text(home / CARD, _card(drawn, found, returns, seed, evaluations, noise))
+    write_text(home / CARD, _card(drawn, found, returns, seed, budget, noise))
     return home / CARD
 
 
@@ -145,7 +143,7 @@ def _card(
     found: Sequence[TaskResult],
     returns: dict[str, float],
     seed: int,
-    evaluations: int,
+    budget: int,
     noise: float,
 ) -> str:
     """Describe the dataset in Markdown."""
@@ -163,12 +161,12 @@ def _card(
         ],
     )
     command = (
-        f"domino dataset FOLDER --of {drawn.name} --scenes {len(found)} --seed {seed} "
-        f"--search {evaluations} --noise {noise:g}"
+        f"domino dataset FOLDER --distribution {drawn.name} --scenes {len(found)} --seed {seed} "
+        f"--budget {budget} --noise {noise:g}"
     )
     return CARD_TEXT.format(
         number=len(found), name=drawn.name, title=drawn.title, features=", ".join(drawn.features),
-        evaluations=evaluations, median=np.median(gains), tenth=np.quantile(gains, 0.1),
+        budget=budget, median=np.median(gains), tenth=np.quantile(gains, 0.1),
         table="\n".join(table), command=command,
         versions=", ".join(f"{name} {number}" for name, number in versions().items()),
     )  # fmt: skip
@@ -176,7 +174,7 @@ def _card(
 
 def search_rows(
     scenes: Sequence[Scene],
-    evaluations: int,
+    budget: int,
     seed: int,
     store: Path,
     settings: dict[str, Any],
@@ -190,8 +188,8 @@ def search_rows(
     ----------
     scenes
         All different; a store that was begun with fewer of them goes on with more.
-    evaluations, seed
-        Of each search.
+    budget, seed
+        Number of evaluations and seed of each search.
     store
         SQLite file, begun where there is none.
     settings
@@ -211,11 +209,10 @@ def search_rows(
     ValueError
         For a store with rows of other settings, and where a search failed.
     """
-    asked = {**settings, "evaluations": evaluations, "seed": seed}
+    asked = {**settings, "budget": budget, "seed": seed}
     study = open_store(store).begin(STUDY, "dataset", asked)
     tasks = [
-        Task.of(scene, "auto", seed, evaluations, labels={"scene": i})
-        for i, scene in enumerate(scenes)
+        Task.of(scene, "auto", seed, budget, labels={"scene": i}) for i, scene in enumerate(scenes)
     ]
     found: dict[str, TaskResult] = {}
     failures = run_tasks(

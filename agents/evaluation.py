@@ -294,7 +294,7 @@ def evaluate_scenes(
     scenes: Sequence[Scene],
     policy: ConditionedPolicy | ScenePolicy | None = None,
     *,
-    evaluations: int | None = None,
+    budget: int | None = None,
     seed: int = 0,
     searched: Floats | None = None,
     progress: bool | None = False,
@@ -308,8 +308,8 @@ def evaluate_scenes(
     policy
         What designs: a designer, or what was trained on drawn scenes; None for the designer that
         ships.
-    evaluations
-        Budget of a search in each scene, to compare with; None for no search.
+    budget
+        Number of evaluations of a search in each scene, to compare with; None for no search.
     seed
         Of the searches.
     searched
@@ -337,13 +337,13 @@ def evaluate_scenes(
             began = time.process_time()
             table[at, i] = _score(designer, scene, steps)
             table[at + 2, i] = time.process_time() - began
-        if evaluations is not None:
-            table[5, i] = search(scene, budget=evaluations, seed=seed, progress=False).score
+        if budget is not None:
+            table[5, i] = search(scene, budget=budget, seed=seed, progress=False).score
         table[0, i] = scene.uniform().score
     uniform, designed, proposed, seconds, seconds_proposed, fresh = table
     return ScenesEvaluation(
         scenes, uniform, designed, proposed, seconds, seconds_proposed,
-        searched if evaluations is None else fresh,
+        searched if budget is None else fresh,
     )  # fmt: skip
 
 

@@ -348,14 +348,14 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
 def add_executor_options(parser: argparse.ArgumentParser) -> None:
     """Add --workers and --dask."""
     group = parser.add_argument_group(
-        "executor", "who does the work (this process); results are the same with each"
+        "executor", "processes that do the work (this one); the results are the same"
     )
-    group.add_argument("--workers", type=int, metavar="N", help="processes of this machine")
+    group.add_argument("--workers", type=int, metavar="N", help="number of processes")
     group.add_argument(
         "--dask",
         metavar="ADDRESS",
-        help="a Dask scheduler, tcp://HOST:PORT, or local: a cluster of this machine with N "
-        'workers (extra "dist"; see docs/cluster.md)',
+        help="tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this "
+        'machine (extra "dist", docs/cluster.md)',
     )
 
 

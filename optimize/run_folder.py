@@ -83,7 +83,7 @@ class RunFolder:
         As of `optimize.search`.
     resume
         Continue with the run in the folder, if there is one.
-    evaluations
+    budget
         Largest number of evaluations of the search; None for no limit.
 
     Raises
@@ -95,7 +95,7 @@ class RunFolder:
 
     def __init__(
         self, path: Path, scene: Scene, method: str, seed: int, *, resume: bool = False,
-        evaluations: int | None = None,
+        budget: int | None = None,
     ) -> None:  # fmt: skip
         self.path = path
         self.scene = scene
@@ -105,10 +105,10 @@ class RunFolder:
         self._resume = resume
         self._before = self._spent_before() if resume else 0
         require_place(path, resume=resume)
-        if evaluations is not None and evaluations < self._before:
+        if budget is not None and budget < self._before:
             raise ValueError(
                 f"{path} holds a search that has spent {self._before} evaluations: give more than "
-                f"{evaluations} to go on with it"
+                f"{budget} to go on with it"
             )
 
     def save(self, evaluator: Evaluator) -> None:

@@ -116,7 +116,7 @@ def search(
     interrupted = False
     with ExitStack() as stack:
         if folder is not None:
-            files = RunFolder(Path(folder), scene, method, seed, resume=resume, evaluations=budget)
+            files = RunFolder(Path(folder), scene, method, seed, resume=resume, budget=budget)
             context = f"{versions()} {scene.to_toml()}"
             journal = Journal(Path(folder) / JOURNAL, context, resume=resume)
             stack.callback(journal.close)

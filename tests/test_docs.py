@@ -51,21 +51,21 @@ LINES = list(
     )
 )
 CHEAPER = {
-    "domino optimize sprint --resume": "--evaluations 100",
-    "domino optimize course": "--evaluations 100",
-    "domino optimize jitter": "--evaluations 20",
-    "domino optimize my-row.toml": "--evaluations 50",
-    "domino optimize my-row.toml --method scp --evaluations 5000 --seed 1 --out runs/mine":
-        "--evaluations 50",
+    "domino optimize sprint --resume": "--budget 100",
+    "domino optimize course": "--budget 100",
+    "domino optimize jitter": "--budget 20",
+    "domino optimize my-row.toml": "--budget 50",
+    "domino optimize my-row.toml --method scp --budget 5000 --seed 1 --out runs/mine":
+        "--budget 50",
     "domino compare sprint --seconds 1": "--seconds 0.05 --methods auto,random",
     "domino compare sprint course --methods auto,cma,l-bfgs,slsqp,scp --seeds 3 --seconds 4":
         "--seeds 1 --seconds 0.05",
     "domino sweep sprint --set physics.friction=0:0.5:11 --workers 4":
-        "--workers 1 --evaluations 1",
+        "--workers 1 --budget 1",
     "domino train sprint --algorithm apg": "--out runs/anew",
     "domino render runs/sprint/layout.csv --scene sprint --slow 4 --gif runs/race.gif": "--rate 2",
     "domino verify runs/sprint/layout.csv": "--no-engine --floor 0.5",
-    "domino accuracy": "--quick --budget 0.01 --scene sprint",
+    "domino accuracy": "--quick --seconds 0.01 --scene sprint",
 }  # fmt: skip
 """What is added to a line so that it takes a second: the last word on an option holds."""
 TOO_LONG = {"domino accuracy --stability"}  # minutes
@@ -84,7 +84,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr("agents.training.hyperparameters", few_steps)
-        assert run("domino optimize sprint --evaluations 50") == 0
+        assert run("domino optimize sprint --budget 50") == 0
         assert run("domino train sprint --algorithm apg") == 0
     shutil.copy(ROOT / "domino_env" / "scenes" / "shipped" / "gentle.toml", folder / "my-row.toml")
     shutil.copy(folder / "runs" / "sprint" / "layout.csv", folder / "LAYOUT.csv")

@@ -1,12 +1,12 @@
-"""Train algorithms on scenes over many seeds, hold them against searches, and write a page.
+"""Train algorithms on scenes with many seeds, compare them with searches, and write a page.
 
-An ALGORITHM is one of `domino train`, a scripted policy (ramp) or a method of a search (cma, auto).
-Every run goes into the study store as it comes and a training keeps a folder of its own: the same
-command runs what is missing, continues trainings that were stopped, and writes the page anew.
-Ctrl-C ends it with the page of what is complete.  Times are processor time.
+An algorithm is one of `domino train`, a scripted policy (ramp) or a search method (cma, auto).
+Every run is stored at once and a training keeps a folder of its own: the same command runs what is
+missing, continues trainings that were stopped, and writes the page anew. Ctrl-C ends it with the
+page of what is complete. Times are processor times.
 
-Scenes: sprint, course, sprint-thickness, ideal and varied where none is named; in varied every
-episode is a new scene, and scores are of the scenes of its test set.
+The default scenes are sprint, course, sprint-thickness, ideal and varied; in varied every episode
+is a new scene, and scores are those of the scenes of its test set.
 """
 
 from __future__ import annotations
@@ -15,36 +15,37 @@ import argparse
 import shlex
 from pathlib import Path
 
-from optimize.cli.options import DEFAULT_STORE, exit_code
-from optimize.executors import add_executor_options, asked_executor
+from domino_env.cli.options import add_out_option
+from optimize.cli.options import add_study_options, exit_code, names_in
+from optimize.executors import asked_executor
 
-SUMMARY = "benchmark algorithms that learn, over scenes and seeds"
+SUMMARY = "benchmark learning algorithms over scenes and seeds"
 DEFAULT_HOME = "runs/benchmark"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino benchmark`."""
-    parser.add_argument("scenes", metavar="SCENE", nargs="*", help="names or .toml files")
-    parser.add_argument("--algorithms", metavar="NAMES", help="with commas between")
+    parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name or .toml file (see above)")
     parser.add_argument(
-        "--seeds", type=int, default=10, help="how many, from 0 (10); five of what takes longer"
+        "--algorithms", type=names_in, metavar="NAME,...", help="algorithms (all and the baselines)"
     )
-    parser.add_argument("--steps", type=int, help="dominoes that a training places at most")
-    parser.add_argument("--seconds", type=float, help="processor time of a search at most")
-    parser.add_argument("--out", metavar="FOLDER", default=DEFAULT_HOME, help="%(default)s")
     parser.add_argument(
-        "--trainings", metavar="FOLDER", default=DEFAULT_HOME, help="their folders (%(default)s)"
+        "--seeds", type=int, metavar="N", default=10,
+        help="number of seeds (10), five of what takes longer",
+    )  # fmt: skip
+    parser.add_argument("--steps", type=int, metavar="N", help="actions of a training at most")
+    parser.add_argument(
+        "--seconds", type=float, metavar="S", help="processor time of a search at most [s]"
     )
-    parser.add_argument("--page", action="store_true", help="write it of what is done, run nothing")
-    add_executor_options(parser)
-    group = parser.add_argument_group("study", "where results are kept as they come")
-    group.add_argument(
-        "--store",
-        metavar="FILE",
-        default=DEFAULT_STORE,
-        help="an SQLite file (%(default)s); see domino studies",
+    add_out_option(parser, DEFAULT_HOME)
+    parser.add_argument(
+        "--trainings", metavar="FOLDER", default=DEFAULT_HOME,
+        help="folder of the trainings (%(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--page", action="store_true", help="write the page of the stored results, run nothing"
     )
-    group.add_argument("--name", default="benchmark", help="of the study (%(default)s)")
+    add_study_options(parser, "benchmark", resume=False)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -58,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     chosen = [*ALGORITHMS, *BASELINES]
     if arguments.algorithms is not None:
-        chosen = [name.strip() for name in arguments.algorithms.split(",")]
+        chosen = arguments.algorithms
     tasks = benchmark_tasks(
         arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds,
         arguments.trainings,
@@ -79,10 +80,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _command(arguments: argparse.Namespace) -> str:
-    """What decides the page, as it is typed."""
+    """Return the command line that writes this page."""
     words = ["domino", "benchmark", *arguments.scenes]
     for name in ("algorithms", "seeds", "steps", "seconds", "out", "workers"):
         value = getattr(arguments, name)
-        if value is not None and not (name == "out" and value == DEFAULT_HOME):
-            words += [f"--{name}", f"{value:g}" if name == "seconds" else str(value)]
+        if value is not None and value != DEFAULT_HOME:
+            text = {list: ",".join, float: "{:g}".format}.get(type(value), str)
+            words += [f"--{name}", text(value)]
     return shlex.join(words)

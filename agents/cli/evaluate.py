@@ -1,9 +1,9 @@
-"""What an agent builds, beside the best uniform row and the best row known.
+"""Compare the layout that an agent builds with the best uniform and the best known layout.
 
 RUN is the folder of a training, the name of a policy that ships (sprint, designer), or a scripted
-policy: uniform, greedy, ramp.  A .zip archive of stable-baselines3 runs code when it is loaded and
-asks for --trust.  `designer` designs a row for a new --scene in milliseconds; with --scenes it is
-evaluated on many that it has never seen, as is what was trained on scenes drawn from `varied`.
+policy: uniform, greedy, ramp. A .zip archive of stable-baselines3 runs code when it is loaded and
+needs --trust. `designer` designs a layout for a new --scene in milliseconds; --scenes evaluates it
+on many scenes that it was not trained on, as it does policies trained on `varied`.
 """
 
 from __future__ import annotations
@@ -19,35 +19,30 @@ if TYPE_CHECKING:
     from agents.policy import ScenePolicy
     from agents.rollout import Rollout
 
-SUMMARY = "what a trained agent, or a scripted policy, builds"
+SUMMARY = "evaluate a trained agent or a scripted policy"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino evaluate`."""
     parser.add_argument(
-        "agent",
-        metavar="RUN",
-        help="a training's folder; sprint or designer, which ship; uniform, greedy or ramp",
-    )
-    parser.add_argument("--scene", help="another scene than it was trained on")
+        "agent", metavar="RUN",
+        help="folder of a training; sprint or designer, which ship; uniform, greedy or ramp",
+    )  # fmt: skip
+    parser.add_argument("--scene", help="another scene than that of the training")
     parser.add_argument("--trust", action="store_true", help="load an archive that may run code")
-    parser.add_argument("--layout", metavar="FILE", help="write the row, .csv or .json")
-    many = parser.add_argument_group("a policy that was trained on many scenes, in many")
-    many.add_argument("--scenes", type=int, metavar="N", help="evaluate it on N scenes")
+    parser.add_argument("--layout", metavar="FILE", help="write the layout, .csv or .json")
+    many = parser.add_argument_group("evaluation on many scenes, of a policy trained on many")
+    many.add_argument("--scenes", type=int, metavar="N", help="number of scenes")
     many.add_argument(
-        "--of",
-        metavar="NAME",
-        help="what they are drawn from: varied, varied-thickness, varied-course, a file (what it "
-        "was trained on, or varied)",
-    )
-    many.add_argument("--seed", type=int, help="draws them; else the first N of the test set")
+        "--distribution", metavar="NAME",
+        help="varied, varied-thickness, varied-course, or a file (that of the training, or varied)",
+    )  # fmt: skip
+    many.add_argument("--seed", type=int, help="sample the scenes (the first N of the test set)")
     many.add_argument(
-        "--search",
-        type=int,
-        metavar="E",
-        help="search each too, E evaluations (of the test set: known for 2500)",
-    )
-    many.add_argument("--csv", metavar="FILE", help="write a line for each scene")
+        "--budget", type=int, metavar="N",
+        help="search each scene too, with N evaluations (scores of 2500 ship with the test sets)",
+    )  # fmt: skip
+    many.add_argument("--csv", metavar="FILE", help="write one line per scene")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -89,12 +84,12 @@ def _evaluate_scenes(policy: ConditionedPolicy | ScenePolicy, arguments: argpars
     from agents.evaluation import evaluate_scenes, scenes_of, searched_scores
 
     number, seed = arguments.scenes, arguments.seed
-    given = arguments.of or getattr(policy, "scene", None) or "varied"
+    given = arguments.distribution or getattr(policy, "scene", None) or "varied"
     name = str(getattr(given, "name", given))
     found = evaluate_scenes(
         scenes_of(given, number, seed),
         policy,
-        evaluations=arguments.search,
+        budget=arguments.budget,
         searched=searched_scores(name, number) if seed is None else None,
         progress=None,
     )

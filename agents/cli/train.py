@@ -1,23 +1,29 @@
-"""Train an agent that builds rows for a scene, and write down what it learned.
+"""Train an agent that builds layouts for a scene, one domino after the other.
 
-Needs the extra "rl". Ctrl-C ends the training with the best policy so far; --resume goes on.
+Needs the extra "rl". Ctrl-C ends the training with the best policy so far; --resume continues it.
 """
 
 from __future__ import annotations
 
 import argparse
 
-SUMMARY = "train an agent that builds rows (APG, PPO, ARS)"
+from domino_env.cli.options import add_out_option
+
+SUMMARY = "train an agent that builds layouts (APG, PPO, ARS)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino train`."""
-    parser.add_argument("scene", metavar="SCENE", help="name or .toml file of a scene or many")
+    parser.add_argument(
+        "scene", metavar="SCENE", help="name of a scene or a distribution, or .toml file"
+    )
     parser.add_argument("--algorithm", default="ppo", help="ppo (default), apg, ars")
-    parser.add_argument("--steps", type=int, help="dominoes to place in all")
-    parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
-    parser.add_argument("--out", metavar="FOLDER", help="the run's folder (runs/SCENE-ALGORITHM)")
-    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint there")
+    parser.add_argument("--steps", type=int, metavar="N", help="number of actions in all")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all randomness (0)")
+    add_out_option(parser, "runs/SCENE-ALGORITHM", literal=False)
+    parser.add_argument(
+        "--resume", action="store_true", help="continue from the checkpoint in the folder"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

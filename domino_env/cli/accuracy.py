@@ -1,29 +1,30 @@
-"""Show how exact the answers are, and what accuracy costs.
+"""Measure the error of the simulator and of general ODE solvers against their run time.
 
-Without an option: true error against run time of the simulator and of the ODE solvers of the field,
-on four standard layouts or on those of a scene. --stability: edge cases, each with its outcome, its
-true error and its error estimate.
-
-FOLDER gets the table (CSV) and the picture (PNG).
+Four standard layouts are simulated, or those of a scene; --stability simulates the edge cases
+instead and compares outcome, true error and error estimate. The output folder receives the table
+(CSV) and the picture (PNG).
 """
 
 from __future__ import annotations
 
 import argparse
 
-SUMMARY = "error against run time, and edge cases"
+from domino_env.cli.options import add_out_option
+
+SUMMARY = "measure error against run time, simulate the edge cases"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino accuracy`."""
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--stability", action="store_true", help="edge cases")
-    what.add_argument("--scene", help="layouts of a scene instead, by name or .toml file")
-    parser.add_argument("--out", metavar="FOLDER", help="for table and picture (runs/accuracy)")
+    cases = parser.add_mutually_exclusive_group()
+    cases.add_argument("--stability", action="store_true", help="simulate the edge cases")
+    cases.add_argument("--scene", help="measure on layouts of a scene (name or .toml file)")
+    add_out_option(parser, "runs/accuracy")
     parser.add_argument(
-        "--budget", type=float, default=3.0, help="seconds for one solver on one layout (3)"
-    )
-    parser.add_argument("--quick", action="store_true", help="few settings, short layouts: seconds")
+        "--seconds", type=float, metavar="S", default=3.0,
+        help="time limit for one solver on one layout [s] (3)",
+    )  # fmt: skip
+    parser.add_argument("--quick", action="store_true", help="few settings, short layouts")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -38,9 +39,9 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.scenes.io.reading import load_scene
     from domino_env.validation import accuracy, accuracy_plots, edge_cases
 
-    require("--budget", arguments.budget, above=0.0, unit="s")
+    require("--seconds", arguments.seconds, above=0.0, unit="s")
     name = "stability" if arguments.stability else "accuracy"
-    folder = Path(arguments.out or "runs/accuracy")
+    folder = Path(arguments.out)
     folder.mkdir(parents=True, exist_ok=True)
     table, picture = folder / f"{name}.csv", folder / f"{name}.png"
     wrong = 0
@@ -63,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
             progress("compiling")
             scene = load_scene(arguments.scene) if arguments.scene else None
             examples = accuracy.scene_examples(scene) if scene else accuracy.standard_examples()
-            records += accuracy.measure(examples, arguments.budget, arguments.quick, progress)
+            records += accuracy.measure(examples, arguments.seconds, arguments.quick, progress)
             lines = accuracy.compare(records)
             accuracy_plots.draw_accuracy(examples, records, picture)
     print("\n".join(lines))

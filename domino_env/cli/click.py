@@ -1,19 +1,19 @@
-"""Write the sound of a wave: a click a hit, in true time."""
+"""Write the sound of a wave as a WAV file: one click per hit, in real time."""
 
 from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.physics_options import add_physics_options, asked_physics
+from domino_env.cli.options import add_physics_options, chosen_physics
 
-SUMMARY = "the sound of a row, as a WAV file"
+SUMMARY = "write the sound of a layout as a WAV file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino click`."""
-    parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
-    add_physics_options(parser, "a scene's physics, by name or .toml file")
-    parser.add_argument("--wav", metavar="FILE", help="where to (beside the layout)")
+    parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
+    add_physics_options(parser)
+    parser.add_argument("--wav", metavar="FILE", help="output file (LAYOUT with the ending .wav)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -24,10 +24,10 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.view.sound import clicks, write_wav
 
     source = Path(arguments.layout)
-    asked = asked_physics(arguments, source)
-    wave = simulate(asked.read(source), asked.physics)
+    chosen = chosen_physics(arguments, source)
+    wave = simulate(chosen.read(source), chosen.physics)
     target = Path(arguments.wav) if arguments.wav else source.with_suffix(".wav")
     write_wav(clicks(wave), target)
-    print(asked.line)
+    print(chosen.line)
     print(f"{target}: {wave.hit - 1} clicks in {wave.arrival_times[wave.hit - 1]:.3f} s")
     return 0

@@ -1,18 +1,20 @@
-"""Draw the figures and tables of Chapman, The physics of toppling dominoes, anew.
+"""Draw the figures and tables of Chapman, The physics of toppling dominoes, with this simulator.
 
-Every number comes from this simulator; what is misprinted in the source is marked.
+Misprints of the source are marked.
 """
 
 from __future__ import annotations
 
 import argparse
 
-SUMMARY = "Chapman's figures and tables, from our own numbers"
+from domino_env.cli.options import add_out_option
+
+SUMMARY = "draw Chapman's figures and tables with this simulator"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino figures`."""
-    parser.add_argument("--out", metavar="FOLDER", default="figures", help="where to (figures)")
+    add_out_option(parser, "figures")
 
 
 def run(arguments: argparse.Namespace) -> int:

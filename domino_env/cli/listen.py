@@ -1,16 +1,18 @@
-"""Estimate the hits a second of recorded rows, by autocorrelation, with an uncertainty."""
+"""Estimate the hit frequency of recorded chains by autocorrelation, with its uncertainty."""
 
 from __future__ import annotations
 
 import argparse
 
-SUMMARY = "the hit frequency of a recording"
+SUMMARY = "estimate the hit frequency of a recording"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino listen`."""
-    parser.add_argument("files", metavar="FILE.wav", nargs="+", help="a recording of uniform rows")
-    parser.add_argument("--pitch", type=float, metavar="MM", help="says the speed too [mm]")
+    parser.add_argument("files", metavar="FILE.wav", nargs="+", help="recording of a uniform chain")
+    parser.add_argument(
+        "--pitch", type=float, metavar="MM", help="pitch [mm]; the speed is printed too"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,7 +1,7 @@
 """The `domino` command: each package adds its own subcommands.
 
-A subcommand is a module named in the entry-point group `domino.commands` that holds `SUMMARY`,
-`add_arguments(parser)` and `run(arguments) -> int`, and imports what is heavy inside `run`.
+A subcommand is a module in the entry-point group `domino.commands` with `SUMMARY`,
+`add_arguments(parser)` and `run(arguments) -> int`; it imports heavy modules inside `run`.
 """
 
 from __future__ import annotations
@@ -23,17 +23,38 @@ from domino_env import __version__
 from domino_env.core.files import one_line
 from domino_env.core.progress import Advice
 
+GROUP = "domino.commands"
+PURPOSES = {
+    "simulate": "simulate",
+    "search": "optimize compare sweep studies best-known",
+    "learn": "train evaluate benchmark dataset",
+    "build and look": "render report template click listen",
+    "validate": "verify validate accuracy figures",
+}
+"""Commands by purpose, in the order of `domino --help`; those of other packages follow."""
+
 
 def parser() -> argparse.ArgumentParser:
-    """Build the whole command line from what is installed."""
+    """Build the command line from the commands of all installed packages."""
+    modules = {entry.name: entry.load() for entry in entry_points(group=GROUP)}
+    grouped = " ".join(PURPOSES.values()).split()
+    more = {"more": " ".join(sorted(modules.keys() - {*grouped}))}
+    lines = ["Simulate and design chains of toppling dominoes."]
+    for purpose, names in (PURPOSES | more).items():
+        known = [name for name in names.split() if name in modules]
+        lines += [f"\n{purpose}:"] * bool(known)
+        lines += [f"  {name:<11} {modules[name].SUMMARY}" for name in known]
+    lines += ["\ndomino COMMAND --help explains a command and its options."]
     top = argparse.ArgumentParser(
-        prog="domino", description="Simulate and design rows of toppling dominoes."
-    )
+        prog="domino", usage="domino COMMAND [OPTIONS]", description="\n".join(lines),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
     top.add_argument("--version", action="version", version=f"domino {__version__}")
-    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for entry in sorted(entry_points(group="domino.commands"), key=lambda e: e.name):
-        module = entry.load()
-        sub = commands.add_parser(entry.name, help=module.SUMMARY, description=module.__doc__)
+    commands = top.add_subparsers(
+        prog="domino", metavar="COMMAND", required=True, help=argparse.SUPPRESS
+    )
+    for name, module in modules.items():
+        sub = commands.add_parser(name, description=module.__doc__)
         sub.formatter_class = argparse.RawDescriptionHelpFormatter
         module.add_arguments(sub)
         sub.set_defaults(run=module.run)
@@ -46,38 +67,44 @@ def main(words: Sequence[str] | None = None) -> int:
     Bad input ends with one line on standard error and status 2, Ctrl-C with 130, SIGTERM with 143.
     """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a console that knows no µ shows another sign
+        if isinstance(stream, io.TextIOWrapper):  # a console without µ prints a replacement
             stream.reconfigure(errors="replace")
-    arguments = parser().parse_args(words)
     interruption = _Interruption()
     notices, log = logging.StreamHandler(), logging.getLogger("domino_env")
     log.addHandler(notices)
     log.setLevel(logging.INFO)
     try:
+        words = list(sys.argv[1:] if words is None else words)
+        names = sorted(entry_points(group=GROUP).names)
+        if words and words[0] not in ["-h", "--help", "--version", *names]:
+            from domino_env.core.checks import require_choice
+
+            require_choice("COMMAND", words[0], names)  # argparse suggests no similar one
+        arguments = parser().parse_args(words)
         with warnings.catch_warnings():
             warnings.simplefilter("default", Advice)
             warnings.showwarning = _show
             code = int(arguments.run(arguments))
         sys.stdout.flush()
-        return interruption.code if interruption.came else code  # with the best so far, say
+        return interruption.code if interruption.signal else code  # such as with the best so far
     except BrokenPipeError:
-        # whoever read the output has enough; what is left in the buffer has nowhere to go
+        # the reader of the output has closed it; what is left in the buffer has nowhere to go
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt as stop:
         print(f"domino: {str(stop) or 'interrupted'}", file=sys.stderr)
         return interruption.code
     except (ValueError, OSError, ImportError) as error:
-        if interruption.came and not str(error):
+        if interruption.signal and not str(error):
             print("domino: interrupted", file=sys.stderr)
             return interruption.code
-        said = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", str(error))
-        print(f"domino: {one_line(said, 1000)}", file=sys.stderr)
+        message = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", str(error))
+        print(f"domino: {one_line(message, 1000)}", file=sys.stderr)
         return 2
     except Exception as error:
-        if not interruption.came:
+        if not interruption.signal:
             raise
-        # what a library made of the interruption, which came while it was looking for another error
+        # a library raised this for the interruption, while it handled another error
         print(f"domino: interrupted ({type(error).__name__})", file=sys.stderr)
         return interruption.code
     finally:
@@ -92,7 +119,7 @@ def _show(
     message: Warning | str, category: type[Warning], filename: str, lineno: int,
     file: TextIO | None = None, line: str | None = None,
 ) -> None:  # fmt: skip
-    """Print advice as a line; what libraries warn of is for who knows the program."""
+    """Print advice as one line, and warnings of libraries as Python does."""
     if issubclass(category, Advice):
         print(f"domino: {one_line(str(message), 1000)}", file=sys.stderr)
     else:
@@ -100,27 +127,27 @@ def _show(
 
 
 class _Interruption:
-    """Has SIGTERM end a command as Ctrl-C does, and knows which of the two came."""
+    """Handlers that let SIGTERM end a command as Ctrl-C does, and record which of them came."""
 
     def __init__(self) -> None:
-        self.came: int = 0
+        self.signal: int = 0
         self._before: dict[int, Any] = {}
         if threading.current_thread() is threading.main_thread():
             self._catch(signal.SIGTERM)
-            # who ignores Ctrl-C, as a shell has its background jobs do, goes on ignoring it
-            if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            # a process that ignores Ctrl-C, such as a background job, goes on ignoring it
+            if signal.getsignal(signal.SIGINT) in (signal.default_int_handler, signal.SIG_DFL):
                 self._catch(signal.SIGINT)
 
     @property
     def code(self) -> int:
-        """The exit status that says what ended the command."""
-        return 143 if self.came == signal.SIGTERM else 130
+        """Exit status for the signal that ended the command."""
+        return 143 if self.signal == signal.SIGTERM else 130
 
     def _catch(self, number: int) -> None:
-        self._before[number] = signal.signal(number, self._come)
+        self._before[number] = signal.signal(number, self._interrupt)
 
-    def _come(self, number: int, _: object) -> None:
-        self.came = number
+    def _interrupt(self, number: int, _: object) -> None:
+        self.signal = number
         raise KeyboardInterrupt
 
     def undo(self) -> None:

@@ -1,28 +1,34 @@
-"""Let rows topple before your eyes: an animated picture or a film, slower than nature.
+"""Draw toppling chains as an animated GIF, a film or a picture.
 
-Several layouts race one below the other; --scene adds its best uniform row.
+Several layouts race one below the other; with a scene its best uniform layout joins them.
 """
 
 from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.physics_options import add_physics_options, asked_physics
+from domino_env.cli.options import add_physics_options, chosen_physics
 
-SUMMARY = "rows that topple, as an animated GIF, a film or a picture"
+SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
-    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="a .csv or .json file")
-    add_physics_options(parser, "its physics, and its best uniform row as a rival")
-    parser.add_argument("--gif", metavar="FILE", help="write an animated picture")
-    parser.add_argument("--mp4", metavar="FILE", help="write a film (needs the extra 'render')")
-    parser.add_argument("--png", metavar="FILE", help="write one picture of a few moments")
-    parser.add_argument("--moments", type=int, default=4, help="in that picture (4)")
-    parser.add_argument("--slow", type=float, default=5.0, help="times slower than nature (5)")
-    parser.add_argument("--rate", type=float, default=25.0, help="images a second (25)")
-    parser.add_argument("--width", type=int, default=1000, help="[px] (1000)")
+    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
+    add_physics_options(parser, uniform=True)
+    parser.add_argument("--gif", metavar="FILE", help="write an animated GIF")
+    parser.add_argument("--mp4", metavar="FILE", help="write a film (extra 'render')")
+    parser.add_argument("--png", metavar="FILE", help="write one picture of several moments")
+    parser.add_argument("--moments", type=int, metavar="N", default=4, help="in the picture (4)")
+    parser.add_argument(
+        "--slow", type=float, metavar="FACTOR", default=5.0, help="slow motion, 1 is real time (5)"
+    )
+    parser.add_argument(
+        "--rate", type=float, metavar="HZ", default=25.0, help="frames per second (25)"
+    )
+    parser.add_argument(
+        "--width", type=int, metavar="PX", default=1000, help="width of a frame [px] (1000)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -41,17 +47,17 @@ def run(arguments: argparse.Namespace) -> int:
     for name, ending in [(name, ending) for name, ending, _ in wanted] + [(arguments.png, ".png")]:
         if name and Path(name).suffix.lower() != ending:
             raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
-    asked = asked_physics(arguments, *arguments.layouts)
-    rows = [(layout_name(Path(name)), asked.read(name)) for name in arguments.layouts]
-    if asked.scene:
-        rows.append(("best uniform", asked.scene.uniform().layout))
-    print(asked.line)
-    if asked.scene:
-        heading = f"{one_line(asked.scene.name, 40)}: {one_line(asked.scene.title, 100)}"
+    chosen = chosen_physics(arguments, *arguments.layouts)
+    layouts = [(layout_name(Path(name)), chosen.read(name)) for name in arguments.layouts]
+    if chosen.scene:
+        layouts.append(("best uniform", chosen.scene.uniform().layout))
+    print(chosen.line)
+    if chosen.scene:
+        heading = f"{one_line(chosen.scene.name, 40)}: {one_line(chosen.scene.title, 100)}"
     else:
-        physics = asked.physics
+        physics = chosen.physics
         heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
-    racers = [Racer(name, simulate(layout, asked.physics)) for name, layout in rows]
+    racers = [Racer(name, simulate(layout, chosen.physics)) for name, layout in layouts]
     for name, _, write in wanted:
         images = frames(racers, arguments.rate, arguments.slow, arguments.width, heading)
         number = write(images, Path(name), arguments.rate)

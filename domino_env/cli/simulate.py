@@ -1,7 +1,7 @@
-"""Topple one row and print when each domino is hit, how fast the wave runs and how it ends.
+"""Simulate one layout: when each domino is hit, how fast the wave is, and how it ends.
 
-LAYOUT is a .csv file, one line a domino under a line of names (spacing_mm and thickness_mm, or
-spacing and thickness in metres; height and density if they differ), or a .json file.
+LAYOUT is a .csv file with a header and one line per domino (spacing_mm and thickness_mm, or spacing
+and thickness in metres; height and density where they differ), or a .json file.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from domino_env.cli.physics_options import add_physics_options, asked_physics
+from domino_env.cli.options import add_physics_options, chosen_physics
 
 if TYPE_CHECKING:
     from domino_env.physics.wave import Wave
     from domino_env.rigid.simulation import RigidWave
     from domino_env.scenes.scene import Scene
 
-SUMMARY = "topple one row: arrival times, speed, and how the wave ended"
+SUMMARY = "simulate one layout: arrival times, speed and outcome"
 CSV_NAMES = (
     "number", "position", "arrival_time", "release_velocity", "impact_velocity", "stall_margin",
 )  # fmt: skip
@@ -38,26 +38,24 @@ OPEN = 1e-5  # [m] contacts that open by less are not worth a line
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino simulate`."""
-    parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
-    add_physics_options(parser, "a scene's physics and rules, by name or .toml file")
-    parser.add_argument("--rtol", type=float, default=1e-8, help="relative error allowed (1e-8)")
+    parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
+    add_physics_options(parser)
     parser.add_argument(
-        "--csv", metavar="FILE", help="write the table, SI units, for other programs"
+        "--rtol", type=float, default=1e-8, help="relative error of the arrival times (1e-8)"
     )
-    parser.add_argument("--json", action="store_true", help="print all of it as JSON, SI units")
+    parser.add_argument("--csv", metavar="FILE", help="write the table in SI units")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON, SI units")
     parser.add_argument(
-        "--all", action="store_true", help=f"every line of a row of more than {MOST_LINES} dominoes"
+        "--all", action="store_true", help=f"print every line of more than {MOST_LINES} dominoes"
     )
     parser.add_argument(
-        "--floor",
-        type=float,
-        metavar="FRICTION",
-        help="topple it also as rigid bodies that stand free on a floor of this friction",
-    )
+        "--floor", type=float, metavar="FRICTION",
+        help="simulate free-standing dominoes on a floor of this friction too",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate, print, and write the table if asked to."""
+    """Simulate, print, and write the table if chosen to."""
     import json
     from pathlib import Path
 
@@ -66,9 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.physics.wave import simulate
     from domino_env.rigid.simulation import simulate_standing
 
-    asked = asked_physics(arguments, arguments.layout)
-    scene = asked.scene
-    wave = simulate(asked.read(arguments.layout), asked.physics, rtol=arguments.rtol)
+    chosen = chosen_physics(arguments, arguments.layout)
+    scene = chosen.scene
+    wave = simulate(chosen.read(arguments.layout), chosen.physics, rtol=arguments.rtol)
     judged = _judged(wave, scene) if scene else {}
     if arguments.csv:
         write_csv(Path(arguments.csv), CSV_NAMES, _csv_rows(wave))
@@ -78,12 +76,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         told = document(wave, WAVE) | document(wave.physics, "friction gravity push")
         told |= document(wave.layout, "positions") | document(wave, DOMINOES)
-        told |= {"physics_from": asked.origin} | judged
+        told |= {"physics_from": chosen.origin} | judged
         if standing:
             told["standing"] = document(standing, STANDING)
         print(json.dumps(told, indent=1, allow_nan=False))
         return 0
-    print("\n".join(_table(wave, whole=arguments.all) + _verdict(wave) + [asked.line]))
+    print("\n".join(_table(wave, whole=arguments.all) + _verdict(wave) + [chosen.line]))
     if scene:
         print("\n".join(_judgement(judged)))
     if standing:

@@ -1,17 +1,17 @@
-"""Write a PDF to lay under the row: every domino's footprint at 1:1, numbered, over sheets."""
+"""Write a paper template as PDF: numbered footprints of all dominoes at 1:1, on several sheets."""
 
 from __future__ import annotations
 
 import argparse
 
-SUMMARY = "a paper template of a row, at 1:1"
+SUMMARY = "write a paper template of a layout at 1:1"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino template`."""
-    parser.add_argument("layout", metavar="LAYOUT", help="a .csv or .json file")
+    parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
     parser.add_argument("--paper", default="a4", choices=["a4", "letter"], help="(a4)")
-    parser.add_argument("--pdf", metavar="FILE", help="where to (beside the layout)")
+    parser.add_argument("--pdf", metavar="FILE", help="output file (LAYOUT with the ending .pdf)")
 
 
 def run(arguments: argparse.Namespace) -> int:

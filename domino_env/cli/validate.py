@@ -1,8 +1,8 @@
-"""Compare measured chains with the model: friction fitted, each spacing left out in turn, reasons.
+"""Compare measured chains with the model: fitted friction, leave-one-out predictions, verdict.
 
-Without WHAT, all sources that ship. WHAT is the name of one, a .toml file of your own
-(copy one from domino_env/validation/sources), or rows PITCH=FREQUENCY, in millimetres and
-hits per second: domino validate 16=64.4 24=42.3 32=28.1
+SOURCE is the name of a source that ships, a .toml file of your own (copy one from
+domino_env/validation/sources), or a chain as PITCH=FREQUENCY in millimetres and hits per second:
+domino validate 16=64.4 24=42.3 32=28.1
 """
 
 from __future__ import annotations
@@ -10,33 +10,33 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from domino_env.cli.options import add_json_option, write_json
+
 if TYPE_CHECKING:
     from domino_env.validation.source import Source
 
-SUMMARY = "measured chains beside the model, with the friction that explains them"
+SUMMARY = "compare measured chains with the model"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino validate`."""
-    parser.add_argument("what", metavar="WHAT", nargs="*", help="a source, a file, or rows (all)")
-    parser.add_argument("--json", metavar="FILE", help="write everything; '-' prints it alone")
     parser.add_argument(
-        "--out",
-        metavar="FOLDER",
-        help="write the page (between its marks, if it is there) and its plot",
+        "sources", metavar="SOURCE", nargs="*", help="name, .toml file or PITCH=FREQUENCY (all)"
     )
-    rows = parser.add_argument_group("rows given as PITCH=FREQUENCY")
-    rows.add_argument("--thickness", type=float, default=7.5, help="[mm] (7.5)")
-    rows.add_argument("--height", type=float, default=48.0, help="[mm] (48)")
-    rows.add_argument("--gravity", type=float, default=9.81, help="[m/s²] (9.81)")
-    rows.add_argument(
-        "--uncertainty", type=float, default=2.0, help="one standard, of each [%%] (2)"
-    )
+    add_json_option(parser)
+    parser.add_argument("-o", "--out", metavar="FOLDER", help="folder to write page and plot to")
+    chains = parser.add_argument_group("chains given as PITCH=FREQUENCY")
+    chains.add_argument("--thickness", type=float, metavar="MM", default=7.5, help="[mm] (7.5)")
+    chains.add_argument("--height", type=float, metavar="MM", default=48.0, help="[mm] (48)")
+    chains.add_argument("--gravity", type=float, metavar="M/S2", default=9.81, help="[m/s²] (9.81)")
+    chains.add_argument(
+        "--uncertainty", type=float, metavar="PERCENT", default=2.0,
+        help="standard uncertainty of each frequency [%%] (2)",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, print, write."""
-    import json
     from pathlib import Path
 
     from domino_env.core.files import write_text
@@ -46,12 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     validations = [validate(source) for source in _sources(arguments)]
     if arguments.json:
-        found = as_document(validations)
-        told = json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False)
+        write_json(as_document(validations), arguments.json)
         if arguments.json == "-":
-            print(told)
             return 0
-        write_text(Path(arguments.json), told + "\n")
     print("\n\n".join("\n".join(text(one)) for one in validations))
     held = sum(one.explained for one in validations)
     if len(validations) > 1:
@@ -72,7 +69,7 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
     from domino_env.validation.source import read_source, shipped_sources, source_of_frequencies
 
     shipped, found, rows = shipped_sources(), [], []
-    for word in arguments.what:
+    for word in arguments.sources:
         if word in shipped:
             found.append(shipped[word])
         elif word.endswith(".toml"):

@@ -1,9 +1,8 @@
-"""Verify layouts by simulators that keep no contact closed: on fixed pivots, and free-standing.
+"""Verify layouts with simulators that keep no contact closed: on fixed pivots, and free-standing.
 
-The reference simulator that comes with the package takes a second or so. Where the extra 'verify'
-(pymunk) is installed a third-party rigid-body engine simulates them too, with ever more sweeps of
-its solver and ever smaller steps until its arrival times converge, or it says that they did not:
-seconds to minutes.
+The reference simulator takes a second or so. Where the extra 'verify' (pymunk) is installed, a
+third-party rigid-body engine simulates the layout too, with ever more solver sweeps and smaller
+steps until its arrival times converge or its limits are reached: seconds to minutes.
 """
 
 from __future__ import annotations
@@ -12,45 +11,43 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from domino_env.cli.physics_options import add_physics_options, asked_physics
+from domino_env.cli.options import (
+    add_json_option,
+    add_physics_options,
+    chosen_physics,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from domino_env.rigid.verification import Verification
     from domino_env.scenes.scene import Scene
 
-SUMMARY = "the same layout by a reference simulator and a third-party engine"
+SUMMARY = "simulate layouts with the reference simulator and a third-party engine"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino verify`."""
-    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="a .csv or .json file")
-    add_physics_options(parser, "a scene's physics, by name or .toml file")
-    add_simulator_options(parser, default=None, told="where pymunk is installed")
-    parser.add_argument(
-        "--json", metavar="FILE", help="write the times (one layout only), for domino report"
-    )
+    parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
+    add_physics_options(parser)
+    add_simulator_options(parser, engine=None, when="where pymunk is installed")
+    add_json_option(parser)
     parser.add_argument("--plot", metavar="FILE", help="draw the differences (PNG)")
 
 
-def add_simulator_options(parser: argparse.ArgumentParser, default: bool | None, told: str) -> None:
-    """Add --floor and --engine."""
+def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, when: str) -> None:
+    """Add --floor and --engine, with the default of --engine and its description."""
     parser.add_argument(
-        "--floor",
-        type=floors_of,
-        default="0.3,0.5,1",
-        metavar="MU,...",
-        help="friction of the floors to stand on, 'free' for 1 (0.3,0.5,1)",
-    )
+        "--floor", type=floors_of, default="0.3,0.5,1", metavar="FRICTION,...",
+        help="frictions of the floors; 'free' is 1 (0.3,0.5,1)",
+    )  # fmt: skip
     parser.add_argument(
-        "--engine",
-        action=argparse.BooleanOptionalAction,
-        default=default,
-        help=f"simulate in the third-party engine too ({told})",
-    )
+        "--engine", action=argparse.BooleanOptionalAction, default=engine,
+        help=f"simulate with the third-party engine too ({when})",
+    )  # fmt: skip
 
 
 def floors_of(text: str) -> tuple[float, ...]:
-    """Read '0.3,0.5,1'; 'free' is a floor of friction 1."""
+    """Return the frictions in a text such as '0.3,0.5,1'; 'free' is 1."""
     try:
         return tuple(1.0 if word == "free" else float(word) for word in text.split(","))
     except ValueError:
@@ -72,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     engine = arguments.engine
     if engine is None:
         engine = find_spec("pymunk") is not None
+    output = sys.stderr if arguments.json == "-" else sys.stdout
 
     def progress(line: str) -> None:
         if sys.stderr.isatty():
@@ -79,22 +77,22 @@ def run(arguments: argparse.Namespace) -> int:
 
     differs = False
     for name in arguments.layouts:
-        asked = asked_physics(arguments, name)
-        layout = asked.read(name)
-        print(f"{name}\n{asked.line}", flush=True)
+        chosen = chosen_physics(arguments, name)
+        layout = chosen.read(name)
+        print(f"{name}\n{chosen.line}", file=output, flush=True)
         checked = verification.verify(
-            layout, asked.physics, floors=arguments.floor, engine=engine, progress=progress
+            layout, chosen.physics, floors=arguments.floor, engine=engine, progress=progress
         )
-        print("\n".join(verification.verification_table(checked)))
-        if asked.scene is not None:
-            print("\n".join(_beside_uniform(asked.scene, checked)), flush=True)
+        print("\n".join(verification.verification_table(checked)), file=output)
+        if chosen.scene is not None:
+            print("\n".join(_beside_uniform(chosen.scene, checked)), file=output, flush=True)
         differs |= any(verdict.startswith("DIFFERS") for verdict in checked.verdicts)
         if arguments.json:
-            verification.write_verification(checked, Path(arguments.json))
+            write_json(verification.as_document(checked), arguments.json)
         if arguments.plot:
             verification.write_plot(checked, Path(arguments.plot), Path(name).stem)
     if not engine and arguments.engine is None:
-        print("(for a third-party engine besides: pip install 'domino-chains[verify]')")
+        print("(with a third-party engine too: pip install 'domino-chains[verify]')", file=output)
     return 1 if differs else 0
 
 

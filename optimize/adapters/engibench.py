@@ -84,11 +84,11 @@ class DominoRow(Problem[Floats]):
 
         Attributes
         ----------
-        evaluations
-            Rows that a search may simulate.
+        budget
+            Number of layouts that a search may simulate.
         """
 
-        evaluations: Annotated[int, bounded(lower=1).category(IMPL)] = 2000
+        budget: Annotated[int, bounded(lower=1).category(IMPL)] = 2000
 
     def __init__(
         self,
@@ -163,8 +163,8 @@ class DominoRow(Problem[Floats]):
             descend("L-BFGS-B", evaluator, start)
             others(evaluator, rng)
 
-        evaluations = self._config(config).evaluations
-        found = search(self._under(config), from_start, evaluations, self.seed or 0, progress=False)
+        budget = self._config(config).budget
+        found = search(self._under(config), from_start, budget, self.seed or 0, progress=False)
         best = self._values(self._box.design(found.layout)[None])
         return best, [OptiStep(np.array([score]), rows) for rows, _, _, score in found.trace]
 

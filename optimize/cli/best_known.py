@@ -1,38 +1,41 @@
-"""The best layouts known of the scenes that ship: list them, write one down, verify them.
+"""List the best known layouts of the scenes that ship, write one of them, or verify them.
 
---verify simulates each, and the best uniform layout beside it, on fixed pivots and on floors in the
-reference simulator, which keeps no contact closed; with --engine in a third-party engine (extra
-'verify') too. Of more than a hundred dominoes the first hundred are simulated. With --update the
-verifications are kept in the package.
+--verify simulates each, and the best uniform layout beside it, on fixed pivots and on floors with
+the reference simulator, which keeps no contact closed; with --engine a third-party engine (extra
+'verify') does so too. Of a layout of more than a hundred dominoes the first hundred are simulated.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
+from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING
 
+from domino_env.cli.options import add_json_option, write_json
 from domino_env.cli.verify import add_simulator_options
 from optimize.cli.options import write_layout
 
 if TYPE_CHECKING:
     from optimize.experiments.best_known import BestKnown
 
-SUMMARY = "the best layouts known: list, write, verify"
+SUMMARY = "list, write and verify the best known layouts"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino best-known`."""
-    parser.add_argument("scenes", metavar="SCENE", nargs="*", help="names (all)")
+    parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name of a scene (all)")
     parser.add_argument(
-        "--layout", metavar="FILE", help="write the row of one scene, .csv or .json"
+        "--layout", metavar="FILE", help="write the layout of one scene, .csv or .json"
     )
     parser.add_argument(
-        "--verify", action="store_true", help="simulate them without the model; a table"
+        "--verify", action="store_true", help="simulate the layouts without the model"
     )
-    add_simulator_options(parser, default=False, told="minutes for each layout")
-    parser.add_argument("--json", metavar="FILE", help="write the verifications there")
+    add_simulator_options(parser, engine=False, when="minutes per layout")
+    add_json_option(parser)
     parser.add_argument(
-        "--update", action="store_true", help="write them into the package, for docs and reports"
+        "--update", action="store_true", help="keep the verifications in the package"
     )
 
 
@@ -77,8 +80,6 @@ def _list(records: dict[str, BestKnown]) -> None:
 
 def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int:
     """Check, keep and tabulate; 1 if a row differs in earnest."""
-    from pathlib import Path
-
     from domino_env.rigid.engine import engine_name
     from domino_env.rigid.known import known_table, read_verified, write_verified
     from domino_env.scenes.io.reading import load_scene
@@ -87,11 +88,14 @@ def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int
     if arguments.engine:
         engine_name()  # says what to install before time is spent
     scenes = {name: load_scene(name) for name in records}
-    found = verify_records(records, scenes, arguments.floor, arguments.engine)
+    report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
+    found = verify_records(records, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:
-        write_verified(found, Path(arguments.json))
+        write_json({name: asdict(one) for name, one in found.items()}, arguments.json)
     if arguments.update:
         write_verified(read_verified() | found)
+    if arguments.json == "-":
+        return int(any(one.verdict.startswith("DIFFERS") for one in found.values()))
     print("\n" + "\n".join(known_table(found)))
     words = [one.verdict.partition(":")[0] for one in found.values()]
     counted = ", ".join(f"{words.count(word)} {word.lower()}" for word in sorted(set(words)))

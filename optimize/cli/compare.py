@@ -1,18 +1,17 @@
-"""Compare methods with each other and with the uniform baseline, over seeds, with equal budgets.
+"""Compare search methods with each other and with the uniform baseline, with equal budgets.
 
-SCENE is the name of a scene that ships, a .toml file, or `all`.  The folder gets a page of Markdown
-(a table a scene: score, gain over uniform, gap to the best known, time to 1 % and 0.1 % of it), the
-runs and their traces as CSV, and two pictures: the gap against run time, and the part of a ladder
-of targets that was reached.  Ctrl-C ends it with the runs that are complete.
+SCENE is the name of a scene that ships, a .toml file, or `all`. The folder receives a page of
+Markdown (one table per scene: score, gain over uniform, gap to the best known, time to 1 % and
+0.1 % of it), the runs and their traces as CSV, and two pictures: the gap against run time, and the
+share of a ladder of targets that was reached. Ctrl-C ends it with the runs that are complete.
 
-Every run goes into the study store as it comes; --resume continues a comparison that was stopped.
-Runs are independent: --workers or --dask spread them.  With --evaluations the results are bitwise
-reproducible; equal --seconds are equal chances only where there are no more workers than cores and
-nothing else to do.
+Every run is stored in the study at once; --resume continues a comparison that was stopped. Runs are
+independent: --workers or --dask distribute them. With --budget the results are bitwise
+reproducible; equal --seconds are fair only on cores that have nothing else to do.
 
-Learners (apg, ppo, ars), trained agents (agent:RUN, whose clock began with its training)
-and methods of your own (package.module:function, in this folder or installed) run where they are
-named in --methods.
+Learned methods (apg, ppo, ars), trained agents (agent:RUN, whose clock includes the training) and
+your own methods (package.module:function, in this folder or installed) run where --methods names
+them.
 """
 
 from __future__ import annotations
@@ -20,7 +19,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from optimize.cli.options import add_study_options, exit_code, opened_study
+from domino_env.cli.options import add_out_option
+from optimize.cli.options import (
+    add_limit_options,
+    add_methods_option,
+    add_study_options,
+    exit_code,
+    opened_study,
+)
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
 DEFAULT_SECONDS = 4.0
@@ -28,21 +34,14 @@ DEFAULT_SECONDS = 4.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino compare`."""
-    parser.add_argument("scenes", metavar="SCENE", nargs="+", help="names, .toml files, or all")
-    parser.add_argument(
-        "--methods", help="names with commas between (all, and the peers that are installed)"
-    )
-    parser.add_argument("--seeds", type=int, default=5, help="how many, from 0 (5)")
-    parser.add_argument(
-        "--seconds", type=float, help=f"for each run ({DEFAULT_SECONDS:g}), or instead:"
-    )
-    parser.add_argument("--evaluations", type=int, help="layouts that each run may simulate")
-    parser.add_argument("--out", metavar="FOLDER", default="runs/comparison", help="%(default)s")
+    parser.add_argument("scenes", metavar="SCENE", nargs="+", help="name, .toml file, or all")
+    add_methods_option(parser, "all that are installed")
+    parser.add_argument("--seeds", type=int, metavar="N", default=5, help="number of seeds (5)")
+    add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
+    add_out_option(parser, "runs/comparison")
     add_study_options(parser)
     parser.add_argument(
-        "--update-best",
-        action="store_true",
-        help="write new records of scenes that ship into the package",
+        "--update-best", action="store_true", help="keep new best known layouts in the package"
     )
 
 
@@ -61,25 +60,25 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.methods is None:
         chosen = [*registry.METHODS, *registry.installed_peers()]
     else:
-        chosen = [name.strip() for name in arguments.methods.split(",")]
+        chosen = arguments.methods
     for name in chosen:
         registry.load(name)
     if arguments.seeds < 1:
         raise ValueError(f"--seeds {arguments.seeds}: give at least one")
-    seconds, evaluations = arguments.seconds, arguments.evaluations
-    if seconds is None and evaluations is None:
+    seconds, budget = arguments.seconds, arguments.budget
+    if seconds is None and budget is None:
         seconds = DEFAULT_SECONDS
-    tasks = comparison_tasks(scenes, chosen, range(arguments.seeds), seconds, evaluations)
+    tasks = comparison_tasks(scenes, chosen, range(arguments.seeds), seconds, budget)
     names = [scene.name for scene in scenes]
     settings = {
         "scenes": names, "methods": chosen, "seeds": arguments.seeds, "seconds": seconds,
-        "evaluations": evaluations,
+        "budget": budget,
     }  # fmt: skip
     default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
     folder = Path(arguments.out)
     with opened_study(arguments, "comparison", default, tasks, settings, folder) as (study, how):
-        budget = f"{evaluations} layouts" if seconds is None else f"{seconds:g} s"
-        print(f"{len(tasks) - study.tasks} runs of {budget}", flush=True)
+        limit = f"{budget} layouts" if seconds is None else f"{seconds:g} s"
+        print(f"{len(tasks) - study.tasks} runs of {limit}", flush=True)
         found = run_experiment(tasks, known=known_score, **how)
         write_comparison(found, folder)
         for problem in found.problems:

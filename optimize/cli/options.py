@@ -21,22 +21,55 @@ if TYPE_CHECKING:
 DEFAULT_STORE = "runs/studies.sqlite"
 
 
-def add_study_options(parser: argparse.ArgumentParser) -> None:
+def names_in(text: str) -> list[str]:
+    """Return the names in a text with commas between them."""
+    return [name.strip() for name in text.split(",")]
+
+
+def add_methods_option(
+    parser: argparse.ArgumentParser, shown: str, default: list[str] | None = None
+) -> None:
+    """Add --methods, a list of names."""
+    parser.add_argument(
+        "--methods", type=names_in, metavar="NAME,...", default=default, help=f"methods ({shown})"
+    )
+
+
+def add_limit_options(
+    parser: argparse.ArgumentParser, of: str, budget: str = "none", seconds: str = "none"
+) -> None:
+    """Add --budget and --seconds, with their defaults in words."""
+    parser.add_argument(
+        "--budget", type=int, metavar="N", help=f"evaluations of {of} at most ({budget})"
+    )
+    parser.add_argument(
+        "--seconds", type=float, metavar="S",
+        help=f"time of {of} at most [s], not reproducible ({seconds})",
+    )  # fmt: skip
+
+
+def add_store_option(parser: Any) -> None:
+    """Add --store."""
+    parser.add_argument(
+        "--store", metavar="FILE", default=DEFAULT_STORE, help="SQLite file (%(default)s)"
+    )
+
+
+def add_study_options(
+    parser: argparse.ArgumentParser, name: str | None = None, *, resume: bool = True
+) -> None:
     """Add --workers, --dask, --store, --name and --resume."""
     add_executor_options(parser)
-    group = parser.add_argument_group("study", "where results are kept as they come")
+    group = parser.add_argument_group("study", "where results are stored, see domino studies")
+    add_store_option(group)
     group.add_argument(
-        "--store",
-        metavar="FILE",
-        default=DEFAULT_STORE,
-        help="an SQLite file (%(default)s); see domino studies",
+        "--name", default=name, help=f"name of the study ({name or 'from that of the scene'})"
     )
-    group.add_argument("--name", metavar="NAME", help="of the study (from the scene's name)")
-    group.add_argument(
-        "--resume",
-        action="store_true",
-        help="continue a study that was stopped: its results are not computed again",
-    )
+    if resume:
+        group.add_argument(
+            "--resume", action="store_true",
+            help="continue a study that was stopped, with the results it has",
+        )  # fmt: skip
 
 
 def asked_study(

@@ -1,10 +1,10 @@
-"""Search a row that beats the best uniform pitch of a scene, and write it down.
+"""Search a layout that scores better than the best uniform layout of a scene.
 
-SCENE is the name of a scene that ships (sprint, course, …) or the path of a TOML file.  The folder
-of the run holds the scene, the best row (CSV and JSON), the trace of the search, a summary and a
-picture; one that holds a run already is refused.  Ctrl-C ends the search and writes the best so
-far; --resume goes on from there, after a kill too, or further with a larger budget, and comes to
-what an undisturbed search would have.
+SCENE is the name of a scene that ships (sprint, course, …) or a .toml file. The folder of the run
+receives the scene, the best layout (CSV and JSON), the trace of the search, a summary and a
+picture; a folder that holds a run already is refused without --resume. Ctrl-C ends the search and
+writes the best layout so far. --resume continues it, after a kill too, or with a larger budget; the
+result is that of an undisturbed search.
 """
 
 from __future__ import annotations
@@ -12,39 +12,34 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from domino_env.cli.options import add_out_option
+from optimize.cli.options import add_limit_options
 from optimize.executors import add_executor_options, asked_executor
 
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
     from optimize.result import SearchResult
 
-SUMMARY = "search a better row than the best uniform one"
+SUMMARY = "search a layout better than the best uniform one"
 MARKED = 1e-6  # a smaller relative distance to the best known is none
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino optimize`."""
-    parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file")
+    parser.add_argument("scene", metavar="SCENE", help="name of a scene, or .toml file")
     parser.add_argument(
-        "--method",
-        default="auto",
+        "--method", default="auto",
         help="auto (default), cma, l-bfgs, slsqp, scp, …, or package.module:function",
-    )
+    )  # fmt: skip
+    add_limit_options(parser, "the search")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all randomness (0)")
+    add_out_option(parser, "runs/SCENE", literal=False)
     parser.add_argument(
-        "--evaluations", type=int, help="layouts that may be simulated (until the search is done)"
-    )
-    parser.add_argument("--seconds", type=float, help="time that may be spent (the same)")
-    parser.add_argument("--seed", type=int, default=0, help="of all randomness (0)")
-    parser.add_argument("--out", metavar="FOLDER", help="the run's folder (runs/SCENE)")
+        "--resume", action="store_true",
+        help="continue the search in the folder; the time it has spent counts",
+    )  # fmt: skip
     parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on with the search in the folder; its seconds so far count",
-    )
-    parser.add_argument(
-        "--update-best",
-        action="store_true",
-        help="write a new record into the package",
+        "--update-best", action="store_true", help="keep a new best known layout in the package"
     )
     add_executor_options(parser)
 
@@ -63,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         result = search(
             scene,
             arguments.method,
-            arguments.evaluations,
+            arguments.budget,
             arguments.seed,
             seconds=arguments.seconds,
             folder=folder,

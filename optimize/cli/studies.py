@@ -1,6 +1,6 @@
-"""List, show and export studies: what domino compare and domino sweep have kept in a store.
+"""List, show and export studies: the stored results of domino compare and domino sweep.
 
-domino studies                                    all studies of a store, a line each
+domino studies                                    all studies of a store, one line each
 domino studies show NAME                          best and median of each scene and method
 domino studies export NAME --to FILE              every result, as .csv or .parquet
 domino studies export NAME --best SCENE --to FILE the best layout of a scene, as .csv or .json
@@ -15,13 +15,13 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from optimize.cli.options import DEFAULT_STORE, write_layout
+from optimize.cli.options import add_store_option, write_layout
 
 if TYPE_CHECKING:
     from optimize.experiments.store import Store, Study
     from optimize.experiments.task import TaskResult
 
-SUMMARY = "list, show and export what comparisons and sweeps have found"
+SUMMARY = "list, show and export stored results"
 SHOWN = 50  # lines of a table where not all are asked for
 LONGEST_SETTINGS = 400  # characters
 
@@ -32,20 +32,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "action", nargs="?", choices=("list", "show", "export"), default="list", help="(list)"
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="the study to show or export")
+    add_store_option(parser)
     parser.add_argument(
-        "--store", default=DEFAULT_STORE, metavar="FILE", help=f"SQLite file ({DEFAULT_STORE})"
+        "--to",
+        metavar="FILE",
+        help="export results to .csv or .parquet, a layout to .csv or .json",
     )
     parser.add_argument(
-        "--to", metavar="FILE", help="export: .csv, .parquet; a layout: .csv, .json"
-    )
-    parser.add_argument(
-        "--best",
-        nargs="?",
-        const="",
-        metavar="SCENE",
-        help="export the best layout of a scene (or of a result, by its key) instead of the table",
-    )
-    parser.add_argument("--all", action="store_true", help="show: every line of a long table")
+        "--best", nargs="?", const="", metavar="SCENE",
+        help="export the best layout of a scene, or of the result with this key",
+    )  # fmt: skip
+    parser.add_argument("--all", action="store_true", help="show: print every line of a long table")
 
 
 def run(arguments: argparse.Namespace) -> int:

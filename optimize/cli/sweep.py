@@ -1,13 +1,13 @@
-"""Search many variations of a scene: a grid over keys of its file, or scenes drawn from ranges.
+"""Search many variations of a scene: a grid over keys of its file, or points sampled from ranges.
 
     domino sweep sprint --set physics.friction=0:0.5:11 --set physics.push=4,8,12
     domino sweep sprint --set spacing.min=0.001:0.004 --set row.count=20:80 --random 500
 
-KEY is any key of a scene's file, as scene.toml in a run's folder writes it.  --set takes
-KEY=FROM:TO:NUMBER (with :log behind it evenly in the logarithm), KEY=VALUE,VALUE,… or, with
---random, KEY=FROM:TO.  Every point is checked before anything runs.  Results go into the study
-store as they come; --resume continues a sweep that was stopped.  The folder gets a page of
-Markdown, a table (CSV) and a picture.
+KEY is any key of a scene file, see scene.toml in the folder of a run. --set takes
+KEY=FROM:TO:NUMBER (with :log at the end evenly in the logarithm), KEY=VALUE,VALUE,… or, with
+--random, KEY=FROM:TO. Every point is checked before anything runs. Results are stored in the study
+at once; --resume continues a sweep that was stopped. The folder receives a page of Markdown, a
+table (CSV) and a picture.
 """
 
 from __future__ import annotations
@@ -15,28 +15,38 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from optimize.cli.options import add_study_options, exit_code, opened_study
+from domino_env.cli.options import add_out_option
+from optimize.cli.options import (
+    add_limit_options,
+    add_methods_option,
+    add_study_options,
+    exit_code,
+    opened_study,
+)
 
-SUMMARY = "search many variations of a scene, on one machine or many"
+SUMMARY = "search many variations of a scene"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino sweep`."""
-    parser.add_argument("scene", metavar="SCENE", help="a scene's name or .toml file")
+    parser.add_argument("scene", metavar="SCENE", help="name of a scene, or .toml file")
     parser.add_argument(
-        "--set", metavar="KEY=VALUES", action="append", default=[], help="what is varied; repeat"
+        "--set",
+        metavar="KEY=VALUES",
+        action="append",
+        default=[],
+        help="vary a key; repeatable",
     )
     parser.add_argument(
-        "--random", type=int, metavar="N", help="draw N scenes instead of all on the grid"
+        "--random", type=int, metavar="N", help="sample N points instead of all of the grid"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of these draws (0)")
-    parser.add_argument("--methods", default="auto", help="names with commas between (auto)")
-    parser.add_argument("--seeds", type=int, default=1, help="for each method, from 0 (1)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of these points (0)")
+    add_methods_option(parser, "auto", ["auto"])
     parser.add_argument(
-        "--evaluations", type=int, help="layouts that each search may simulate (2000)"
+        "--seeds", type=int, metavar="N", default=1, help="number of seeds of each method (1)"
     )
-    parser.add_argument("--seconds", type=float, help="time of each search; not repeatable")
-    parser.add_argument("--out", metavar="FOLDER", help="for page, table, picture (runs/NAME)")
+    add_limit_options(parser, "each search", budget="2000 without --seconds")
+    add_out_option(parser, "runs/NAME", literal=False)
     add_study_options(parser)
 
 
@@ -48,15 +58,14 @@ def run(arguments: argparse.Namespace) -> int:
     from optimize.experiments.sweep import sweep_tasks
 
     scene = load_scene(arguments.scene)
-    methods = [name.strip() for name in arguments.methods.split(",")]
     tasks = sweep_tasks(
-        scene, arguments.set, methods, arguments.seeds, arguments.evaluations, arguments.seconds,
-        random=arguments.random, seed=arguments.seed,
+        scene, arguments.set, arguments.methods, arguments.seeds, arguments.budget,
+        arguments.seconds, random=arguments.random, seed=arguments.seed,
     )  # fmt: skip
     settings = {
         "scene": scene.name, "set": arguments.set, "random": arguments.random,
-        "seed": arguments.seed, "methods": methods, "seeds": arguments.seeds,
-        "evaluations": tasks[0].evaluations, "seconds": arguments.seconds,
+        "seed": arguments.seed, "methods": arguments.methods, "seeds": arguments.seeds,
+        "budget": tasks[0].budget, "seconds": arguments.seconds,
     }  # fmt: skip
     out = None if arguments.out is None else Path(arguments.out)
     name = f"sweep-{scene.name}"

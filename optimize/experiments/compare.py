@@ -24,7 +24,7 @@ def compare(
     seeds: Iterable[int],
     seconds: float | None = None,
     *,
-    evaluations: int | None = None,
+    budget: int | None = None,
     **how: Any,
 ) -> Experiment:
     """Run every method on every scene with every seed, each with the same budget.
@@ -42,11 +42,11 @@ def compare(
     seeds
         Each method runs on each scene with each of them.
     seconds
-        Budget of each run, unless `evaluations` is given. Equal seconds are equal chances only
+        Budget of each run, unless `budget` is given. Equal seconds are equal chances only
         where every run has a core for itself: an executor must have no more workers than its
         machines have cores.
-    evaluations
-        Budget of each run, which makes the comparison bitwise reproducible.
+    budget
+        Number of evaluations of each run, which makes the comparison bitwise reproducible.
     how
         `executor`, `study`, `callback`, `progress`: as of `run_tasks`.
 
@@ -56,7 +56,7 @@ def compare(
         For what is given twice or not at all, and where no run has a result; a run that fails
         beside others is one of the `failures`.
     """
-    tasks = comparison_tasks(scenes, methods, seeds, seconds, evaluations)
+    tasks = comparison_tasks(scenes, methods, seeds, seconds, budget)
     return run_experiment(tasks, known=known_score, **how)
 
 
@@ -65,17 +65,17 @@ def comparison_tasks(
     methods: Sequence[str | Method],
     seeds: Iterable[int],
     seconds: float | None,
-    evaluations: int | None,
+    budget: int | None,
 ) -> list[Task]:
     """Return the runs of a comparison, in order; see `compare`."""
-    if (seconds is None) == (evaluations is None):
-        raise ValueError("give each run seconds or evaluations, one of the two")
+    if (seconds is None) == (budget is None):
+        raise ValueError("give each run seconds or a budget, one of the two")
     seeds, chosen = list(seeds), [importable_name(method) for method in methods]
     require_each_once(scenes=scenes, methods=chosen, seeds=seeds)
     loaded = [scene if isinstance(scene, Scene) else load_scene(scene) for scene in scenes]
     # seeds outermost: what else the machine does then affects all methods alike
     return [
-        Task.of(scene, method, seed, evaluations, seconds)
+        Task.of(scene, method, seed, budget, seconds)
         for scene in loaded
         for seed in seeds
         for method in chosen

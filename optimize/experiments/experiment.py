@@ -70,13 +70,13 @@ class Experiment:
     @property
     def clock(self) -> str:
         """Measure of the budget: "seconds", or "evaluations", with which results are repeatable."""
-        return "seconds" if self.tasks[0].evaluations is None else "evaluations"
+        return "seconds" if self.tasks[0].budget is None else "evaluations"
 
     @property
     def budget(self) -> str:
         """Budget of a run in words."""
         task = self.tasks[0]
-        return f"{task.seconds:g} s" if task.evaluations is None else f"{task.evaluations} layouts"
+        return f"{task.seconds:g} s" if task.budget is None else f"{task.budget} layouts"
 
     @property
     def seeds(self) -> int:
@@ -141,7 +141,7 @@ class Experiment:
         task = self.tasks[0]
         if task.seconds is not None:
             return np.geomspace(max(first, 1e-4), task.seconds, 200)
-        return np.geomspace(max(first, 1.0), max(task.evaluations or 0, first + 1.0), 200)
+        return np.geomspace(max(first, 1.0), max(task.budget or 0, first + 1.0), 200)
 
 
 def problem_of(result: TaskResult) -> str:

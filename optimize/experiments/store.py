@@ -1,7 +1,7 @@
 """Store of studies: one SQLite file with the results of experiments, kept as they come.
 
     store = open_store("runs/studies.sqlite")
-    study = store.begin("friction", "sweep", {"evaluations": 5000})
+    study = store.begin("friction", "sweep", {"budget": 5000})
     study.add(task.run())                # on the disk when it returns
     study.done()                         # by key: these tasks need not run again
 

@@ -27,7 +27,7 @@ from optimize.problem import Problem
 Value = Label | list[Any]
 Point = dict[str, Value]
 
-DEFAULT_EVALUATIONS = 2000  # of a task, where no budget is given
+DEFAULT_BUDGET = 2000  # of a task, where no budget is given
 MOST_POINTS, MOST_TASKS = 100_000, 1_000_000
 WHOLE = ("row.count", "robust.draws", "robust.seed")  # keys that hold whole numbers
 # what says how wide a range is; one way replaces the other
@@ -194,7 +194,7 @@ def sweep(
     executor, study, callback, progress
         As of `run_tasks`.
     tasks
-        `methods`, `seeds`, `evaluations`, `seconds`, `random`, `seed`: as of `sweep_tasks`.
+        `methods`, `seeds`, `budget`, `seconds`, `random`, `seed`: as of `sweep_tasks`.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def sweep_tasks(
     axes: Sequence[str],
     methods: Sequence[str] = ("auto",),
     seeds: int = 1,
-    evaluations: int | None = None,
+    budget: int | None = None,
     seconds: float | None = None,
     *,
     random: int | None = None,
@@ -227,8 +227,8 @@ def sweep_tasks(
         Names of methods.
     seeds
         Every method runs at every point with the seeds 0, 1, … of this number.
-    evaluations
-        Budget of each task; 2000 where there is no budget of seconds either.
+    budget
+        Number of evaluations of each task; 2000 where there is no budget of seconds either.
     seconds
         Budget of each task [s].
     random
@@ -244,12 +244,12 @@ def sweep_tasks(
         registry.load(name)
     if seeds < 1:
         raise ValueError(f"--seeds {seeds}: give at least one")
-    if evaluations is not None and evaluations < 1:
-        raise ValueError(f"--evaluations {evaluations}: give at least one")
+    if budget is not None and budget < 1:
+        raise ValueError(f"--budget {budget}: give at least one")
     if seconds is not None and not seconds > 0.0:
         raise ValueError(f"--seconds {seconds}: give a time of more than 0 s")
-    if evaluations is None and seconds is None:
-        evaluations = DEFAULT_EVALUATIONS
+    if budget is None and seconds is None:
+        budget = DEFAULT_BUDGET
     if seed < 0:
         raise ValueError(f"--seed {seed}: give a whole number, 0 or more")
     rng = np.random.default_rng(seed)
@@ -259,7 +259,7 @@ def sweep_tasks(
         raise ValueError(f"{number} tasks: a sweep has at most {MOST_TASKS}; split it")
     varied = [(scene_at(scene, point), _labels(point)) for point in points]
     return [
-        Task.of(one, method, run, evaluations, seconds, labels)
+        Task.of(one, method, run, budget, seconds, labels)
         for one, labels in varied
         for method in methods
         for run in range(seeds)

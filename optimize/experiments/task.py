@@ -97,8 +97,9 @@ class Task:
         The scene as TOML text.
     method, seed
         As of `optimize.search`.
-    evaluations, seconds
-        Its budget, or None; a budget of seconds is not bitwise reproducible.
+    budget, seconds
+        Largest number of evaluations and largest time [s], or None; with a limit of seconds the
+        result is not bitwise reproducible.
     labels
         Name of the task among others, such as {"physics.friction": 0.1}.
     """
@@ -106,7 +107,7 @@ class Task:
     scene: str
     method: str
     seed: int
-    evaluations: int | None = None
+    budget: int | None = None
     seconds: float | None = None
     labels: dict[str, Label] = field(default_factory=dict)
 
@@ -116,17 +117,17 @@ class Task:
         scene: Scene,
         method: str,
         seed: int,
-        evaluations: int | None = None,
+        budget: int | None = None,
         seconds: float | None = None,
         labels: dict[str, Label] | None = None,
     ) -> Task:
         """Make the task of searching a scene."""
-        return cls(scene.to_toml(), method, seed, evaluations, seconds, labels or {})
+        return cls(scene.to_toml(), method, seed, budget, seconds, labels or {})
 
     @property
     def key(self) -> str:
         """Digest of all that decides the result; labels do not."""
-        return digest([self.scene, self.method, self.seed, self.evaluations, self.seconds])
+        return digest([self.scene, self.method, self.seed, self.budget, self.seconds])
 
     @property
     def name(self) -> str:
@@ -154,7 +155,7 @@ class Task:
             Where the search was interrupted: its result is not that of the task.
         """
         result = search(
-            scene_of(self.scene), self.method, self.evaluations, self.seed, seconds=self.seconds,
+            scene_of(self.scene), self.method, self.budget, self.seed, seconds=self.seconds,
             progress=False, callback=callback, clock=clock,
         )  # fmt: skip
         if result.interrupted:

@@ -26,7 +26,7 @@ def test_rows_and_episodes_are_those_of_the_scenes_and_a_stopped_one_goes_on(
         searched(scenes[:2], *given, **options)
         raise KeyboardInterrupt
 
-    words = ["dataset", str(tmp_path), "--of", "varied-course", "--scenes", "3", "--search", "30"]
+    words = f"dataset {tmp_path} --distribution varied-course --scenes 3 --budget 30".split()
     with monkeypatch.context() as patched:
         patched.setattr(dataset, "search_rows", stops)
         assert main(words) != 0

@@ -143,7 +143,7 @@ def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(workers) -> Non
 
 
 def test_errors_of_a_task_are_its_own(tasks, expected, pool) -> None:
-    broken = Task(tasks[0].scene, "auto", 0, evaluations=0)
+    broken = Task(tasks[0].scene, "auto", 0, budget=0)
     found: list[TaskResult] = []
     failures = run_tasks([broken, tasks[0]], pool, None, lambda t, r: found.append(r))
     assert [bits(r) for r in found] == expected[:1]
@@ -240,5 +240,5 @@ def test_an_executor_that_does_not_come_leaves_no_study(tmp_path: Path, monkeypa
     pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "ANSWER", 0.2)
     monkeypatch.chdir(tmp_path)
-    assert main(["compare", "sprint", "--dask", "tcp://127.0.0.1:9", "--evaluations", "9"]) == 2
+    assert main(["compare", "sprint", "--dask", "tcp://127.0.0.1:9", "--budget", "9"]) == 2
     assert not (tmp_path / "runs").exists()

@@ -175,6 +175,33 @@ def test_the_program_itself(row: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+def test_the_command_line_explains_itself(capsys) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["--help"])
+    text = capsys.readouterr().out
+    groups = [line for line in text.splitlines() if line.endswith(":") and line != "options:"]
+    assert groups == ["simulate:", "search:", "learn:", "build and look:", "validate:"]
+    assert main(["optimise", "sprint"]) == 2
+    assert "COMMAND = 'optimise': did you mean 'optimize'? choose" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["validate", "--json", "chapman"])
+    assert "'chapman': name a .json file, or put --json last" in capsys.readouterr().err
+
+
+def test_ctrl_c_while_modules_are_imported_prints_no_traceback() -> None:
+    code = """if True:
+        import os, signal, sys, _domino_command
+        class Finder:
+            def find_spec(self, name, *_):
+                if name == "domino_env.core.progress":
+                    os.kill(os.getpid(), signal.SIGINT)
+        sys.meta_path.insert(0, Finder())
+        _domino_command.main()
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
+
+
 def test_a_reader_that_has_enough_is_no_error(row: Path, tmp_path: Path) -> None:
     de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
     program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--all"]

@@ -130,19 +130,19 @@ def test_a_scene_gives_its_uniform_baseline_and_a_random_layout() -> None:
 @pytest.mark.parametrize(
     ("options", "said", "table", "lines"),
     [
-        (["--scene", "gentle", "--budget", "0.02"], "uniform: seconds to an error", "accuracy", 20),
-        (["--stability"], "edge cases: none not answered as they should be", "stability", 200),
+        ("--scene gentle --seconds 0.02", "uniform: seconds to an error", "accuracy", 20),
+        ("--stability", "edge cases: none not answered as they should be", "stability", 200),
     ],
 )
 def test_domino_accuracy_writes_table_and_picture(
-    options: list[str], said: str, table: str, lines: int, tmp_path: Path,
+    options: str, said: str, table: str, lines: int, tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    assert main(["accuracy", *options, "--quick", "--out", str(tmp_path)]) == 0
+    assert main(["accuracy", *options.split(), "--quick", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr()
     assert said in printed.out
     assert printed.err == ""
     assert len((tmp_path / f"{table}.csv").read_text("utf-8").splitlines()) > lines
     assert (tmp_path / f"{table}.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    assert main(["accuracy", "--budget", "0"]) == 2
-    assert "--budget = 0.0 s: give a finite number, more than 0" in capsys.readouterr().err
+    assert main(["accuracy", "--seconds", "0"]) == 2
+    assert "--seconds = 0.0 s: give a finite number, more than 0" in capsys.readouterr().err

@@ -40,7 +40,7 @@ def test_the_class_is_as_engibench_wants_its_problems() -> None:
 @pytest.mark.parametrize("name", KINDS)
 def test_designs_are_simulated_and_optimised(scenes, name: str) -> None:
     scene = scenes[name]
-    problem = DominoRow(config={"evaluations": 60}, scene=scene)
+    problem = DominoRow(config={"budget": 60}, scene=scene)
     problem.reset(seed=1)
     design, _ = problem.random_design()
     problem.reset(seed=1)

@@ -36,7 +36,7 @@ def test_a_search_says_what_it_found_and_where_it_is(
     capsys, scene_file: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    text = said(capsys, "optimize", scene_file, "--evaluations", 400, "--seed", 5, "--out", out)
+    text = said(capsys, "optimize", scene_file, "--budget", 400, "--seed", 5, "--out", out)
     summary = json.loads((out / "summary.json").read_text())
     mark = de.load_scene(scene_file).uniform()
     assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "auto")
@@ -54,7 +54,7 @@ def test_a_run_goes_to_runs_and_the_name_of_the_scene(
     capsys, monkeypatch, scene_file: Path, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said(capsys, "optimize", "mine.toml", "--evaluations", 20)
+    said(capsys, "optimize", "mine.toml", "--budget", 20)
     names = sorted(f.name for f in (tmp_path / "runs" / "both").iterdir())
     assert names == sorted((*FILES, JOURNAL))
 
@@ -77,7 +77,7 @@ def test_a_shipped_scene_is_told_how_far_from_the_best_known(
 
 def test_rows_that_die_are_told(capsys, scenes, tmp_path: Path) -> None:
     (tmp_path / "dead.toml").write_text(scenes["dead"].to_toml())
-    words = ["--evaluations", 10, "--out", tmp_path / "run"]
+    words = ["--budget", 10, "--out", tmp_path / "run"]
     text = said(capsys, "optimize", tmp_path / "dead.toml", *words)
     assert "best uniform row: no speed" in text
     assert "best row found:   no speed (STALLED;" in text
@@ -88,7 +88,7 @@ def test_rows_that_die_are_told(capsys, scenes, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("words", "message"), [
     (["sprint", "--method", "cmae"], "there is no method 'cmae': did you mean 'cma'?"),
     (["sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
-    (["sprint", "--evaluations", "0"], "budget = 0: give at least one evaluation"),
+    (["sprint", "--budget", "0"], "budget = 0: give at least one evaluation"),
     (["sprint", "--seconds", "-1"], "seconds = -1.0: give a time of more than 0 s"),
     (["sprint", "--seed", "-1"], "seed = -1: give a whole number"),
     (["sprint", "--out", "notes.txt"], "notes.txt is a file: name a folder"),

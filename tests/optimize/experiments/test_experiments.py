@@ -121,7 +121,7 @@ def test_the_best_of_many_methods_have_a_colour(compared: Experiment, monkeypatc
 
 def test_a_title_cannot_write_markdown(scenes) -> None:
     evil = "![x](http://evil/x.png) <script> `a` | b"
-    found = compare([replace(scenes["spacing"], title=evil)], ["uniform"], [0], evaluations=1)
+    found = compare([replace(scenes["spacing"], title=evil)], ["uniform"], [0], budget=1)
     page = next(line for line in comparison_page(found).splitlines() if "evil" in line)
     assert "![" not in page
     assert not any(c == "<" and page[i - 1] != "\\" for i, c in enumerate(page))
@@ -136,12 +136,12 @@ def test_a_title_cannot_write_markdown(scenes) -> None:
 ])  # fmt: skip
 def test_what_cannot_be_compared(scene_list, methods, seeds, budget, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        compare(scene_list, methods, seeds, evaluations=budget)
+        compare(scene_list, methods, seeds, budget=budget)
 
 
 def test_the_command_stops_and_continues(here: Path, monkeypatch, capsys) -> None:
     words = ["compare", "mine.toml", "--methods", "random, uniform", "--seeds", "2"]
-    words += ["--evaluations", "20", "--update-best"]
+    words += ["--budget", "20", "--update-best"]
     calls = []
 
     def stopped_at_the_third(*asked, **more):
@@ -286,7 +286,7 @@ def test_what_cannot_be_swept(scenes, axis: str, more: dict, message: str) -> No
 @pytest.fixture(scope="module")
 def swept(scenes) -> Experiment:
     axes = ["physics.friction=0.1,0.3", "physics.push=6:10:3"]
-    return sweep(scenes["spacing"], axes, methods=["auto", "random"], seeds=2, evaluations=40)
+    return sweep(scenes["spacing"], axes, methods=["auto", "random"], seeds=2, budget=40)
 
 
 def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experiment) -> None:
@@ -321,14 +321,14 @@ def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> Non
     ("dead", ["physics.push=0.3,0.5"]),
 ], ids=["line", "words", "three", "dead"])  # fmt: skip
 def test_pictures_of_other_sweeps(scenes, scene: str, axes: list[str], tmp_path: Path) -> None:
-    found = sweep(scenes[scene], axes, methods=["uniform"], evaluations=1)
+    found = sweep(scenes[scene], axes, methods=["uniform"], budget=1)
     write_sweep(found, tmp_path, scenes[scene])
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
     assert ("–" in sweep_page(found, scenes[scene])) == (scene == "dead")  # it has no gain
 
 
 WORDS = ["sweep", "mine.toml", "--set", "physics.push=6,8", "--methods", "random"]
-WORDS += ["--evaluations", "20"]
+WORDS += ["--budget", "20"]
 
 
 def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
@@ -359,7 +359,7 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
     here: Path, scenes, number: int, status: int
 ) -> None:
     words = ["sweep", "mine.toml", "--set", "physics.push=6:10:9", "--methods", "random"]
-    words += ["--evaluations", "15000"]
+    words += ["--budget", "15000"]
     with subprocess.Popen(
         [sys.executable, "-m", "domino_env", *words, "--workers", "2"],
         env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "1"},
@@ -386,7 +386,7 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
 
 
 def test_a_line_moves_where_it_is_shown(scenes, capsys) -> None:
-    tasks = sweep_tasks(scenes["spacing"], ["physics.push=6,8"], ["random"], evaluations=4000)
+    tasks = sweep_tasks(scenes["spacing"], ["physics.push=6,8"], ["random"], budget=4000)
     run_tasks(tasks)
     assert capsys.readouterr() == ("", "")
     run_tasks(tasks, progress=Progress("mine", shown=True))

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.fixture(scope="module")
 def result(scenes) -> TaskResult:
     """Of a real search."""
-    return Task.of(scenes["both"], "random", 3, evaluations=300).run()
+    return Task.of(scenes["both"], "random", 3, budget=300).run()
 
 
 @pytest.fixture
@@ -222,7 +222,7 @@ def test_an_export_holds_every_number_bitwise(
 
 def test_the_best_layout_of_a_scene(capsys, path: Path, scenes, result) -> None:
     study = open_store(path).begin("one", "sweep", {})
-    better = Task.of(scenes["both"], "l-bfgs", 0, evaluations=200).run()
+    better = Task.of(scenes["both"], "l-bfgs", 0, budget=200).run()
     study.add(result)
     study.add(better)
     assert better.score > result.score

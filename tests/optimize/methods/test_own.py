@@ -54,12 +54,12 @@ def test_a_method_is_named_or_given(folder: Path, scenes) -> None:
 def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
     """Those are spawned, and find it where it was found here."""
     chosen = [scenes["spacing"]], ["my_methods:run", "random"], range(1)
-    here = compare(*chosen, evaluations=21)
+    here = compare(*chosen, budget=21)
     with ProcessExecutor(1) as executor:
-        there = compare(*chosen, evaluations=21, executor=executor)
+        there = compare(*chosen, budget=21, executor=executor)
     assert not there.failures
     assert [r.score for r in there.results] == [r.score for r in here.results]
-    given = compare([scenes["spacing"]], [load("my_methods:run")], range(1), evaluations=21)
+    given = compare([scenes["spacing"]], [load("my_methods:run")], range(1), budget=21)
     assert given.methods == ["my_methods:run"]
     assert given.results[0].score == here.results[0].score
 
@@ -74,7 +74,7 @@ def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
     ("my_methods:", "there is no method 'my_methods:': choose auto, "),
 ])  # fmt: skip
 def test_what_is_no_method_is_told_in_a_line(folder, capsys, method: str, message: str) -> None:
-    assert main(["optimize", "sprint", "--method", method, "--evaluations", "9"]) == 2
+    assert main(["optimize", "sprint", "--method", method, "--budget", "9"]) == 2
     said = capsys.readouterr().err
     assert said.startswith("domino: ")
     assert said.count("\n") == 1
@@ -85,4 +85,4 @@ def test_what_other_processes_cannot_import_is_not_compared(folder: Path, scenes
     load("my_methods:run")
     method = sys.modules["my_methods"].inside()
     with pytest.raises(ValueError, match="cannot be imported by that name, and so by no other"):
-        compare([scenes["spacing"]], [method], range(1), evaluations=9)
+        compare([scenes["spacing"]], [method], range(1), budget=9)

@@ -1,0 +1,142 @@
+"""Options that several commands share.
+
+A layout beside a scene.toml, as in the folder of a run, is simulated with the physics of that scene
+unless --scene names another.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from domino_env.core.files import write_text
+
+if TYPE_CHECKING:
+    from domino_env.physics.layout import Layout
+    from domino_env.physics.physics import Physics
+    from domino_env.scenes.scene import Scene
+
+
+def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = False) -> None:
+    """Add --scene, --friction, --gravity and --push; `uniform`: a scene adds its best uniform."""
+    more = ", and its best uniform layout" * uniform
+    parser.add_argument(
+        "--scene",
+        help=f"physics of a scene, name or .toml file{more} (the scene.toml beside LAYOUT)",
+    )
+    parser.add_argument(
+        "--friction", type=float, metavar="MU", help="between dominoes (of the scene, or 0.25)"
+    )
+    parser.add_argument(
+        "--gravity", type=float, metavar="M/S2", help="[m/s²] (of the scene, or 9.81)"
+    )
+    parser.add_argument(
+        "--push", type=float, metavar="RAD/S",
+        help="angular velocity of the first domino [rad/s] (of the scene, or 8)",
+    )  # fmt: skip
+
+
+def add_out_option(parser: argparse.ArgumentParser, default: str, *, literal: bool = True) -> None:
+    """Add --out FOLDER; a default that is not `literal` is only shown."""
+    parser.add_argument(
+        "-o", "--out", metavar="FOLDER", default=default if literal else None,
+        help=f"folder to write to ({default})",
+    )  # fmt: skip
+
+
+def add_json_option(parser: argparse.ArgumentParser) -> None:
+    """Add --json [FILE], for `write_json`."""
+    parser.add_argument(
+        "--json", metavar="FILE", nargs="?", const="-", type=_json_file,
+        help="print the result as JSON alone, or write it to a .json file besides",
+    )  # fmt: skip
+
+
+def _json_file(name: str) -> str:
+    if name != "-" and not name.endswith(".json"):
+        raise argparse.ArgumentTypeError(f"'{name}': name a .json file, or put --json last")
+    return name
+
+
+def write_json(document: object, file: str) -> None:
+    """Write a document as JSON; "-" prints it."""
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
+    if file == "-":
+        print(text)
+    else:
+        write_text(Path(file), text + "\n")
+
+
+@dataclass(frozen=True)
+class ChosenPhysics:
+    """Physics of a command, and where they come from.
+
+    Attributes
+    ----------
+    scene
+        The scene that was named, or that lies beside the layout; None without either.
+    physics
+        Those of the scene, or the defaults, with the changes of the options.
+    changed
+        Names of the options that were given.
+    beside
+        True for a scene found beside the layout.
+    """
+
+    scene: Scene | None
+    physics: Physics
+    changed: tuple[str, ...]
+    beside: bool
+
+    @property
+    def origin(self) -> str:
+        """Source of the physics, in words."""
+        words = "the standard"
+        if self.scene is not None:
+            words = f"of scene '{self.scene.name}'{' beside the layout' if self.beside else ''}"
+        if self.changed:
+            words += f", but for {', '.join(f'--{name}' for name in self.changed)}"
+        return words
+
+    @property
+    def line(self) -> str:
+        """The physics and their source, a line to print with every result."""
+        physics = self.physics
+        return (
+            f"physics: friction {physics.friction:g}, gravity {physics.gravity:g} m/s², "
+            f"push {physics.push:g} rad/s ({self.origin})"
+        )
+
+    def read(self, path: str | Path) -> Layout:
+        """Read a layout of the scene, see `domino_env.scenes.io.reading.read_layout`."""
+        from domino_env.scenes.io.reading import read_layout
+
+        return read_layout(path, self.scene)
+
+
+def chosen_physics(arguments: argparse.Namespace, *paths: str | Path) -> ChosenPhysics:
+    """Return the physics for layouts that are shown together.
+
+    Parameters
+    ----------
+    arguments
+        Values of the options of `add_physics_options`.
+    paths
+        Files of layouts, or folders of runs.
+
+    Raises
+    ------
+    ValueError
+        For a scene that cannot be read, and for layouts that lie beside different scenes.
+    """
+    from domino_env.physics.physics import Physics
+    from domino_env.scenes.io.reading import common_scene, load_scene
+
+    scene = load_scene(arguments.scene) if arguments.scene else common_scene(paths)
+    given = {name: getattr(arguments, name) for name in ("friction", "gravity", "push")}
+    given = {name: value for name, value in given.items() if value is not None}
+    physics = (scene.physics if scene else Physics()).replace(**given)
+    return ChosenPhysics(scene, physics, tuple(given), beside=not arguments.scene)
