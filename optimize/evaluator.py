@@ -18,21 +18,21 @@ from optimize.executors import telling_loss
 from optimize.journal import Journal
 from optimize.problem import Problem, Scores
 
-PIECE = 40_000  # dominoes simulated between two looks at the clock, some 30 ms
-MOST_DESIGNS = 256  # between two looks, so that enough of the good ones become finalists
+PIECE = 40_000  # dominoes simulated between two checks of the limits, some 30 ms
+MOST_DESIGNS = 256  # between two checks, so that enough of the good ones become finalists
 BULK = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 # Dominoes in a task: some 0.1 s of one core; sending takes some 1 ms to a pool, 10 ms with Dask.
 TASK = 60_000
 GRADIENT_COST = 4  # simulations that take as long as a gradient
 GAIN = 1e-5  # a smaller relative gain is none
 PATIENT = 20_000  # least evaluations of a search without any limit
-KEPT = 8  # best designs kept for a closer look at the end
+KEPT = 8  # best designs kept, to be simulated closely at the end
 
 Step = tuple[int, int, float, float]
 
 
-def slope_left(design: Floats, gradient: Floats) -> float:
-    """Find the largest slope along which a design vector can still rise within the box.
+def gradient_left(design: Floats, gradient: Floats) -> float:
+    """Return the largest derivative along which a design vector can still move within the box.
 
     Parameters
     ----------
@@ -53,10 +53,10 @@ class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a sea
 
 
 class Evaluator:
-    """Scores of a problem for a method, until a limit is reached: then it raises `BudgetSpent`.
+    """Scores of a problem for a method, within limits; at a limit it raises `BudgetSpent`.
 
-    It counts evaluations, keeps the best so far, and writes every answer into a journal, from which
-    a search that was stopped resumes. Its clock starts with the object.
+    It counts evaluations, keeps the best layouts, and writes every answer into a journal, from
+    which a search that was stopped resumes. Its clock starts with the object.
 
     Parameters
     ----------
@@ -67,9 +67,9 @@ class Evaluator:
     max_seconds
         Time that may be spent; None for no limit.
     callback
-        Called with the evaluator after every batch.
+        Function that is called with the evaluator after every batch.
     journal
-        Journal of the search; None for no memory.
+        Journal of the search; None for none.
     executor
         Simulates batches of several pieces; None for this process.
     clock
@@ -84,12 +84,12 @@ class Evaluator:
         hundreds of layouts.
     trace
         (evaluations, falls, seconds, best score) at every improvement.
-    slopes
-        Steepest slope left at each of them, see `slope_left`; None where it is not known.
+    gradients_left
+        Largest derivative left at each of them, see `gradient_left`; None where it is not known.
     finalists
         The last improvements, (score, design) each, the best last.
     status
-        What the method reports about its best so far: how reliable it is, what was tried.
+        Report of the method about its best so far: how reliable it is, what was tried.
     gained
         Evaluations at the last considerable gain.
     """
@@ -111,7 +111,7 @@ class Evaluator:
         self.evaluations = 0
         self.falls = 0
         self.trace: list[Step] = []
-        self.slopes: list[float | None] = []
+        self.gradients_left: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self.status = ""
         self.gained = 0
@@ -129,7 +129,7 @@ class Evaluator:
 
     @property
     def seconds(self) -> float:
-        """Time of the search so far, including the time before it was stopped and resumed."""
+        """Time of the search so far, including the time before it was stopped and resumed [s]."""
         replaying = self._journal is not None and self._journal.replaying
         now = 0.0 if replaying else self._clock() - self._since
         return self._before + self._replayed + now
@@ -181,7 +181,7 @@ class Evaluator:
         return max(1, BULK // (self.problem.dominoes * self._piece)) * self._piece
 
     def add_seconds(self, seconds: float) -> None:
-        """Count time that was spent on what the search builds on, before it began [s]."""
+        """Count time that was spent before the search, on a training for example [s]."""
         self._before += seconds
 
     # the best so far ----------------------------------------------------------------------------
@@ -210,18 +210,19 @@ class Evaluator:
         Parameters
         ----------
         scores
-            Their scores.
+            Scores of the layouts.
         design
-            Returns the design vector of layout i; called only for a new best.
+            Function that returns the design vector of layout i; called only for a new best.
 
         Raises
         ------
         ValueError
-            Where there are more than remain: whoever simulates has to ask.
+            For more layouts than remain.
         """
         if len(scores.score) > self.remaining:
             raise ValueError(
-                f"{len(scores.score)} layouts are noted, where {self.remaining:g} are left to spend"
+                f"{len(scores.score)} layouts are recorded and {self.remaining:g} remain: read "
+                "`remaining` before simulating"
             )
         self._count(scores)
         self._note(scores, design)
@@ -250,12 +251,13 @@ class Evaluator:
                 designs[None], gradient, rtol=rtol, differences=differences, relaxed=relaxed
             ).of_one()
         found: list[Scores] = []
+        # The same pieces with and without an executor: no result may depend on it.
+        step = max(1, self._piece // GRADIENT_COST) if gradient else self._piece
+        most = step if gradient or self._executor is None else self.bulk
         at = 0
         while at < len(designs):
             self.require_more()
-            size = int(min(self._largest(gradient), len(designs) - at, self.remaining))
-            # The same pieces with and without an executor: no result may depend on it.
-            step = max(1, self._piece // GRADIENT_COST) if gradient else self._piece
+            size = int(min(most, len(designs) - at, self.remaining))
             pieces = [designs[i : min(i + step, at + size)] for i in range(at, at + size, step)]
             answers = self._answers(pieces, gradient, rtol or self.problem.rtol, relaxed)
             for piece, scores in zip(pieces, answers, strict=True):
@@ -265,7 +267,7 @@ class Evaluator:
                 self._note(scores, piece.__getitem__)
                 found.append(scores)
                 at += len(piece)
-        return _joined(found, designs, gradient)
+        return found[0] if len(found) == 1 else _joined(found)
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
         """Find how late each domino of one design vector is hit: see `Problem.lateness`.
@@ -280,14 +282,14 @@ class Evaluator:
 
         answer = self._replay("lateness", design[None])
         if answer is None:
-            scores, late, slopes = self.problem.lateness(design)
-            answer = [*_packed(scores), late, slopes]
+            scores, late, gradient = self.problem.lateness(design)
+            answer = [*_packed(scores), late, gradient]
             self._keep("lateness", design[None], answer)
-        *parts, late, slopes = answer
+        *parts, late, gradient = answer
         scores = _unpacked(parts)
         self._count(scores)
         self._note(scores, lambda _: design)
-        return scores, late, slopes
+        return scores, late, gradient
 
     @contextmanager
     def borrow(self, problem: Problem, evaluations: int) -> Iterator[Evaluator]:
@@ -323,16 +325,10 @@ class Evaluator:
             self.falls += own.falls
         self.require_more()
 
-    def _largest(self, gradient: bool) -> int:
-        """Number of design vectors that are simulated between two looks at the clock."""
-        if gradient:
-            return max(1, self._piece // GRADIENT_COST)
-        return self._piece if self._executor is None else self.bulk
-
     def _answers(
         self, pieces: Sequence[Floats], gradient: bool, rtol: float, relaxed: bool
     ) -> Iterator[Scores]:
-        """Scores of one piece after the other, from the journal as far as it has them."""
+        """Yield the scores of one piece after the other, from the journal as far as it has them."""
         kind = f"gradient {relaxed}" if gradient else f"scores {rtol}"
         pieces = list(pieces)
         found: Iterator[Scores]
@@ -349,7 +345,7 @@ class Evaluator:
             yield scores
 
     def _replay(self, kind: str, designs: Floats) -> list[Floats] | None:
-        """The answer in the journal, whose time becomes that of the search."""
+        """Return the answer of the journal, whose time becomes that of the search."""
         if self._journal is None or not self._journal.replaying:
             return None
         found = self._journal.find(self._journal.digest(kind, designs))
@@ -373,9 +369,9 @@ class Evaluator:
         score = float(scores.score[i])
         if score > self.best_score:
             best = np.array(design(i))
-            slope = None if scores.gradient is None else slope_left(best, scores.gradient[i])
+            by = scores.gradient
+            self.gradients_left.append(None if by is None else gradient_left(best, by[i]))
             self.trace.append((self.evaluations, self.falls, self.seconds, score))
-            self.slopes.append(slope)
             self.finalists.append((score, best))
             if not score <= self._reached + GAIN * abs(self._reached):
                 self._reached, self.gained = score, self.evaluations
@@ -407,7 +403,7 @@ def simulate_pieces(
     Yields
     ------
     Scores
-        Of the next piece.
+        Scores of the next piece.
 
     Raises
     ------
@@ -443,17 +439,13 @@ def _problem(pickled: bytes) -> Problem:
     return problem
 
 
-def _joined(found: Sequence[Scores], designs: Floats, gradient: bool) -> Scores:
-    """The scores of all pieces; of none where there are no designs."""
-    if len(found) == 1:
-        return found[0]
-    none = Scores(np.empty(0), np.empty(0), np.empty(0, np.int64), np.empty_like(designs))
-    names = ("score", "reach", "falls", *(["gradient"] if gradient else []))
-    return Scores(*(np.concatenate([getattr(one, n) for one in found or [none]]) for n in names))
+def _joined(parts: Sequence[Scores]) -> Scores:
+    """Concatenate the scores of one or more pieces."""
+    return _unpacked([np.concatenate(one) for one in zip(*map(_packed, parts), strict=True)])
 
 
 def _packed(scores: Scores) -> list[Floats]:
-    """The arrays that a journal keeps."""
+    """Return the arrays that a journal keeps."""
     arrays = [scores.score, scores.reach, scores.falls.astype(np.float64)]
     return arrays if scores.gradient is None else [*arrays, scores.gradient]
 

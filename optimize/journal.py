@@ -1,12 +1,12 @@
-"""Journal of a search: a table of questions and answers on disk, from which a search resumes.
+"""Journal of a search: a table of requests and answers on disk, from which a search resumes.
 
-A method is a deterministic program that asks for scores. Started again from its seed and answered
-from the journal instead of by simulation, it soon reaches the point where it was stopped, bitwise
+A method is a deterministic program that requests scores. Started again from its seed, with answers
+from the journal instead of simulations, it soon reaches the point where it was stopped, bitwise
 the same, and continues from there.
 
-The file is an SQLite database, which takes care of torn writes. Its table `answers` has one line
-per question: a digest of the question (scene, versions, kind of question, design vectors), the
-seconds of the search so far, and the arrays of the answer.
+The file is an SQLite database, which guards against torn writes. Its table `answers` has one line
+per request: a digest of the request (scene, versions, kind, design vectors), the seconds of the
+search so far, and the arrays of the answer.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from domino_env.core.types import Floats
 
 PAUSE = 1.0  # [s] of work that a kill may lose
 SIDE_FILES = ("-wal", "-shm", "-journal")  # of a database, while it is open or after a kill
-TABLE = "CREATE TABLE IF NOT EXISTS answers (question BLOB PRIMARY KEY, seconds REAL, answer BLOB)"
+SETTINGS = ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL")
+TABLE = "CREATE TABLE IF NOT EXISTS answers (request BLOB PRIMARY KEY, seconds REAL, answer BLOB)"
 
 
 class Journal:
@@ -37,14 +38,14 @@ class Journal:
     path
         The file.
     context
-        Everything besides the question that decides an answer, such as scene and versions.
+        Everything besides the request that determines an answer, such as scene and versions.
     resume
         Continue with the answers in the file; otherwise they are deleted.
 
     Attributes
     ----------
     replaying
-        Whether the next answer may come from the file.
+        The next answer may come from the file.
 
     Raises
     ------
@@ -65,36 +66,36 @@ class Journal:
                 path.with_name(path.name + end).unlink(missing_ok=True)
         try:
             self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
-            for words in ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL"):
-                self._database.execute(f"PRAGMA {words}")
+            for setting in SETTINGS:
+                self._database.execute(f"PRAGMA {setting}")
             self._database.execute(TABLE)
         except sqlite3.Error as error:
-            self._leave()
+            self._release()
             if "locked" in str(error):
                 raise ValueError(f"{path} is being written by a search that still runs") from None
             if self.replaying:
                 raise self._damaged(error) from None
-            _tell(
-                f"{path} cannot be written ({error}): the search goes without a journal, "
-                "so that --resume would begin it anew"
+            _print(
+                f"{path} cannot be written ({error}): the search runs without a journal, so "
+                "--resume will begin it anew"
             )
 
     def digest(self, kind: str, designs: Floats) -> bytes:
-        """Return the digest of a question.
+        """Return the digest of a request.
 
         Parameters
         ----------
         kind
-            What is asked.
+            Kind of the request.
         designs
-            (B, n) design vectors about which it is asked.
+            (B, n) its design vectors.
         """
-        question = self._context.copy()
-        question.update(f"{kind} {designs.shape}".encode())
-        question.update(np.ascontiguousarray(designs).tobytes())
-        return question.digest()
+        state = self._context.copy()
+        state.update(f"{kind} {designs.shape}".encode())
+        state.update(np.ascontiguousarray(designs).tobytes())
+        return state.digest()
 
-    def find(self, question: bytes) -> tuple[float, list[Floats]] | None:
+    def find(self, request: bytes) -> tuple[float, list[Floats]] | None:
         """Return the seconds and the arrays of an answer; the first one missing ends the replay.
 
         Raises
@@ -104,24 +105,24 @@ class Journal:
         """
         if not self.replaying or self._database is None:
             return None
-        words = "SELECT seconds, answer FROM answers WHERE question = ?"
+        query = "SELECT seconds, answer FROM answers WHERE request = ?"
         try:
-            row = self._database.execute(words, [question]).fetchone()
-            if row is not None:
-                parts = msgpack.decode(row[1], type=list[tuple[tuple[int, ...], bytes]])
+            entry = self._database.execute(query, [request]).fetchone()
+            if entry is not None:
+                parts = msgpack.decode(entry[1], type=list[tuple[tuple[int, ...], bytes]])
                 arrays = [np.frombuffer(data).reshape(shape).copy() for shape, data in parts]
-                return float(row[0]), arrays
+                return float(entry[0]), arrays
         except (sqlite3.Error, MsgspecError, TypeError, ValueError) as error:
             raise self._damaged(error) from None
         self.replaying = False
         return None
 
-    def keep(self, question: bytes, seconds: float, arrays: list[Floats]) -> None:
-        """Write down an answer, with the seconds of the search so far."""
+    def keep(self, request: bytes, seconds: float, arrays: list[Floats]) -> None:
+        """Store an answer, with the seconds of the search so far."""
         if self._database is None:
             return
         answer = msgpack.encode([(array.shape, array.tobytes()) for array in arrays])
-        self._waiting.append((question, seconds, answer))
+        self._waiting.append((request, seconds, answer))
         if seconds - self._saved > PAUSE:
             self._saved = seconds
             self._save()
@@ -129,7 +130,7 @@ class Journal:
     def close(self) -> None:
         """Write what is still in memory, and release the file."""
         self._save()
-        self._leave()
+        self._release()
 
     def _save(self) -> None:
         if self._database is None or not self._waiting:
@@ -137,16 +138,16 @@ class Journal:
         try:
             with self._database as database:
                 database.execute("BEGIN")
-                # Ctrl-C may come between this and the next lines: then it is done once more
+                # Ctrl-C may come between this and the next lines: then they are repeated
                 database.executemany(
                     "INSERT OR IGNORE INTO answers VALUES (?, ?, ?)", self._waiting
                 )
         except sqlite3.Error as error:
-            self._leave()
-            _tell(f"{self.path} ends here ({error}): the search goes on without a journal")
+            self._release()
+            _print(f"{self.path} ends here ({error}): the search continues without a journal")
         self._waiting = []
 
-    def _leave(self) -> None:
+    def _release(self) -> None:
         if self._database is not None:
             self._database.close()
             self._database = None
@@ -158,5 +159,5 @@ class Journal:
         )
 
 
-def _tell(sentence: str) -> None:
+def _print(sentence: str) -> None:
     print(f"domino: {sentence}", file=sys.stderr, flush=True)

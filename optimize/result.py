@@ -26,23 +26,23 @@ class SearchResult(MadeForScene):
     scene
         The scene.
     method
-        The name of the method.
+        Name of the method.
     seed
-        Of all randomness.
+        Seed of all randomness.
     layout
         The best layout found.
     wave
-        Its wave, at a relative error of 1e-10.
+        Wave of the layout, at a relative error of 1e-10.
     score
-        Its score.
+        Score of the layout.
     uniform
         The uniform baseline: the best layout with equal gaps, its wave and score.
     trace
         (evaluations, simulated falls, seconds, best score) at every improvement, and at the end;
         its scores are those of the search, at a relative error of 1e-6.
-    slopes
-        At each of these the steepest slope left within the box, in score over the whole range of a
-        variable; None where the method used no gradient there.
+    gradients_left
+        Largest derivative left within the box at each of these, see `gradient_left`; None where the
+        method used no gradient.
     evaluations
         Number of layouts simulated.
     falls
@@ -50,7 +50,7 @@ class SearchResult(MadeForScene):
     seconds
         Time of the search.
     interrupted
-        Whether Ctrl-C ended it.
+        Ctrl-C ended it.
     ended
         Reason of its end in words: what the method reported, or the limit that was reached.
     """
@@ -63,7 +63,7 @@ class SearchResult(MadeForScene):
     score: float
     uniform: UniformBaseline
     trace: Trace
-    slopes: tuple[float | None, ...]
+    gradients_left: tuple[float | None, ...]
     evaluations: int
     falls: int
     seconds: float
@@ -76,12 +76,13 @@ class SearchResult(MadeForScene):
         return gain(self.score, self.uniform.score)
 
     def __repr__(self) -> str:
-        found = self.scene.against_uniform(self.score, self.wave)
-        how = f"{self.evaluations} layouts in {self.seconds:.2g} s"
-        return f"SearchResult({self.scene.name} by {self.method}, seed {self.seed}: {found}; {how})"
+        score = self.scene.against_uniform(self.score, self.wave)
+        effort = f"{self.evaluations} layouts in {self.seconds:.2g} s"
+        search = f"{self.scene.name} by {self.method}, seed {self.seed}"
+        return f"SearchResult({search}: {score}; {effort})"
 
     def plot(self) -> Any:
-        """Draw both layouts, their differences and the search; returns a Matplotlib figure."""
+        """Draw both layouts, their differences and the search as a Matplotlib figure."""
         from domino_env.view.figures import beside_uniform
 
         return beside_uniform(
@@ -94,30 +95,28 @@ class SearchResult(MadeForScene):
         from domino_env.core.colours import OURS, UNIFORM
         from domino_env.core.plot_style import label_line, set_time_axis
 
-        times = np.array([t for _, _, t, _ in self.trace])
-        scores = np.array([score for _, _, _, score in self.trace])
-        mark, last = self.uniform.score, scores[-1]
-        axes.axhline(mark, color=UNIFORM, linewidth=1.5)
+        times, scores = np.array(self.trace)[:, 2:].T
+        uniform, last = self.uniform.score, float(scores[-1])
+        axes.axhline(uniform, color=UNIFORM, linewidth=1.5)
         axes.step(times, scores, color=OURS, linewidth=1.5, where="post")
-        above = scores[0] < mark  # where the curve is not
-        label_line(axes, f"best uniform pitch {mark:.4f}", 0.005, mark, UNIFORM, above=above)
-        label_line(axes, f"{self.method} {last:.4f}", 1.0, last, OURS, above=last >= mark)
-        lowest = scores[scores > 0.0].min() if last > 0.0 else scores.min()
-        if last > 0.0:  # how it began would flatten the rest
-            lowest = max(lowest, 0.85 * last)
-        low, high = min(lowest, mark if mark > 0.0 else lowest), max(last, mark)
-        room = 0.2 * (high - low) + 0.005 * abs(high)
-        axes.set_ylim(low - room, high + room)
+        above = bool(scores[0] < uniform)  # where the curve is not
+        label_line(axes, f"best uniform pitch {uniform:.4f}", 0.005, uniform, UNIFORM, above=above)
+        label_line(axes, f"{self.method} {last:.4f}", 1.0, last, OURS, above=last >= uniform)
+        # the scores at the beginning would flatten the rest
+        lowest = max(scores.min(), 0.85 * last) if last > 0.0 else scores.min()
+        ends = np.array([min(lowest, uniform if uniform > 0.0 else lowest), max(last, uniform)])
+        room = 0.2 * np.ptp(ends) + 0.005 * abs(ends[1])
+        axes.set_ylim(*(ends + np.array([-room, room])))
         set_time_axis(axes, times)
         unit = f" [{self.scene.unit}]" if self.scene.unit else ""
-        axes.set_ylabel(f"best score{unit}" if high > 0.0 else "best score (below 0: it dies)")
+        axes.set_ylabel(f"best score{unit}" if ends[1] > 0.0 else "best score (below 0: it stops)")
         axes.set_xlabel(
             f"seconds of search ({self.method}, seed {self.seed}, {self.evaluations} layouts)"
         )
 
     def summary(self) -> dict[str, Any]:
         """Return the contents of a run's summary.json; SI units."""
-        wave, mark = self.wave, self.uniform
+        wave, uniform = self.wave, self.uniform
         return {
             "scene": self.scene.name,
             "method": self.method,
@@ -127,14 +126,14 @@ class SearchResult(MadeForScene):
             "score": self.score,
             "score_in_words": self.scene.in_words(self.score, wave),
             "mean_speed": wave.mean_speed,
-            "uniform_mean_speed": mark.wave.mean_speed,
+            "uniform_mean_speed": uniform.wave.mean_speed,
             "gain": self.gain,
             "length": self.layout.length,
             "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,
-            "uniform_outcome": mark.wave.outcome.name,
-            "uniform_score": mark.score,
-            "uniform_spacing": float(mark.layout.spacing[0]),
-            "uniform_thickness": float(mark.layout.thickness[-1]),
+            "uniform_outcome": uniform.wave.outcome.name,
+            "uniform_score": uniform.score,
+            "uniform_spacing": float(uniform.layout.spacing[0]),
+            "uniform_thickness": float(uniform.layout.thickness[-1]),
             "evaluations": self.evaluations,
             "simulated_falls": self.falls,
             "seconds": self.seconds,

@@ -1,12 +1,12 @@
-"""Folder of a run: everything a search found, readable without the program.
+"""Folder of a run: the result of a search, readable without the program.
 
 scene.toml     the scene
 layout.csv     the best layout, one line per domino; layout.json, the same
-trace.csv      evaluations, simulated falls, seconds, best score and steepest slope left (where the
-               method uses gradients) at every improvement
+trace.csv      evaluations, simulated falls, seconds, best score and largest derivative left (where
+               the method uses gradients) at every improvement
 summary.json   the result, SI units
 result.png     the picture
-journal.sqlite the answers that the search got, so that it can resume; see `optimize.journal`
+journal.sqlite the evaluations of the search, from which it can resume; see `optimize.journal`
 """
 
 from __future__ import annotations
@@ -47,33 +47,11 @@ class SummaryDocument(Document):
     evaluations: Annotated[int, Meta(ge=0)] = 0
 
 
-def require_place(path: Path, *, resume: bool) -> None:
-    """Raise where no run can be written; the folder is made if need be.
-
-    Parameters
-    ----------
-    path
-        The folder.
-    resume
-        Whether it may hold a run.
-
-    Raises
-    ------
-    ValueError
-        For a file, a folder that cannot be written or, without `resume`, one that holds a run.
-    """
-    if path.exists() and not path.is_dir():
-        raise ValueError(f"{path} is a file: name a folder for the run")
-    if not resume:
-        require_unused(path, FILES)
-    require_writable(path)
-
-
 class RunFolder:
     """The folder of one run.
 
     It may hold other files. The files of a run that resumes are replaced once it has come as far as
-    before; each is replaced in one step, so that none is ever seen half written.
+    before; each is replaced in one step, so that no reader finds a half-written file.
 
     Parameters
     ----------
@@ -89,8 +67,8 @@ class RunFolder:
     Raises
     ------
     ValueError
-        For a folder that holds another search or that cannot be written and, with `resume`, for
-        fewer evaluations than are spent.
+        For a file, a folder that cannot be written, one that holds a run (without `resume`) or
+        another search, and for fewer evaluations than are spent.
     """
 
     def __init__(
@@ -104,7 +82,11 @@ class RunFolder:
         self._saved = self._score = float("-inf")
         self._resume = resume
         self._before = self._spent_before() if resume else 0
-        require_place(path, resume=resume)
+        if path.exists() and not path.is_dir():
+            raise ValueError(f"{path} is a file: name a folder for the run")
+        if not resume:
+            require_unused(path, FILES)
+        require_writable(path)
         if budget is not None and budget < self._before:
             raise ValueError(
                 f"{path} holds a search that has spent {self._before} evaluations: give more than "
@@ -131,7 +113,7 @@ class RunFolder:
             "versions": versions(),
         }
         with suppress(OSError):  # a disk that is full now may have room at the end
-            self._write(layout, evaluator.trace, evaluator.slopes, document)
+            self._write(layout, evaluator.trace, evaluator.gradients_left, document)
 
     def finish(self, result: SearchResult) -> None:
         """Write the result, its picture and its summary.
@@ -154,7 +136,7 @@ class RunFolder:
             raise ValueError(f"{reason}; give more time to go on")
         document = {"finished": True} | result.summary()
         try:
-            self._write(result.layout, result.trace, result.slopes, document, result)
+            self._write(result.layout, result.trace, result.gradients_left, document, result)
         except OSError as error:
             raise ValueError(
                 f"{self.path}: the result cannot be written: {error.strerror or error}; make room, "
@@ -162,7 +144,7 @@ class RunFolder:
             ) from None
 
     def _write(
-        self, layout: Layout, trace: Sequence[Step], slopes: Sequence[float | None],
+        self, layout: Layout, trace: Sequence[Step], gradients_left: Sequence[float | None],
         document: dict[str, Any], result: SearchResult | None = None,
     ) -> None:  # fmt: skip
         """Write all files, the summary, which says how far they are, last."""
@@ -173,12 +155,12 @@ class RunFolder:
             self._resume = False
         layout.to_csv(self.path / "layout.csv")
         layout.to_json(self.path / "layout.json")
-        names = ("evaluations", "simulated_falls", "seconds", "best_score", "slope_left")
-        rows = (
-            (n, falls, f"{t:.6f}", score, None if slope is None else f"{slope:.3e}")
-            for (n, falls, t, score), slope in zip(trace, slopes, strict=True)
+        names = ("evaluations", "simulated_falls", "seconds", "best_score", "gradient_left")
+        lines = (
+            (n, falls, f"{t:.6f}", score, None if left is None else f"{left:.3e}")
+            for (n, falls, t, score), left in zip(trace, gradients_left, strict=True)
         )
-        write_csv(self.path / "trace.csv", names, rows)
+        write_csv(self.path / "trace.csv", names, lines)
         if result is not None:
             from domino_env.core.plot_style import write_png
 
@@ -187,28 +169,29 @@ class RunFolder:
         write_text(self.path / SUMMARY, text + "\n")
 
     def _spent_before(self) -> int:
-        """Evaluations of the run in the folder; 0 where there is none."""
+        """Return the evaluations of the run in the folder; 0 where there is none."""
         path = self.path / SUMMARY
         if not path.exists():
             return 0
         with naming(path):
             known = model_of(SummaryDocument, read_json(path))
         here = {"method": self.method, "seed": self.seed, "versions": versions()}
-        for key, value in here.items():
-            if getattr(known, key) != value:
-                raise self._other(f"{key} = {_short(getattr(known, key))}, not {_short(value)}")
-        if load_scene(self.path / SCENE) != self.scene:
-            raise self._other("another scene")
+        other = [
+            f"{key} = {_in_words(getattr(known, key))}, not {_in_words(value)}"
+            for key, value in here.items()
+            if getattr(known, key) != value
+        ]
+        if not other and load_scene(self.path / SCENE) != self.scene:
+            other = ["another scene"]
+        if other:
+            raise ValueError(
+                f"{self.path} holds a search with {other[0]}: begin anew in another folder, "
+                "without --resume"
+            )
         return known.evaluations
 
-    def _other(self, difference: str) -> ValueError:
-        return ValueError(
-            f"{self.path} holds a search with {difference}: begin anew in another folder, without "
-            "--resume"
-        )
 
-
-def _short(value: object) -> str:
+def _in_words(value: object) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{k} {v}" for k, v in sorted(value.items()))[:200]
     return repr(value)

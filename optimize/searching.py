@@ -49,7 +49,7 @@ def search(
     resume: bool = False,
     clock: Callable[[], float] = time.perf_counter,
 ) -> SearchResult:
-    """Search a layout of a scene that is better than the uniform baseline.
+    """Search for a layout of a scene that is better than the uniform baseline.
 
     A search ends when its method is done; budget and seconds limit it. Without a limit, a method
     that is never done ends when its evaluations have gained nothing for long. Ctrl-C ends the
@@ -122,9 +122,7 @@ def search(
             stack.callback(journal.close)
         uniform = scene.uniform()
         compile_for(scene, gradients=True)
-        show = stack.enter_context(
-            progress_line(f"{scene.name}, {method}", uniform.score, progress, scene.unit)
-        )
+        show = stack.enter_context(progress_line(scene, method, progress))
 
         def after_batch(evaluator: Evaluator) -> None:
             show(evaluator)
@@ -163,7 +161,7 @@ def search(
         score=score,
         uniform=uniform,
         trace=(*evaluator.trace, end),
-        slopes=(*evaluator.slopes, evaluator.slopes[-1]),
+        gradients_left=(*evaluator.gradients_left, evaluator.gradients_left[-1]),
         evaluations=evaluator.evaluations,
         falls=evaluator.falls,
         seconds=took,
@@ -187,9 +185,9 @@ def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False
     episodes
         Compile the steps of `DominoChain` too.
     """
-    mark = scene.uniform().layout
-    gaps, thickness = np.array(mark.spacing[None]), np.array(mark.thickness[None, 1:])
-    height = None if scene.growth is None else np.array(mark.height[None, 1:])
+    uniform = scene.uniform().layout
+    gaps, thickness = np.array(uniform.spacing[None]), np.array(uniform.thickness[None, 1:])
+    height = None if scene.growth is None else np.array(uniform.height[None, 1:])
     scene.evaluate(scene.batch(gaps, thickness, height))
     if gradients:
         scene.evaluate(scene.batch(gaps, thickness, height, rtol=1e-8), gradient=True)
@@ -202,46 +200,36 @@ def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False
 
 
 @contextmanager
-def progress_line(
-    name: str, mark: float, shown: bool | None, unit: str = "m/s"
-) -> Iterator[Callback]:
+def progress_line(scene: Scene, method: str, shown: bool | None) -> Iterator[Callback]:
     """Keep a line on the terminal, and yield the function that updates it.
 
     Parameters
     ----------
-    name
-        Name of the search.
-    mark
-        Score of the uniform baseline.
+    scene, method
+        As of `search`.
     shown
-        Whether there is a line; None: where standard error is a terminal, and elsewhere a new
-        line now and then.
-    unit
-        Of the scores.
+        Show a line; None: where standard error is a terminal, and elsewhere a new line now and
+        then.
     """
-    if shown is False:
-        yield lambda evaluator: None
-        return
-    looks: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": FORMAT, "leave": False}
-    with progress_bar(shown, line=LINE, dynamic_ncols=True, **looks) as line:
+    name, uniform = f"{scene.name}, {method}", scene.uniform().score
+    options: dict[str, Any] = {"total": 1.0, "desc": name, "bar_format": FORMAT, "leave": False}
+    with progress_bar(shown, line=LINE, dynamic_ncols=True, **options) as line:
 
         def update(evaluator: Evaluator) -> None:
-            line.set_postfix_str(_best_so_far(evaluator.best_score, mark, unit), refresh=False)
+            score = evaluator.best_score
+            lead = gain(score, uniform)
+            text = f"best {score:.5f} {scene.unit}".rstrip()
+            text += "" if lead is None else f", {lead:+.2%} against uniform"
+            if score <= 0.0:
+                text = f"no layout completes yet, the best comes to {1.0 + score:.0%}"
+            line.set_postfix_str(text, refresh=False)
             line.update(evaluator.progress - line.n)
 
         yield update
 
 
-def _best_so_far(score: float, mark: float, unit: str) -> str:
-    if score <= 0.0:
-        return f"no layout completes yet, the best comes to {1.0 + score:.0%}"
-    lead = gain(score, mark)
-    against = "" if lead is None else f", {lead:+.2%} against uniform"
-    return f"best {score:.5f} {unit}".rstrip() + against
-
-
 def _best(scene: Scene, evaluator: Evaluator) -> tuple[Layout, Wave, float]:
-    """The best of the finalists, simulated closely.
+    """Simulate the finalists closely and return the best of them.
 
     Near a stall, a wave may complete at the tolerance of the search and not at a closer one.
     """

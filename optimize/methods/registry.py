@@ -1,9 +1,9 @@
 """Registry of search methods: names, and how they are imported.
 
 A method is a function `run(evaluator, rng)`. It calls `evaluator.evaluate` with design vectors in
-the unit box until BudgetSpent ends it, or returns when it is done; in `evaluator.status` it may say
-how reliable its best is. All its randomness comes from `rng`; the evaluator remembers what it has
-found. A method in your own module is named `package.module:function`.
+the unit box until BudgetSpent ends it, or returns when it is done; `evaluator.status` may describe
+how reliable its best is. All its randomness comes from `rng`; the evaluator keeps the best layouts.
+A method in your own module is named `package.module:function`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import difflib
 import inspect
 import sys
 from collections.abc import Callable
-from importlib import import_module
+from contextlib import suppress
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     Method = Callable[[Evaluator, np.random.Generator], None]
 
 METHODS = {
-    "auto": "search.race",
-    "cma": "search.cma_es",
+    "auto": "search.race:run",
+    "cma": "search.cma_es:run",
     "l-bfgs": "scipy_methods:l_bfgs",
-    "gauss-newton": "gradient.least_squares",
-    "assign": "search.assignment",
+    "gauss-newton": "gradient.least_squares:run",
+    "assign": "search.assignment:run",
     "slsqp": "scipy_methods:slsqp",
-    "scp": "gradient.convex_steps",
+    "scp": "gradient.convex_steps:run",
     "trust-constr": "scipy_methods:trust_constr",
     "cobyqa": "scipy_methods:cobyqa",
     "powell": "scipy_methods:powell",
@@ -44,11 +44,10 @@ METHODS = {
     "random": "baselines:random",
     "uniform": "baselines:uniform",
 }
-"""Name of each method, and where in this folder it is: a module, whose function is `run`, or
-module:function."""
+"""Name of each method, and its module and function in this folder."""
 
 PEERS = {"ngopt": ("baselines:ngopt", "nevergrad"), "tpe": ("baselines:tpe", "optuna")}
-"""Methods of other projects to compare with: where it is, and the package that it needs."""
+"""Methods of other projects to compare with: module and function, and the package needed."""
 
 GROUP = "domino.methods"
 """Entry points of other packages: a method's name, and its function `run(evaluator, rng)`.
@@ -70,12 +69,23 @@ def of_others() -> dict[str, EntryPoint]:
 
 
 def load(name: str | Method) -> Method:
-    """Import the method of a name, such as `package.module:function`; a function is itself.
+    """Import a method.
+
+    Parameters
+    ----------
+    name
+        A key of `METHODS` or `PEERS`, the name of another package's method,
+        "package.module:function", or the function itself.
+
+    Returns
+    -------
+    callable
+        The method, called as `run(evaluator, rng)`.
 
     Raises
     ------
     ValueError
-        Where there is none, with the nearest name; where a package is missing, with its name.
+        For an unknown name, with the nearest known one; for a missing package, with its name.
     """
     if not isinstance(name, str):
         return _checked(name, name_of(name))
@@ -99,8 +109,7 @@ def load(name: str | Method) -> Method:
         near = difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(known)}")
-    module, _, function = place.partition(":")
-    return cast("Method", getattr(import_module(f"optimize.methods.{module}"), function or "run"))
+    return cast("Method", resolve_name(f"optimize.methods.{place}"))
 
 
 def name_of(method: str | Method) -> str:
@@ -117,24 +126,21 @@ def importable_name(method: str | Method) -> str:
     Raises
     ------
     ValueError
-        For a function that its own name does not lead to: a lambda, one inside another.
+        For a function that cannot be imported by its name: a lambda, one inside another.
     """
-    name = name_of(method)
-    if not isinstance(method, str):
-        try:
-            same = _load_own(name) is method
-        except ValueError:
-            same = False
-        if not same:
-            raise ValueError(
-                f"method '{name}' cannot be imported by that name, and so by no other process: "
-                "define it at the top of a module"
-            )
+    name, known = name_of(method), None
+    with suppress(ValueError):
+        known = method if isinstance(method, str) else _load_own(name)
+    if known is not method:
+        raise ValueError(
+            f"method '{name}' cannot be imported by that name, and so by no other process: define "
+            "it at the top of a module"
+        )
     return name
 
 
 def _load_own(name: str) -> Method:
-    """Import what `package.module:function` names, also from the working folder."""
+    """Import a method by `package.module:function`, also from the working folder."""
     here = str(Path.cwd())
     if here not in sys.path:  # spawned processes get this list
         sys.path.append(here)
@@ -148,11 +154,10 @@ def _load_own(name: str) -> Method:
 
 
 def _checked(method: object, name: str) -> Method:
-    """Return what can be called as a method; raise ValueError for anything else."""
+    """Return a method; raise ValueError where it cannot be called as one."""
     try:
-        inspect.signature(cast("Method", method)).bind(None, None)
+        with suppress(ValueError):  # compiled, without a signature
+            inspect.signature(cast("Method", method)).bind(None, None)
     except TypeError:
         raise ValueError(f"method '{name}': it is not called as run(evaluator, rng)") from None
-    except ValueError:  # compiled, without a signature
-        pass
     return cast("Method", method)

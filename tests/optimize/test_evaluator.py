@@ -69,7 +69,7 @@ def test_layouts_simulated_elsewhere_are_recorded(scenes) -> None:
     assert asked == [int(np.argmax(found.score))]
     assert (evaluator.remaining, evaluator.best_score) == (1.0, found.score.max())
     assert evaluator.falls == found.falls.sum()
-    with pytest.raises(ValueError, match="4 layouts are noted, where 1 are left"):
+    with pytest.raises(ValueError, match="4 layouts are recorded and 1 remain"):
         evaluator.record(found, designs.__getitem__)
     evaluator.add_seconds(900.0)
     assert 0.9 <= evaluator.seconds / 1000.0 < 1.0

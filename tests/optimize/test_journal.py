@@ -41,7 +41,7 @@ def plain(result: SearchResult) -> list[object]:
     """Everything but times."""
     trace = [(n, f, s) for n, f, _, s in result.trace]
     spent = result.evaluations, result.falls, result.interrupted
-    return [result.layout, result.score, result.slopes, spent, trace]
+    return [result.layout, result.score, result.gradients_left, spent, trace]
 
 
 def stopped_after(batches: int):
@@ -189,7 +189,7 @@ def test_a_search_without_a_place_for_its_journal_goes_on(
     monkeypatch.setattr("sqlite3.connect", lambda path, **kw: connect(path, factory=Full, **kw))
     assert plain(search(*words, folder=tmp_path / "full")) == plain(whole)
     error = capsys.readouterr().err
-    assert f"{JOURNAL} ends here (database or disk is full): the search goes on without" in error
+    assert f"{JOURNAL} ends here (database or disk is full): the search continues without" in error
 
 
 def test_two_searches_do_not_write_one_journal(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import domino_env as de
 from optimize import Evaluator, Problem, search
-from optimize.evaluator import slope_left
+from optimize.evaluator import gradient_left
 from optimize.run_folder import DERIVED, FILES, JOURNAL
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -44,12 +44,12 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path: Path) -> None:
     names = ("evaluations", "simulated_falls", "seconds", "best_score")
     trace = [[float(row[name]) for name in names] for row in rows]
     assert np.array(trace) == pytest.approx(np.array(result.trace), abs=1e-6)
-    slopes = [float(row["slope_left"]) for row in rows]
-    assert slopes == pytest.approx(result.slopes, rel=1e-3)
+    gradients = [float(row["gradient_left"]) for row in rows]
+    assert gradients == pytest.approx(result.gradients_left, rel=1e-3)
     problem = Problem(scenes["both"])
     design = problem.design(result.layout)
     gradient = problem.evaluate(design, gradient=True).gradient
-    assert slope_left(design, gradient) == pytest.approx(slopes[-1], rel=0.1, abs=1e-6)
+    assert gradient_left(design, gradient) == pytest.approx(gradients[-1], rel=0.1, abs=1e-6)
     assert (folder / "result.png").read_bytes().startswith(PNG)
     summary = json.loads((folder / "summary.json").read_text())
     expected = {
