@@ -6,8 +6,8 @@ import numpy as np
 
 from agents.designer.features import features_of
 from domino_env import Scene
+from domino_env.core.projection import nearest_with_sum
 from domino_env.core.types import Floats
-from optimize.constraints.convex import nearest_with_sum
 
 WIDEST = 1.0  # logarithm of a gap over h beyond which none is asked for
 HALVINGS = 40  # of the interval that holds the shift of a layout to its length

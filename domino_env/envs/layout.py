@@ -9,6 +9,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 
 from domino_env import kernels
+from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.sources import Generators
@@ -25,7 +26,6 @@ from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
 PIECE = 16  # environments whose dominoes are placed by one thread, at least
-NEWTON, CLOSE = 5, 1e-15  # steps towards a shift, and how close they are likely to come [m]
 
 
 class DominoLayout(DominoEnv):
@@ -156,48 +156,3 @@ class DominoLayoutVector(DominoVectorEnv):
         met = nearest_with_sum(np.hstack(parts), low, high, length - pairs * fixed)
         for part, values in zip(parts, np.split(met, len(parts), axis=1), strict=True):
             part[:] = values
-
-
-def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """Find the points of {low ≤ x ≤ high, Σ x = total} nearest to `values`.
-
-    The projection shifts all entries of a point alike and cuts them off at their bounds. Newton's
-    method comes close to the shift, and halving what is left finds it to rounding, which the
-    entries between their bounds then take up.
-
-    Parameters
-    ----------
-    values
-        (B, n).
-    low, high
-        (n,) bounds.
-    total
-        Of the entries of a point; between the sums of the bounds.
-    """
-
-    def shifted(shift: Floats) -> Floats:
-        return np.minimum(np.maximum(values + shift[:, None], low), high)
-
-    least, most = np.min(low - values, axis=1), np.max(high - values, axis=1)
-    shift = np.zeros(len(values))
-    for _ in range(NEWTON):
-        moved = shifted(shift)
-        free = np.add.reduce((moved > low) & (moved < high), axis=1, dtype=np.int64)
-        shift += (total - np.add.reduce(moved, axis=1)) / np.maximum(free, 1)
-    # the sum rises with the shift, rounded or not, so that it is found from any bounds around it
-    shift = np.minimum(np.maximum(shift, least), most)
-    below, above = np.maximum(shift - CLOSE, least), np.minimum(shift + CLOSE, most)
-    least = np.where(np.add.reduce(shifted(below), axis=1) < total, below, least)
-    most = np.where(np.add.reduce(shifted(above), axis=1) < total, most, above)
-    shift = np.full(len(values), np.nan)
-    for _ in range(200):
-        before, shift = shift, 0.5 * (least + most)
-        moved = shifted(shift)
-        if (shift == before).all():
-            break
-        short = np.add.reduce(moved, axis=1) < total
-        least, most = np.where(short, shift, least), np.where(short, most, shift)
-    free = (moved > low) & (moved < high)
-    rest = total - np.add.reduce(moved, axis=1)
-    moved += free * (rest / np.maximum(np.add.reduce(free, axis=1, dtype=np.int64), 1))[:, None]
-    return np.asarray(np.clip(moved, low, high))

@@ -1,4 +1,4 @@
-"""Projections onto convex sets: bounds, a given sum, a largest change between neighbours.
+"""Projection onto bounds, a given sum and a largest change between neighbours.
 
 With a largest change it is a dynamic programme along the layout: the price of the best beginning,
 as a function of its last gap, is convex, and its slope is piecewise linear. Letting the next gap
@@ -16,48 +16,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from domino_env.core.projection import even_out
 from domino_env.core.threads import compiled
 from domino_env.core.types import Floats
 
 ROUNDS = 100  # of the search for the shift; some ten are used
-
-
-def nearest_with_sum(values: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """Find the point of {low ≤ x ≤ high, Σ x = total} nearest to each row of `values`.
-
-    Parameters
-    ----------
-    values
-        (B, n) points.
-    low, high
-        (n,) bounds, low < high.
-    total
-        Between Σ low and Σ high; beyond them the corner low or high is returned.
-
-    Returns
-    -------
-    ndarray
-        (B, n) nearest points.
-
-    Notes
-    -----
-    The projection shifts all entries alike and clips them. The sum is piecewise linear in the
-    shift, with a corner wherever an entry meets or leaves a bound, so sorting the corners gives the
-    shift exactly.
-    """
-    rows, n = values.shape
-    corners = np.concatenate([low - values, high - values], axis=1)
-    order = np.argsort(corners, axis=1, kind="stable")
-    corners = np.take_along_axis(corners, order, axis=1)
-    movable = np.cumsum(np.where(order < n, 1.0, -1.0), axis=1)  # entries between their bounds
-    rise = movable[:, :-1] * np.diff(corners, axis=1)
-    sums = low.sum() + np.concatenate([np.zeros((rows, 1)), np.cumsum(rise, axis=1)], axis=1)
-    k = np.clip((sums <= total).sum(axis=1) - 1, 0, 2 * n - 2)
-    every = np.arange(rows)
-    step = (total - sums[every, k]) / np.maximum(movable[every, k], 1.0)
-    shift = np.clip(corners[every, k] + step, corners[:, 0], corners[:, -1])
-    moved = np.clip(values + shift[:, None], low, high)
-    return _even_out(moved, low, high, total)
 
 
 def nearest_smooth(
@@ -110,14 +73,7 @@ def _with_total(values: Floats, low: Floats, high: Floats, change: Floats, total
         part = 0.5 if k % 3 == 2 else -sum_below / (sum_above - sum_below)
         shift = below + min(max(part, 0.01), 0.99) * (above - below)
         near = _nearest(values + shift, low, high, change)
-    return np.asarray(_even_out(near[None], low, high, total)[0])
-
-
-def _even_out(near: Floats, low: Floats, high: Floats, total: float) -> Floats:
-    """What rounding has left of the sum (B,) goes to all entries that are not at a bound."""
-    free = (near > low) & (near < high)
-    share = (total - near.sum(axis=1)) / np.maximum(free.sum(axis=1), 1)
-    return np.asarray(np.clip(near + free * share[:, None], low, high))
+    return np.asarray(even_out(near[None], low, high, total)[0])
 
 
 @compiled

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from domino_env.core.projection import nearest_with_sum
 from domino_env.core.types import Bools, Floats
 from domino_env.scenes.scene import Scene
-from optimize.constraints.convex import nearest_smooth, nearest_with_sum
+from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
 from optimize.constraints.stock import nearest_from_stock
 

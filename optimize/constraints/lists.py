@@ -13,9 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import compiled
 from domino_env.core.types import Floats, Ints
-from optimize.constraints.convex import nearest_with_sum
 
 QUANTUM = 1e-9  # [m] what a length and the values of a list are whole multiples of
 LARGEST_TABLE = 40_000_000  # entries of the table of a dynamic programme

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from domino_env.core.projection import nearest_with_sum
 from optimize import Problem
-from optimize.constraints.convex import nearest_with_sum
 
 FREE = ["spacing", "one-gap", "thickness", "both", "dying"]
 LENGTH = ["length", "length-both"]
