@@ -1,4 +1,4 @@
-"""Scenes for the tests of environments: every rule, objective and ground, and short."""
+"""Short scenes for the tests of environments, with every rule, objective and ground."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ import domino_env as de
 
 
 def short(name, count=7):
-    """Return a scene with fewer dominoes, and as much less course."""
+    """Return a scene with fewer dominoes, and less length in proportion."""
     scene = de.load_scene(name)
     length = scene.length and scene.length * (count - 1) / (scene.count - 1)
     return scene.replace(count=count, length=length)
@@ -14,13 +14,13 @@ def short(name, count=7):
 
 def play(env, policy, **reset):
     """Return actions, observations, rewards and the last info of one episode."""
-    seen, info = env.reset(**reset)
-    actions, observations, rewards, over = [], [seen], [], False
+    observation, info = env.reset(**reset)
+    actions, observations, rewards, over = [], [observation], [], False
     while not over:
         assert set(info) <= {"scene"}
         actions.append(policy(len(actions)))
-        seen, reward, over, truncated, info = env.step(actions[-1])
-        observations.append(seen)
+        observation, reward, over, truncated, info = env.step(actions[-1])
+        observations.append(observation)
         rewards.append(reward)
         assert truncated is False
     return np.array(actions), np.array(observations), np.array(rewards), info

@@ -1,14 +1,14 @@
-"""The Gymnasium environments: a layout is chosen while its wave runs.
+"""Gymnasium environments: a layout is chosen while its wave runs.
 
     chain      DominoChain-v0: one domino per step
     layout     DominoLayout-v0: a whole layout per step
     vector     batches of environments, and a single one as a batch of one
-    spaces     names and bounds of observations; the numbers that an action holds
-    sources    the scenes of episodes: always the same one, or sampled at every reset
+    spaces     names and bounds of observations; the number of entries of an action
+    sources    scenes of episodes: always the same one, or sampled at every reset
     episodes   results of episodes: score, return, and an info with layout and wave
     rendering  frames
 
-Gymnasium learns only their names here; they are loaded when one is made.
+Only their names are registered here; the modules load when an environment is made.
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -14,7 +13,7 @@ from domino_env import kernels
 from domino_env.core.checks import require
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.sources import Generators
+from domino_env.envs.sources import Generators, SceneLike
 from domino_env.envs.spaces import choices
 from domino_env.envs.vector import (
     RTOL,
@@ -23,31 +22,29 @@ from domino_env.envs.vector import (
     DominoVectorEnv,
     Indices,
     Infos,
-    OneOrEach,
     objects,
 )
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
-from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import LENGTH_TOLERANCE
 
-PIECE = 128  # environments from which on it pays to wake another thread
+PIECE = 128  # environments that one thread steps, at least: waking another costs as much
 
 
 class DominoChain(DominoEnv):
     """A chain of dominoes, placed one by one while the wave runs through them.
 
     ## Description
-    A scene says how many dominoes stand in the chain and what may be chosen: the gaps between
-    them, their thickness, or both. The first domino is the scene's and has been pushed. Each step
-    places the next domino and lets the leading domino fall onto it. What is placed later never
-    changes what has fallen before, so this is an exact Markov decision process: the layout of an
-    episode is simulated to the tolerance asked for, and a step costs microseconds.
+    A scene fixes the number of dominoes in the chain and what may be chosen: the gaps between
+    them, their thickness, or both. The scene gives the first domino, which has been pushed. Each
+    step places the next domino and lets the leading domino fall onto it. Dominoes placed later
+    never change what has fallen before, so this is an exact Markov decision process: the layout of
+    an episode is simulated to the given tolerance, and a step costs microseconds.
 
     ## Action space
     `Box(-1, 1, (A,), float32)`: of these entries, in this order, those that the scene leaves free.
-    -1 stands for the least, 1 for the largest value; beyond them the value is cut off.
+    -1 stands for the smallest, 1 for the largest value; beyond them the value is clipped.
 
     | entry     | meaning                                     | unit                     |
     |-----------|---------------------------------------------|--------------------------|
@@ -58,10 +55,11 @@ class DominoChain(DominoEnv):
     The bounds narrow to what the scene's rules leave; no layout that breaks them can be built.
 
     - A total length: with R left of it and m dominoes to place after this one, the pitch (gap and
-      thickness) lies between R - m (largest gap + largest thickness) and R - m (least gap + least
-      thickness). The thickness ranges over what leaves some gap for such a pitch, the gap over
-      what fits the thickness chosen; the last pitch is what is left. `bounds_ahead()` returns them.
-    - A largest change: the gap stays that close to the one before.
+      thickness) lies between R - m (largest gap + largest thickness) and R - m (smallest gap +
+      smallest thickness). The thickness ranges over what leaves some gap for such a pitch, the gap
+      over what fits the thickness chosen; the last pitch is the rest. `bounds_ahead()` returns
+      them.
+    - A largest change: the gap differs from the one before by at most this.
     - Lists, steps: the nearest value that is allowed. A stock: the nearest thickness that is left.
 
     A length together with lists, a stock or a largest change is rejected.
@@ -77,8 +75,8 @@ class DominoChain(DominoEnv):
     | lead        | 1    | lead over the reference speed, in 10 h                   | -100, 100 |
     | speed       | 1    | mean speed over the reference speed, less 1; 0 at first  | -1, 20    |
     | length_left | 1    | length left, part of the whole                           | 0, 1      |
-    | pitch_left  | 1    | mean pitch left: -1 the least, 1 the largest             | -1, 1     |
-    | gaps        | W    | last gaps, the latest first: -1 the least, 1 the largest | -1, 1     |
+    | pitch_left  | 1    | mean pitch left: -1 the smallest, 1 the largest          | -1, 1     |
+    | gaps        | W    | last gaps, latest first: -1 the smallest, 1 the largest  | -1, 1     |
     | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -1, 1     |
     | growths     | W    | last growths, likewise                                   | -1, 1     |
     | height      | 1    | log of the height over the first's, over its largest one | 0, 1      |
@@ -86,13 +84,13 @@ class DominoChain(DominoEnv):
     | placed      | 1    | k / (N - 1)                                              | 0, 1      |
     | near_start  | 4    | exp(-k / c) for c = 1, 2, 4, 8                           | 0, 1      |
     | near_end    | 4    | exp(-(N - 1 - k) / c) for the same c                     | 0, 1      |
-    | features    | F    | numbers of the sampled scene: -1 the least, 1 the largest| -3, 3     |
-    | slopes      | W    | slopes of the next W places, downhill, over the least    | -1, 1     |
+    | features    | F    | numbers of the sampled scene: -1 smallest, 1 largest     | -3, 3     |
+    | slopes      | W    | slopes at the next W places, downhill, over the smallest | -1, 1     |
     |             |      | that tips the thinnest domino                            |           |
     | rises       | W    | heights of those places over the last pivot, in h        | -50, 50   |
 
-    Parts are there only where they can vary: length_left and pitch_left where the scene asks for a
-    length, gaps and thicknesses where they are free, growths and height where heights grow, stock
+    An observation has only the parts that can vary: length_left and pitch_left where the scene has
+    a length, gaps and thicknesses where they are free, growths and height where heights grow, stock
     where there is one, features where scenes are sampled (in the order of `distribution.features`,
     beyond ±1 only for scenes that are given from beyond the ranges), slopes and rises on uneven
     ground. The front is 0 where the wave has stopped, and windows are 0 where no domino is placed
@@ -100,46 +98,48 @@ class DominoChain(DominoEnv):
     the bounds of gap and thickness.
 
     ## Rewards
-    Each step but the last pays (pitch - reference speed × time of the fall) / h: the lead gained
-    over a wave at the reference speed, by default that of the uniform baseline, in domino heights.
-    The last step pays what makes the undiscounted return 100 (score / score of the uniform
-    baseline - 1), whatever the reference speed. So the return orders layouts as `scene.score` does.
-    A wave that stops scores between -1 and 0, higher the further it came (see `Scene.score`): its
-    return is below -100, and below that of every layout that completes. (Where even the uniform
-    baseline scores 0 or less, the return is 100 (score - its score) / |its score|.)  Where the
-    objective is no speed ("tempo", "toppled", "magnify"), only the last step pays.
+    The reward of each step but the last is (pitch - reference speed × time of the fall) / h: the
+    lead gained over a wave at the reference speed, in domino heights. The reference speed is by
+    default that of the uniform baseline. The reward of the last step completes the undiscounted
+    return to 100 (score / score of the uniform baseline - 1), whatever the reference speed. So the
+    return orders layouts as `scene.score` does. A wave that stops scores between -1 and 0, higher
+    the further it came (see `Scene.score`): its return is below -100, and below that of every
+    layout that completes. (Where even the uniform baseline scores 0 or less, the return is 100
+    (score - its score) / |its score|.) Where the objective is not a speed ("tempo", "toppled",
+    "magnify"), all rewards but the last are 0.
 
-    On a floor (`floor_friction`) steps are paid by the analytic wave all the same, and the last one
-    settles: a complete layout is simulated free-standing, and the return is 100 (its score / that
-    of the uniform baseline on this floor - 1), negative where it does not topple. `score` and
-    `gain` in the info are of the free-standing layout, `outcome` and `wave` of the analytic wave,
-    whose stop ends an episode here too. With forty dominoes (`table`) an episode takes some 130 ms
-    of one core in place of 0.4; layouts that end together in a batch are shared among all threads.
+    On a floor (`floor_friction`) the rewards of single steps follow the analytic wave, and the last
+    step settles the difference: a complete layout is simulated free-standing, and the return is 100
+    (its score / that of the uniform baseline on this floor - 1), negative where it does not topple.
+    `score` and `gain` in the info are of the free-standing layout, `outcome` and `wave` of the
+    analytic wave; where it stops, the episode ends here too. With forty dominoes (`table`) an
+    episode takes some 130 ms of one core instead of 0.4; layouts that end together in a batch are
+    shared among all threads.
 
     ## Starting state
     The first domino alone. `reset(options={"layout": layout})` starts from a layout of fewer
-    dominoes, which stand and have fallen; what they have gained counts as paid, so that
-    the rewards to come are those of a whole episode.
+    dominoes, which have fallen already; their rewards count as received, so the rewards to come are
+    those of a whole episode.
 
     A fixed scene is not random, unless it has placement noise (`placement_deviation`): then every
-    reset samples normal errors by `np_random`, and the gap that an action stands for comes out
-    wrong by the next of them, but never less than 0.2 mm. The observation that follows shows where
-    the domino stands (gaps beyond the scene's bounds at their ends), and the layout is scored as it
-    stands; the uniform baseline remains the one without errors.
+    reset samples normal errors by `np_random`, and each gap chosen by an action is off by the next
+    of them, but at least 0.2 mm wide. The next observation shows where the domino stands (gaps
+    beyond the scene's bounds at their ends), and the layout is scored as it stands; the uniform
+    baseline remains the one without errors.
 
     Otherwise the seed changes nothing. Where `scene` is a distribution of scenes, such as "varied",
     every reset samples one by `np_random`, and `reset(options={"scene": scene})` chooses one; then
-    the chain has `scene.count` dominoes, and this page speaks of the scene that was sampled.
+    the chain has `scene.count` dominoes, and this page describes the scene that was sampled.
 
     ## Episode end
     Terminated when the last domino is placed, or when the wave stops. Never truncated.
 
     ## Info
     Empty but on the last step: `score` (that of `wave`), `gain` (over the uniform baseline, 0.01 is
-    one per cent), `outcome` (an `Outcome`), `layout` (what was placed) and `wave` (its wave at the
+    one per cent), `outcome` (an `Outcome`), `layout` (as placed) and `wave` (its wave at the
     environment's tolerance; its `reach` counts against all N dominoes). Layout and wave are
-    computed when they are read. Where a scene is sampled, `scene` is there then and after the
-    reset.
+    computed when they are read. Where a scene is sampled, `scene` is in the last info and in that
+    of the reset.
 
     ## Version history
     - v0: first version.
@@ -155,17 +155,24 @@ class DominoChain(DominoEnv):
         Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
         that of `scene.simulate(layout, rtol)`, which `scene.score` computes at 1e-10.
     reference_speed
-        Speed that the rewards of single steps count against [m/s]; None for that of the uniform
+        Speed to which the rewards of single steps refer [m/s]; None for that of the uniform
         baseline. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
     window
-        W, how many gaps and thicknesses are observed; at most N - 1.
+        W, number of gaps and thicknesses observed; at most N - 1.
+
+    Examples
+    --------
+    >>> import gymnasium, domino_env
+    >>> env = gymnasium.make("DominoChain-v0", scene="sprint")
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
 
     _vector: DominoChainVector
 
     def __init__(
         self,
-        scene: str | Path | Scene | SceneDistribution = "sprint",
+        scene: SceneLike = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
         reference_speed: float | None = None,
@@ -176,7 +183,7 @@ class DominoChain(DominoEnv):
 
     @property
     def reference_speed(self) -> float:
-        """Speed that the rewards of single steps count against [m/s]; may be set at any time."""
+        """Speed to which the rewards of single steps refer [m/s]; may be set at any time."""
         return cast("float", self._vector.reference_speed)
 
     @reference_speed.setter
@@ -184,24 +191,29 @@ class DominoChain(DominoEnv):
         self._vector.reference_speed = speed
 
     def bounds_ahead(self) -> dict[str, tuple[float, float]]:
-        """Return what the next action ranges over: {"spacing": (low, high), "thickness": …} [m].
+        """Return the bounds of the next action.
 
-        Where a length is to be met, the gap's bounds depend on the thickness that the same action
-        chooses: they are given for the middle of its range.
+        Returns
+        -------
+        dict
+            (low, high) [m] under "spacing" and "thickness". In a scene with a length the bounds of
+            the gap depend on the thickness that the same action chooses; they are given for the
+            middle of its range.
         """
         return self._vector.bounds_ahead(0)
 
 
 class DominoChainVector(DominoVectorEnv):
-    """`DominoChain` times num_envs, bit for bit, with one compiled call per step.
+    """Vector environment of `DominoChain`, bitwise equal to single ones; one compiled call a step.
 
-    Actions (B, A), observations (B, O), rewards (B,) float64, as Gymnasium's vector environments
-    have them; infos hold an array of length B for each key of the single environment's info, and
-    under "_key" which entries are set. The number of threads is Numba's (`numba.set_num_threads`).
+    Actions (B, A), observations (B, O) and rewards (B,) float64 are as in Gymnasium's vector
+    environments; infos hold an array of length B for each key of the single environment's info, and
+    under "_key" the mask of entries that are set. The number of threads is Numba's
+    (`numba.set_num_threads`).
 
-    The options of a reset are "reset_mask", (B,) which environments are reset, and "layout", the
-    first dominoes: a Layout that all of them start from, or one (or None) for each. Where scenes
-    are sampled, "scene" chooses: one for all environments, or one (or None) for each.
+    The options of a reset are "reset_mask", a (B,) mask of the environments to reset, and "layout",
+    the first dominoes: a Layout from which all start, or one (or None) for each. Where scenes are
+    sampled, "scene" chooses: one for all environments, or one (or None) for each.
 
     Parameters
     ----------
@@ -218,12 +230,17 @@ class DominoChainVector(DominoVectorEnv):
     window
         As of `DominoChain`.
     autoreset_mode
-        When the episode after an ended one begins:
+        Beginning of the episode after an ended one:
 
-        - NEXT_STEP: with the step after the last, which takes no notice of the action and pays 0.
+        - NEXT_STEP: with the step after the last, which ignores the action and rewards 0.
         - SAME_STEP: with the last step itself; the last observation and info are in
           infos["final_obs"] and infos["final_info"].
         - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
+
+    Examples
+    --------
+    >>> envs = gymnasium.make_vec("DominoChain-v0", num_envs=1024, scene="sprint")
+    >>> observations, infos = envs.reset(seed=0)
     """
 
     options: ClassVar[tuple[str, ...]] = ("layout",)
@@ -231,7 +248,7 @@ class DominoChainVector(DominoVectorEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        scene: str | Path | Scene | SceneDistribution = "sprint",
+        scene: SceneLike = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
         reference_speed: float | None = None,
@@ -240,7 +257,7 @@ class DominoChainVector(DominoVectorEnv):
     ) -> None:
         super().__init__(num_envs, scene, render_mode, rtol, window, autoreset_mode)
         self._rules = self._batch.rules
-        self._reference: float | None = None  # of all episodes, where one is given
+        self._reference: float | None = None  # reference speed of all episodes, where given
         self._enter(np.arange(self.num_envs))
         if reference_speed is not None:
             self.reference_speed = reference_speed
@@ -248,9 +265,9 @@ class DominoChainVector(DominoVectorEnv):
 
     @property
     def reference_speed(self) -> float | Floats:
-        """Speed that the rewards of single steps count against [m/s]; may be set at any time.
+        """Speed to which the rewards of single steps refer [m/s]; may be set at any time.
 
-        (B,) where each environment has a scene of its own; what is set holds for all of them.
+        (B,) where each environment has its own scene; a speed that is set applies to all of them.
         """
         speeds: Floats = self._rules["reference_speed"]
         return float(speeds[0]) if len(speeds) == 1 else speeds.copy()
@@ -264,24 +281,19 @@ class DominoChainVector(DominoVectorEnv):
         self._rules["reference_speed"] = speed
 
     def begin(
-        self,
-        chosen: Bools,
-        observations: Singles,
-        generators: Generators,
-        layout: OneOrEach[Layout] = None,
-        scene: OneOrEach[Scene] = None,
+        self, chosen: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in the chosen environments; see `DominoVectorEnv.begin`."""
         envs, before = np.flatnonzero(chosen), self._which.copy()
         if self.distribution is not None:
-            given = self._one_each(scene, Scene, "scenes to build in")
+            given = self._one_each(options.get("scene"), Scene, "scenes to build in")
             self._which[envs] = [
                 self.source.sample(generators(b))
                 if given is None or given[b] is None
                 else self.source.give(b, given[b])
                 for b in envs.tolist()
             ]
-        layouts = self._one_each(layout, Layout, "layouts to start from") or []
+        layouts = self._one_each(options.get("layout"), Layout, "layouts to start from") or []
         starts = [(b, one) for b, one in enumerate(layouts) if chosen[b] and one is not None]
         try:
             for b, start in starts:
@@ -305,7 +317,7 @@ class DominoChainVector(DominoVectorEnv):
         return {"scene": objects(self._scene(b) for b in envs.tolist())}
 
     def _one_each(self, given: Any, kind: type, what: str) -> list[Any] | None:
-        """One for each environment, where one for all or one for each is given."""
+        """Return one for each environment, of one for all or one for each."""
         if given is None:
             return None
         each = [given] * self.num_envs if isinstance(given, kind | str) else list(given)
@@ -345,14 +357,38 @@ class DominoChainVector(DominoVectorEnv):
         return observations, rewards, ended, infos
 
     def bounds_ahead(self, env: int) -> dict[str, tuple[float, float]]:
-        """Return the bounds of an environment's next action; see `DominoChain.bounds_ahead`."""
+        """Return the bounds of the next action of one environment.
+
+        Parameters
+        ----------
+        env
+            Index of the environment.
+
+        Returns
+        -------
+        dict
+            Bounds as of `DominoChain.bounds_ahead`.
+        """
         low, high, thin, thick = kernels.next_bounds(self._batch, env)
         return {"spacing": (low, high), "thickness": (thin, thick)}
 
     def actions_towards(self, layout: Layout | Sequence[Layout]) -> Floats:
-        """Return actions (B, A) that place the next domino of every environment as in its layout.
+        """Return actions that place the next domino of every environment as in a layout.
 
-        Where the rules no longer leave its place, the nearest they do; 0 where episodes are over.
+        Parameters
+        ----------
+        layout
+            Layout of all environments, or one for each.
+
+        Returns
+        -------
+        ndarray
+            Actions (B, A): the nearest that the rules leave; 0 where episodes are over.
+
+        Raises
+        ------
+        ValueError
+            For another number of layouts than of environments.
         """
         layouts = self._one_each(layout, Layout, "layouts to build") or []
         wanted = np.zeros((self.num_envs, 4))
@@ -364,15 +400,15 @@ class DominoChainVector(DominoVectorEnv):
         return actions
 
     def place_all(self, actions: Floats) -> tuple[Floats, Floats, Floats]:
-        """Place all dominoes of every environment, without letting them fall or placement errors.
+        """Place all dominoes of every environment, without letting them fall.
 
-        Afterwards all episodes are over, without a result.
+        No placement errors are added, and afterwards all episodes are over, without a result.
 
         Parameters
         ----------
         actions
-            (B, P, A) for P pairs, those of the longest chain; where a chain is shorter, the rest
-            counts for nothing.
+            (B, P, A) for the P dominoes that the longest chain has after its first; the rest is
+            ignored where a chain is shorter.
 
         Returns
         -------
@@ -390,14 +426,19 @@ class DominoChainVector(DominoVectorEnv):
         )
 
     def place_all_back(self, actions: Floats, bars: Floats) -> Floats:
-        """Return derivatives by the actions (B, P, A) that `place_all` has just been given.
+        """Propagate derivatives back through the preceding `place_all`.
 
         Parameters
         ----------
         actions
-            The same; where they lie beyond [-1, 1], derivatives are those at the nearer end.
+            (B, P, A) actions of that call; beyond [-1, 1] derivatives are those at the nearer end.
         bars
-            (B, P, 3) derivatives by gap, thickness and height.
+            (B, P, 3) derivatives by gap, thickness and height [1/m].
+
+        Returns
+        -------
+        ndarray
+            Derivatives by the actions, (B, P, A).
         """
         gradient = np.zeros(actions.shape)
         kernels.place_back(0, self.num_envs, self._batch, actions, bars, gradient)
@@ -405,12 +446,12 @@ class DominoChainVector(DominoVectorEnv):
 
 
 def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
-    """Raise ValueError for a layout that no episode in the scene can begin with."""
+    """Raise ValueError for a layout from which no episode in the scene can start."""
     broken = scene.violations(layout, complete=False)
     if not broken and layout.count >= scene.count:
         broken = [
-            f"it has {layout.count} dominoes: at least one of the scene's {scene.count} must "
-            "be left to place"
+            f"it has {layout.count} dominoes: leave at least one of the scene's {scene.count} to "
+            "place"
         ]
     if not broken and scene.length is not None:
         pairs, left = scene.count - layout.count, scene.length - layout.length
@@ -430,5 +471,5 @@ def _require_start(layout: Layout, scene: Scene, rtol: float) -> None:
 
 
 def _words(records: NDArray[np.record]) -> NDArray[np.uint64]:
-    """Return records (S,) as whole numbers (S, W), which are copied three times as fast."""
+    """Return records (S,) as 64-bit integers (S, W), which NumPy copies three times as fast."""
     return records.view(np.uint64).reshape(len(records), -1)

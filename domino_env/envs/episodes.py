@@ -1,7 +1,7 @@
 """Results of episodes: scores, returns, and infos with layouts and waves.
 
-A batch ends tens of thousands of episodes per second, and few of their waves are ever used: one is
-simulated when it is read, unless the score has needed it already.
+A batch ends tens of thousands of episodes per second, and few of their waves are ever used.
+Therefore a wave is simulated when it is first read, unless the score required it before.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ class EpisodeResults:
     Attributes
     ----------
     scenes
-        (E,) scene of each episode.
+        Scene of each episode.
     baseline
-        (E,) scores of their uniform baselines.
+        Scores of their uniform baselines, (E,).
     rtol
         Relative error allowed in the arrival times.
     spacing
-        (E, N-1) [m]; entries beyond the dominoes placed are not used.
+        Gaps, (E, N-1) [m]; entries beyond the dominoes placed are not used.
     thickness
-        (E, N) [m]
+        Thicknesses, (E, N) [m].
     height
-        (E, N), or (1, N) where all episodes share one [m]
+        Heights, (E, N), or (1, N) where all episodes share them [m].
     placed
-        (E,) dominoes placed after the first.
+        Numbers of dominoes placed after the first.
     outcome
-        (E,) values of `Outcome`.
+        Values of `Outcome`, (E,).
     reach
-        (E,) how far each wave came, of the scene's N dominoes.
+        Part of the scene's N dominoes that each wave reached, (E,).
     score
-        (E,) as of `Scene.score`.
+        Scores as of `Scene.score`, (E,).
     """
 
     scenes: list[Scene]
@@ -66,55 +66,47 @@ class EpisodeResults:
     def simulate(self, which: Iterable[int]) -> None:
         """Simulate the layouts of some episodes as a whole, and score their waves.
 
-        Outcome and reach of a wave that stopped before all dominoes were placed stay as they are:
-        its layout ends where nothing is placed yet.
+        Outcome and reach of a wave that stopped before all dominoes were placed are kept: its
+        layout ends where nothing is placed yet.
         """
         alike: dict[tuple[int, int], list[int]] = {}
         for i in which:
             alike.setdefault((id(self.scenes[i]), self.placed[i]), []).append(i)
         for (_, placed), episodes in alike.items():
             scene = self.scenes[episodes[0]]
-            if len(episodes) == 1 and scene.ground is None:  # as where each has its own scene
-                layout = self.layout(episodes[0])
-                self._keep(episodes, [simulate(layout, scene.physics, rtol=self.rtol)])
-                continue
-            tall = self.height if len(self.height) == 1 else self.height[episodes]
-            batch = LayoutBatch(
-                self.spacing[episodes, :placed],
-                self.thickness[episodes, : placed + 1],
-                tall[:, : placed + 1],
-                scene.width,
-                scene.density,
-                scene.physics,
-                self.rtol,
-                scene.ground,
-            )
-            waves = batch.simulate(record=True)
-            self._keep(episodes, [waves.wave(b, batch.layout(b)) for b in range(len(episodes))])
-
-    def _keep(self, episodes: list[int], waves: list[Wave]) -> None:
-        """Keep the waves of episodes of one scene with equally many dominoes placed."""
-        scene = self.scenes[episodes[0]]
-        for i, wave in zip(episodes, waves, strict=True):
-            if self.placed[i] == scene.count - 1:
-                self.outcome[i], self.reach[i] = wave.outcome, wave.reach
-                self._waves[i] = wave
+            waves = self._simulated(scene, placed, episodes)
+            if placed == scene.count - 1:
+                self.outcome[episodes] = [wave.outcome for wave in waves]
+                self.reach[episodes] = [wave.reach for wave in waves]
             else:
-                self._waves[i] = replace(wave, reach=float(self.reach[i]))
-        self.score[episodes] = scene.evaluate_waves([self._waves[i] for i in episodes]).score
+                reaches = self.reach[episodes].tolist()
+                waves = list(map(_with_reach, waves, reaches))
+            self._waves |= zip(episodes, waves, strict=True)
+            self.score[episodes] = scene.evaluate_waves(waves).score
+
+    def _simulated(self, scene: Scene, placed: int, episodes: list[int]) -> list[Wave]:
+        """Return the waves of episodes of one scene with equally many dominoes placed."""
+        if len(episodes) == 1 and scene.ground is None:  # half the time of a batch of one
+            return [simulate(self.layout(episodes[0]), scene.physics, rtol=self.rtol)]
+        tall = self.height if len(self.height) == 1 else self.height[episodes]
+        sizes = self.thickness[episodes, : placed + 1], tall[:, : placed + 1], scene.width
+        batch = LayoutBatch(
+            self.spacing[episodes, :placed], *sizes, scene.density, scene.physics, self.rtol,
+            scene.ground,
+        )  # fmt: skip
+        waves = batch.simulate(record=True)
+        return [waves.wave(b, batch.layout(b)) for b in range(len(episodes))]
 
     @cached_property
     def returns(self) -> Floats:
-        """The gains over the uniform baseline (E,) [%], once all scores are known."""
+        """Gains over the uniform baseline, (E,) [%], once all scores are known."""
         baseline, positive = self.baseline, self.baseline > 0.0
-        if positive.all():
-            return 100.0 * (self.score / baseline - 1.0)
         ratio = 100.0 * (self.score / np.where(positive, baseline, 1.0) - 1.0)
         rise = 100.0 * (self.score - baseline) / np.maximum(-baseline, 1e-9)
         return np.where(positive, ratio, rise)
 
     def infos(self) -> dict[str, NDArray[Any]]:
-        """Return the last info of each episode, (E,) for each key."""
+        """Return the last info of each episode, an array (E,) for each key."""
         layouts, waves = (np.empty(len(self.placed), object) for _ in range(2))
         for i in range(len(self.placed)):
             layouts[i], waves[i] = LazyLayout.of(self, i), LazyWave.of(self, i)
@@ -138,7 +130,12 @@ class EpisodeResults:
         if i in self._waves:
             return self._waves[i]
         wave = simulate(self.layout(i), self.scenes[i].physics, rtol=self.rtol)
-        return replace(wave, reach=float(self.reach[i]))
+        return _with_reach(wave, float(self.reach[i]))
+
+
+def _with_reach(wave: Wave, reach: float) -> Wave:
+    """Return the wave with another reach, which counts against the scene's N dominoes."""
+    return replace(wave, reach=reach)
 
 
 class _Lazy:
@@ -146,7 +143,7 @@ class _Lazy:
 
     @classmethod
     def of(cls, results: EpisodeResults, i: int) -> Self:
-        """Stand for episode i."""
+        """Return the result of episode i, not yet computed."""
         self = object.__new__(cls)
         self.__dict__["_lazy"] = (results, i)
         return self
@@ -163,16 +160,16 @@ class _Lazy:
 
 
 class LazyLayout(_Lazy, Layout):
-    """A Layout whose arrays are made when they are first read."""
+    """Layout whose arrays are made when they are first read."""
 
     def _computed(self, results: EpisodeResults, i: int) -> Layout:
         return results.layout(i)
 
 
 class LazyWave(_Lazy, Wave):
-    """A Wave that is simulated when it is first read, unless it was simulated before.
+    """Wave that is simulated when it is first read, unless it was simulated before.
 
-    Two are equal if they are waves of equal layouts under the same physics and tolerance.
+    Two such waves are equal if layouts, physics, tolerance and reach are equal.
     """
 
     def _computed(self, results: EpisodeResults, i: int) -> Wave:
@@ -195,7 +192,7 @@ class LazyWave(_Lazy, Wave):
 def placed_layout(
     scene: Scene, placed: int, spacing: Floats, thickness: Floats, height: Floats
 ) -> Layout:
-    """Return the layout of the scene's first domino and of those placed after it."""
+    """Return the layout of the scene's first domino and of the `placed` dominoes after it."""
     sizes = spacing[:placed], thickness[: placed + 1], height[: placed + 1]
     parts = *sizes, scene.width, scene.density
     return Layout(*parts) if scene.ground is None else scene.ground.layout(*parts)

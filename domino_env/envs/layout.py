@@ -1,8 +1,8 @@
-"""DominoLayout-v0: a whole layout as one action, alone or in a batch."""
+"""DominoLayout-v0: a whole layout as one action, single or in a vector environment."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -12,17 +12,14 @@ from domino_env import kernels
 from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.sources import Generators
+from domino_env.envs.sources import Generators, SceneLike
 from domino_env.envs.spaces import choices
 from domino_env.envs.vector import (
     RTOL,
     DominoEnv,
     DominoVectorEnv,
     Infos,
-    OneOrEach,
 )
-from domino_env.physics.layout import Layout
-from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
 PIECE = 16  # environments whose dominoes are placed by one thread, at least
@@ -32,13 +29,13 @@ class DominoLayout(DominoEnv):
     """A whole layout as one action: for bandits and black-box search.
 
     ## Description
-    The same scenes and the same score as `DominoChain-v0`, one step an episode.
+    Scenes and scores are those of `DominoChain-v0`; an episode is one step.
 
     ## Action space
     `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
     thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
-    them free; -1 stands for the least, 1 for the largest value, beyond them the value is cut off.
-    Where the scene asks for a total length, the layout is the nearest one (in metres) that has it;
+    them free; -1 stands for the smallest, 1 for the largest value, beyond them it is clipped.
+    Where the scene has a total length, the layout is the nearest one (in metres) that has it;
     other rules narrow the entries from the first domino to the last, as in `DominoChain-v0`.
 
     ## Observation space
@@ -49,8 +46,8 @@ class DominoLayout(DominoEnv):
     the layout is simulated free-standing, some 130 ms of one core with forty dominoes.
 
     ## Starting state, episode end, info
-    Nothing stands but the first domino; every step ends its episode. `info` has `score`, `gain`,
-    `outcome`, `layout`, `wave`, as in `DominoChain-v0`.
+    The first domino alone; every step ends its episode. `info` has `score`, `gain`, `outcome`,
+    `layout`, `wave`, as in `DominoChain-v0`.
 
     ## Version history
     - v0: first version.
@@ -67,7 +64,7 @@ class DominoLayout(DominoEnv):
 
     def __init__(
         self,
-        scene: str | Path | Scene | SceneDistribution = "sprint",
+        scene: SceneLike = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
     ) -> None:
@@ -75,7 +72,7 @@ class DominoLayout(DominoEnv):
 
 
 class DominoLayoutVector(DominoVectorEnv):
-    """`DominoLayout` times num_envs, bit for bit, with all layouts simulated in one call.
+    """Vector environment of `DominoLayout`, bitwise equal to single ones; one simulation call.
 
     Infos, seeds and the option "reset_mask" are those of `DominoChainVector`.
 
@@ -96,7 +93,7 @@ class DominoLayoutVector(DominoVectorEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        scene: str | Path | Scene | SceneDistribution = "sprint",
+        scene: SceneLike = "sprint",
         render_mode: str | None = None,
         rtol: float = RTOL,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
@@ -104,20 +101,15 @@ class DominoLayoutVector(DominoVectorEnv):
         super().__init__(num_envs, scene, render_mode, rtol, 0, autoreset_mode)
         if self.distribution is not None:
             raise ValueError(
-                f"'{self.distribution.name}' draws a scene for every episode, and with the count "
-                "of its dominoes the length of an action would change: build it by DominoChain-v0"
+                f"'{self.distribution.name}' samples a scene for every episode, and the length of "
+                "an action would change with its number of dominoes: use DominoChain-v0"
             )
         first = self.source.first
-        self._batch.rules["length"] = 0.0  # the whole layout is moved to it
+        self._batch.rules["length"] = 0.0  # met by a projection of the whole layout
         self._set_spaces(choices(first) * (first.count - 1), Box(0.0, 1.0, (1,), np.float32))
 
     def begin(
-        self,
-        chosen: Bools,
-        observations: Singles,
-        generators: Generators,
-        layout: OneOrEach[Layout] = None,
-        scene: OneOrEach[Scene] = None,
+        self, chosen: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in the chosen environments; see `DominoVectorEnv.begin`."""
         self._episodes[chosen] = np.zeros(1, kernels.EPISODE)
@@ -130,7 +122,7 @@ class DominoLayoutVector(DominoVectorEnv):
         return {}
 
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
-        """Place all dominoes and let them fall; see `DominoVectorEnv.advance`."""
+        """Place all dominoes and simulate them; see `DominoVectorEnv.advance`."""
         observations = np.ones(self._observations.shape, np.float32)
         rewards, ended = np.zeros(self.num_envs), self._episodes["phase"] == kernels.RUNNING
         envs = np.flatnonzero(ended)
@@ -145,7 +137,7 @@ class DominoLayoutVector(DominoVectorEnv):
         return observations, rewards, ended, infos
 
     def _meet_length(self, scene: Scene, length: float) -> None:
-        """Move the layouts to the nearest ones of a length."""
+        """Project the layouts onto those of a total length."""
         spacing, thickness, pairs = self._batch.spacing, self._batch.thickness, scene.count - 1
         free = [(spacing, scene.spacing)] * scene.free_spacing
         free += [(thickness[:, 1:], scene.thickness)] * scene.free_thickness

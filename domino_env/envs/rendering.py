@@ -1,12 +1,14 @@
-"""Frames of the environments.
+"""Frames of the environments: images, a window, lines of text.
 
-An image (`rgb_array`), a window (`human`, needs pygame-ce) or a line of text (`ansi`) of the chain
-at the latest hit, with the leans that the model gives it.
+A frame shows the chain at the latest hit, with the leans that the model gives it.
 """
 
 from __future__ import annotations
 
+import os
+import sys
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -19,10 +21,21 @@ from domino_env.physics.motion import stack_leans
 from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 
-MODES = ("rgb_array", "human", "ansi")
-FRAMES_A_SECOND = 20  # of a window, at most
-WIDTH, HEIGHT = 1200, 200
-TEXT_WIDTH = 100
+FRAMES_PER_SECOND = 20  # of a window, at most
+WIDTH, HEIGHT = 1200, 200  # [px]
+TEXT_WIDTH = 100  # [characters]
+
+
+def _window_works() -> bool:
+    """Return whether pygame is installed and, on Linux, a display is there to open a window on."""
+    displays = "DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"
+    displayed = not sys.platform.startswith("linux") or any(map(os.environ.get, displays))
+    return displayed and find_spec("pygame") is not None
+
+
+VECTOR_MODES = ("rgb_array", "ansi")
+MODES = (*VECTOR_MODES, "human")
+OFFERED_MODES = MODES if _window_works() else VECTOR_MODES  # tools try whatever is offered
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +49,7 @@ class Snapshot:
     hit
         Number of dominoes struck; the leader is domino hit - 1.
     time
-        Of the latest hit [s].
-    speed
-        Angular velocity of the leader just after it was hit [rad/s]; 0 where the wave stopped.
+        Time of the latest hit [s].
     uniform_speed
         Mean speed of the scene's uniform baseline [m/s].
     wave
@@ -48,7 +59,6 @@ class Snapshot:
     layout: Layout
     hit: int
     time: float
-    speed: float
     uniform_speed: float
     wave: Wave | None = None
 
@@ -56,14 +66,14 @@ class Snapshot:
 
 
 class Renderer:
-    """Draws the snapshots of one environment.
+    """Frames of one environment.
 
     Parameters
     ----------
     mode
         One of `allowed`, or None for no frames.
     allowed
-        Modes that the environment has.
+        Modes of the environment.
 
     Raises
     ------
@@ -71,7 +81,7 @@ class Renderer:
         For another mode.
     """
 
-    def __init__(self, mode: str | None, allowed: tuple[str, ...] = MODES) -> None:
+    def __init__(self, mode: str | None, allowed: tuple[str, ...]) -> None:
         if mode is not None and mode not in allowed:
             raise ValueError(f"render_mode = {mode!r}: choose None or one of {', '.join(allowed)}")
         self.mode = mode
@@ -80,12 +90,12 @@ class Renderer:
         self._scaled_to: Scene | None = None
 
     def frame(self, snapshot: Snapshot, scene: Scene) -> NDArray[np.uint8] | str | None:
-        """Draw an image (H, W, 3), a text, or None for a window, which shows it.
+        """Return an image (H, W, 3) or a text; None for a window, which then shows it.
 
         Raises
         ------
         ImportError
-            Where a window cannot be opened, with what to install.
+            Where a window needs pygame-ce; the message names what to install.
         """
         layout, leader = snapshot.layout, max(snapshot.hit - 1, 0)
         leans = stack_leans(layout, np.array([leader]), np.zeros(1))[0]
@@ -101,14 +111,14 @@ class Renderer:
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
         ghost = snapshot.uniform_speed * snapshot.time if snapshot.uniform_speed > 0.0 else None
-        drawn = strip(
+        image = strip(
             layout, leans, leader, self._scale, _line(snapshot), ghost, ground=scene.ground
         )
         if self.mode != "human":
-            return np.array(drawn)
+            return np.array(image)
         if self._window is None:
-            self._window = _Window(drawn.size)
-        self._window.show(drawn.tobytes())
+            self._window = _Window(image.size)
+        self._window.show(image.tobytes())
         return None
 
     def close(self) -> None:
@@ -122,27 +132,27 @@ class Renderer:
 
 
 def _text(snapshot: Snapshot, leader: int, leans: Floats) -> str:
-    """The chain to scale in characters, at least one per domino, and `_line`."""
+    """Return the chain to scale in characters, at least one per domino, and `_line`."""
     cell = max(float(snapshot.layout.length), 1e-9) / TEXT_WIDTH
-    row = ""
+    chain = ""
     for i, x in enumerate(snapshot.layout.positions):
         sign = ">" if i == leader else "|" if i > leader else "_" if leans[i] > 1.1 else "/"
-        row = row.ljust(int(x / cell)) + sign
-    return f"{row}\n{_line(snapshot)}\n"
+        chain = chain.ljust(int(x / cell)) + sign
+    return f"{chain}\n{_line(snapshot)}\n"
 
 
 def _line(snapshot: Snapshot) -> str:
-    """Time, place and speed, compared with the uniform baseline."""
+    """Return time, place and speed, compared with the uniform baseline."""
     layout = snapshot.layout
-    words = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} struck"
+    line = f"{snapshot.time * 1e3:7.1f} ms   {snapshot.hit} of {layout.count} struck"
     if snapshot.time > 0.0 and snapshot.hit > 1:
         speed = float(layout.positions[snapshot.hit - 1]) / snapshot.time
-        words += f"   {speed:.4f} m/s so far"
+        line += f"   {speed:.4f} m/s so far"
         if snapshot.uniform_speed > 0.0:
-            words += f" ({speed / snapshot.uniform_speed - 1.0:+.1%} against uniform)"
+            line += f" ({speed / snapshot.uniform_speed - 1.0:+.1%} against uniform)"
     if snapshot.wave is not None:
-        words += f"   {snapshot.wave.outcome.name.lower().replace('_', ' ')}"
-    return words
+        line += f"   {snapshot.wave.outcome.name.lower().replace('_', ' ')}"
+    return line
 
 
 class _Window:
@@ -155,7 +165,7 @@ class _Window:
             raise ImportError(
                 'a window needs pygame-ce: pip install "domino-chains[render]"'
             ) from None
-        pygame.init()
+        pygame.display.init()  # not all of pygame: its mixer fails noisily where there is no sound
         pygame.display.set_caption("toppling dominoes")
         self._pygame, self._clock = pygame, pygame.time.Clock()
         self._surface = pygame.display.set_mode(size)
@@ -165,7 +175,7 @@ class _Window:
         pygame.event.pump()
         self._surface.blit(pygame.image.frombuffer(image, size, "RGB"), (0, 0))
         pygame.display.flip()
-        self._clock.tick(FRAMES_A_SECOND)
+        self._clock.tick(FRAMES_PER_SECOND)
 
     def close(self) -> None:
         self._pygame.display.quit()

@@ -1,11 +1,11 @@
-"""The scenes of episodes: always the same one, or one sampled at every reset."""
+"""Scenes of episodes: always the same one, or one sampled at every reset."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -20,13 +20,14 @@ from domino_env.scenes.objectives.robust import LEAST_GAP
 from domino_env.scenes.pool import ScenePool
 from domino_env.scenes.scene import Scene
 
-Generators = Callable[[int], np.random.Generator]  # of an environment, by its number
+Generators = Callable[[int], np.random.Generator]  # generator of an environment, by its index
+SceneLike: TypeAlias = str | Path | Scene | SceneDistribution  # a name or path of either, too
 
-ROOM = 2  # scenes that are given may have so many times the dominoes of the longest sampled
+ROOM = 2  # dominoes of a scene that is given, at most, over those of the longest sampled
 
 
 class SceneSource:
-    """Numbered scenes, with what episodes in them need.
+    """Numbered scenes, with their rules, features and uniform baselines as arrays.
 
     Parameters
     ----------
@@ -51,26 +52,24 @@ class SceneSource:
     window
         Number of gaps (and thicknesses) observed.
     scenes
-        Those of the pool, then one place for each environment that is given a scene of its own.
+        Scenes of the pool, then one place for each environment that is given its own scene.
     rules
-        (S,) RULES of each.
+        RULES of each scene, (S,).
     features
-        (S, F) observed numbers of each; F = 0 where the scene is fixed.
+        Observed numbers of each, (S, F); F = 0 where the scene is fixed.
     first_thickness
-        (S,) of the first domino of each [m].
+        Thickness of the first domino of each, (S,) [m].
     score, speed
-        (S,) of the uniform baseline of each; the speed in m/s.
+        Score and speed [m/s] of the uniform baseline of each, (S,).
 
     Raises
     ------
     ValueError
         Where the scene leaves nothing free or has rules that cannot be kept domino by domino, and
-        for a tolerance that the simulator does not take.
+        for a tolerance out of the simulator's range.
     """
 
-    def __init__(
-        self, scene: str | Path | Scene | SceneDistribution, num_envs: int, rtol: float, window: int
-    ) -> None:
+    def __init__(self, scene: SceneLike, num_envs: int, rtol: float, window: int) -> None:
         require("rtol", rtol, TIGHTEST, LOOSEST)
         require("window", window, 0, whole=True, hint="the number of dominoes observed")
         if not isinstance(scene, Scene | SceneDistribution):
@@ -96,7 +95,7 @@ class SceneSource:
             self._keep(0, scene, np.empty(0))
 
     def sample(self, generator: np.random.Generator) -> int:
-        """Return the number of a random scene; where it is fixed, nothing is random."""
+        """Return the number of a random scene; 0 where the scene is fixed."""
         if self.distribution is None:
             return 0
         i = int(self.sampled * generator.random())
@@ -106,12 +105,12 @@ class SceneSource:
         return i
 
     def give(self, env: int, scene: Scene) -> int:
-        """Take a scene for an environment, and return its number.
+        """Keep a scene for one environment, and return its number.
 
         Raises
         ------
         ValueError
-            For a scene of another kind than those sampled, or with too many dominoes.
+            For a scene that the distribution does not cover, or with too many dominoes.
         """
         assert self.distribution is not None
         if not isinstance(scene, Scene):
@@ -120,7 +119,7 @@ class SceneSource:
         if scene.count > self.longest:
             raise ValueError(
                 f"scene '{scene.name}' has {scene.count} dominoes: at most {self.longest}, "
-                f"{ROOM} times as many as '{self.distribution.name}' draws"
+                f"{ROOM} times as many as '{self.distribution.name}' samples"
             )
         self._keep(self.sampled + env, scene, self.distribution.scaled(numbers))
         return self.sampled + env
@@ -149,8 +148,8 @@ def pool_of(distribution: SceneDistribution) -> ScenePool:
 
 
 def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
-    """The fields of RULES of a scene, whose uniform baseline has that speed [m/s]."""
-    # where even that stops, compare with free fall
+    """Return the fields of RULES of a scene whose uniform baseline has a speed [m/s]."""
+    # where even the baseline stops, compare with free fall
     free = float(np.sqrt(scene.physics.gravity * scene.height))
     growth = scene.growth or (1.0, 1.0)
     values = {
@@ -182,28 +181,28 @@ def _require_choice(scene: Scene) -> None:
     """Reject a scene that leaves nothing free, or with rules that cannot be kept one by one."""
     if not choices(scene):
         raise ValueError(
-            f"scene '{scene.name}' leaves nothing free: there is nothing to choose; give spacing "
-            "or thickness a min and a max"
+            f"scene '{scene.name}' leaves nothing free to choose: give spacing or thickness a min "
+            "and a max"
         )
     if scene.length is not None and not scene.replace(limits=None).plain:
         raise ValueError(
             f"scene '{scene.name}' asks for a length and for lists, a stock or a largest change "
-            "too: what remains reachable of these is not known domino by domino; leave one out, or "
-            "search such rows with `optimize`"
+            "too: an environment cannot tell domino by domino what remains reachable; leave one "
+            "out, or search with `optimize`"
         )
 
 
 def _require_flat(distribution: SceneDistribution) -> None:
-    """Reject ground: what is observed of it belongs to one scene."""
+    """Reject uneven ground: the observation of it belongs to one scene."""
     if distribution.first.ground is not None:
         raise ValueError(
-            f"'{distribution.name}' has ground that is not flat: environments know ground of one "
-            "scene only, so leave [ground] out, or the ranges"
+            f"'{distribution.name}' has uneven ground, which environments take of a fixed scene "
+            "only: leave out [ground], or the ranges"
         )
 
 
 def _require_same_lists(distribution: SceneDistribution) -> None:
-    """Reject lists and a stock that differ between scenes: environments share them."""
+    """Reject lists and a stock that differ between scenes, as environments share them."""
     first, sampled = distribution.first, distribution.ranges
     for rule, name, places in (
         (first.spacing_values, "a list or steps of gaps", [("spacing", "min"), ("spacing", "max")]),
@@ -216,5 +215,5 @@ def _require_same_lists(distribution: SceneDistribution) -> None:
         varied = [".".join(place) for place in places if place in sampled]
         if rule is not None and varied:
             raise ValueError(
-                f"'{distribution.name}' has {name} and draws {', '.join(varied)}: leave one out"
+                f"'{distribution.name}' has {name} and samples {', '.join(varied)}: leave one out"
             )

@@ -1,4 +1,4 @@
-"""Names and bounds of the entries of observations, and the free numbers of an action."""
+"""Named parts and bounds of observations, and the number of entries of an action."""
 
 from __future__ import annotations
 
@@ -9,41 +9,41 @@ from numpy.typing import NDArray
 from domino_env import kernels
 from domino_env.scenes.scene import Scene
 
-SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] over which the ends of the chain are observed
-FEATURE_LIMIT = 3.0  # features of scenes beyond the ranges are cut off there
+SCALES = (1.0, 2.0, 4.0, 8.0)  # [dominoes] decay lengths of near_start and near_end
+FEATURE_LIMIT = 3.0  # bound of the features of scenes from beyond the ranges
 
 
 class ObservationLayout(dict[str, slice]):
-    """Where each part of an observation stands, by name, in the order of the page.
+    """Slice of each part of an observation, by name, in the order of the page of `DominoChain`.
 
-    Parts that a scene does not have are not among the names.
+    Parts that a scene does not have are left out.
 
     Parameters
     ----------
     scene
         The scene, or one of those that are sampled.
     window
-        Number of gaps (and thicknesses, growths, places ahead) observed.
+        W, number of gaps (and thicknesses, growths, places ahead) observed.
     features
-        Number of features of a sampled scene.
+        F, number of features of a sampled scene.
 
     Attributes
     ----------
     space
         Box(O,) of observations.
     starts
-        (1,) the same as an OBSERVATION for the kernels.
+        (1,) OBSERVATION, the same for the kernels.
     """
 
     def __init__(self, scene: Scene, window: int, features: int) -> None:
-        course, grows = int(scene.length is not None), int(scene.free_height)
+        has_length, grows = int(scene.length is not None), int(scene.free_height)
         ahead = window * int(scene.ground is not None)
         parts = {
             "front": (1, 0.0, kernels.FRONT_LIMIT),
             "lead": (1, -kernels.LEAD_LIMIT, kernels.LEAD_LIMIT),
             "speed": (1, -1.0, kernels.SPEED_LIMIT),
-            "length_left": (course, 0.0, 1.0),
-            "pitch_left": (course, -1.0, 1.0),
+            "length_left": (has_length, 0.0, 1.0),
+            "pitch_left": (has_length, -1.0, 1.0),
             "gaps": (window * scene.free_spacing, -1.0, 1.0),
             "thicknesses": (window * scene.free_thickness, -1.0, 1.0),
             "growths": (window * grows, -1.0, 1.0),
@@ -73,11 +73,11 @@ class ObservationLayout(dict[str, slice]):
 
 
 def closeness(count: int) -> NDArray[np.float32]:
-    """Return (N, S) exp(-k / c) for 0 … N-1 dominoes between here and an end."""
+    """Return exp(-k / c) for k = 0 … N-1 dominoes to an end and c in SCALES, (N, 4)."""
     away = np.arange(count)[:, None]
     return np.asarray(np.exp(-away / np.array(SCALES)), dtype=np.float32)
 
 
 def choices(scene: Scene) -> int:
-    """Count the free numbers of each domino that is placed."""
+    """Count the entries of an action for each domino that is placed."""
     return int(scene.free_spacing) + int(scene.free_thickness) + int(scene.free_height)

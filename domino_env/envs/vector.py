@@ -1,11 +1,10 @@
-"""Environments side by side, and a single one as a batch of one: seeds, masks, autoreset, infos."""
+"""Vector environments, and single ones as batches of one: seeds, masks, autoreset, infos."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
-from pathlib import Path
-from typing import Any, ClassVar, TypeAlias, TypeVar, cast
+from typing import Any, ClassVar, cast
 
 import gymnasium
 import numpy as np
@@ -20,22 +19,25 @@ from domino_env import kernels
 from domino_env.core.checks import require
 from domino_env.core.types import Bools, Floats, Singles
 from domino_env.envs.episodes import EpisodeResults, placed_layout
-from domino_env.envs.rendering import FRAMES_A_SECOND, MODES, Renderer, Snapshot
-from domino_env.envs.sources import Generators, SceneSource
+from domino_env.envs.rendering import (
+    FRAMES_PER_SECOND,
+    MODES,
+    OFFERED_MODES,
+    VECTOR_MODES,
+    Renderer,
+    Snapshot,
+)
+from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import ObservationLayout, closeness
-from domino_env.physics.layout import Layout
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
-Indices = NDArray[np.intp]  # of environments
+Indices = NDArray[np.intp]  # (E,) indices of environments
 Infos = dict[str, NDArray[Any]]
-T = TypeVar("T")
-OneOrEach: TypeAlias = Sequence[T | None] | T | None
 
-VECTOR_MODES = ("rgb_array", "ansi")
 RTOL = 1e-6
 WINDOW = 8
-LARGEST_RING = 1024  # dominoes remembered behind a front; the wave feels some thirty
+LARGEST_RING = 1024  # dominoes kept behind the leader; the wave feels some thirty
 
 
 class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
@@ -46,7 +48,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     num_envs
         B, the number of environments.
     scene
-        The scene, or what one is sampled from at every reset.
+        The scene, or the distribution that one is sampled from at every reset.
     render_mode
         None, "rgb_array" or "ansi".
     rtol
@@ -54,22 +56,22 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     window
         Number of gaps and thicknesses observed.
     autoreset_mode
-        When the episode after an ended one begins.
+        Beginning of the episode after an ended one, as of `DominoChainVector`.
 
     Attributes
     ----------
     source
-        The scenes of episodes.
+        Scenes of episodes.
     observation_layout
-        Where each part of an observation stands, by name.
+        Slice of each part of an observation, by name.
     """
 
-    options: ClassVar[tuple[str, ...]] = ()  # of a reset, for a fixed scene
+    options: ClassVar[tuple[str, ...]] = ()  # of a reset, where the scene is fixed
 
     def __init__(
         self,
         num_envs: int,
-        scene: str | Path | Scene | SceneDistribution,
+        scene: SceneLike,
         render_mode: str | None,
         rtol: float,
         window: int,
@@ -82,7 +84,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {
             "render_modes": list(VECTOR_MODES),
-            "render_fps": FRAMES_A_SECOND,
+            "render_fps": FRAMES_PER_SECOND,
             "autoreset_mode": self.autoreset_mode,
         }
         self.source = SceneSource(scene, self.num_envs, rtol, window)
@@ -90,17 +92,17 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self.observation_layout = ObservationLayout(self.source.first, self.source.window, features)
         self._batch = _new_batch(self.source, self.observation_layout, self.num_envs)
         self._episodes = self._batch.episodes
-        # there is a scene before any reset
+        # before any reset there is a scene too
         number = self.source.sample(np.random.default_rng(0))
         self._which = np.full(self.num_envs, number)  # scene of each environment
         self._waves = np.full(self.num_envs, None, object)  # of episodes that are over
-        self._over = np.zeros(self.num_envs, np.bool_)  # episodes that the next step replaces
+        self._over = np.zeros(self.num_envs, np.bool_)  # episodes that a new one replaces next
         self._begun = np.zeros(self.num_envs, np.bool_)
         self._seeds: list[int | None] = [None] * self.num_envs
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
 
     def _set_spaces(self, action: int, observation: Box) -> None:
-        """Set the spaces, for actions of so many numbers."""
+        """Set the spaces, for actions of `action` numbers."""
         self.single_action_space = Box(-1.0, 1.0, (action,), np.float32)
         self.single_observation_space = observation
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -109,28 +111,28 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     @property
     def scenes(self) -> tuple[Scene, ...]:
-        """The scene of each environment."""
+        """Scene of each environment."""
         return tuple(self._scene(b) for b in range(self.num_envs))
 
     @property
     def scene(self) -> Scene:
-        """The scene of all environments.
+        """Scene of all environments.
 
         Raises
         ------
         AttributeError
-            Where environments have scenes of their own, which are sampled at their resets.
+            Where each environment has its own scene, sampled at its reset.
         """
         if self.distribution is not None:
             raise AttributeError(
-                f"a scene of '{self.distribution.name}' is drawn for each environment: ask for "
+                f"each environment has its own scene, sampled from '{self.distribution.name}': use "
                 "`scenes`"
             )
         return self._scene(0)
 
     @property
     def distribution(self) -> SceneDistribution | None:
-        """The distribution that scenes are sampled from; None where the scene is fixed."""
+        """Distribution that scenes are sampled from; None where the scene is fixed."""
         return self.source.distribution
 
     def _scene(self, env: int) -> Scene:
@@ -149,26 +151,24 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Parameters
         ----------
         seed
-            A number (environment i gets seed + i) or one for each environment, of the generators
-            that scenes and placement errors are sampled with.
+            Seeds of the generators that scenes and placement errors are sampled with: one for each
+            environment, or a number, from which environment i gets seed + i.
         options
-            What may be set:
-
-            - "reset_mask": (B,) booleans, which environments are reset; the others stay as they
-              are.
-            - those of the class.
+            Options of the class, and "reset_mask": (B,) booleans. Environments where it is False
+            stay as they are.
 
         Returns
         -------
-        tuple
-            Singles (B, O) and infos, which hold the "scene" of each environment if one was
-            sampled.
+        observations : NDArray
+            (B, O).
+        infos : dict
+            "scene" of each environment that sampled one.
 
         Raises
         ------
         ValueError
-            For other options, masks or seeds, for a layout that breaks the scene's rules or whose
-            wave stops, and for a scene of another kind than those sampled.
+            For unknown options, for a mask or seeds of another shape, for a layout that breaks the
+            scene's rules or whose wave stops, and for a scene that the distribution does not cover.
         """
         given = self.checked_options(options, "reset_mask")
         chosen = self._checked_mask(given.pop("reset_mask", None))
@@ -182,28 +182,20 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     @abstractmethod
     def begin(
-        self,
-        chosen: Bools,
-        observations: Singles,
-        generators: Generators,
-        layout: OneOrEach[Layout] = None,
-        scene: OneOrEach[Scene] = None,
+        self, chosen: Bools, observations: Singles, generators: Generators, **options: Any
     ) -> Infos:
         """Begin episodes in the chosen environments.
 
         Parameters
         ----------
         chosen
-            (B,) which environments.
+            (B,) mask of environments.
         observations
             (B, O), written for those.
         generators
-            Random generator of each environment, by its number.
-        layout
-            First dominoes of each environment, or of all, which stand already; None for the first
-            domino alone. Only where it is among `options`.
-        scene
-            Of each environment, or of all; None for a sampled one. Only where scenes are sampled.
+            Random generator of each environment, by its index.
+        options
+            Options of the reset, without the mask.
 
         Returns
         -------
@@ -213,12 +205,11 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Raises
         ------
         ValueError
-            Where `layout` breaks the scene's rules or its wave stops, and for a `scene` of another
-            kind than those sampled; every environment is then left as it was.
+            For options that no episode can begin with; every environment is then left as it was.
         """
 
     def _draw_errors(self, envs: Indices, generators: Generators) -> None:
-        """Sample the errors of the gaps to come, where the scene has placement errors."""
+        """Sample the errors of the gaps to be placed, where the scene has placement errors."""
         errors = self._batch.errors
         if len(errors):
             for env in envs.tolist():
@@ -226,18 +217,12 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
                 errors[env, : scene.count - 1] = scene.placement_errors(generators(env))
 
     def checked_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:
-        """Return the options of a reset.
-
-        Raises
-        ------
-        ValueError
-            For an unknown one.
-        """
+        """Return the options of a reset; raise ValueError for an unknown one."""
         known = (*self.options, *("scene",) * (self.distribution is not None), *more)
         for key in options or {}:
             if key not in known:
                 allowed = ", ".join(known) or "none"
-                raise ValueError(f"unknown reset option '{key}': allowed: {allowed}")
+                raise ValueError(f"unknown reset option '{key}': choose from {allowed}")
         return {**(options or {})}
 
     def _checked_mask(self, mask: ArrayLike | None) -> Bools:
@@ -267,12 +252,12 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
-        """The seed of each environment; None where it has none yet."""
+        """Seed of each environment; None where it has none yet."""
         return tuple(self._seeds)
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The random generator of each environment."""
+        """Random generator of each environment."""
         return tuple(self._generator(i) for i in range(self.num_envs))
 
     def _generator(self, i: int) -> np.random.Generator:
@@ -294,8 +279,14 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
         Returns
         -------
-        tuple
-            Singles, rewards, terminated, truncated and infos, as of the class.
+        observations : NDArray
+            (B, O).
+        rewards : NDArray
+            (B,).
+        terminated, truncated : NDArray
+            (B,) masks of episodes that ended; none is ever truncated.
+        infos : dict
+            Infos of the class, for episodes that ended.
 
         Raises
         ------
@@ -337,7 +328,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
     @abstractmethod
     def advance(self, actions: Floats) -> tuple[Singles, Floats, Bools, Infos]:
-        """Take a step in every environment whose episode runs.
+        """Take a step in every environment whose episode is not over.
 
         Parameters
         ----------
@@ -347,19 +338,19 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Returns
         -------
         observations : NDArray
-            (B, O); those of other environments are not set.
+            (B, O); lines of other environments are not set.
         rewards : NDArray
             (B,); 0 for other environments.
         ended : NDArray
-            (B,) which episodes ended.
+            (B,) mask of episodes that ended.
         infos : dict
-            Infos of those, (E,) arrays in their order; empty if there are none.
+            Infos of the E episodes that ended, (E,) arrays in their order; empty if E = 0.
         """
 
     def _end(self, envs: Indices) -> tuple[Floats, Infos]:
-        """The last rewards and the infos of the (E,) environments whose episodes have just ended.
+        """Return the last rewards and the infos of (E,) environments whose episodes have ended.
 
-        Where the score is more than a speed, or a wave's own estimate exceeds the tolerance, the
+        Where the score is more than a speed, or a wave's error estimate exceeds the tolerance, the
         layout is simulated as a whole: a chain that is built step by step cannot go back.
         """
         batch, episodes = self._batch, self._episodes[envs]
@@ -388,8 +379,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         """Add infos of some environments, arrays in their order, to those in arrays of all."""
         for key, some in values.items():
             if key not in infos:
-                # of None, where they are objects
-                blank = np.empty if some.dtype == object else np.zeros
+                blank = np.empty if some.dtype == object else np.zeros  # objects: None
                 infos[key] = blank(self.num_envs, some.dtype)
                 infos[f"_{key}"] = np.zeros(self.num_envs, np.bool_)
             infos[key][envs] = some
@@ -401,29 +391,19 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     def snapshot(self, env: int) -> Snapshot:
         """Return the chain of an environment at its latest hit."""
         batch, placed, wave = self._batch, int(self._episodes[env].placed), self._waves[env]
-        if wave is None:
-            hit, time, speed = placed + 1, batch.states[env].time, np.sqrt(batch.states[env].u)
-        else:
-            hit, time = wave.hit, wave.arrival_times[wave.hit - 1]
-            stopped = self._episodes[env].outcome != kernels.PROPAGATED
-            speed = 0.0 if stopped else wave.release_velocity[hit - 1]
+        height = batch.height[env % len(batch.height)]
+        sizes = batch.spacing[env], batch.thickness[env], height
+        time = batch.states[env].time if wave is None else wave.arrival_times[wave.hit - 1]
         return Snapshot(
-            layout=placed_layout(
-                self._scene(env),
-                placed,
-                batch.spacing[env],
-                batch.thickness[env],
-                batch.height[env % len(batch.height)],
-            ),
-            hit=hit,
+            layout=placed_layout(self._scene(env), placed, *sizes),
+            hit=placed + 1 if wave is None else wave.hit,
             time=float(time),
-            speed=float(speed),
             uniform_speed=float(self.source.speed[self._which[env]]),
             wave=wave,
         )
 
     def render(self) -> tuple[Any, ...] | None:
-        """Draw a frame of every environment at its latest hit."""
+        """Return a frame of every environment at its latest hit; None without a render mode."""
         if self.render_mode is None:
             return None
         return tuple(
@@ -431,34 +411,34 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         )
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Release what draws."""
+        """Release the renderer."""
         self._renderer.close()
 
 
 class DominoEnv(gymnasium.Env[Singles, Singles]):
-    """A single environment: a batch of one, with frames.
+    """Single environment: a vector environment of one, with frames.
 
     Parameters
     ----------
     vector
-        The batch of one.
+        Vector environment of one.
     render_mode
         None, "rgb_array", "human" or "ansi".
 
     Attributes
     ----------
     observation_layout
-        Where each part of an observation stands, by name.
+        Slice of each part of an observation, by name.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
-        "render_modes": list(MODES),
-        "render_fps": FRAMES_A_SECOND,
+        "render_modes": list(OFFERED_MODES),
+        "render_fps": FRAMES_PER_SECOND,
     }
 
     def __init__(self, vector: DominoVectorEnv, render_mode: str | None) -> None:
         self.render_mode = render_mode
-        self._renderer = Renderer(render_mode)
+        self._renderer = Renderer(render_mode, MODES)
         self._vector = vector
         self._all = np.ones(1, np.bool_)
         self._begun = self._over = False
@@ -468,12 +448,12 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
 
     @property
     def scene(self) -> Scene:
-        """The scene; where one is sampled at every reset, the latest."""
+        """Scene of the episode; where one is sampled at every reset, the latest."""
         return self._vector.scenes[0]
 
     @property
     def distribution(self) -> SceneDistribution | None:
-        """The distribution that scenes are sampled from; None where the scene is fixed."""
+        """Distribution that scenes are sampled from; None where the scene is fixed."""
         return self._vector.distribution
 
     def reset(
@@ -484,20 +464,22 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         Parameters
         ----------
         seed
-            Of `np_random`, which scenes and placement errors are sampled with.
+            Seed of `np_random`, which samples scenes and placement errors.
         options
-            As of the class.
+            Options of the class.
 
         Returns
         -------
-        tuple
-            The observation and an info, which holds the "scene" if one was sampled.
+        observation : NDArray
+            (O,).
+        info : dict
+            "scene" if one was sampled.
 
         Raises
         ------
         ValueError
-            For other options, for a layout that breaks the scene's rules or whose wave stops, and
-            for a scene of another kind than those sampled.
+            For unknown options, for a layout that breaks the scene's rules or whose wave stops,
+            and for a scene that the distribution does not cover.
         """
         super().reset(seed=seed)
         given = self._vector.checked_options(options)
@@ -514,12 +496,18 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         Parameters
         ----------
         action
-            (A,) in [-1, 1], as of the class.
+            (A,) in [-1, 1].
 
         Returns
         -------
-        tuple
-            Observation, reward, terminated, truncated and info, as of the class.
+        observation : NDArray
+            (O,).
+        reward : float
+            Reward, as the class page defines it.
+        terminated, truncated : bool
+            True where the episode has ended; it is never truncated.
+        info : dict
+            Info of the class after the last step, else empty.
 
         Raises
         ------
@@ -547,11 +535,11 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         return self._vector.snapshot(0)
 
     def render(self) -> NDArray[np.uint8] | str | None:
-        """Draw the chain at its latest hit: an image, a text, or None for a window."""
+        """Return the chain at its latest hit as an image or a text; None for a window."""
         if self.render_mode is None:
             gymnasium.logger.warn(
                 'render() shows nothing without a render mode: gymnasium.make(…, render_mode="…") '
-                f"with one of {', '.join(MODES)}"
+                f"takes one of {', '.join(MODES)}"
             )
             return None
         return self._renderer.frame(self.snapshot(), self.scene)
@@ -562,13 +550,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
 
 
 def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
-    """Return actions as float64.
-
-    Raises
-    ------
-    ValueError
-        For another shape than that of the space, and for entries that are not finite.
-    """
+    """Return actions as float64; raise ValueError for another shape and for infinite entries."""
     values = np.asarray(actions, dtype=np.float64)
     if values.shape != space.shape:
         raise ValueError(
@@ -584,7 +566,7 @@ def checked_actions(actions: ArrayLike, space: gymnasium.Space[Any]) -> Floats:
 
 
 def objects(values: Iterable[Any]) -> NDArray[Any]:
-    """Return an array of objects of any kind."""
+    """Return an array of objects of any type."""
     listed = list(values)
     array = np.empty(len(listed), object)
     array[:] = listed
@@ -597,9 +579,8 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
     kinds = _kinds_to_choose(scene)
     sampled = source.distribution
     own_height = scene.growth is not None or (sampled is not None and "height" in sampled.features)
-    size = 2  # a power of two that holds the chain, or as much of it as is felt
-    while size < longest + 1 and size < LARGEST_RING:
-        size *= 2
+    # a power of two that holds the chain, or as much of it as the wave feels
+    size = 1 << min(longest, LARGEST_RING - 1).bit_length()
     link = kernels.CONTACT if scene.ground is None else kernels.UNEVEN_CONTACT
     batch = kernels.Batch(
         rules=np.zeros(1 if sampled is None else num_envs, kernels.RULES),
@@ -631,7 +612,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
 
 
 def _kinds_to_choose(scene: Scene) -> Floats:
-    """The thicknesses that dominoes may have [m], if only some, and how many of each, (2, K)."""
+    """Return the thicknesses that a list or stock allows [m], and how many of each, (2, K)."""
     if scene.stock is not None:
         box = scene.stock.without(scene.first_thickness)
         kinds = np.array([box.thickness, box.count], dtype=np.float64)

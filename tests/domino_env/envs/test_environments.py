@@ -1,4 +1,4 @@
-"""Single environments: what episodes are worth, what is observed, what may be chosen."""
+"""Single environments: returns of episodes, observations, bounds of actions."""
 
 import copy
 import pickle
@@ -55,7 +55,7 @@ def completed(scene, layout):
     )
 
 
-# what an episode is worth -------------------------------------------------------------------------
+# returns of episodes ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -68,7 +68,7 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
     for spread in spreads[: 3 if name == "table" else None]:
         _, observations, rewards, info = play(env, at_random(env, rng, *np.sort(spread)))
         layout, wave, score = info["layout"], info["wave"], info["score"]
-        assert all(seen in env.observation_space for seen in observations)
+        assert all(observation in env.observation_space for observation in observations)
         if kind is DominoLayout:
             assert observations.tolist() == [[0.0], [1.0]]
         exact = score / baseline - 1.0 if baseline > 0.0 else (score - baseline) / -baseline
@@ -98,14 +98,14 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
     assert np.all(np.diff(np.array(returns)[order])[clear] > 0.0)
 
 
-def test_scores_that_steps_cannot_give_come_from_the_whole_layout():
+def test_scores_beyond_the_steps_come_from_the_whole_layout():
     env = DominoChain("gentle", rtol=1e-13)  # no rule reaches the tolerance
     *_, info = play(env, lambda k: np.sin([1.0 + k, 2.0 * k]))
     again = de.simulate(info["layout"], env.scene.physics, rtol=1e-13)
     assert info["score"] == env.scene.score(again)
 
 
-def test_single_steps_pay_the_lead_gained_whatever_the_sum():
+def test_rewards_of_single_steps_are_the_lead_gained():
     env = DominoChain("sprint")
     assert env.reference_speed == env.scene.uniform().wave.mean_speed
     actions, *_, rewards, _ = play(env, at_random(env, np.random.default_rng(1)))
@@ -125,11 +125,11 @@ def test_single_steps_pay_the_lead_gained_whatever_the_sum():
             env.reference_speed = bad
 
 
-# what is observed ---------------------------------------------------------------------------------
+# observations -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["sprint", "sprint-thickness", "course", "gentle", "hills"])
-def test_observations_are_what_the_page_says(name):
+def test_observations_are_as_documented(name):
     window, scene = 3, short(name, 9)
     env = DominoChain(scene, window=window)
     h, g, count = scene.height, scene.physics.gravity, scene.count
@@ -137,23 +137,23 @@ def test_observations_are_what_the_page_says(name):
     for seed in range(3):
         _, observations, _, info = play(env, at_random(env, np.random.default_rng(seed)))
         layout, wave = info["layout"], info["wave"]
-        for k, seen in enumerate(observations):
+        for k, observation in enumerate(observations):
             stopped = k + 1 == len(observations) and wave.outcome != de.Outcome.PROPAGATED
             front, time = wave.release_velocity[k], wave.arrival_times[k]
-            if k + 1 == count:  # the last domino is seen when it has tipped over
-                front = seen[0] / np.sqrt(h / g)
+            if k + 1 == count:  # observed once the last domino has tipped over
+                front = observation[0] / np.sqrt(h / g)
                 assert front > 0.0
             if stopped:
                 front, time = 0.0, wave.arrival_times[np.isfinite(wave.arrival_times)][-1]
-            way = layout.positions[k]
+            distance = layout.positions[k]
             expected = {
                 "front": front * np.sqrt(h / g),
-                "lead": (way - env.reference_speed * time) / (10.0 * h),
-                "speed": way / time / env.reference_speed - 1.0 if time > 0.0 else 0.0,
+                "lead": (distance - env.reference_speed * time) / (10.0 * h),
+                "speed": distance / time / env.reference_speed - 1.0 if time > 0.0 else 0.0,
             }
             if scene.length is not None:
                 pitches = np.add(scene.spacing, scene.thickness)
-                left, pairs = scene.length - way, count - 1 - k
+                left, pairs = scene.length - distance, count - 1 - k
                 expected["length_left"] = left / scene.length
                 mean = np.interp(left / pairs, pitches, (-1.0, 1.0)) if pairs else 0.0
                 expected["pitch_left"] = mean
@@ -175,11 +175,11 @@ def test_observations_are_what_the_page_says(name):
                 expected["rises"] = (up[2] - up[3]) / h
             assert list(parts) == list(expected)
             for part, values in expected.items():
-                np.testing.assert_allclose(seen[parts[part]], values, rtol=2e-6, atol=3e-6)
-            assert parts[part].stop == len(seen)
+                np.testing.assert_allclose(observation[parts[part]], values, rtol=2e-6, atol=3e-6)
+            assert parts[part].stop == len(observation)
 
 
-def test_what_cannot_vary_is_neither_chosen_nor_observed():
+def test_fixed_quantities_are_neither_chosen_nor_observed():
     for scene, free, entries in (
         (de.load_scene("gentle").replace(spacing=(0.02, 0.02)), 1, 3 + 4 + 9),
         (short("sprint", 4), 1, 3 + 3 + 9),  # the window is no longer than the chain
@@ -190,7 +190,7 @@ def test_what_cannot_vary_is_neither_chosen_nor_observed():
     assert DominoChain("sprint", window=0).observation_space.shape == (12,)
 
 
-# what may be chosen -------------------------------------------------------------------------------
+# bounds of actions --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("scene", [courses()["free course"], demanding()["smooth"]])
@@ -232,19 +232,19 @@ def test_a_length_is_met_by_the_nearest_layout():
 
 def test_a_stock_empties_and_the_nearest_left_is_taken():
     env = DominoChain(demanding()["box"])
-    seen, _ = env.reset()
+    observation, _ = env.reset()
     stock = env.observation_layout["stock"]
-    np.testing.assert_array_equal(seen[stock], 1.0)  # thin to thick; the first is taken out
+    np.testing.assert_array_equal(observation[stock], 1.0)  # thin to thick; the first is taken out
     taken = []
     for _ in range(8):
-        seen, *_ = env.step([0.5, 1.0])
+        observation, *_ = env.step([0.5, 1.0])
         taken.append(env.snapshot().layout.thickness[-1])
         left = [4 - taken.count(0.005), 1 - taken.count(0.0075), 3 - taken.count(0.01)]
-        np.testing.assert_allclose(seen[stock], np.array(left) / (4, 1, 3))
+        np.testing.assert_allclose(observation[stock], np.array(left) / (4, 1, 3))
     assert taken == [0.01] * 3 + [0.0075] + [0.005] * 4
     start = de.Layout([0.02] * 3, [0.0075, 0.005, 0.01, 0.005])
-    seen, _ = env.reset(options={"layout": start})
-    np.testing.assert_allclose(seen[stock], [0.5, 1.0, 2 / 3])
+    observation, _ = env.reset(options={"layout": start})
+    np.testing.assert_allclose(observation[stock], [0.5, 1.0, 2 / 3])
     with pytest.raises(ValueError, match=r"4 dominoes are 0\.0075 m thick: the stock has 2"):
         env.reset(options={"layout": de.Layout([0.02] * 3, 0.0075)})
 
@@ -253,19 +253,19 @@ def test_growing_chains_are_observed_in_their_own_measure():
     env = DominoChain(demanding()["magnify"], window=2)
     env.reset()
     env.step([0.5, -0.5])
-    seen, *_ = env.step([-0.25, 1.0])
+    observation, *_ = env.step([-0.25, 1.0])
     start, parts = env.snapshot().layout, env.observation_layout
     ratio = start.height[1:] / start.height[:-1]
     np.testing.assert_allclose(ratio, [1.15, 1.6])
     np.testing.assert_allclose(start.thickness, 0.15 * start.height)
     gaps = 0.05 + 0.85 * np.array([0.75, 0.375])
     np.testing.assert_allclose(start.spacing / start.height[:-1], gaps)
-    np.testing.assert_allclose(seen[parts["gaps"]], [-0.25, 0.5], atol=1e-6)
-    np.testing.assert_allclose(seen[parts["growths"]], [1.0, -0.5], atol=1e-6)
+    np.testing.assert_allclose(observation[parts["gaps"]], [-0.25, 0.5], atol=1e-6)
+    np.testing.assert_allclose(observation[parts["growths"]], [1.0, -0.5], atol=1e-6)
     height = np.log(1.15 * 1.6) / (7 * np.log(1.6))
-    assert seen[parts["height"]] == pytest.approx(height, rel=1e-6)
+    assert observation[parts["height"]] == pytest.approx(height, rel=1e-6)
     again, _ = env.reset(options={"layout": start})
-    np.testing.assert_allclose(again, seen, rtol=1e-6)
+    np.testing.assert_allclose(again, observation, rtol=1e-6)
 
 
 # reset --------------------------------------------------------------------------------------------
@@ -282,20 +282,22 @@ def test_an_episode_goes_on_from_a_layout_that_stands(name):
             rise=whole.rise[:given], tilt=whole.tilt[: given + 1],
         )  # fmt: skip
         rest = iter(actions[given:])
-        _, seen, paid, told = play(env, lambda k, rest=rest: next(rest), options={"layout": start})
-        np.testing.assert_array_equal(seen, observations[given:])
+        _, resumed, paid, last = play(
+            env, lambda k, rest=rest: next(rest), options={"layout": start}
+        )
+        np.testing.assert_array_equal(resumed, observations[given:])
         np.testing.assert_allclose(paid, rewards[given:], rtol=0.0, atol=1e-12)
-        assert told["score"] == info["score"]
+        assert last["score"] == info["score"]
 
 
-def test_layouts_that_no_episode_can_begin_with_are_rejected():
+def test_layouts_from_which_no_episode_can_start_are_rejected():
     env = DominoChain("gentle")
     scene = env.scene
     env.reset()
     env.step([0.0, 0.0])
     before = env.snapshot()
     for start, words in (
-        (scene.layout(0.02, 0.006), "at least one of the scene's 30 must be left"),
+        (scene.layout(0.02, 0.006), "leave at least one of the scene's 30"),
         (de.Layout([0.03], 0.0075), r"spacing\[0\] = 0.03 m: the scene allows 0.002 to 0.025 m"),
         (de.Layout([0.02], [0.009, 0.0075]), "the scene allows 0.0075 m"),
         (de.Layout([0.02], 0.0075, 0.06), r"height\[0\] = 0.06"),
@@ -303,7 +305,7 @@ def test_layouts_that_no_episode_can_begin_with_are_rejected():
     ):
         with pytest.raises(ValueError, match=words):
             env.reset(options={"layout": start})
-    after = env.snapshot()  # nothing has happened to the chain
+    after = env.snapshot()  # the chain is unchanged
     assert after.time == before.time
     assert after.layout == before.layout
     with pytest.raises(ValueError, match="m of the length for 29 dominoes, which cover"):
@@ -314,7 +316,7 @@ def test_layouts_that_no_episode_can_begin_with_are_rejected():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_bad_use_is_told_what_is_wrong(kind):
+def test_misuse_is_explained(kind):
     for scene, options, words in (
         ("sprnt", {}, "no scene 'sprnt': did you mean 'sprint'"),
         ("sprint", {"render_mode": "film"}, "render_mode = 'film': choose None or one of rgb"),
@@ -330,7 +332,7 @@ def test_bad_use_is_told_what_is_wrong(kind):
     size = env.action_space.shape[0]
     with pytest.raises(ResetNeeded, match=r"call reset\(\) before"):
         env.step(np.zeros(size))
-    with pytest.raises(ValueError, match="unknown reset option 'spacing': allowed: "):
+    with pytest.raises(ValueError, match="unknown reset option 'spacing': choose from "):
         env.reset(options={"spacing": [0.01]})
     env.reset()
     with pytest.raises(ValueError, match=rf"action of shape \(3,\): expected \({size},\)"):
@@ -361,18 +363,18 @@ def test_checkers_of_gymnasium_and_stable_baselines_accept(id_, name):
 
 
 @pytest.mark.parametrize("kind", [*KINDS, DominoChainVector])
-@pytest.mark.parametrize("way", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
-def test_a_copy_goes_its_own_way(kind, way):
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))])
+def test_a_copy_is_independent(kind, copied):
     env = kind(scene="gentle")
     env.reset(seed=1)
     rng = np.random.default_rng(0)
     if kind is not DominoLayout:
         for _ in range(5):
             env.step(rng.uniform(0.0, 1.0, env.action_space.shape))
-    twin = way(env)
+    twin = copied(env)
     action = rng.uniform(0.0, 1.0, env.action_space.shape)
-    told, same = env.step(action), twin.step(action)
-    for one, other in zip(told[:4], same[:4], strict=True):
+    answer, same = env.step(action), twin.step(action)
+    for one, other in zip(answer[:4], same[:4], strict=True):
         np.testing.assert_array_equal(one, other)
     env.reset()
     which = (0,) if kind is DominoChainVector else ()
@@ -383,7 +385,7 @@ def test_the_last_info_can_be_kept_and_copied():
     env = DominoChain("sprint")
     *_, info = play(env, at_random(env, np.random.default_rng(0)))
     layout, wave = info["layout"], info["wave"]
-    kept = pickle.loads(pickle.dumps((layout, wave)))  # before anybody has looked
+    kept = pickle.loads(pickle.dumps((layout, wave)))  # before either is computed
     play(env, at_random(env, np.random.default_rng(1)))  # other chains in the same arrays
     assert env.scene.score(wave) == info["score"]
     assert kept == (layout, wave)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import gymnasium
 import numpy as np
 import pytest
 
+from domino_env import DominoChain
 from domino_env.view.drawing import FALLS, LEADS
 
 
@@ -22,7 +27,7 @@ def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
 
 
 @pytest.mark.parametrize("scene", ["sprint", "course", "marathon"])
-def test_an_image_shows_who_leads_and_who_has_fallen(scene: str) -> None:
+def test_an_image_shows_leader_and_fallen_dominoes(scene: str) -> None:
     assert pixels(played("rgb_array", 0, scene).render(), LEADS) > 100
     env = played("rgb_array", 12, scene)
     frame = env.render()
@@ -35,18 +40,49 @@ def test_an_image_shows_who_leads_and_who_has_fallen(scene: str) -> None:
     assert pixels(env.render(), FALLS) > pixels(frame, FALLS)
 
 
-def test_text_shows_the_row_to_scale() -> None:
+def test_text_shows_the_chain_to_scale() -> None:
     text = played("ansi", 20).render()
-    row, line, _ = text.split("\n")
-    assert row.replace(" ", "").count(">") == 1
-    assert len(row.replace(" ", "")) == 21
+    chain, line, _ = text.split("\n")
+    assert chain.replace(" ", "").count(">") == 1
+    assert len(chain.replace(" ", "")) == 21
     assert "21 of 21 struck" in line
     assert "against uniform" in line
+
+
+CHECK = """
+import sys
+if {hidden}:
+    sys.modules["pygame"] = None
+import gymnasium, domino_env
+from gymnasium.utils.env_checker import check_env
+env = gymnasium.make("DominoChain-v0", scene="gentle")
+check_env(env.unwrapped)
+print(*env.metadata["render_modes"])
+if {hidden}:
+    from stable_baselines3.common.env_checker import check_env
+    check_env(env)
+"""
+
+
+@pytest.mark.parametrize(("hidden", "modes"), [
+    (True, "rgb_array ansi"), (False, "rgb_array ansi human"),
+], ids=["without pygame", "with pygame"])  # fmt: skip
+def test_checkers_render_every_mode_that_is_offered(hidden: bool, modes: str) -> None:
+    pytest.importorskip("stable_baselines3" if hidden else "pygame")
+    done = subprocess.run(
+        [sys.executable, "-W", "error::UserWarning", "-c", CHECK.format(hidden=hidden)],
+        env=os.environ | {"SDL_VIDEODRIVER": "dummy"}, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""  # the mixer of pygame would complain where there is no sound
+    assert done.stdout.splitlines()[-1] == modes
 
 
 def test_a_window_shows_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = played("human", 3)
+    env = DominoChain("gentle", render_mode="human")
+    env.reset()
+    env.step(np.zeros(env.action_space.shape))
     assert env.render() is None
     env.close()

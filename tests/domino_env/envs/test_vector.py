@@ -1,4 +1,4 @@
-"""Environments in a batch are the same as each alone, to the last bit."""
+"""Vector environments are bitwise equal to single ones."""
 
 import copy
 
@@ -30,9 +30,9 @@ FIXED = {
     "robust": short("jitter", 6).replace(settings=de.Placement(0.0005, draws=8)),
     "placed with errors": GENTLE.replace(placement_deviation=0.001),
 } | {name: SCENES[name] for name in ("ideal", "hills", "two", "three", "magnify", "box", "tempo")}
-DRAWN = {"small": small_scenes(), "varied": de.load_distribution("varied")}
+SAMPLED = {"small": small_scenes(), "varied": de.load_distribution("varied")}
 CASES = [
-    *[("chain", name) for name in FIXED | DRAWN],
+    *[("chain", name) for name in FIXED | SAMPLED],
     *[("layout", name) for name in FIXED],
 ]
 
@@ -72,7 +72,7 @@ def assert_same(mine, theirs):
 @pytest.mark.parametrize(("kind", "name"), CASES)
 def test_together_and_alone_agree_across_the_ends_of_episodes(kind, name, mode):
     together, alone = KINDS[kind]
-    scene, window = (FIXED | DRAWN)[name], {"window": 5} if kind == "chain" else {}
+    scene, window = (FIXED | SAMPLED)[name], {"window": 5} if kind == "chain" else {}
     mine = together(6, scene, autoreset_mode=mode, rtol=1e-5, **window)
     theirs = SyncVectorEnv([lambda: alone(scene, rtol=1e-5, **window)] * 6, autoreset_mode=mode)
     for space in ("single_observation_space", "action_space", "observation_space"):
@@ -127,12 +127,12 @@ def test_final_observations_and_infos_are_those_of_the_end_and_stay():
     first, _ = env.reset()
     begun, rng = first.copy(), np.random.default_rng(0)
     for step in range(39):
-        seen, rewards, ended, truncated, infos = env.step(rng.uniform(-1, 1, (3, 1)))
+        observations, rewards, ended, truncated, infos = env.step(rng.uniform(-1, 1, (3, 1)))
         assert ended.all() == (step == 38)
         assert not truncated.any()
-    np.testing.assert_array_equal(seen, begun)
+    np.testing.assert_array_equal(observations, begun)
     assert all(last[env.observation_layout["placed"]] == 1.0 for last in infos["final_obs"])
-    answer = seen, rewards, infos["final_obs"]
+    answer = observations, rewards, infos["final_obs"]
     kept = copy.deepcopy(answer)
     for _ in range(50):
         env.step(rng.uniform(-1, 1, (3, 1)))
@@ -140,9 +140,9 @@ def test_final_observations_and_infos_are_those_of_the_end_and_stay():
     np.testing.assert_array_equal(first, begun)
     later = env.step(np.zeros((3, 1)))[0]
     kept = later.copy()
-    later[:] = 7.0  # what others do to it is no matter
-    seen, _ = env.reset(options={"reset_mask": np.array([True, False, False])})
-    np.testing.assert_array_equal(seen[1:], kept[1:])
+    later[:] = 7.0  # arrays handed out are copies
+    observations, _ = env.reset(options={"reset_mask": np.array([True, False, False])})
+    np.testing.assert_array_equal(observations[1:], kept[1:])
 
 
 def test_threads_change_nothing():
@@ -161,15 +161,15 @@ def test_threads_change_nothing():
         assert_same(one, other)
 
 
-def test_environments_begin_where_they_are_told_to():
+def test_reset_takes_layouts_to_start_from():
     env = DominoChainVector(3, GENTLE)
     starts = [de.Layout([0.02] * 4, 0.0075), None, de.Layout([0.02] * 9, 0.0075)]
-    seen, _ = env.reset(options={"layout": starts})
-    for observed, start in zip(seen, starts, strict=True):
+    observations, _ = env.reset(options={"layout": starts})
+    for observed, start in zip(observations, starts, strict=True):
         alone, _ = DominoChain(GENTLE).reset(options=start and {"layout": start})
         np.testing.assert_array_equal(observed, alone)
     both, _ = env.reset(options={"layout": starts[0], "reset_mask": np.array([False, True, False])})
-    np.testing.assert_array_equal(both, seen[[0, 0, 2]])
+    np.testing.assert_array_equal(both, observations[[0, 0, 2]])
     with pytest.raises(ValueError, match="2 layouts to start from: give one for all, or one for"):
         env.reset(options={"layout": starts[:2]})
     with pytest.raises(ValueError, match=r"the layout to start from: .* the scene allows"):
@@ -202,11 +202,11 @@ def test_gymnasium_makes_and_wraps_them():
     assert isinstance(listed.unwrapped, DominoLayoutVector)
     listed = gymnasium.wrappers.vector.DictInfoToList(listed)
     listed.reset()
-    *_, told = listed.step(np.zeros((2, 58), np.float32))
-    assert set(told[0]) == {"score", "gain", "outcome", "layout", "wave"}
+    *_, infos = listed.step(np.zeros((2, 58), np.float32))
+    assert set(infos[0]) == {"score", "gain", "outcome", "layout", "wave"}
 
 
-def test_bad_use_is_told_what_is_wrong():
+def test_misuse_is_explained():
     with pytest.raises(ValueError, match="num_envs"):
         DominoChainVector(0, "sprint")
     with pytest.raises(ValueError, match="render_mode = 'human': choose None or one of rgb_array"):

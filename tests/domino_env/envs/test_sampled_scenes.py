@@ -1,4 +1,4 @@
-"""Environments that draw a scene at every reset."""
+"""Environments that sample a scene at every reset."""
 
 import warnings
 
@@ -22,76 +22,76 @@ def actions_of(env, seed):
 
 
 @pytest.mark.parametrize("name", [*SHIPPED, SMALL], ids=str)
-def test_a_drawn_scene_given_as_a_fixed_one_is_the_same_episode(name):
-    """But for the features, which a fixed scene need not show."""
+def test_a_sampled_scene_and_the_same_fixed_scene_give_the_same_episode(name):
+    """The observation of the fixed scene lacks the features."""
     env = DominoChain(name, window=3)
     features = len(env.distribution.features)
     for seed in range(3):
         actions = actions_of(env, seed)
-        _, seen, rewards, info = play(env, actions, seed=seed)
+        _, observations, rewards, info = play(env, actions, seed=seed)
         scene = env.scene
         assert scene is info["scene"]
         assert scene.uniform().score > 0.0
         fixed = DominoChain(scene, window=3)
-        _, alone, same_rewards, told = play(fixed, actions)
-        np.testing.assert_array_equal(seen[:, :-features], alone)
+        _, alone, same_rewards, same_info = play(fixed, actions)
+        np.testing.assert_array_equal(observations[:, :-features], alone)
         np.testing.assert_allclose(rewards, same_rewards, rtol=0.0, atol=1e-9)
-        assert info["wave"] == told["wave"]
+        assert info["wave"] == same_info["wave"]
         assert rewards.sum() == pytest.approx(100.0 * info["gain"], abs=1e-9)
-        # to the bit where it is given to the same environment, which then draws nothing
+        # bitwise in the same environment, which then samples nothing
         before = env.np_random.bit_generator.state
         _, again, rewards_again, _ = play(env, actions, options={"scene": scene})
         assert env.np_random.bit_generator.state == before
-        np.testing.assert_array_equal(again, seen)
+        np.testing.assert_array_equal(again, observations)
         np.testing.assert_allclose(rewards_again, same_rewards, rtol=0.0, atol=1e-12)
 
 
-def test_what_was_drawn_is_observed():
+def test_features_of_the_sampled_scene_are_observed():
     env = DominoChain(SMALL)
     for seed in range(20):
-        seen, info = env.reset(seed=seed)
-        scene, numbers = info["scene"], seen[env.observation_layout["features"]]
-        told = dict(zip(SMALL.features, numbers, strict=True))
+        observations, info = env.reset(seed=seed)
+        scene, numbers = info["scene"], observations[env.observation_layout["features"]]
+        features = dict(zip(SMALL.features, numbers, strict=True))
         assert np.abs(numbers).max() <= 1.0
-        assert scene.count == round(6.5 + 2.5 * told["count"])
-        assert scene.height == pytest.approx(0.045 + 0.015 * told["height"], rel=1e-5)
+        assert scene.count == round(6.5 + 2.5 * features["count"])
+        assert scene.height == pytest.approx(0.045 + 0.015 * features["height"], rel=1e-5)
         push = scene.physics.push * np.sqrt(scene.height / scene.physics.gravity)
-        assert push == pytest.approx(np.sqrt(0.5 * 1.2) * (1.2 / 0.5) ** (told["push"] / 2.0))
+        assert push == pytest.approx(np.sqrt(0.5 * 1.2) * (1.2 / 0.5) ** (features["push"] / 2.0))
         assert scene.spacing[1] >= 2.0 * scene.spacing[0]
     assert "friction" in SMALL.features
 
 
-def test_seeds_tell_which_scenes_are_drawn():
-    env, rows = DominoChain(SMALL), DominoChainVector(4, SMALL)
+def test_seeds_determine_the_sampled_scenes():
+    env, envs = DominoChain(SMALL), DominoChainVector(4, SMALL)
     first = [env.reset(seed=seed)[1]["scene"] for seed in range(4)]
     assert len(set(first)) == 4
-    assert rows.reset(seed=0)[1]["scene"].tolist() == first
+    assert envs.reset(seed=0)[1]["scene"].tolist() == first
     env.reset(seed=2)
     later = [env.reset()[1]["scene"] for _ in range(4)]
     env.reset(seed=2)
     assert [env.reset()[1]["scene"] for _ in range(4)] == later
-    assert rows.scenes == tuple(first)
-    with pytest.raises(AttributeError, match="ask for `scenes`"):
-        _ = rows.scene
+    assert envs.scenes == tuple(first)
+    with pytest.raises(AttributeError, match="use `scenes`"):
+        _ = envs.scene
 
 
-def test_scenes_may_be_given_to_some_environments():
+def test_reset_takes_scenes_for_some_environments():
     chosen = SMALL.sample(np.random.default_rng(8), "chosen")
-    rows = DominoChainVector(3, SMALL, autoreset_mode="SameStep")
-    seen, infos = rows.reset(seed=1, options={"scene": [None, chosen, None]})
+    envs = DominoChainVector(3, SMALL, autoreset_mode="SameStep")
+    observations, infos = envs.reset(seed=1, options={"scene": [None, chosen, None]})
     assert infos["scene"][1] is chosen
     alone, _ = DominoChain(SMALL).reset(options={"scene": chosen})
-    np.testing.assert_array_equal(seen[1], alone)
+    np.testing.assert_array_equal(observations[1], alone)
     gains = {}
-    while len(gains) < 3:  # each builds the uniform baseline of its own scene
-        layouts = [scene.uniform().layout for scene in rows.scenes]
-        *_, ended, _, infos = rows.step(rows.actions_towards(layouts))
+    while len(gains) < 3:  # each builds its own uniform baseline
+        layouts = [scene.uniform().layout for scene in envs.scenes]
+        *_, ended, _, infos = envs.step(envs.actions_towards(layouts))
         for b in np.flatnonzero(ended):
             gains[b] = infos["final_info"]["gain"][b]
     np.testing.assert_allclose(list(gains.values()), 0.0, atol=1e-6)
 
 
-def test_scenes_of_another_kind_are_refused():
+def test_scenes_that_the_distribution_does_not_cover_are_rejected():
     env = DominoChain(SMALL)
     env.reset(seed=0)
     scene = env.scene
@@ -105,11 +105,11 @@ def test_scenes_of_another_kind_are_refused():
         with pytest.raises(ValueError, match=words):
             env.reset(options={"scene": other})
     assert env.reset(options={"scene": scene.replace(count=18)})[0] in env.observation_space
-    with pytest.raises(ValueError, match="unknown reset option 'scene': allowed: layout"):
+    with pytest.raises(ValueError, match="unknown reset option 'scene': choose from layout"):
         DominoChain("sprint").reset(options={"scene": scene})
     with pytest.raises(ValueError, match="2 scenes to build in: give one for all"):
         DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
-    with pytest.raises(ValueError, match="build it by DominoChain-v0"):
+    with pytest.raises(ValueError, match="use DominoChain-v0"):
         DominoLayout(SMALL)
 
 
@@ -117,19 +117,19 @@ def test_checkers_and_frames_accept_sampled_scenes():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         check_env(gymnasium.make("DominoChain-v0", scene=SMALL, render_mode="ansi").unwrapped)
-    rows = DominoChainVector(2, SMALL, render_mode="ansi")
-    rows.reset(seed=0)
-    rows.step(np.zeros((2, 2)))
-    assert all("2 of 2 struck" in frame for frame in rows.render())
+    envs = DominoChainVector(2, SMALL, render_mode="ansi")
+    envs.reset(seed=0)
+    envs.step(np.zeros((2, 2)))
+    assert all("2 of 2 struck" in frame for frame in envs.render())
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_no_scene_is_drawn_without_a_uniform_row_that_runs(name):
-    rows = DominoChainVector(300, name)
-    rows.reset(seed=11)
-    assert len({scene.name for scene in rows.scenes}) > 250
-    for scene in rows.scenes[:20]:
-        mark = scene.uniform()
-        assert mark.wave.outcome == de.Outcome.PROPAGATED
-        assert scene.violations(mark.layout) == []
-        assert not rows.distribution.outside(scene)
+def test_uniform_baselines_of_sampled_scenes_complete(name):
+    envs = DominoChainVector(300, name)
+    envs.reset(seed=11)
+    assert len({scene.name for scene in envs.scenes}) > 250
+    for scene in envs.scenes[:20]:
+        uniform = scene.uniform()
+        assert uniform.wave.outcome == de.Outcome.PROPAGATED
+        assert scene.violations(uniform.layout) == []
+        assert not envs.distribution.outside(scene)

@@ -1,4 +1,4 @@
-"""Placement errors: gaps come out wrong while a layout is built."""
+"""Placement noise: random errors of the gaps while a layout is built."""
 
 import numpy as np
 import pytest
@@ -14,22 +14,22 @@ SCENE = load_scene("sprint").replace(count=12, placement_deviation=0.002)
 ACTION = -0.2
 
 
-def meant(scene):
+def intended(scene):
     low, high = scene.spacing
     return scene.layout(low + 0.5 * (ACTION + 1.0) * (high - low))
 
 
-def test_alone_together_whole_and_as_a_batch_rows_come_to_stand_alike():
+def test_single_vector_and_whole_layout_environments_apply_the_same_errors():
     seeds, pairs = [5, 6, 7], SCENE.count - 1
-    batch = SCENE.score_placed(meant(SCENE), seeds, rtol=RTOL)
+    batch = SCENE.score_placed(intended(SCENE), seeds, rtol=RTOL)
     env, alone = DominoChain(SCENE), []
     for seed in seeds:
         env.reset(seed=seed)
         steps = [env.step(np.array([ACTION])) for _ in range(pairs)]
         alone.append(steps[-1][4])
-    rows = DominoChainVector(3, SCENE)
-    rows.reset(seed=5)
-    together = [rows.step(np.full((3, 1), ACTION)) for _ in range(pairs)][-1][4]
+    envs = DominoChainVector(3, SCENE)
+    envs.reset(seed=5)
+    together = [envs.step(np.full((3, 1), ACTION)) for _ in range(pairs)][-1][4]
     whole = DominoLayoutVector(3, SCENE)
     whole.reset(seed=5)
     at_once = whole.step(np.full((3, pairs), ACTION))[4]
@@ -38,36 +38,36 @@ def test_alone_together_whole_and_as_a_batch_rows_come_to_stand_alike():
     assert together["layout"][2] == alone[2]["layout"] != alone[1]["layout"]
 
 
-def test_the_errors_are_those_that_the_scene_draws_and_are_observed():
+def test_errors_are_those_of_the_scene_and_are_observed():
     env = DominoChain(SCENE, window=1)
     env.reset(seed=3)
     observed = [env.step(np.array([ACTION]))[0][3] for _ in range(SCENE.count - 1)]
     gaps = env.snapshot().wave.layout.spacing
     off = SCENE.placement_errors(np.random.default_rng(3))
-    assert gaps == pytest.approx(np.maximum(meant(SCENE).spacing + off, LEAST_GAP), rel=1e-12)
+    assert gaps == pytest.approx(np.maximum(intended(SCENE).spacing + off, LEAST_GAP), rel=1e-12)
     low, high = SCENE.spacing
     assert observed == pytest.approx(2.0 * (gaps - low) / (high - low) - 1.0, abs=1e-6)
 
 
-def test_rows_are_compared_by_their_means_over_the_same_errors():
+def test_layouts_are_compared_by_means_over_the_same_errors():
     steady = SCENE.replace(placement_deviation=0.0)
     gap = SCENE.uniform().layout.spacing[0]
     assert SCENE.uniform().score == steady.uniform().score
     low, high = SCENE.spacing
     action = np.array([2.0 * (gap - low) / (high - low) - 1.0])
-    looked, planned = build(lambda _: action, SCENE), as_placed(uniform(SCENE))
-    assert looked.score == pytest.approx(planned.score, rel=1e-6)
-    assert planned.gain == pytest.approx(0.0, abs=1e-12)
+    rollout, scripted = build(lambda _: action, SCENE), as_placed(uniform(SCENE))
+    assert rollout.score == pytest.approx(scripted.score, rel=1e-6)
+    assert scripted.gain == pytest.approx(0.0, abs=1e-12)
     assert (
-        planned.score
-        == SCENE.score_placed(planned.layout, range(EVALUATION_SEEDS)).mean()
-        < steady.score(planned.layout)
+        scripted.score
+        == SCENE.score_placed(scripted.layout, range(EVALUATION_SEEDS)).mean()
+        < steady.score(scripted.layout)
     )
     with pytest.raises(ValueError, match="greedy tries each domino in a copy"):
         ScriptedPolicy("greedy").build(SCENE)
 
 
-def test_what_does_not_go_with_an_unsteady_hand_is_refused():
+def test_rules_that_exclude_placement_noise_are_named():
     with pytest.raises(ValueError, match=r"\[robust\] exclude each other"):
         load_scene("jitter").replace(placement_deviation=0.001)
     with pytest.raises(ValueError, match=r"row\.length exclude each other"):
