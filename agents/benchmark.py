@@ -28,9 +28,9 @@ from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import document_of_text
 from domino_env.scenes.pool import load_test_set
 from optimize.evaluator import Evaluator, Step
-from optimize.experiments.compare import known_score, require_each_once
-from optimize.experiments.experiment import Experiment, gathered
-from optimize.experiments.runner import Failure, Progress, run_tasks
+from optimize.experiments.compare import known_score, require_distinct
+from optimize.experiments.experiment import Experiment
+from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult, digest, scene_of
 from optimize.methods import registry
@@ -114,15 +114,9 @@ class BenchmarkTask(Task):
         began = clock()
         built = evaluate(self.folder if self.method in ALGORITHMS else self.method, problem)
         trace = [(n, n, clock() - began, built.score)]
-        return self.result_of(
-            built.layout,
-            built.score,
-            built.uniform.score,
-            learning_curve(self.folder) if self.method in ALGORITHMS else trace,
-            gain=built.gain,
-            outcome=built.wave.outcome.name,
-            speed=built.wave.mean_speed,
-        )
+        if self.method in ALGORITHMS:
+            trace = learning_curve(self.folder)
+        return self.result_of(trace, built.score, built.uniform.score, built.gain, built.wave)
 
     def _run_sampled(self, distribution: SceneDistribution, scenes: Sequence[Scene]) -> TaskResult:
         """Run in sampled scenes, evaluated in those of the test set."""
@@ -135,7 +129,7 @@ class BenchmarkTask(Task):
         else:
             trace, gains = self._build_many(scenes)
         score = float(np.median(gains))
-        return self.result_of(None, score, 0.0, trace, gain=score)
+        return self.result_of(trace, score, 0.0, score)
 
     def _train(self) -> None:
         """Train what is not trained yet."""
@@ -217,7 +211,7 @@ def benchmark_tasks(
     ValueError
         For what is given twice or not at all, and what is unknown.
     """
-    require_each_once(scenes=scenes, algorithms=algorithms)
+    require_distinct(scenes=scenes, algorithms=algorithms)
     for name, number in (("seeds", seeds), ("steps", steps), ("seconds", seconds)):
         if number is not None and not number > 0:
             raise ValueError(f"{name} = {number}: give more than 0")
@@ -265,27 +259,17 @@ def run_benchmark(
     ValueError
         Where no run has a result; a run that fails beside others is one of the `failures`.
     """
-    found: dict[str, TaskResult] = {}
-    failures: list[Failure] = []
-    interrupted = False
-
-    def keep(task: Task, result: TaskResult) -> None:
-        found[task.key] = result
-
-    def begin(those: list[BenchmarkTask], name: str) -> None:
-        shown = Progress(name, progress)
-        failures.extend(run_tasks(those, executor, study, keep, shown))
-
-    try:
-        begin([task for task in tasks if task.seed < FEW], f"the first {FEW} seeds")
-        more = [task for task in tasks if task.seed >= FEW and _is_short(task, found)]
-        if more:
-            begin(more, "further seeds")
-    except KeyboardInterrupt:
-        if not found:
-            raise
-        interrupted = True
-    return gathered(tasks, found, failures, known_in, interrupted=interrupted)
+    few = [task for task in tasks if task.seed < FEW]
+    done = run_experiment(
+        few, executor, study, known_score=known_in, name=f"the first {FEW} seeds", progress=progress
+    )
+    more = [task for task in tasks if task.seed >= FEW and _is_short(task, done)]
+    if done.interrupted or not more:
+        return done
+    return run_experiment(
+        more, executor, study, known_score=known_in, name="further seeds", progress=progress,
+        earlier=done,
+    )  # fmt: skip
 
 
 def learning_curve(folder: Path) -> list[Step]:
@@ -328,10 +312,10 @@ def known_in(result: TaskResult) -> float:
     return float(np.median([scores[i] / tests[i].uniform().score - 1.0 for i in some]))
 
 
-def _is_short(task: BenchmarkTask, found: dict[str, TaskResult]) -> bool:
-    """Tell whether the same with other seeds took no longer than `SHORT`."""
-    of_task = [r for r in found.values() if (r.scene, r.method) == (task.scene, task.method)]
-    return bool(of_task) and float(np.median([r.seconds for r in of_task])) <= SHORT
+def _is_short(task: BenchmarkTask, done: Experiment) -> bool:
+    """Return True where the same with other seeds took no longer than `SHORT`."""
+    seconds = [r.seconds for r in done.runs(task.method) if r.scene == task.scene]
+    return bool(seconds) and float(np.median(seconds)) <= SHORT
 
 
 def _gain(gain: float | None) -> float:

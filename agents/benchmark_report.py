@@ -12,16 +12,9 @@ from agents.benchmark import problem_of_text
 from domino_env import Scene
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
-from optimize.experiments.experiment import Experiment, problem_of
+from optimize.experiments.estimates import Estimate
+from optimize.experiments.experiment import Experiment
 from optimize.experiments.report import failures_section
-from optimize.experiments.summary import (
-    SECONDS,
-    STEPS,
-    Estimate,
-    Summary,
-    draw_over_clock,
-    draw_reached,
-)
 from optimize.experiments.task import TaskResult
 
 FILES = (
@@ -44,20 +37,21 @@ SAMPLED = (
 
 def write(experiment: Experiment, folder: Path, command: str) -> None:
     """Write all FILES, with the command that made them; other files in the folder stay."""
-    summary = Summary(experiment)
+    from optimize.experiments.pictures import draw_intervals, draw_over_clock
+
     lines = []
     for r in experiment.results:
-        times, shares = summary.steps(r, STEPS)
+        times, scores = experiment.steps(r, "evaluations")
         lines.append((
-            r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best_of(r),
-            round(float(shares[-1]), 5), int(times[-1]), round(r.seconds, 2),
-            round(summary.seconds_past_uniform(r), 2),
+            r.scene_name, r.method, r.seed, r.uniform_score, r.score, experiment.best[r.problem],
+            round(float(experiment.normalised(r, scores[-1])), 5), int(times[-1]),
+            round(r.seconds, 2), round(experiment.seconds_past_uniform(r), 2),
         ))  # fmt: skip
     write_text(folder / FILES[0], page(experiment, command))
     write_csv(folder / FILES[1], COLUMNS, lines)
-    draw_reached(summary, folder / FILES[2])
-    draw_over_clock(summary, SECONDS, folder / FILES[3], ALGORITHMS)
-    draw_over_clock(summary, STEPS, folder / FILES[4], ALGORITHMS)
+    draw_intervals(experiment, folder / FILES[2])
+    draw_over_clock(experiment, "seconds", folder / FILES[3], ALGORITHMS)
+    draw_over_clock(experiment, "evaluations", folder / FILES[4], ALGORITHMS)
 
 
 def page(experiment: Experiment, command: str) -> str:
@@ -76,16 +70,15 @@ def page(experiment: Experiment, command: str) -> str:
 
 def overview(experiment: Experiment) -> list[str]:
     """Return the table over all scenes, lines of Markdown: what learns first, each best first."""
-    summary = Summary(experiment)
     names = (
         "algorithm", "runs", "normalised score", "95 % interval",
         *(f"after {moment:g} s" for moment in MOMENTS), "runs past uniform", "processor time",
     )  # fmt: skip
     rows = []
-    for name in summary.ordered(ALGORITHMS):
-        runs, found = experiment.of(name), summary.gain(name)
+    for name in experiment.ranked(ALGORITHMS):
+        runs, found = experiment.runs(name), experiment.mean_score(name)
         past = sum(r.score > r.uniform_score for r in runs)
-        early = [summary.gain_after(name, moment) for moment in MOMENTS]
+        early = [experiment.score_after(name, moment) for moment in MOMENTS]
         rows.append((
             f"`{name}`", len(runs), f"{float(found.value):.1%}", _interval(found),
             *(f"{part:.1%}" if np.isfinite(part) else "–" for part in early),
@@ -96,8 +89,7 @@ def overview(experiment: Experiment) -> list[str]:
 
 def _of_scene(experiment: Experiment, scene: str) -> list[str]:
     """Return text and table of one scene, lines of Markdown."""
-    summary = Summary(experiment)
-    one = next(r for r in experiment.results if problem_of(r) == scene)
+    one = next(r for r in experiment.results if r.problem == scene)
     plain = isinstance(problem_of_text(one.scene), Scene)
     scores = "{:.5f}" if plain else "{:+.2%}"
     best = scores.format(experiment.best[scene])
@@ -108,10 +100,10 @@ def _of_scene(experiment: Experiment, scene: str) -> list[str]:
         "past uniform after, at worst", "processor time",
     )  # fmt: skip
     rows = []
-    for name in summary.ordered(ALGORITHMS, scene):
-        runs, found = experiment.of(name, scene), summary.gain(name, scene)
+    for name in experiment.ranked(ALGORITHMS, scene):
+        runs, found = experiment.runs(name, scene), experiment.mean_score(name, scene)
         ends = min(r.score for r in runs), max(r.score for r in runs)
-        past = max(summary.seconds_past_uniform(r) for r in runs)
+        past = max(experiment.seconds_past_uniform(r) for r in runs)
         rows.append((
             f"`{name}`", len(runs), ", ".join(map(scores.format, ends)),
             f"{float(found.value):.1%}", _interval(found),
@@ -121,7 +113,8 @@ def _of_scene(experiment: Experiment, scene: str) -> list[str]:
 
 
 def _interval(found: Estimate) -> str:
-    return f"{float(found.low):.1%} to {float(found.high):.1%}" if found.is_known else "–"
+    low, high = float(found.low), float(found.high)
+    return f"{low:.1%} to {high:.1%}" if high > low else "–"
 
 
 def _time(runs: list[TaskResult]) -> str:

@@ -24,7 +24,7 @@ from agents.policy import DESIGNER, POLICIES, shipped
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
 from domino_env.scenes.pool import load_test_set
-from optimize.executors import add_executor_options, asked_executor
+from optimize.executors import add_executor_options, executor_from
 from optimize.experiments.best_known import best_known
 
 CARD = "README.md"
@@ -88,7 +88,7 @@ def _many(scenes: int) -> str:
 def search_sets(arguments: argparse.Namespace) -> None:
     """Search the scenes of the test sets, and write their scores; runs/ keeps what was searched."""
     lines = []
-    with asked_executor(arguments) as executor:
+    with executor_from(arguments) as executor:
         for name in SETS:
             store = Path("runs") / f"searched-{name}.sqlite"
             rows = search_rows(

@@ -26,7 +26,7 @@ from domino_env.core.files import require_unused, write_text
 from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
 from domino_env.scenes.distribution import load_distribution
-from optimize.experiments.runner import Progress, run_tasks
+from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import export_study, open_store
 from optimize.experiments.task import Task, TaskResult
 
@@ -212,16 +212,15 @@ def search_rows(
     asked = {**settings, "budget": budget, "seed": seed}
     study = open_store(store).begin(STUDY, "dataset", asked)
     tasks = [
-        Task.of(scene, "auto", seed, budget, labels={"scene": i}) for i, scene in enumerate(scenes)
+        Task(scene.to_toml(), "auto", seed, budget, labels={"scene": i})
+        for i, scene in enumerate(scenes)
     ]
-    found: dict[str, TaskResult] = {}
-    failures = run_tasks(
-        tasks, executor, study, lambda task, row: found.update({task.key: row}),
-        Progress("layouts", progress),
-    )  # fmt: skip
-    if failures:
-        raise ValueError(f"{len(failures)} searches failed, the first: {failures[0].reason}")
-    return [found[task.key] for task in tasks]
+    done = run_experiment(tasks, executor, study, name="layouts", progress=progress)
+    if done.interrupted:
+        raise KeyboardInterrupt
+    if failed := done.failures:
+        raise ValueError(f"{len(failed)} searches failed, the first: {failed[0].reason}")
+    return list(done.results)
 
 
 def build_episode(

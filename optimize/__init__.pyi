@@ -4,7 +4,7 @@ from .experiments.best_known import BestKnown as BestKnown
 from .experiments.best_known import best_known as best_known
 from .experiments.compare import compare as compare
 from .experiments.experiment import Experiment as Experiment
-from .experiments.runner import run_tasks as run_tasks
+from .experiments.runner import run_experiment as run_experiment
 from .experiments.store import open_store as open_store
 from .experiments.sweep import sweep as sweep
 from .experiments.task import Task as Task

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from domino_env.core.types import Floats
-from optimize.executors import telling_loss
+from optimize.executors import loss_as_error
 from optimize.journal import Journal
 from optimize.problem import Problem, Scores
 
@@ -419,7 +419,7 @@ def simulate_pieces(
     futures = [executor.submit(run_task, pickled, task, rtol) for task in tasks]
     try:
         for future in futures:
-            with telling_loss(executor):
+            with loss_as_error(executor):
                 parts = future.result()
             yield from parts
     finally:

@@ -57,7 +57,7 @@ class WorkerLost(RuntimeError):  # noqa: N818
 
 
 @contextmanager
-def telling_loss(executor: Executor) -> Iterator[None]:
+def loss_as_error(executor: Executor) -> Iterator[None]:
     """Turn what executors raise when they have ended into ExecutorLost."""
     try:
         yield
@@ -359,6 +359,6 @@ def add_executor_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def asked_executor(arguments: argparse.Namespace) -> AbstractContextManager[Executor | None]:
+def executor_from(arguments: argparse.Namespace) -> AbstractContextManager[Executor | None]:
     """Open the executor that the options ask for, as a context."""
     return open_executor(arguments.workers, arguments.dask)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from domino_env.cli.options import add_out_option
 from optimize.cli.options import add_study_options, exit_code, names_in
-from optimize.executors import asked_executor
+from optimize.executors import executor_from
 
 SUMMARY = "benchmark learning algorithms over scenes and seeds"
 DEFAULT_HOME = "runs/benchmark"
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--page", action="store_true", help="write the page of the stored results, run nothing"
     )
-    add_study_options(parser, "benchmark", resume=False)
+    add_study_options(parser, "benchmark")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in, run_benchmark
     from agents.benchmark_report import FILES, overview, write
     from domino_env.core.files import require_writable
-    from optimize.experiments.experiment import gathered
+    from optimize.experiments.experiment import gather_results
     from optimize.experiments.store import open_store
 
     chosen = [*ALGORITHMS, *BASELINES]
@@ -67,9 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.out)
     if arguments.page:
         found = open_store(arguments.store, create=False).study(arguments.name).done()
-        done = gathered(tasks, found, known=known_in)
+        done = gather_results(tasks, found, known_score=known_in)
     else:
-        with asked_executor(arguments) as executor:
+        with executor_from(arguments) as executor:
             require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
             done = run_benchmark(tasks, executor, study, progress=None)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 
-from optimize.executors import add_executor_options, asked_executor
+from optimize.executors import add_executor_options, executor_from
 
 SUMMARY = "write scenes with searched layouts and episodes"
 
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Make it, and say where it is."""
     from agents.dataset import make_dataset
 
-    with asked_executor(arguments) as executor:
+    with executor_from(arguments) as executor:
         card = make_dataset(
             arguments.folder, arguments.distribution, arguments.scenes, arguments.seed,
             arguments.budget, executor, noise=arguments.noise, progress=None,

@@ -25,7 +25,7 @@ from optimize.cli.options import (
     add_methods_option,
     add_study_options,
     exit_code,
-    opened_study,
+    open_study,
 )
 
 SUMMARY = "compare search methods over seeds, with equal budgets"
@@ -49,9 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.best_known import update
-    from optimize.experiments.compare import comparison_tasks, known_score
-    from optimize.experiments.experiment import run_experiment
+    from optimize.experiments.compare import known_score, plan_tasks
     from optimize.experiments.report import COMPARISON_FILES, table, write_comparison
+    from optimize.experiments.runner import run_experiment
     from optimize.experiments.task import scene_of
     from optimize.methods import registry
 
@@ -61,14 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
         chosen = [*registry.METHODS, *registry.installed_peers()]
     else:
         chosen = arguments.methods
-    for name in chosen:
-        registry.load(name)
-    if arguments.seeds < 1:
-        raise ValueError(f"--seeds {arguments.seeds}: give at least one")
     seconds, budget = arguments.seconds, arguments.budget
     if seconds is None and budget is None:
         seconds = DEFAULT_SECONDS
-    tasks = comparison_tasks(scenes, chosen, range(arguments.seeds), seconds, budget)
+    tasks = plan_tasks(scenes, chosen, range(arguments.seeds), budget, seconds)
     names = [scene.name for scene in scenes]
     settings = {
         "scenes": names, "methods": chosen, "seeds": arguments.seeds, "seconds": seconds,
@@ -76,10 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
     }  # fmt: skip
     default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
     folder = Path(arguments.out)
-    with opened_study(arguments, "comparison", default, tasks, settings, folder) as (study, how):
+    with open_study(arguments, "comparison", default, tasks, settings, folder) as (study, options):
         limit = f"{budget} layouts" if seconds is None else f"{seconds:g} s"
         print(f"{len(tasks) - study.tasks} runs of {limit}", flush=True)
-        found = run_experiment(tasks, known=known_score, **how)
+        found = run_experiment(tasks, known_score=known_score, **options)
         write_comparison(found, folder)
         for problem in found.problems:
             print(f"\n{problem}\n" + "\n".join(table(found, [problem])))

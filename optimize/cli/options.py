@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optimize.executors import add_executor_options, asked_executor
+from optimize.executors import add_executor_options, executor_from
 
 if TYPE_CHECKING:
     from domino_env.physics.layout import Layout
@@ -55,130 +55,124 @@ def add_store_option(parser: Any) -> None:
     )
 
 
-def add_study_options(
-    parser: argparse.ArgumentParser, name: str | None = None, *, resume: bool = True
-) -> None:
-    """Add --workers, --dask, --store, --name and --resume."""
+def add_study_options(parser: argparse.ArgumentParser, name: str | None = None) -> None:
+    """Add --workers, --dask, --store, --name and, without a default name, --resume."""
     add_executor_options(parser)
     group = parser.add_argument_group("study", "where results are stored, see domino studies")
     add_store_option(group)
     group.add_argument(
         "--name", default=name, help=f"name of the study ({name or 'from that of the scene'})"
     )
-    if resume:
+    if name is None:
         group.add_argument(
             "--resume", action="store_true",
             help="continue a study that was stopped, with the results it has",
         )  # fmt: skip
 
 
-def asked_study(
+def study_from(
     arguments: argparse.Namespace,
     kind: str,
     default: str,
     tasks: Sequence[Task],
     settings: dict[str, Any],
 ) -> Study:
-    """Find or begin the study to keep tasks in.
+    """Begin the study of the options, or with ``--resume`` continue it where it exists.
 
     Parameters
     ----------
     arguments
-        The options of `add_study_options`.
+        Options of `add_study_options`.
     kind
         "comparison" or "sweep".
     default
-        Its name where none is given; a number is added where that is taken, and ``--resume``
-        continues the last of them that has the same tasks.
+        Name where none is given; a number is added where that is taken, and ``--resume`` continues
+        the last of these that has the same tasks.
     tasks
-        All that are to be done.
+        All tasks of the experiment.
     settings
-        The options, for people to read.
+        Options that decide the tasks, which `domino studies` shows.
 
     Raises
     ------
     ValueError
-        For a name that is taken without ``--resume``; with it where there is no such study, or one
-        with other tasks.
+        The name is taken and ``--resume`` is not given, or the study has other tasks.
     """
     from optimize.experiments.store import open_store
     from optimize.experiments.task import digest
 
     store = open_store(arguments.store)
-    full = {**settings, "tasks": len(tasks), "digest": digest([task.key for task in tasks])}
-    known = {one.name: one for one in store.studies()}
+    settings = {**settings, "tasks": len(tasks), "digest": digest([task.key for task in tasks])}
+    studies = {study.name: study for study in store.studies()}
     name = arguments.name
-    if name is not None:
-        if name in known and not arguments.resume:
-            raise ValueError(
-                f"{store.path} has a study '{name}' with {known[name].tasks} results already: "
-                "continue it by --resume, or give another --name"
-            )
-        if name not in known and arguments.resume:
-            raise ValueError(f"--resume: {store.path} has no study '{name}' to continue")
-        return store.begin(name, kind, full)
-    ours = re.compile(re.escape(default) + r"(-[0-9]+)?")
-    if arguments.resume:
-        for one in reversed(known.values()):
-            if ours.fullmatch(one.name) and (one.kind, one.settings) == (kind, full):
-                return one
+    if name in studies and not arguments.resume:
         raise ValueError(
-            f"--resume: {store.path} has no study '{default}' of these tasks; `domino studies` "
-            "lists what it has, and --name says which"
+            f"{store.path} has a study '{name}' with {studies[name].tasks} results already: "
+            "continue it by --resume, or give another --name"
         )
-    names = (
-        default if number == 1 else f"{default}-{number}" for number in range(1, len(known) + 2)
-    )
-    return store.begin(next(name for name in names if name not in known), kind, full)
+    if name is None:
+        pattern = re.compile(re.escape(default) + r"(-[0-9]+)?")
+        named = [study for study in studies.values() if pattern.fullmatch(study.name)]
+        if arguments.resume and named:
+            same = [s.name for s in named if (s.kind, s.settings) == (kind, settings)]
+            if not same:
+                raise ValueError(
+                    f"--resume: {store.path} has no study '{default}' of these tasks; `domino "
+                    "studies` lists the others, one of which --name continues"
+                )
+            name = same[-1]
+        else:
+            names = [default, *(f"{default}-{n}" for n in range(2, len(studies) + 2))]
+            name = next(one for one in names if one not in studies)
+    return store.begin(name, kind, settings)
 
 
 @contextmanager
-def opened_study(
+def open_study(
     arguments: argparse.Namespace,
     kind: str,
     default: str,
     tasks: Sequence[Task],
     settings: dict[str, Any],
-    folder: Path | None,
+    folder: Path,
 ) -> Iterator[tuple[Study, dict[str, Any]]]:
-    """Open the executor and the study of a command; whatever ends it says how to continue.
+    """Open the executor and the study of a command; an interruption says how to continue.
 
     Parameters
     ----------
     arguments, kind, default, tasks, settings
-        As of `asked_study`.
+        As of `study_from`.
     folder
-        Folder of the report, which must have room; None for one in ``runs``.
+        Folder of the report, which must be writable.
 
     Yields
     ------
     study : Study
         The study.
-    how : dict
-        Arguments of `run_experiment`: executor, study and progress.
+    options : dict
+        Arguments of `run_experiment`.
     """
     from domino_env.core.files import require_writable
-    from optimize.experiments.runner import Progress
 
     # the study comes last: an executor that does not answer leaves no empty one
-    with asked_executor(arguments) as executor:
-        require_writable(folder or Path("runs"))
-        study = asked_study(arguments, kind, default, tasks, settings)
+    with executor_from(arguments) as executor:
+        require_writable(folder)
+        study = study_from(arguments, kind, default, tasks, settings)
+        more = f"what is done is in study '{study.name}'; the same command with --resume continues"
         try:
-            yield study, {"executor": executor, "study": study, "progress": Progress(study.name)}
-        except (KeyboardInterrupt, OSError) as end:
-            more = f"what is done is in study '{study.name}'; the same command with --resume"
-            if isinstance(end, OSError):
-                raise OSError(f"{end}; {more} continues") from None
+            yield study, {
+                "executor": executor, "study": study, "name": study.name, "progress": None,
+            }  # fmt: skip
+        except OSError as error:
+            raise OSError(f"{error}; {more}") from None
+        except KeyboardInterrupt:
             done = len(study.done())
-            told = f": {done} runs are complete; {more} continues"
-            raise KeyboardInterrupt(
-                f"interrupted{told if done else ' before any run was complete'}"
-            ) from None
+            reason = f": {done} runs are complete; {more}" if done else " before any was complete"
+            raise KeyboardInterrupt(f"interrupted{reason}") from None
 
 
 def write_layout(layout: Layout, file: str) -> None:
-    """Write a layout to a .csv or .json file; ValueError for another one, or where that fails."""
+    """Write a layout to a .csv or .json file."""
     path = Path(file)
     write = {".csv": layout.to_csv, ".json": layout.to_json}.get(path.suffix.lower())
     if write is None:
@@ -190,7 +184,13 @@ def write_layout(layout: Layout, file: str) -> None:
 
 
 def exit_code(experiment: Experiment) -> int:
-    """Print the failures of an experiment; 1 if there are any. Raise KeyboardInterrupt again."""
+    """Print the failures of an experiment and return 1 if there are any, else 0.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        The experiment was interrupted.
+    """
     for failure in experiment.failures:
         print(f"domino: {failure.task.name} failed: {failure.reason}", file=sys.stderr)
     if experiment.interrupted:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from domino_env.cli.options import add_out_option
 from optimize.cli.options import add_limit_options
-from optimize.executors import add_executor_options, asked_executor
+from optimize.executors import add_executor_options, executor_from
 
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}", flush=True)
-    with asked_executor(arguments) as executor:
+    with executor_from(arguments) as executor:
         result = search(
             scene,
             arguments.method,

@@ -86,7 +86,7 @@ def _list(store: Store) -> None:
 def _show(study: Study, *, everything: bool) -> None:
     from domino_env.core.files import one_line
     from domino_env.core.tables import text_table
-    from optimize.experiments.experiment import in_words
+    from optimize.experiments.task import describe_labels
 
     results = study.done().values()
     about = f"{study.kind}, {len(results):,} finished tasks, begun {_clock(study.begun)} UTC"
@@ -96,7 +96,7 @@ def _show(study: Study, *, everything: bool) -> None:
         print(one_line(told, LONGEST_SETTINGS))
     groups: dict[tuple[str, str, str], list[TaskResult]] = {}
     for result in results:
-        labels = in_words(result.labels)
+        labels = describe_labels(result.labels)
         groups.setdefault((result.scene_name, labels, result.method), []).append(result)
     names = ["scene", "labels", "method", "tasks", "best", "median", "uniform", "gain", "key"]
     rows = []

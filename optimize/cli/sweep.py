@@ -21,7 +21,7 @@ from optimize.cli.options import (
     add_methods_option,
     add_study_options,
     exit_code,
-    opened_study,
+    open_study,
 )
 
 SUMMARY = "search many variations of a scene"
@@ -53,12 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Check, search, and write the folder."""
     from domino_env.scenes.io.reading import load_scene
-    from optimize.experiments.experiment import run_experiment
     from optimize.experiments.report import SWEEP_FILES, write_sweep
-    from optimize.experiments.sweep import sweep_tasks
+    from optimize.experiments.runner import run_experiment
+    from optimize.experiments.sweep import plan_sweep
 
     scene = load_scene(arguments.scene)
-    tasks = sweep_tasks(
+    tasks = plan_sweep(
         scene, arguments.set, arguments.methods, arguments.seeds, arguments.budget,
         arguments.seconds, random=arguments.random, seed=arguments.seed,
     )  # fmt: skip
@@ -67,15 +67,14 @@ def run(arguments: argparse.Namespace) -> int:
         "seed": arguments.seed, "methods": arguments.methods, "seeds": arguments.seeds,
         "budget": tasks[0].budget, "seconds": arguments.seconds,
     }  # fmt: skip
-    out = None if arguments.out is None else Path(arguments.out)
-    name = f"sweep-{scene.name}"
-    with opened_study(arguments, "sweep", name, tasks, settings, out) as (study, how):
-        folder = out or Path(f"runs/{study.name}")
+    name, out = f"sweep-{scene.name}", Path(arguments.out or "runs")
+    with open_study(arguments, "sweep", name, tasks, settings, out) as (study, options):
+        folder = out if arguments.out else out / study.name
         before = f", {study.tasks} of them done before" if study.tasks else ""
         print(
             f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}", flush=True
         )
-        found = run_experiment(tasks, **how)
+        found = run_experiment(tasks, **options)
         write_sweep(found, folder, scene)
         print(f"{len(found.results)} results; written to {folder}: {', '.join(SWEEP_FILES)}")
         return exit_code(found)

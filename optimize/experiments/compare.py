@@ -1,4 +1,4 @@
-"""compare(): methods against the uniform baseline and each other, with equal budgets."""
+"""Comparison of methods with the uniform baseline and with each other, with equal budgets."""
 
 from __future__ import annotations
 
@@ -7,30 +7,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from domino_env.core.checks import require
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from optimize.experiments.best_known import best_known
-from optimize.experiments.experiment import Experiment, run_experiment
-from optimize.experiments.task import Task, TaskResult, scene_of
-from optimize.methods.registry import importable_name
+from optimize.experiments.experiment import Experiment
+from optimize.experiments.runner import run_experiment
+from optimize.experiments.task import Label, Task, TaskResult, describe_labels, scene_of
+from optimize.methods import registry
 
 if TYPE_CHECKING:
     from optimize.methods.registry import Method
+
+MAX_TASKS = 1_000_000
 
 
 def compare(
     scenes: Sequence[Scene | str],
     methods: Sequence[str | Method],
     seeds: Iterable[int],
-    seconds: float | None = None,
-    *,
     budget: int | None = None,
-    **how: Any,
+    *,
+    seconds: float | None = None,
+    **options: Any,
 ) -> Experiment:
-    """Run every method on every scene with every seed, each with the same budget.
-
-    Ctrl-C ends the comparison with the runs that are complete; before the first of them it is
-    raised.
+    """Run every method on every scene with every seed, each with the same limit.
 
     Parameters
     ----------
@@ -40,49 +41,85 @@ def compare(
         Names of methods, also "package.module:function", or functions `run(evaluator, rng)` that
         other processes can import.
     seeds
-        Each method runs on each scene with each of them.
-    seconds
-        Budget of each run, unless `budget` is given. Equal seconds are equal chances only
-        where every run has a core for itself: an executor must have no more workers than its
-        machines have cores.
+        Seeds; each method runs on each scene with each of them.
     budget
-        Number of evaluations of each run, which makes the comparison bitwise reproducible.
-    how
-        `executor`, `study`, `callback`, `progress`: as of `run_tasks`.
+        Number of layouts that each run may simulate, which makes the comparison bitwise
+        reproducible.
+    seconds
+        Time of each run [s], instead of `budget`. Equal seconds are equal chances only where every
+        run has a core for itself: an executor must have no more workers than its machines have
+        cores.
+    options
+        `executor`, `study`, `name` and `progress`: as of `run_experiment`.
+
+    Returns
+    -------
+    Experiment
+        Results, ordered by scene, seed and method.
 
     Raises
     ------
     ValueError
-        For what is given twice or not at all, and where no run has a result; a run that fails
-        beside others is one of the `failures`.
+        An argument is empty, has an entry twice or is out of its range, or no run has a result; a
+        run that fails beside others is one of the `failures`.
+    KeyboardInterrupt
+        Ctrl-C before the first result; later it ends the comparison with the results so far.
+
+    Examples
+    --------
+    >>> table = compare(["sprint"], ["cma", "random"], range(2), 50)
+    >>> [len(table.runs(method)) for method in table.methods]
+    [2, 2]
     """
-    tasks = comparison_tasks(scenes, methods, seeds, seconds, budget)
-    return run_experiment(tasks, known=known_score, **how)
+    if (seconds is None) == (budget is None):
+        raise ValueError("give each run a budget or seconds, one of the two")
+    loaded = [scene if isinstance(scene, Scene) else load_scene(scene) for scene in scenes]
+    tasks = plan_tasks(loaded, methods, seeds, budget, seconds)
+    return run_experiment(tasks, known_score=known_score, **options)
 
 
-def comparison_tasks(
-    scenes: Sequence[Scene | str],
+def plan_tasks(
+    scenes: Sequence[Scene],
     methods: Sequence[str | Method],
     seeds: Iterable[int],
-    seconds: float | None,
-    budget: int | None,
+    budget: int | None = None,
+    seconds: float | None = None,
+    labels: Sequence[dict[str, Label]] = (),
 ) -> list[Task]:
-    """Return the runs of a comparison, in order; see `compare`."""
-    if (seconds is None) == (budget is None):
-        raise ValueError("give each run seconds or a budget, one of the two")
-    seeds, chosen = list(seeds), [importable_name(method) for method in methods]
-    require_each_once(scenes=scenes, methods=chosen, seeds=seeds)
-    loaded = [scene if isinstance(scene, Scene) else load_scene(scene) for scene in scenes]
-    # seeds outermost: what else the machine does then affects all methods alike
+    """Return a task for each scene (with its labels, if any), seed and method, in this order.
+
+    Seeds come before methods so that other work of the machine affects all methods alike.
+
+    Raises
+    ------
+    ValueError
+        As of `compare`, and for more than a million tasks.
+    """
+    seeds = seeds if isinstance(seeds, range) else list(seeds)
+    number = len(scenes) * len(methods) * len(seeds)
+    if number > MAX_TASKS:
+        raise ValueError(
+            f"{len(seeds)} seeds are {number} searches: give fewer seeds, methods or scenes, for "
+            f"at most {MAX_TASKS}"
+        )
+    names = [registry.importable_name(method) for method in methods]
+    labels = labels or [{} for _ in scenes]
+    points = [describe_labels(ls) or s.name for s, ls in zip(scenes, labels, strict=True)]
+    require_distinct(scenes=points, methods=names, seeds=seeds)
+    for name in names:
+        registry.load(name)
+    for name, limit in (("budget", budget), ("seconds", seconds)):
+        if limit is not None:
+            require(name, limit, above=0.0, whole=name == "budget")
     return [
-        Task.of(scene, method, seed, budget, seconds)
-        for scene in loaded
+        Task(text, method, seed, budget, seconds, point)
+        for text, point in zip([scene.to_toml() for scene in scenes], labels, strict=True)
         for seed in seeds
-        for method in chosen
+        for method in names
     ]
 
 
-def require_each_once(**lists: Sequence[object]) -> None:
+def require_distinct(**lists: Sequence[object]) -> None:
     """Check that lists are not empty and have each entry once."""
     for name, values in lists.items():
         if not values:
@@ -94,7 +131,7 @@ def require_each_once(**lists: Sequence[object]) -> None:
 def known_score(result: TaskResult) -> float:
     """Return the score of the best known layout of a result's scene; -inf where there is none."""
     scene, known = scene_of(result.scene), best_known().get(result.scene_name)
-    # a scene of the same name may be another one: the layout must be within its rules
+    # a scene of the same name may be another one: the layout must satisfy its rules
     if known is None or scene.violations(known.layout):
         return -np.inf
     return float(scene.score(known.layout))

@@ -1,9 +1,8 @@
-"""Experiment: the results of many tasks as one table, beside the best scores known."""
+"""Experiment: the results of many tasks as one table, beside the best known scores."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -11,32 +10,43 @@ import numpy as np
 
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
-from optimize.experiments.runner import Callback, Failure, Progress, run_tasks
-from optimize.experiments.store import Study
+from optimize.experiments.estimates import Estimate, interquartile_mean, middle_mean
 from optimize.experiments.task import Label, Task, TaskResult
 
-TARGETS = 10.0 ** np.linspace(-1.0, -5.0, 41)  # relative gaps, as COCO spreads its targets
-SMALLEST_GAP = 1e-7  # below it the search's own tolerance decides
+TARGETS = 10.0 ** np.linspace(-1.0, -5.0, 41)  # relative gaps, spread like the targets of COCO
+SMALLEST_GAP = 1e-7  # a smaller gap is within the tolerance of the searches
+CLOCKS = {"evaluations": 0, "seconds": 2}  # columns of a trace
+CURVE_POINTS = 120
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A task that has no result, and the reason in a sentence."""
+
+    task: Task
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """Results of problems × methods × settings × seeds.
 
-    A problem is a scene, or the point of a sweep: a scene with its labels.
+    A problem is a scene, or a point of a sweep: a scene with labels. A normalised score is
+    (score - uniform) / (best known - uniform): 0 for the uniform baseline, 1 for the best known
+    layout.
 
     Attributes
     ----------
     tasks
-        All that were asked for.
+        Tasks that were requested.
     results
-        Those that there are, in the order of the tasks.
+        Results that are available, in the order of the tasks.
     best
-        Best score known by problem, these results among them.
+        Best known score by problem, these results included.
     failures
-        Tasks that have no result.
+        Tasks that failed.
     interrupted
-        Whether it was interrupted.
+        True after Ctrl-C.
     """
 
     tasks: tuple[Task, ...]
@@ -49,17 +59,17 @@ class Experiment:
 
     @property
     def problems(self) -> list[str]:
-        """Names of the problems, in the order given."""
-        return list(dict.fromkeys(problem_of(r) for r in self.results))
+        """Names of the problems, in the order of the tasks."""
+        return list(dict.fromkeys(r.problem for r in self.results))
 
     @property
     def methods(self) -> list[str]:
-        """Names of the methods, in the order given."""
+        """Names of the methods, in the order of the tasks."""
         return list(dict.fromkeys(r.method for r in self.results))
 
     @property
     def keys(self) -> list[str]:
-        """Names of the labels: what a sweep varies."""
+        """Names of the labels: the settings that a sweep varies."""
         return list(self.results[0].labels)
 
     @property
@@ -69,56 +79,52 @@ class Experiment:
 
     @property
     def clock(self) -> str:
-        """Measure of the budget: "seconds", or "evaluations", with which results are repeatable."""
+        """Measure of the limit of a run: "seconds", or the repeatable "evaluations"."""
         return "seconds" if self.tasks[0].budget is None else "evaluations"
 
     @property
-    def budget(self) -> str:
-        """Budget of a run in words."""
+    def limit(self) -> str:
+        """Limit of a run in words."""
         task = self.tasks[0]
         return f"{task.seconds:g} s" if task.budget is None else f"{task.budget} layouts"
 
-    @property
-    def seeds(self) -> int:
-        """Number of seeds."""
-        return len({r.seed for r in self.results})
+    def over_seeds(self, statistic: str) -> str:
+        """Return the number of seeds in words, after the name of a statistic over them."""
+        number = len({r.seed for r in self.results})
+        return "one seed" if number == 1 else f"{statistic} {number} seeds"
 
-    def over_seeds(self, what: str) -> str:
-        """Return the number of seeds in words, after what is taken over them."""
-        return "one seed" if self.seeds == 1 else f"{what} {self.seeds} seeds"
+    def runs(self, method: str, problem: str | None = None) -> list[TaskResult]:
+        """Return the results of a method, on one problem or on all."""
+        return [r for r in self.results if r.method == method and problem in (None, r.problem)]
 
-    def of(self, method: str, problem: str | None = None) -> list[TaskResult]:
-        """Return the runs of a method, on one problem or on all."""
-        return [r for r in self.results if r.method == method and problem in (None, problem_of(r))]
+    def steps(self, result: TaskResult, clock: str | None = None) -> tuple[Floats, Floats]:
+        """Return times (K,) and best scores (K,) of a run, at every improvement and at the end."""
+        trace = np.array(result.trace, dtype=np.float64)
+        return trace[:, CLOCKS[clock or self.clock]], trace[:, 3]
 
-    def best_of(self, result: TaskResult) -> float:
-        """Return the best score known of the problem of a result."""
-        return self.best[problem_of(result)]
+    def best_scores(self, result: TaskResult, times: Floats, clock: str | None = None) -> Floats:
+        """Return the best scores (T,) of a run at each time; -inf before its first layout."""
+        improved, scores = self.steps(result, clock)
+        last = np.searchsorted(improved, times, side="right") - 1
+        return np.where(last >= 0, scores[np.maximum(last, 0)], -np.inf)
+
+    # gaps to the best known ---------------------------------------------------------------------
 
     def gap(self, result: TaskResult) -> float | None:
         """Return the relative gap of a result to the best known; None where that is zero."""
-        best = self.best_of(result)
+        best = self.best[result.problem]
         return None if best == 0.0 else (best - result.score) / abs(best)
-
-    def steps(self, result: TaskResult) -> tuple[Floats, Floats]:
-        """Return times and best scores of a run, at every improvement and at the end."""
-        trace = np.array(result.trace, dtype=np.float64)
-        return trace[:, 2 if self.clock == "seconds" else 0], trace[:, 3]
 
     def gaps(self, result: TaskResult, times: Floats) -> Floats:
         """Return the relative gaps (T,) of a run to the best known; inf before its first layout."""
-        found, scores = self.steps(result)
-        best = self.best_of(result)
-        gaps = np.maximum((best - scores) / abs(best), SMALLEST_GAP)
-        at = np.searchsorted(found, times, side="right") - 1
-        return np.where(at >= 0, gaps[np.maximum(at, 0)], np.inf)
+        best = self.best[result.problem]
+        return np.maximum((best - self.best_scores(result, times)) / abs(best), SMALLEST_GAP)
 
     def time_to(self, result: TaskResult, gap: float) -> float:
-        """Find when a run came within a relative gap of the best known; inf where it never did."""
-        best = self.best_of(result)
-        near = best - gap * abs(best)
-        steps = zip(*self.steps(result), strict=True)
-        return next((float(t) for t, score in steps if score >= near), np.inf)
+        """Return the time when a run came within a relative gap of the best known; inf if never."""
+        best = self.best[result.problem]
+        times, scores = self.steps(result)
+        return first_time(times, scores >= best - gap * abs(best))
 
     def reached(self, method: str, times: Floats, problem: str | None = None) -> Floats:
         """Return the part (T,) of all targets of all runs of a method that is reached by each time.
@@ -131,98 +137,106 @@ class Experiment:
         platform for comparing continuous optimizers in a black-box setting. Optimization Methods
         and Software 36, 114-144.
         """
-        runs = self.of(method, problem)
-        when = np.array([[self.time_to(r, target) for target in TARGETS] for r in runs]).ravel()
-        return np.searchsorted(np.sort(when), times, side="right") / len(when)
+        hits = [self.time_to(r, target) for r in self.runs(method, problem) for target in TARGETS]
+        return np.searchsorted(np.sort(hits), times, side="right") / len(hits)
 
     def times(self) -> Floats:
-        """Spread times evenly over the logarithm of the clock."""
+        """Return 200 times, evenly spread over the logarithm of the clock."""
         first = min(float(self.steps(r)[0][0]) for r in self.results)
         task = self.tasks[0]
         if task.seconds is not None:
             return np.geomspace(max(first, 1e-4), task.seconds, 200)
         return np.geomspace(max(first, 1.0), max(task.budget or 0, first + 1.0), 200)
 
+    # normalised scores --------------------------------------------------------------------------
 
-def problem_of(result: TaskResult) -> str:
-    """Return the name of the problem of a result: its labels, or its scene."""
-    return in_words(result.labels) or result.scene_name
+    def normalised(self, result: TaskResult, scores: Floats | float) -> Floats:
+        """Return scores on the problem of a result, normalised; 0 where no gain is possible."""
+        scores = np.asarray(scores, dtype=np.float64)
+        possible = self.best[result.problem] - result.uniform_score
+        if not possible > 0.0:
+            return np.zeros_like(scores)
+        return (scores - result.uniform_score) / possible
+
+    def final_scores(self, method: str, problem: str | None = None) -> list[Floats]:
+        """Return the normalised scores (R,) of the final layouts, by problem."""
+        return _by_problem(self.runs(method, problem), lambda r: self.normalised(r, r.score))
+
+    def mean_score(self, method: str, problem: str | None = None) -> Estimate:
+        """Estimate the interquartile mean of the normalised scores of the final layouts."""
+        return interquartile_mean(self.final_scores(method, problem))
+
+    def score_after(self, method: str, seconds: float) -> float:
+        """Return the interquartile mean of the normalised scores after a time [s]; -inf if none."""
+        when = np.array([seconds])
+        runs = self.runs(method)
+        scores = [self.normalised(r, self.best_scores(r, when, "seconds"))[0] for r in runs]
+        return float(middle_mean(np.array(scores)))
+
+    def curve(self, method: str, clock: str, problem: str | None = None) -> tuple[Floats, Estimate]:
+        """Estimate the interquartile mean of the normalised best scores over a clock.
+
+        It begins when all runs have scored a layout and ends with the last run.
+        """
+        runs = self.runs(method, problem)
+        spans = [self.steps(r, clock)[0][[0, -1]] for r in runs]
+        first, last = np.max(spans, axis=0)
+        times = np.geomspace(max(first, 1e-9), max(last, first, 1e-9), CURVE_POINTS)
+        times[0] = first  # bitwise
+        scores = _by_problem(runs, lambda r: self.normalised(r, self.best_scores(r, times, clock)))
+        return times, interquartile_mean([group.T for group in scores])
+
+    def seconds_past_uniform(self, result: TaskResult) -> float:
+        """Return the time when a run passed the uniform baseline [s]; inf if never."""
+        times, scores = self.steps(result, "seconds")
+        return first_time(times, self.normalised(result, scores) > 0.0)
+
+    def ranked(self, first: Collection[str], problem: str | None = None) -> list[str]:
+        """Return the methods, those named first before all others, each group best first."""
+        methods = [m for m in self.methods if self.runs(m, problem)]
+        return sorted(
+            methods, key=lambda m: (m not in first, -float(self.mean_score(m, problem).value))
+        )
 
 
-def in_words(point: dict[str, Label]) -> str:
-    """Return the coordinates of a point in words."""
-    return ", ".join(f"{key} = {value}" for key, value in point.items())
+def first_time(times: Floats, reached: np.ndarray) -> float:
+    """Return the first time at which a condition holds; inf if it never does."""
+    return float(times[reached.argmax()]) if reached.any() else np.inf
 
 
-def unknown(_: TaskResult) -> float:
-    """Return the score known of a problem beforehand: none."""
+def no_known_score(_: TaskResult) -> float:
+    """Return the best known score of a problem of which none is known."""
     return -np.inf
 
 
-def run_experiment(
+def gather_results(
     tasks: Sequence[Task],
-    executor: Executor | None = None,
-    study: Study | None = None,
-    callback: Callback | None = None,
-    progress: Progress | None = None,
-    known: Callable[[TaskResult], float] = unknown,
-) -> Experiment:
-    """Run tasks and gather their results.
-
-    Ctrl-C ends it with the results that there are; before the first of them it is raised.
-
-    Parameters
-    ----------
-    tasks, executor, study, callback, progress
-        As of `run_tasks`.
-    known
-        Returns the best score known beforehand of the problem of a result.
-
-    Raises
-    ------
-    ValueError
-        Where no task has a result; a task that fails beside others is one of the `failures`.
-    """
-    found: dict[str, TaskResult] = {}
-
-    def keep(task: Task, result: TaskResult) -> None:
-        found[task.key] = result
-        if callback is not None:
-            callback(task, result)
-
-    once = {task.key: task for task in tasks}  # two points may be the same scene
-    failures: list[Failure] = []
-    interrupted = False
-    try:
-        failures = run_tasks(list(once.values()), executor, study, keep, progress)
-    except KeyboardInterrupt:
-        if not found:
-            raise
-        interrupted = True
-    return gathered(tasks, found, failures, known, interrupted=interrupted)
-
-
-def gathered(
-    tasks: Sequence[Task],
-    found: dict[str, TaskResult],
+    results: Mapping[str, TaskResult],
     failures: Sequence[Failure] = (),
-    known: Callable[[TaskResult], float] = unknown,
+    known_score: Callable[[TaskResult], float] = no_known_score,
     *,
     interrupted: bool = False,
 ) -> Experiment:
-    """Gather the results of tasks, by key; see `run_experiment`."""
-    results = tuple(
-        msgspec.structs.replace(found[task.key], labels=task.labels)
+    """Gather the results of tasks, by key, into an experiment; see `run_experiment`."""
+    chosen = tuple(
+        msgspec.structs.replace(results[task.key], labels=task.labels)
         for task in tasks
-        if task.key in found
+        if task.key in results
     )
-    if not results:
+    if not chosen:
         reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else " yet"
         raise ValueError(f"no run has a result{reason}")
     best: dict[str, float] = {}
-    for result in results:
-        problem = problem_of(result)
-        if problem not in best:
-            best[problem] = known(result)
-        best[problem] = max(best[problem], result.score)
-    return Experiment(tuple(tasks), results, best, tuple(failures), interrupted)
+    for result in chosen:
+        if result.problem not in best:
+            best[result.problem] = known_score(result)
+        best[result.problem] = max(best[result.problem], result.score)
+    return Experiment(tuple(tasks), chosen, best, tuple(failures), interrupted)
+
+
+def _by_problem(runs: Sequence[TaskResult], value: Callable[[TaskResult], Floats]) -> list[Floats]:
+    """Return the values of runs as an array for each problem."""
+    groups: dict[str, list[Floats]] = {}
+    for r in runs:
+        groups.setdefault(r.problem, []).append(value(r))
+    return [np.array(group) for group in groups.values()]

@@ -1,8 +1,8 @@
-"""Pictures of experiments: curves of methods in panels, and maps over two settings."""
+"""Pictures of experiments: curves of methods in panels, maps over two settings, intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from domino_env.core.colours import FAINT, INK, KNOWN, OURS
+from domino_env.core.colours import FAINT, INK, KNOWN, OURS, UNIFORM
 from domino_env.core.plot_style import (
     LEGEND,
     method_lines,
@@ -22,24 +22,29 @@ from domino_env.core.plot_style import (
     write_png,
 )
 from domino_env.core.types import Floats
+from optimize.experiments.estimates import performance_profile
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import Label, TaskResult
 
-Curve = tuple[Floats, Floats, Floats, Floats]  # places; what is drawn, and its band
+Curve = tuple[Floats, Floats, Floats, Floats]  # x, y, and the ends of the band around y
 Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
-Prepare = Callable[[Axes, str], None]  # axes of a title
+Prepare = Callable[[Axes, str], None]  # sets the scales of the panel of a title
 
-MOST = 7  # methods whose colours are told apart at a glance
+MAX_COLOURS = 7  # methods whose colours can be distinguished at a glance
 MEDIANS = "medians and range of"
-MOST_PANELS = 6  # of a sweep
-WRITTEN = 12  # values of both keys up to which a map has its numbers
+MAX_PANELS = 6  # of a sweep
+MAX_CELLS = 12  # in each direction of a map whose values are written into the cells
+MAX_TICKS = 12  # of an axis of a map
+PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
+LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
+SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
+CLOCK_NAMES = {"seconds": "processor seconds", "evaluations": "environment steps"}
 
 
 def draw_curves(
     path: Path,
     panels: Panels,
-    headline: str,
-    subtitle: str,
+    headings: tuple[str, str],
     labels: tuple[str, str],
     prepare: Prepare,
     methods: Sequence[str],
@@ -52,86 +57,77 @@ def draw_curves(
     path
         PNG file.
     panels
-        The curves.
-    headline, subtitle
-        Words above all panels.
+        Curves.
+    headings
+        Headline and subtitle above all panels.
     labels
-        Words below and beside the panels.
+        Labels of the horizontal and the vertical axis.
     prepare
-        Sets the scales of a panel.
+        Function that sets the scales of a panel.
     methods
-        Those that have a colour and a name, in this order; all others are grey behind them.
+        Methods with a colour and a name, in this order; all others are grey behind them.
     dashed
         Methods whose lines are dashed.
     """
-    figure, all_axes = new_panels(len(panels), 3, (3.8, 3.0), (1.9, 0.5), headline, subtitle)
+    figure, all_axes = new_panels(len(panels), 3, (3.8, 3.0), (1.9, 0.5), *headings)
     lines = method_lines(methods)
-    drawn: dict[str, Any] = {}
-    for (title, found), axes in zip(panels.items(), all_axes, strict=True):
+    handles: dict[str, Any] = {}
+    for (title, curves), axes in zip(panels.items(), all_axes, strict=True):
         style(axes, title)
         prepare(axes, title)
         axes.set_xlabel(labels[0])
-        for method, (places, middle, low, high) in found.items():
+        for method, (x, y, low, high) in curves.items():
             if method not in methods:
-                drawn["others"] = axes.plot(places, middle, color=FAINT, lw=0.9, zorder=1.0)[0]
+                handles["others"] = axes.plot(x, y, color=FAINT, lw=0.9, zorder=1.0)[0]
                 continue
             line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
             line |= {"linestyle": "--"} if method in dashed else {}
-            axes.fill_between(places, low, high, color=line["color"], alpha=0.12, linewidth=0)
-            line |= {"marker": "o", "markersize": 3.5, "markevery": [-1]}  # of a single layout, all
-            drawn[method] = axes.plot(places, middle, **line)[0]
+            line |= {"marker": "o", "markersize": 3.5, "markevery": [-1]}  # visible if alone
+            axes.fill_between(x, low, high, color=line["color"], alpha=0.12, linewidth=0)
+            handles[method] = axes.plot(x, y, **line)[0]
     all_axes[0].set_ylabel(labels[1])
-    figure.legend(list(drawn.values()), list(drawn), loc="outside right center", **LEGEND)
+    figure.legend(list(handles.values()), list(handles), loc="outside right center", **LEGEND)
     write_png(figure, path)
 
 
 def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
     """Draw the gap to the best known, and the part of the targets reached, against run time."""
-    times, of_all = experiment.times(), "all problems"
+    times = experiment.times()
     gap_curves: dict[str, dict[str, Curve]] = {}
-    reached: dict[str, dict[str, Curve]] = {}
-    several = [of_all] if len(experiment.problems) > 1 else []
-    for problem in [*experiment.problems, *several]:
-        one = None if problem == of_all else problem
-        for method in experiment.methods:
-            runs = experiment.of(method, one)
-            if not runs:
-                continue
-            part = 100.0 * experiment.reached(method, times, one)
-            reached.setdefault(problem, {})[method] = (times, part, part, part)
-            if one is not None:
-                band = 100.0 * np.array([experiment.gaps(r, times) for r in runs])
-                gap_curves.setdefault(problem, {})[method] = (times, *_band(band))
-    ends = {m: -experiment.reached(m, times[-1:])[0] for m in experiment.methods}
-    best = sorted(ends, key=ends.__getitem__)[:MOST]
+    target_curves: dict[str, dict[str, Curve]] = {}
+    for title, problem, method in _panels_and_methods(experiment):
+        part = 100.0 * experiment.reached(method, times, problem)
+        target_curves.setdefault(title, {})[method] = (times, part, part, part)
+        if problem is not None:
+            runs = experiment.runs(method, problem)
+            band = _band(100.0 * np.array([experiment.gaps(r, times) for r in runs]))
+            gap_curves.setdefault(title, {})[method] = (times, *band)
+    final = {m: experiment.reached(m, times[-1:])[0] for m in experiment.methods}
+    best = sorted(final, key=lambda method: -final[method])[:MAX_COLOURS]
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
-    budget = f"{experiment.budget} for each run"
 
-    def prepare(axes: Axes) -> None:
+    def prepare(axes: Axes, _: str) -> None:
         axes.set_xscale("log")
         plain_numbers(axes.xaxis, (1,))
         axes.set_xlim(times[0], times[-1])
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
 
-    def for_gaps(axes: Axes, _: str) -> None:
+    def prepare_gaps(axes: Axes, title: str) -> None:
         axes.set_yscale("log")  # before anything is drawn: no scale is guessed
         axes.set_ylim(1e-4, 30.0)
-        prepare(axes)
+        prepare(axes, title)
 
-    def for_targets(axes: Axes, _: str) -> None:
+    def prepare_targets(axes: Axes, title: str) -> None:
         axes.set_ylim(0.0, 100.0)
-        prepare(axes)
+        prepare(axes, title)
 
-    what = "gap to the best known"
-    draw_curves(
-        gaps, gap_curves, f"{what.capitalize()} against {clock}",
-        f"{budget}, {experiment.over_seeds(MEDIANS)}", (clock, what), for_gaps, best,
-    )  # fmt: skip
-    what = "targets reached"
-    draw_curves(
-        targets, reached, f"{what.capitalize()} against {clock}",
-        f"{budget}, {experiment.over_seeds('all runs of')}", (clock, what), for_targets, best,
-    )  # fmt: skip
+    for path, curves, value, statistic, scales in (
+        (gaps, gap_curves, "gap to the best known", MEDIANS, prepare_gaps),
+        (targets, target_curves, "targets reached", "all runs of", prepare_targets),
+    ):
+        subtitle = f"{experiment.limit} for each run, {experiment.over_seeds(statistic)}"
+        headings = (f"{value.capitalize()} against {clock}", subtitle)
+        draw_curves(path, curves, headings, (clock, value), scales, best)
 
 
 def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str) -> None:
@@ -148,51 +144,122 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
     unit
         Unit of its score; without one, scores are drawn, not gains.
     """
-    keys, what = experiment.keys, "gain over uniform" if unit else "score"
-    headline = f"{name}: {what}, over {' and '.join(keys)}"
+    keys, value = experiment.keys, "gain over uniform" if unit else "score"
     number = len(experiment.points)
-    subtitle = f"{number} scenes, {experiment.budget} a search, {experiment.over_seeds(MEDIANS)}"
+    headings = (
+        f"{name}: {value}, over {' and '.join(keys)}",
+        f"{number} scenes, {experiment.limit} a search, {experiment.over_seeds(MEDIANS)}",
+    )
     columns = zip(*experiment.points, strict=True)
     places = {key: _places(list(column)) for key, column in zip(keys, columns, strict=True)}
-    values = [list(found) for found in places.values()]
-    if len(keys) == 2 and len(experiment.points) == len(values[0]) * len(values[1]):
-        write_png(_maps(experiment, values, headline, subtitle, bool(unit)), path)
+    if len(keys) == 2 and number == len(places[keys[0]]) * len(places[keys[1]]):
+        across, up = (list(places[key]) for key in keys)
+        write_png(_maps(experiment, across, up, headings, gains=bool(unit)), path)
         return
     panels: dict[str, dict[str, Curve]] = {}
-    for key in keys[:MOST_PANELS]:
+    for key in keys[:MAX_PANELS]:
         panels[key] = {}
         for method in experiment.methods:
-            at: dict[float, list[float]] = {}
-            for r in experiment.of(method):
-                at.setdefault(places[key][r.labels[key]], []).append(_worth(r, bool(unit)))
-            lines = [(place, *_band(np.array(at[place]))) for place in sorted(at)]
+            groups: dict[float, list[float]] = {}
+            for r in experiment.runs(method):
+                x = places[key][r.labels[key]]
+                groups.setdefault(x, []).append(_value(r, gains=bool(unit)))
+            lines = [(x, *_band(np.array(groups[x]))) for x in sorted(groups)]
             panels[key][method] = tuple(np.array(lines).T)
 
     def prepare(axes: Axes, key: str) -> None:
-        at = places[key]
-        if any(isinstance(value, str) for value in at):
-            axes.set_xticks(list(at.values()), [str(value) for value in at])
-        elif min(at.values()) > 0.0 and np.median([*at.values()]) < 0.2 * max(at.values()):
+        ticks = places[key]
+        if any(isinstance(label, str) for label in ticks):
+            axes.set_xticks(list(ticks.values()), [str(label) for label in ticks])
+        elif min(ticks.values()) > 0.0 and np.median([*ticks.values()]) < 0.2 * max(ticks.values()):
             axes.set_xscale("log")  # the values are spread so
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}{' %' * bool(unit)}"))
 
-    draw_curves(path, panels, headline, subtitle, ("", what), prepare, experiment.methods[:MOST])
+    draw_curves(path, panels, headings, ("", value), prepare, experiment.methods[:MAX_COLOURS])
+
+
+def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Collection[str]) -> None:
+    """Draw the best normalised score over a clock, in a panel for all problems and for each.
+
+    Parameters
+    ----------
+    experiment
+        A benchmark.
+    clock
+        "seconds" or "evaluations".
+    path
+        PNG file.
+    solid
+        Methods whose lines are solid.
+    """
+    panels: dict[str, dict[str, Curve]] = {}
+    for title, problem, method in _panels_and_methods(experiment):
+        times, mean = experiment.curve(method, clock, problem)
+        panels.setdefault(title, {})[method] = (times, mean.value, mean.low, mean.high)
+
+    def prepare(axes: Axes, _: str) -> None:
+        axes.set_xscale("log")
+        plain_numbers(axes.xaxis, (1,))
+        axes.axhline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
+        axes.axhline(1.0, color=KNOWN, linestyle=":", linewidth=1)
+        axes.set_ylim(LOWEST, HIGHEST)
+        axes.set_yticks(*SCORE_TICKS)
+
+    name = CLOCK_NAMES[clock]
+    headings = f"Best normalised score so far over {name}", "interquartile means, 95 % intervals"
+    dashed = set(experiment.methods) - set(solid)
+    draw_curves(path, panels, headings, (name, ""), prepare, experiment.methods, dashed)
+
+
+def draw_intervals(experiment: Experiment, path: Path) -> None:
+    """Draw the interquartile means with their intervals, and the performance profile."""
+    figure, (means, profile) = new_panels(
+        2, 2, (4.6, 3.4), headline="Normalised scores in the end",
+        subtitle="95 % intervals over seeds, all scenes together",
+    )  # fmt: skip
+    order = experiment.ranked(())[::-1]
+    lines = method_lines(experiment.methods)
+    for y, name in enumerate(order):
+        mean, colour = experiment.mean_score(name), lines[name]["color"]
+        low, high, value = np.maximum([mean.low, mean.high, mean.value], LOWEST)
+        means.plot([low, high], [y, y], color=colour, linewidth=5, alpha=0.35)
+        means.plot([value], [y], "o", color=colour, markersize=5)
+        part = performance_profile(experiment.final_scores(name), PROFILE_TARGETS)
+        profile.plot(PROFILE_TARGETS, part.value, label=name, **lines[name])
+        profile.fill_between(
+            PROFILE_TARGETS, part.low, part.high, color=colour, alpha=0.12, linewidth=0
+        )
+    style(means, "interquartile mean")
+    means.set_yticks(range(len(order)), order)
+    means.axvline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
+    style(profile, "part of the runs beyond a normalised score")
+    profile.set_ylim(0.0, 1.02)
+    profile.set_xlim(PROFILE_TARGETS[0], PROFILE_TARGETS[-1])
+    profile.legend(loc="lower left", **LEGEND)
+    for axes in (means, profile):
+        axes.set_xticks([0.0, 0.5, 1.0], ["uniform", "50 %", "best known"])
+    write_png(figure, path)
 
 
 def _maps(
-    experiment: Experiment, values: list[list[Label]], headline: str, subtitle: str, gains: bool
+    experiment: Experiment,
+    across: list[Label],
+    up: list[Label],
+    headings: tuple[str, str],
+    *,
+    gains: bool,
 ) -> Figure:
     """Draw the medians of each method over the values of two settings."""
-    methods, (across, up) = experiment.methods[:MOST_PANELS], values
-    figure, panels = new_panels(len(methods), 3, (4.0, 3.2), (1.6, 0.5), headline, subtitle)
+    methods = experiment.methods[:MAX_PANELS]
+    figure, panels = new_panels(len(methods), 3, (4.0, 3.2), (1.6, 0.5), *headings)
     maps = np.full((len(methods), len(up), len(across)), np.nan)
     for m, method in enumerate(methods):
         cells: dict[tuple[int, int], list[float]] = {}
-        for r in experiment.of(method):
+        for r in experiment.runs(method):
             x, y = r.labels.values()
-            cells.setdefault((up.index(y), across.index(x)), []).append(_worth(r, gains))
-        for place, found in cells.items():
-            maps[(m, *place)] = _band(np.array(found))[0]
+            cells.setdefault((up.index(y), across.index(x)), []).append(_value(r, gains=gains))
+        for cell, values in cells.items():
+            maps[(m, *cell)] = _band(np.array(values))[0]
     known = maps[np.isfinite(maps)]
     low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
     middle, colours = low, ["white", OURS]
@@ -201,20 +268,22 @@ def _maps(
         low, middle, colours = -high, 0.0, [KNOWN, "white", OURS]
     shades = LinearSegmentedColormap.from_list("gain", colours)
     image: Any = None
-    for method, cell, axes in zip(methods, maps, panels, strict=True):
-        image = axes.imshow(cell, origin="lower", aspect="auto", vmin=low, vmax=high, cmap=shades)
-        for (j, k), value in np.ndenumerate(cell):
-            if np.isfinite(value) and max(cell.shape) <= WRITTEN:
+    for method, values_there, axes in zip(methods, maps, panels, strict=True):
+        image = axes.imshow(
+            values_there, origin="lower", aspect="auto", vmin=low, vmax=high, cmap=shades
+        )
+        for (j, k), value in np.ndenumerate(values_there):
+            if np.isfinite(value) and max(values_there.shape) <= MAX_CELLS:
                 dark = abs(value - middle) > 0.6 * (high - middle)
                 colour = "white" if dark else INK
                 axes.text(k, j, f"{value:.3g}", ha="center", va="center", size=8, color=colour)
         axes.grid(False)
         axes.set_title(method, loc="left", size=11, color=INK)
         axes.set_xlabel(experiment.keys[0])
-        for put, names in ((axes.set_xticks, across), (axes.set_yticks, up)):
-            every = -(-len(names) // 12)
-            at = range(0, len(names), every)
-            put(list(at), [f"{v:g}" if isinstance(v := names[k], float) else str(v) for k in at])
+        for set_ticks, labels in ((axes.set_xticks, across), (axes.set_yticks, up)):
+            ticks = range(0, len(labels), -(-len(labels) // MAX_TICKS))
+            names = [f"{v:g}" if isinstance(v := labels[k], float) else str(v) for k in ticks]
+            set_ticks(list(ticks), names)
     panels[0].set_ylabel(experiment.keys[1])
     percent = " %" if gains else ""
     bar = figure.colorbar(image, ax=panels, format=FuncFormatter(lambda y, _: f"{y:g}{percent}"))
@@ -222,15 +291,24 @@ def _maps(
     return figure
 
 
-def _worth(result: TaskResult, gains: bool) -> float:
-    """Return what is drawn of a result: its gain [%], or its score."""
+def _panels_and_methods(experiment: Experiment) -> Iterator[tuple[str, str | None, str]]:
+    """Yield the title of a panel, its problem (None for all) and each method with runs there."""
+    several: list[str | None] = [None] if len(experiment.problems) > 1 else []
+    for problem in [*several, *experiment.problems]:
+        for method in experiment.methods:
+            if experiment.runs(method, problem):
+                yield problem or "all scenes", problem, method
+
+
+def _value(result: TaskResult, *, gains: bool) -> float:
+    """Return the value that is drawn for a result: its gain [%], or its score."""
     if not gains:
         return result.score
     return np.nan if result.gain is None else 100.0 * result.gain
 
 
 def _band(values: Floats) -> tuple[Any, Any, Any]:
-    """Return median, least and largest over the first axis, of what is known."""
+    """Return median, least and largest value over the first axis, NaN left out."""
     if not np.isfinite(values).any():
         return (np.full(values.shape[1:], np.nan),) * 3
     values = np.where(np.isnan(values), np.nanmedian(values, axis=0), values)
@@ -238,7 +316,7 @@ def _band(values: Floats) -> tuple[Any, Any, Any]:
 
 
 def _places(values: list[Label]) -> dict[Label, float]:
-    """Return where values are drawn: numbers at themselves, words one after the other."""
+    """Return the coordinates of values: numbers themselves, words one after the other."""
     if any(isinstance(value, str) for value in values):
         return {value: float(k) for k, value in enumerate(dict.fromkeys(values))}
     return {value: float(value) for value in sorted(values, key=float)}

@@ -1,4 +1,4 @@
-"""The loop of every experiment: what a study has is not run again, what comes is kept at once."""
+"""Runner of experiments: finished tasks are not run again, and every result is kept at once."""
 
 from __future__ import annotations
 
@@ -6,187 +6,173 @@ import sys
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import closing
-from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
-import msgspec
-
 from optimize.evaluator import Evaluator
-from optimize.executors import ExecutorLost, telling_loss
+from optimize.executors import ExecutorLost, loss_as_error
+from optimize.experiments.experiment import Experiment, Failure, gather_results, no_known_score
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult
 
-MOST_WAITING = 1000  # tasks handed to an executor at a time
-PAUSE = 0.5  # [s] between two updates of the line
+MAX_PENDING = 1000  # tasks that an executor holds at a time
+REFRESH = 0.5  # [s] between two updates of the progress line
 LINE = "{desc}, {n} of {total} |{bar}| {elapsed}, about {remaining} left{postfix}"
 
-Callback = Callable[[Task, TaskResult], object]
 
-
-@dataclass(frozen=True)
-class Failure:
-    """A task that has no result, and the reason in a sentence."""
-
-    task: Task
-    reason: str
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress of many tasks on standard error.
-
-    Attributes
-    ----------
-    name
-        Name of all tasks together.
-    shown
-        Whether a line moves; None: where standard error is a terminal, and elsewhere each finished
-        task leaves a line.
-    """
-
-    name: str = "tasks"
-    shown: bool | None = None
-
-    def line(self, total: int, done: int) -> Any:
-        """Begin the line, with some tasks done already."""
-        from tqdm import tqdm
-
-        return tqdm(
-            total=total, initial=done, desc=self.name, bar_format=LINE, smoothing=0.0, leave=False,
-            dynamic_ncols=True, disable=None if self.shown is None else not self.shown,
-        )  # fmt: skip
-
-    def finish(self, line: Any, task: Task, outcome: TaskResult | Failure) -> None:
-        """Show that a task has ended."""
-        line.n += 1
-        line.refresh()
-        if isinstance(outcome, Failure):
-            said = f"failed: {outcome.reason}"
-        elif self.shown is None and line.disable:
-            gain = "" if outcome.gain is None else f", {outcome.gain:+.2%}"
-            said = f"{outcome.score:.6f}{gain}"
-        else:
-            return
-        line.write(f"{line.n}/{line.total} {task.name}: {said}", file=sys.stderr)
-        sys.stderr.flush()
-
-
-def run_tasks(
+def run_experiment(
     tasks: Sequence[Task],
     executor: Executor | None = None,
     study: Study | None = None,
-    callback: Callback | None = None,
-    progress: Progress | None = None,
-) -> list[Failure]:
-    """Run tasks, in any order, and return those that failed.
+    *,
+    known_score: Callable[[TaskResult], float] = no_known_score,
+    name: str = "tasks",
+    progress: bool | None = False,
+    earlier: Experiment | None = None,
+) -> Experiment:
+    """Run tasks and gather their results.
 
-    Ctrl-C ends the workers of the executor at once, and is raised; what is finished has been kept.
+    Ctrl-C ends the workers of the executor at once and returns the results so far; before the first
+    result it is raised.
 
     Parameters
     ----------
     tasks
-        All different.
+        Tasks, of which two may have the same key: they are run once.
     executor
-        Who runs them; None: this process, one after the other.
+        Runs the tasks; None: this process, one after the other.
     study
-        Keeps every result as it comes; what it has is passed to the callback first, and not run
-        again.
-    callback
-        Called in this thread with every task and its result.
+        Stores every result at once. Tasks that it has a result of are not run again.
+    known_score
+        Returns the best score known beforehand of the problem of a result.
+    name
+        Name of all tasks together in the progress line.
     progress
-        Shows how far they are.
+        True for a progress line on standard error; None for one on a terminal, and elsewhere a line
+        for each finished task.
+    earlier
+        Experiment that is continued: its tasks, results and failures come before the new ones.
+
+    Returns
+    -------
+    Experiment
+        Results in the order of the tasks; a task that fails beside others is one of its `failures`.
 
     Raises
     ------
+    ValueError
+        No task has a result, or the study cannot be written.
     ExecutorLost
-        Where the executor itself has ended; and what `study` and `callback` raise.
+        The executor itself has ended.
     """
-    progress = progress or Progress(shown=False)
-    known = {} if study is None else study.done()
-    missing = [task for task in tasks if task.key not in known]
+    results = {} if study is None else study.done()
     failures: list[Failure] = []
-    with closing(progress.line(len(tasks), len(tasks) - len(missing))) as line:
-        for task in tasks:
-            if task.key in known and callback is not None:
-                callback(task, msgspec.structs.replace(known[task.key], labels=task.labels))
-        outcomes = _here(missing, line) if executor is None else _there(missing, executor, line)
+    if earlier is not None:
+        tasks = [*earlier.tasks, *tasks]
+        results |= {result.key: result for result in earlier.results}
+        failures.extend(earlier.failures)
+    failed = {failure.task.key for failure in failures}
+    keys = {task.key: task for task in tasks}
+    missing = [task for key, task in keys.items() if key not in results and key not in failed]
+    interrupted = False
+    with closing(_progress_line(name, progress, len(keys), len(keys) - len(missing))) as line:
+        each = progress is None and line.disable  # no terminal
+        pairs = _run_here(missing, line) if executor is None else _run_on(executor, missing, line)
         try:
-            with closing(outcomes):
-                for task, outcome in outcomes:
+            with closing(pairs):
+                for task, outcome in pairs:
+                    message = ""
                     try:
-                        result = outcome()
+                        result = results[task.key] = outcome()
                     except ExecutorLost:
                         raise
                     except Exception as error:
                         failures.append(Failure(task, _reason(error)))
-                        progress.finish(line, task, failures[-1])
-                        continue
-                    if study is not None:
-                        study.add(result)
-                    progress.finish(line, task, result)
-                    if callback is not None:
-                        callback(task, result)
-        except KeyboardInterrupt:  # a task that runs cannot be cancelled
+                        message = f"failed: {failures[-1].reason}"
+                    else:
+                        if study is not None:
+                            study.add(result)
+                        gain = "" if result.gain is None else f", {result.gain:+.2%}"
+                        message = f"{result.score:.6f}{gain}" if each else ""
+                    line.n += 1
+                    line.refresh()
+                    if message:
+                        line.write(f"{line.n}/{line.total} {task.name}: {message}", file=sys.stderr)
+                        sys.stderr.flush()
+        except KeyboardInterrupt:
             if executor is not None and hasattr(executor, "kill"):
-                executor.kill()
-            raise
-    return failures
+                executor.kill()  # a running task cannot be cancelled
+            if not any(key in results for key in keys):
+                raise
+            interrupted = True
+    return gather_results(tasks, results, failures, known_score, interrupted=interrupted)
 
 
 def run_task(task: Task) -> TaskResult:
-    """Run a task, in a worker."""
+    """Run a task in a worker."""
     return task.run()
 
 
-# A task, and the function that returns its result or raises what it raised.
+# Each task, with the function that returns its result or raises its error.
 _Outcomes = Generator[tuple[Task, Callable[[], TaskResult]], None, None]
 
 
-def _here(tasks: list[Task], line: Any) -> _Outcomes:
-    """Run each task when its result is asked for."""
+def _run_here(tasks: Sequence[Task], line: Any) -> _Outcomes:
+    """Yield tasks that run in this process when their result is requested."""
     for task in tasks:
 
-        def show(budget: Evaluator, task: Task = task) -> None:
-            line.set_postfix_str(f"{task.name}: best {budget.best_score:.5f}", refresh=False)
+        def show(evaluator: Evaluator, task: Task = task) -> None:
+            line.set_postfix_str(f"{task.name}: best {evaluator.best_score:.5f}", refresh=False)
             line.update(0)
 
         yield task, partial(task.run, None if line.disable else show)
 
 
-def _there(tasks: list[Task], executor: Executor, line: Any) -> _Outcomes:
-    """Yield the results of an executor as they come."""
+def _run_on(executor: Executor, tasks: Sequence[Task], line: Any) -> _Outcomes:
+    """Yield the results of an executor in the order in which they arrive."""
     arrived: SimpleQueue[Future[TaskResult]] = SimpleQueue()
     pending: dict[Future[TaskResult], Task] = {}
     ahead = iter(tasks)
     try:
         while True:
-            while len(pending) < MOST_WAITING and (task := next(ahead, None)) is not None:
-                with telling_loss(executor):
+            while len(pending) < MAX_PENDING and (task := next(ahead, None)) is not None:
+                with loss_as_error(executor):
                     future = executor.submit(run_task, task)
                 pending[future] = task
                 future.add_done_callback(arrived.put)
-                del future  # Dask keeps a result for as long as its future is there
+                del future  # Dask keeps a result for as long as its future exists
             if not pending:
                 return
             try:
-                done = arrived.get(timeout=PAUSE)
+                done = arrived.get(timeout=REFRESH)
             except Empty:
                 line.refresh()
                 continue
-            yield pending.pop(done), partial(_result, done, executor)
+            yield pending.pop(done), partial(_result_of, done, executor)
             del done
     finally:
         for future in pending:
             future.cancel()
 
 
-def _result(future: Future[TaskResult], executor: Executor) -> TaskResult:
-    with telling_loss(executor):
+def _result_of(future: Future[TaskResult], executor: Executor) -> TaskResult:
+    """Return the result of a future, or raise its error."""
+    with loss_as_error(executor):
         return future.result()
 
 
+def _progress_line(name: str, shown: bool | None, total: int, done: int) -> Any:
+    """Open the progress line of many tasks on standard error."""
+    from tqdm import tqdm
+
+    return tqdm(
+        total=total, initial=done, desc=name, bar_format=LINE, smoothing=0.0, leave=False,
+        dynamic_ncols=True, disable=None if shown is None else not shown,
+    )  # fmt: skip
+
+
 def _reason(error: Exception) -> str:
+    """Return the reason of an error in one line."""
     text = f"{error}" if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
     return " ".join(text.split())

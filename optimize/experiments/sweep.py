@@ -1,4 +1,4 @@
-"""sweep(): methods on many variations of one scene, on a grid or drawn from ranges."""
+"""Sweep of methods over many variations of one scene, on a grid or sampled from ranges."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import copy
 import json
 import math
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -14,30 +13,24 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core.checks import require
 from domino_env.scenes.io.reading import load_scene, scene_of_document
 from domino_env.scenes.scene import Scene
-from optimize.experiments.compare import require_each_once
-from optimize.experiments.experiment import Experiment, in_words, run_experiment
-from optimize.experiments.runner import Callback, Progress
-from optimize.experiments.store import Study
-from optimize.experiments.task import Label, Task
-from optimize.methods import registry
+from optimize.experiments.compare import plan_tasks, require_distinct
+from optimize.experiments.experiment import Experiment
+from optimize.experiments.runner import run_experiment
+from optimize.experiments.task import Label, Task, describe_labels
 from optimize.problem import Problem
 
 Value = Label | list[Any]
 Point = dict[str, Value]
 
-DEFAULT_BUDGET = 2000  # of a task, where no budget is given
-MOST_POINTS, MOST_TASKS = 100_000, 1_000_000
-WHOLE = ("row.count", "robust.draws", "robust.seed")  # keys that hold whole numbers
-# what says how wide a range is; one way replaces the other
-_WAYS: dict[str, tuple[str, ...]] = {
-    "fixed": ("min", "max", "step", "values"),
-    "values": ("fixed", "min", "max", "step"),
-}
-_WAYS |= dict.fromkeys(("min", "max", "step"), ("fixed", "values"))
-_HOW = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
-_HOW_RANDOM = "write KEY=FROM:TO, KEY=FROM:TO:log or KEY=VALUE,VALUE,… to draw from"
+DEFAULT_BUDGET = 2000  # layouts of a search
+MAX_POINTS = 100_000
+WHOLE_KEYS = ("row.count", "robust.draws", "robust.seed")  # keys that hold whole numbers
+RANGE_KEYS = ("fixed", "values", "min", "max", "step")  # of a table such as [spacing]
+GRID_SYNTAX = "write KEY=FROM:TO:NUMBER, KEY=FROM:TO:NUMBER:log or KEY=VALUE,VALUE,…"
+RANDOM_SYNTAX = "write KEY=FROM:TO, KEY=FROM:TO:log or KEY=VALUE,VALUE,… to sample from"
 
 
 @dataclass(frozen=True)
@@ -47,13 +40,13 @@ class Axis:
     Attributes
     ----------
     key
-        For instance "physics.friction".
+        Name with the tables before it, such as "physics.friction".
     values
-        All of them; None for any from `low` to `high`.
+        All values; None for the range from `low` to `high`.
     low, high
-        Least and largest value, where any may be drawn.
+        Least and largest value of a range.
     log
-        Whether they are drawn evenly in the logarithm.
+        True for a range that is sampled evenly in the logarithm.
     """
 
     key: str
@@ -62,97 +55,139 @@ class Axis:
     high: float = 0.0
     log: bool = False
 
+    def sample(self, rng: np.random.Generator) -> Value:
+        """Draw a value."""
+        if self.values is not None:
+            return self.values[int(rng.integers(len(self.values)))]
+        if self.key in WHOLE_KEYS:
+            return int(rng.integers(math.ceil(self.low), math.floor(self.high) + 1))
+        if self.log:
+            return float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+        return float(rng.uniform(self.low, self.high))
 
-def axis_of(text: str, *, drawn: bool = False) -> Axis:
+
+def parse_axis(text: str, *, sampled: bool = False) -> Axis:
     """Read an axis from a text such as "physics.friction=0:0.5:11".
 
     Parameters
     ----------
     text
-        KEY=FROM:TO:NUMBER are values evenly spread, FROM:TO:NUMBER:log evenly in the logarithm;
-        VALUE,VALUE are these, numbers or words; [V, V] is a list of values in JSON, for keys that
-        hold lists themselves.
-    drawn
-        Whether FROM:TO and FROM:TO:log are ranges to draw from, without a number.
+        KEY=FROM:TO:NUMBER for evenly spread values, FROM:TO:NUMBER:log for values evenly spread in
+        the logarithm, VALUE,VALUE for numbers or words, or [V, V] for a list of values in JSON, for
+        keys that hold lists themselves.
+    sampled
+        True for FROM:TO and FROM:TO:log as ranges to sample from, without a number.
 
     Raises
     ------
     ValueError
-        For any other text, with how it is written.
+        The text is none of these; the message has the syntax.
     """
-    key, sign, given = (part.strip() for part in text.partition("="))
-    how = _HOW_RANDOM if drawn else _HOW
-    if not sign or not given or not all(key.split(".")) or " " in key:
-        raise ValueError(f"--set {text}: {how}")
-    *numbers, last = given.split(":")
-    log = last.strip() == "log"
-    numbers += [] if log else [last]
-    values: tuple[Value, ...]
     try:
-        if given.startswith("["):
-            values = _listed(text, given)
-        elif not numbers[1:]:
-            values = tuple(_value(key, word.strip()) for word in given.split(","))
-        elif drawn:
-            low, high = map(float, numbers)
-            _require_range(text, low, high, log)
-            if not low < high:
-                raise ValueError(f"--set {text}: the first number must be less than the second")
-            return Axis(key, None, low, high, log)
-        else:
-            first, last, count = numbers
-            low, high, number = float(first), float(last), int(count)
-            _require_range(text, low, high, log)
-            if not 1 <= number <= MOST_POINTS:
-                raise ValueError(f"--set {text}: give 1 to {MOST_POINTS} values, not {number}")
-            spread = np.geomspace(low, high, number) if log else np.linspace(low, high, number)
-            # nobody asks for 0.30000000000000004
-            values = tuple(_whole(key, float(f"{v:.12g}")) for v in spread)
+        return _parse_axis(text, sampled=sampled)
     except ValueError as error:
-        raise (
-            error if str(error).startswith("--set") else ValueError(f"--set {text}: {how}")
-        ) from None
+        # errors of `float` and of unpacking say nothing about the syntax
+        syntax = RANDOM_SYNTAX if sampled else GRID_SYNTAX
+        reason = error.args[0] if isinstance(error, _AxisError) else syntax
+        raise ValueError(f"--set {text}: {reason}") from None
+
+
+class _AxisError(ValueError):
+    """An error that explains itself."""
+
+
+def _parse_axis(text: str, *, sampled: bool) -> Axis:
+    """Read an axis; any ValueError that is no _AxisError stands for wrong syntax."""
+    key, _, given = (part.strip() for part in text.partition("="))
+    if not given or not all(key.split(".")) or " " in key:
+        raise ValueError
+    if given.startswith("["):
+        return Axis(key, _distinct(_json_list(given)))
+    numbers, log = given.split(":"), False
+    if numbers[-1].strip() == "log":
+        numbers, log = numbers[:-1], True
+    if len(numbers) == 1:
+        return Axis(key, _distinct([_number_or_word(key, w.strip()) for w in given.split(",")]))
+    if len(numbers) != (2 if sampled else 3):
+        raise ValueError
+    low, high = float(numbers[0]), float(numbers[1])
+    if not (math.isfinite(low) and math.isfinite(high)) or (log and min(low, high) <= 0.0):
+        raise _AxisError(f"give finite numbers{' of more than 0' if log else ''}")
+    if sampled:
+        if not low < high:
+            raise _AxisError("the first number must be less than the second")
+        return Axis(key, None, low, high, log)
+    number = int(numbers[2])
+    if not 1 <= number <= MAX_POINTS:
+        raise _AxisError(f"give 1 to {MAX_POINTS} values, not {number}")
+    spread = np.geomspace(low, high, number) if log else np.linspace(low, high, number)
+    # twelve digits: 0.3, not 0.30000000000000004
+    return Axis(key, _distinct([_whole(key, float(f"{value:.12g}")) for value in spread]))
+
+
+def _json_list(text: str) -> list[Value]:
+    """Read a list of values in JSON."""
+    try:
+        values: list[Value] = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise _AxisError(f"not JSON: {error}") from None
+    if not values or any(value is None or isinstance(value, bool | dict) for value in values):
+        raise _AxisError("give a list of numbers, words or lists of them")
+    return values
+
+
+def _distinct(values: list[Value]) -> tuple[Value, ...]:
+    """Return values of which each is given once."""
     if "" in values:
-        raise ValueError(f"--set {text}: a value is empty; {how}")
+        raise ValueError
     if len({repr(value) for value in values}) < len(values):
-        raise ValueError(f"--set {text}: give each value once")
-    return Axis(key, values)
+        raise _AxisError("give each value once")
+    return tuple(values)
+
+
+def _number_or_word(key: str, word: str) -> Label:
+    """Return a word as a number where it is one."""
+    try:
+        return _whole(key, float(word))
+    except ValueError:
+        return word
+
+
+def _whole(key: str, number: float) -> float | int:
+    """Return a whole number where the key holds such."""
+    return int(number) if key in WHOLE_KEYS and number == int(number) else number
 
 
 def grid(axes: Sequence[Axis]) -> list[Point]:
-    """Combine the values in every way, the last axis changing first; ValueError for too many."""
+    """Combine the values in every way, the last axis changing first."""
     values = [axis.values for axis in axes if axis.values is not None]
     number = math.prod(len(v) for v in values)
-    if number > MOST_POINTS:
-        raise ValueError(f"{number} points: a sweep has at most {MOST_POINTS}; split it")
+    if number > MAX_POINTS:
+        raise ValueError(f"{number} points: a sweep has at most {MAX_POINTS}; split it")
     keys = [axis.key for axis in axes]
     return [dict(zip(keys, chosen, strict=True)) for chosen in product(*values)]
 
 
-def drawn_points(axes: Sequence[Axis], number: int, rng: np.random.Generator) -> list[Point]:
-    """Draw a number of points from the axes; those that come twice are left out."""
-    if not 1 <= number <= MOST_POINTS:
-        raise ValueError(f"--random {number}: give 1 to {MOST_POINTS} points")
-    found: dict[str, Point] = {}
-    for _ in range(number):
-        point = {axis.key: _draw(axis, rng) for axis in axes}
-        found.setdefault(repr(point), point)
-    return list(found.values())
+def sample_points(axes: Sequence[Axis], number: int, rng: np.random.Generator) -> list[Point]:
+    """Sample points from the axes; a point that is drawn twice is returned once."""
+    require("random", number, 1, MAX_POINTS, whole=True)
+    points = [{axis.key: axis.sample(rng) for axis in axes} for _ in range(number)]
+    return list({repr(point): point for point in points}.values())
 
 
 def scene_at(base: Scene, point: Point) -> Scene:
-    """Make the scene with the values of a point in its file.
+    """Return the scene with the values of a point in its file.
 
     A value for `fixed` replaces `min` and `max`, and so on.
 
     Raises
     ------
     ValueError
-        For values that no scene can have, and a scene that cannot be searched; it begins with the
+        The values are no scene's, or nothing is left to search; the message begins with the
         coordinates of the point.
     """
     document = base.document()
-    where = in_words(_labels(point))
+    where = describe_labels(_labels(point))
     for key, value in point.items():
         *tables, last = key.split(".")
         table = document
@@ -160,8 +195,11 @@ def scene_at(base: Scene, point: Point) -> Scene:
             table = table.setdefault(name, {})
             if not isinstance(table, dict):
                 raise ValueError(f"{where}: '{key}': {name} is no table of the scene's file")
-        for other in _WAYS.get(last, ()) if tables in (["spacing"], ["thickness"]) else ():
-            table.pop(other, None)
+        if tables in (["spacing"], ["thickness"]) and last in RANGE_KEYS:
+            # one way of giving a range replaces the others; min, max and step are one way
+            others = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")
+            for other in others:
+                table.pop(other, None)
         table[last] = copy.deepcopy(value)
     scene = scene_of_document(document, base.name, where)
     try:
@@ -174,39 +212,62 @@ def scene_at(base: Scene, point: Point) -> Scene:
 def sweep(
     scene: Scene | str | Path,
     axes: Sequence[str],
+    methods: Sequence[str] = ("auto",),
+    seeds: int = 1,
+    budget: int | None = None,
     *,
-    executor: Executor | None = None,
-    study: Study | None = None,
-    callback: Callback | None = None,
-    progress: Progress | None = None,
-    **tasks: Any,
+    seconds: float | None = None,
+    random: int | None = None,
+    seed: int = 0,
+    **options: Any,
 ) -> Experiment:
     """Search many variations of a scene.
-
-    Ctrl-C ends it with what is done; before the first result it is raised.
 
     Parameters
     ----------
     scene
         A scene, its name, or the path of its file.
     axes
-        What is varied, such as "physics.friction=0:0.5:11"; see `axis_of`.
-    executor, study, callback, progress
-        As of `run_tasks`.
-    tasks
-        `methods`, `seeds`, `budget`, `seconds`, `random`, `seed`: as of `sweep_tasks`.
+        Axes such as "physics.friction=0:0.5:11"; see `optimize.experiments.sweep.parse_axis`.
+    methods
+        Names of methods.
+    seeds
+        Number of seeds, from 0, with which every method runs at every point.
+    budget
+        Number of layouts that each search may simulate; 2000 where `seconds` is not given either.
+    seconds
+        Time of each search [s], instead.
+    random
+        Number of points that are sampled, instead of all on the grid.
+    seed
+        Seed of these samples.
+    options
+        `executor`, `study`, `name` and `progress`: as of `run_experiment`.
+
+    Returns
+    -------
+    Experiment
+        Results, ordered by point, seed and method; the labels of a result are its point.
 
     Raises
     ------
     ValueError
-        For impossible arguments, with its coordinates for a point, before anything runs.
+        An argument is impossible, or a point, before any search starts; or no search has a result.
+    KeyboardInterrupt
+        Ctrl-C before the first result; later it ends the sweep with the results so far.
+
+    Examples
+    --------
+    >>> table = sweep("sprint", ["physics.friction=0,0.5"], ["random"], budget=50)
+    >>> [point for point, in table.points]
+    [0.0, 0.5]
     """
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
-    planned = sweep_tasks(loaded, axes, **tasks)
-    return run_experiment(planned, executor, study, callback, progress)
+    base = scene if isinstance(scene, Scene) else load_scene(scene)
+    tasks = plan_sweep(base, axes, methods, seeds, budget, seconds, random=random, seed=seed)
+    return run_experiment(tasks, **options)
 
 
-def sweep_tasks(
+def plan_sweep(
     scene: Scene,
     axes: Sequence[str],
     methods: Sequence[str] = ("auto",),
@@ -217,93 +278,22 @@ def sweep_tasks(
     random: int | None = None,
     seed: int = 0,
 ) -> list[Task]:
-    """Return the tasks of a sweep, in order, all of them checked.
-
-    Parameters
-    ----------
-    scene, axes
-        As of `sweep`.
-    methods
-        Names of methods.
-    seeds
-        Every method runs at every point with the seeds 0, 1, … of this number.
-    budget
-        Number of evaluations of each task; 2000 where there is no budget of seconds either.
-    seconds
-        Budget of each task [s].
-    random
-        Number of points to draw instead of all on the grid.
-    seed
-        Seed of these draws.
-    """
-    chosen = [axis_of(axis, drawn=random is not None) for axis in axes]
-    if not chosen:
-        raise ValueError(f"nothing is swept: --set KEY=…; {_HOW}")
-    require_each_once(keys=[axis.key for axis in chosen], methods=methods)
-    for name in methods:
-        registry.load(name)
-    if seeds < 1:
-        raise ValueError(f"--seeds {seeds}: give at least one")
-    if budget is not None and budget < 1:
-        raise ValueError(f"--budget {budget}: give at least one")
-    if seconds is not None and not seconds > 0.0:
-        raise ValueError(f"--seconds {seconds}: give a time of more than 0 s")
+    """Return the tasks of a sweep, in order, with every point checked; see `sweep`."""
+    parsed = [parse_axis(axis, sampled=random is not None) for axis in axes]
+    if not parsed:
+        raise ValueError(f"nothing is swept: --set KEY=…; {GRID_SYNTAX}")
+    require_distinct(keys=[axis.key for axis in parsed])
+    require("seed", seed, 0, whole=True)
+    if random is None:
+        points = grid(parsed)
+    else:
+        points = sample_points(parsed, random, np.random.default_rng(seed))
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET
-    if seed < 0:
-        raise ValueError(f"--seed {seed}: give a whole number, 0 or more")
-    rng = np.random.default_rng(seed)
-    points = grid(chosen) if random is None else drawn_points(chosen, random, rng)
-    number = len(points) * len(methods) * seeds
-    if number > MOST_TASKS:
-        raise ValueError(f"{number} tasks: a sweep has at most {MOST_TASKS}; split it")
-    varied = [(scene_at(scene, point), _labels(point)) for point in points]
-    return [
-        Task.of(one, method, run, budget, seconds, labels)
-        for one, labels in varied
-        for method in methods
-        for run in range(seeds)
-    ]
+    scenes, labels = [scene_at(scene, point) for point in points], [_labels(p) for p in points]
+    return plan_tasks(scenes, methods, range(seeds), budget, seconds, labels)
 
 
 def _labels(point: Point) -> dict[str, Label]:
     """Return the labels of a point; lists become text."""
     return {key: json.dumps(v) if isinstance(v, list) else v for key, v in point.items()}
-
-
-def _draw(axis: Axis, rng: np.random.Generator) -> Value:
-    if axis.values is not None:
-        return axis.values[int(rng.integers(len(axis.values)))]
-    if axis.key in WHOLE:
-        return int(rng.integers(math.ceil(axis.low), math.floor(axis.high) + 1))
-    if axis.log:
-        return float(np.exp(rng.uniform(np.log(axis.low), np.log(axis.high))))
-    return float(rng.uniform(axis.low, axis.high))
-
-
-def _value(key: str, word: str) -> Label:
-    try:
-        return _whole(key, float(word))
-    except ValueError:
-        return word
-
-
-def _whole(key: str, number: float) -> float | int:
-    """Return a whole number where the key holds such."""
-    return int(number) if key in WHOLE and number == int(number) else number
-
-
-def _listed(text: str, given: str) -> tuple[Value, ...]:
-    try:
-        values = json.loads(given)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"--set {text}: not JSON: {error}") from None
-    if not values or any(v is None or isinstance(v, bool | dict) for v in values):
-        raise ValueError(f"--set {text}: give a list of numbers, words or lists of them")
-    return tuple(values)
-
-
-def _require_range(text: str, low: float, high: float, log: bool) -> None:
-    if not (math.isfinite(low) and math.isfinite(high)) or (log and min(low, high) <= 0.0):
-        more = " of more than 0" if log else ""
-        raise ValueError(f"--set {text}: give finite numbers{more}")

@@ -1,11 +1,11 @@
-"""Task: one whole search as plain data that any process can run, and the result that is kept."""
+"""Task: one search as plain data that any process can run, and its result."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -13,6 +13,7 @@ import msgspec
 
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
+from domino_env.physics.wave import Wave
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.scene import Scene
 from optimize.evaluator import Evaluator, Step
@@ -21,21 +22,19 @@ from optimize.searching import search
 Label = float | int | str
 Sizes = tuple[float, ...]
 
-SCENES_KEPT = 32  # in each process, with their uniform baselines: several tasks share a scene
+CACHED_SCENES = 32  # in each process, with their uniform baselines: several tasks share a scene
 
 
 class TaskResult(msgspec.Struct, frozen=True):
-    """Result of a task: plain numbers, which JSON gives back bitwise.
+    """Result of a task: plain numbers, which JSON restores bitwise.
 
     It is reproducible under a budget of evaluations, except `seconds`, those in `trace`, and
     `versions`.
 
     Attributes
     ----------
-    key, method, seed, labels
+    key, scene_name, method, seed, labels
         Those of the task.
-    scene_name
-        Name of its scene.
     score, uniform_score
         Scores of the best layout found, and of the uniform baseline.
     gain
@@ -47,13 +46,13 @@ class TaskResult(msgspec.Struct, frozen=True):
     spacing, thickness, height
         (N-1,), (N,), (N,): the best layout [m].
     evaluations, falls, seconds
-        Layouts, intervals between hits, and time [s] simulated.
+        Number of simulated layouts, number of simulated intervals between hits, and time [s].
     trace
-        (evaluations, intervals, seconds, best score) at every improvement, and at the end.
+        (evaluations, intervals, seconds, best score) at every improvement and at the end.
     versions
-        Versions of everything that the result may depend on.
+        Versions of all software that the result may depend on.
     scene
-        TOML text of the task's scene, so that the layout can be simulated again.
+        Scene of the task as TOML text, with which the layout can be simulated again.
     """
 
     key: str
@@ -77,31 +76,33 @@ class TaskResult(msgspec.Struct, frozen=True):
     scene: str = ""
 
     @property
+    def problem(self) -> str:
+        """Name of the problem: the labels of a point of a sweep, else the name of the scene."""
+        return describe_labels(self.labels) or self.scene_name
+
+    @property
     def layout(self) -> Layout:
-        """The best layout."""
+        """Best layout."""
         scene = scene_of(self.scene)
-        tall = None if scene.growth is None else self.height[1:]
-        return scene.layout(self.spacing, self.thickness[1:], tall)
+        height = None if scene.growth is None else self.height[1:]
+        return scene.layout(self.spacing, self.thickness[1:], height)
 
 
 @dataclass(frozen=True)
 class Task:
-    """One search, as plain data.
+    """One search as plain data.
 
-    All randomness of a task comes from its own seed, so its result does not depend on who runs it,
-    and when.
+    All randomness of a task comes from its own seed, so its result does not depend on the process
+    that runs it, nor on when it runs.
 
     Attributes
     ----------
     scene
-        The scene as TOML text.
-    method, seed
-        As of `optimize.search`.
-    budget, seconds
-        Largest number of evaluations and largest time [s], or None; with a limit of seconds the
-        result is not bitwise reproducible.
+        Scene as TOML text.
+    method, seed, budget, seconds
+        As of `optimize.search`; under a limit of seconds the result is not bitwise reproducible.
     labels
-        Name of the task among others, such as {"physics.friction": 0.1}.
+        Values that identify the task among others, such as {"physics.friction": 0.1}.
     """
 
     scene: str
@@ -112,35 +113,32 @@ class Task:
     labels: dict[str, Label] = field(default_factory=dict)
 
     @classmethod
-    def of(
-        cls,
-        scene: Scene,
-        method: str,
-        seed: int,
-        budget: int | None = None,
-        seconds: float | None = None,
-        labels: dict[str, Label] | None = None,
-    ) -> Task:
-        """Make the task of searching a scene."""
-        return cls(scene.to_toml(), method, seed, budget, seconds, labels or {})
+    def of(cls, scene: Scene, method: str, seed: int, budget: int | None = None) -> Task:
+        """Return the task of searching a scene."""
+        return cls(scene.to_toml(), method, seed, budget)
 
     @property
     def key(self) -> str:
-        """Digest of all that decides the result; labels do not."""
+        """Digest of all that decides the result; the labels do not."""
         return digest([self.scene, self.method, self.seed, self.budget, self.seconds])
 
     @property
     def name(self) -> str:
-        """Words for a line: its labels, method and seed."""
-        words = [f"{key} = {value}" for key, value in self.labels.items()]
-        return ", ".join([*(words or [self.scene_name]), self.method, f"seed {self.seed}"])
+        """Labels or scene, method and seed in words."""
+        problem = describe_labels(self.labels) or self.scene_name
+        return f"{problem}, {self.method}, seed {self.seed}"
+
+    @property
+    def scene_name(self) -> str:
+        """Name of the scene."""
+        return scene_of(self.scene).name
 
     def run(
         self,
         callback: Callable[[Evaluator], None] | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> TaskResult:
-        """Search, and return what an experiment keeps.
+        """Search, and return the result that an experiment stores.
 
         Parameters
         ----------
@@ -152,7 +150,7 @@ class Task:
         ValueError
             As of `optimize.search`.
         KeyboardInterrupt
-            Where the search was interrupted: its result is not that of the task.
+            The search was interrupted: its result is not that of the task.
         """
         result = search(
             scene_of(self.scene), self.method, self.budget, self.seed, seconds=self.seconds,
@@ -160,62 +158,48 @@ class Task:
         )  # fmt: skip
         if result.interrupted:
             raise KeyboardInterrupt
-        return self.result_of(
-            result.layout, result.score, result.uniform.score, result.trace,
-            gain=result.gain, outcome=result.wave.outcome.name, speed=result.wave.mean_speed,
-        )  # fmt: skip
+        scores = result.score, result.uniform.score, result.gain
+        return self.result_of(result.trace, *scores, result.wave)
 
     def result_of(
         self,
-        layout: Layout | None,
+        trace: Sequence[Step],
         score: float,
         uniform_score: float,
-        trace: Iterable[Step],
-        *,
         gain: float | None,
-        outcome: str = "PROPAGATED",
-        speed: float = 0.0,
+        wave: Wave | None = None,
     ) -> TaskResult:
-        """Make the result of this task, whose spent budget is that at the end of the trace."""
+        """Return the result of this task, whose spent budget stands at the end of the trace."""
+        sizes: list[Sizes] = [(), (), ()]
+        if wave is not None:
+            layout = wave.layout
+            arrays = layout.spacing, layout.thickness, layout.height
+            sizes = [tuple(array.tolist()) for array in arrays]
         steps = [(int(n), int(f), float(t), float(s)) for n, f, t, s in trace]
-        sizes = (
-            (layout.spacing, layout.thickness, layout.height) if layout is not None else ((),) * 3
-        )
-        spacing, thickness, height = (tuple(map(float, values)) for values in sizes)
+        spacing, thickness, height = sizes
         return TaskResult(
-            key=self.key,
-            scene_name=self.scene_name,
-            method=self.method,
-            seed=self.seed,
-            score=float(score),
-            uniform_score=float(uniform_score),
+            key=self.key, scene_name=self.scene_name, method=self.method, seed=self.seed,
+            score=float(score), uniform_score=float(uniform_score),
             gain=None if gain is None else float(gain),
-            outcome=outcome,
-            mean_speed=float(speed),
-            spacing=spacing,
-            thickness=thickness,
-            height=height,
-            evaluations=steps[-1][0],
-            falls=steps[-1][1],
-            seconds=steps[-1][2],
-            trace=steps,
-            labels=self.labels,
-            versions=versions(),
-            scene=self.scene,
-        )
-
-    @property
-    def scene_name(self) -> str:
-        """Name of the scene."""
-        return scene_of(self.scene).name
+            outcome="PROPAGATED" if wave is None else wave.outcome.name,
+            mean_speed=0.0 if wave is None else float(wave.mean_speed),
+            spacing=spacing, thickness=thickness, height=height,
+            evaluations=steps[-1][0], falls=steps[-1][1], seconds=steps[-1][2], trace=steps,
+            labels=self.labels, versions=versions(), scene=self.scene,
+        )  # fmt: skip
 
 
-def digest(decisive: list[object]) -> str:
-    """Return a short name of plain data."""
-    return hashlib.sha256(json.dumps(decisive).encode()).hexdigest()[:32]
+def describe_labels(labels: Mapping[str, Label]) -> str:
+    """Return labels in words."""
+    return ", ".join(f"{key} = {value}" for key, value in labels.items())
 
 
-@lru_cache(SCENES_KEPT)
+def digest(values: list[object]) -> str:
+    """Return a short digest of plain data."""
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:32]
+
+
+@lru_cache(CACHED_SCENES)
 def scene_of(text: str) -> Scene:
-    """Read the scene of a TOML text."""
+    """Return the scene of a TOML text."""
     return parse_scene(text, "scene", "scene")

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
+
 import domino_env as de
 from agents import evaluate
 from agents.benchmark import FEW, SHORT, BenchmarkTask, benchmark_tasks, run_benchmark
@@ -18,14 +19,9 @@ from agents.benchmark_report import page as benchmark_page
 from agents.evaluation import STOPPED, gains_of
 from agents.policy import ScenePolicy
 from domino_env.cli.main import main
+from optimize.experiments.estimates import interquartile_mean, performance_profile
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.store import open_store
-from optimize.experiments.summary import (
-    STEPS,
-    Summary,
-    interquartile_mean,
-    performance_profile,
-)
 from optimize.experiments.task import TaskResult
 
 SMALL = replace(de.load_scene("sprint"), name="small", count=7)
@@ -56,7 +52,6 @@ def test_runs_are_resampled_within_their_scene() -> None:
     """Scenes differ, their runs do not: the interval has no width."""
     found = interquartile_mean([np.full(3, 0.2), np.full(3, 0.9)])
     assert found.low == found.value == found.high == pytest.approx(0.55)
-    assert not found.is_known
 
 
 def test_a_profile_counts_the_runs_beyond_each_target() -> None:
@@ -73,20 +68,21 @@ class KnownTask(BenchmarkTask):
     def run(self, callback=None, clock=None) -> TaskResult:
         seconds = 2.0 * SHORT if self.method == "ppo" else 1.0
         trace = [(10, 10, 0.5 * seconds, 0.5), (20, 20, seconds, 1.0)]
-        return self.result_of(None, 1.0, 0.5, trace, gain=None)
+        return self.result_of(trace, 1.0, 0.5, None)
 
 
 def test_what_takes_long_gets_fewer_seeds_and_curves_are_read_on_both_clocks() -> None:
     tasks = benchmark_tasks([SMALL], ["ppo", "cma", "ramp"], seeds=FEW + 2)
     done = run_benchmark([KnownTask(*astuple(task)) for task in tasks])
-    assert [len(done.of(name)) for name in ("ppo", "cma", "ramp")] == [FEW, FEW + 2, 1]
-    summary, learned = Summary(done), done.of("ppo")[0]
+    assert [len(done.runs(name)) for name in ("ppo", "cma", "ramp")] == [FEW, FEW + 2, 1]
+    learned = done.runs("ppo")[0]
     times = np.array([SHORT - 1e-6, SHORT, 2.0 * SHORT])
-    assert summary.at(learned, times).tolist() == [-np.inf, 0.0, 1.0]
-    assert summary.steps(learned, STEPS)[0].tolist() == [10.0, 20.0]
-    assert summary.gain_after("cma", 0.7) == 0.0
-    assert summary.seconds_past_uniform(learned) == 2.0 * SHORT
-    nothing_to_gain = Summary(Experiment(done.tasks, done.results, {"small": 0.5}))
+    best = done.best_scores(learned, times)
+    assert done.normalised(learned, best).tolist() == [-np.inf, 0.0, 1.0]
+    assert done.steps(learned, "evaluations")[0].tolist() == [10.0, 20.0]
+    assert done.score_after("cma", 0.7) == 0.0
+    assert done.seconds_past_uniform(learned) == 2.0 * SHORT
+    nothing_to_gain = Experiment(done.tasks, done.results, {"small": 0.5})
     assert nothing_to_gain.normalised(learned, 1.0) == 0.0
 
 
@@ -108,7 +104,7 @@ def test_it_trains_once_continues_and_writes_the_same_page_again(
     with monkeypatch.context() as patch:
         patch.setattr(BenchmarkTask, "run", None)  # nothing is left to run
         done = run_benchmark(tasks, study=open_store("runs/studies.sqlite").study("benchmark"))
-    found = done.of("auto")[0]
+    found = done.runs("auto")[0]
     assert found.evaluations % (SMALL.count - 1) == 0  # dominoes placed
 
     (trained / "summary.json").unlink()  # as if it had been killed before its end

@@ -25,8 +25,8 @@ from optimize.executors import (
     open_executor,
     require_same_versions,
 )
-from optimize.experiments.runner import run_tasks
-from optimize.experiments.store import open_store
+from optimize.experiments.runner import run_experiment
+from optimize.experiments.store import Study, open_store
 from optimize.experiments.task import Task, TaskResult
 
 ROOT = Path(__file__).parents[2]
@@ -40,9 +40,9 @@ def bits(result: TaskResult) -> tuple:
 
 
 def results_of(tasks, executor=None, study=None) -> list[tuple]:
-    found: dict[str, tuple] = {}
-    assert run_tasks(tasks, executor, study, lambda t, r: found.update({t.key: bits(r)})) == []
-    return [found[task.key] for task in tasks]
+    done = run_experiment(tasks, executor, study)
+    assert done.failures == ()
+    return [bits(result) for result in done.results]
 
 
 @pytest.fixture(scope="module")
@@ -144,11 +144,11 @@ def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(workers) -> Non
 
 def test_errors_of_a_task_are_its_own(tasks, expected, pool) -> None:
     broken = Task(tasks[0].scene, "auto", 0, budget=0)
-    found: list[TaskResult] = []
-    failures = run_tasks([broken, tasks[0]], pool, None, lambda t, r: found.append(r))
-    assert [bits(r) for r in found] == expected[:1]
-    assert [f.task for f in failures] == [broken]
-    assert "budget = 0" in failures[0].reason
+    done = run_experiment([broken, tasks[0]], pool)
+    assert [bits(r) for r in done.results] == expected[:1]
+    (failure,) = done.failures
+    assert failure.task == broken
+    assert "budget = 0" in failure.reason
     with pytest.raises(Exception, match="pickle"):
         pool.submit(unsendable).result()
 
@@ -200,11 +200,14 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
     study = open_store(tmp_path / "studies.sqlite").begin("mine", "sweep", {})
     with distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
+        add = Study.add
+        monkeypatch.setattr(Study, "add", lambda *args: (add(*args), cluster.close()))
         with (
             pytest.raises(ExecutorLost, match=f"the Dask scheduler at {address} has ended"),
             open_executor(dask=address) as executor,
         ):
-            run_tasks([*tasks, *more], executor, study, lambda *_: cluster.close())
+            run_experiment([*tasks, *more], executor, study)
+    monkeypatch.setattr(Study, "add", add)
     assert len(study.done()) >= 1
     assert results_of(tasks, None, study) == expected  # what is missing
 

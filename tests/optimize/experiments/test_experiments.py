@@ -19,7 +19,7 @@ from domino_env.cli.main import main
 from domino_env.scenes.io.reading import scene_names
 from optimize import compare, search, sweep
 from optimize.experiments import best_known, pictures
-from optimize.experiments.experiment import TARGETS, Experiment, in_words
+from optimize.experiments.experiment import TARGETS, Experiment
 from optimize.experiments.report import (
     COMPARISON_FILES,
     SWEEP_FILES,
@@ -29,9 +29,10 @@ from optimize.experiments.report import (
     write_comparison,
     write_sweep,
 )
-from optimize.experiments.runner import Progress, run_tasks
+from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import open_store
-from optimize.experiments.sweep import axis_of, drawn_points, grid, scene_at, sweep_tasks
+from optimize.experiments.sweep import grid, parse_axis, plan_sweep, sample_points, scene_at
+from optimize.experiments.task import describe_labels
 
 ROOT = Path(__file__).parents[3]
 
@@ -55,7 +56,7 @@ def here(scenes, tmp_path: Path, monkeypatch) -> Path:
 @pytest.fixture(scope="module")
 def compared(scenes) -> Experiment:
     chosen = [scenes["spacing"], scenes["length"]]
-    return compare(chosen, ["auto", "random", "uniform"], range(2), 0.15)
+    return compare(chosen, ["auto", "random", "uniform"], range(2), seconds=0.15)
 
 
 def test_every_method_runs_on_every_scene_with_every_seed(compared: Experiment) -> None:
@@ -83,7 +84,7 @@ def test_times_and_gaps_are_those_of_the_trace(compared: Experiment) -> None:
 
 def test_targets_reached_are_counted(compared: Experiment) -> None:
     assert np.all(np.diff(compared.reached("random", compared.times())) >= 0.0)
-    runs = compared.of("random")
+    runs = compared.runs("random")
     counted = sum(compared.time_to(r, t) < np.inf for r in runs for t in TARGETS)
     assert compared.reached("random", np.array([1e9]))[0] == counted / (len(runs) * len(TARGETS))
     assert compared.reached("random", np.array([0.0]))[0] == 0.0
@@ -100,7 +101,7 @@ def test_the_report_of_a_comparison(compared: Experiment, tmp_path: Path) -> Non
     lines = table(compared, ["spacing"])[2:]
     medians = [float(line.split("|")[2]) for line in lines]
     assert medians == sorted(medians, reverse=True)
-    scores = [r.score for r in compared.of("random", "spacing")]
+    scores = [r.score for r in compared.runs("random", "spacing")]
     assert np.mean(scores) == pytest.approx(
         next(m for m, line in zip(medians, lines, strict=True) if "`random`" in line), abs=1e-5
     )
@@ -115,13 +116,13 @@ def test_the_best_of_many_methods_have_a_colour(compared: Experiment, monkeypatc
     many = [msgspec.structs.replace(r, method=f"{r.method} {k}") for k in range(4) for r in first]
     pictures.draw_over_time(replace(compared, results=tuple(many)), Path("a"), Path("b"))
     names = [text.get_text() for text in drawn[0].legends[0].texts]
-    assert len(names) == pictures.MOST + 1
+    assert len(names) == pictures.MAX_COLOURS + 1
     assert {f"auto {k}" for k in range(4)} | {"others"} <= set(names)
 
 
 def test_a_title_cannot_write_markdown(scenes) -> None:
     evil = "![x](http://evil/x.png) <script> `a` | b"
-    found = compare([replace(scenes["spacing"], title=evil)], ["uniform"], [0], budget=1)
+    found = compare([replace(scenes["spacing"], title=evil)], ["uniform"], [0], 1)
     page = next(line for line in comparison_page(found).splitlines() if "evil" in line)
     assert "![" not in page
     assert not any(c == "<" and page[i - 1] != "\\" for i, c in enumerate(page))
@@ -132,11 +133,11 @@ def test_a_title_cannot_write_markdown(scenes) -> None:
     (["sprint"], [], [0], 1, "methods is empty"),
     (["sprint"], ["cma", "cma"], [0], 1, "methods = cma, cma: give each once"),
     (["sprint"], ["cma"], [], 1, "seeds is empty"),
-    (["sprint"], ["cma"], [0], None, "give each run seconds or evaluations"),
+    (["sprint"], ["cma"], [0], None, "give each run a budget or seconds"),
 ])  # fmt: skip
 def test_what_cannot_be_compared(scene_list, methods, seeds, budget, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        compare(scene_list, methods, seeds, budget=budget)
+        compare(scene_list, methods, seeds, budget)
 
 
 def test_the_command_stops_and_continues(here: Path, monkeypatch, capsys) -> None:
@@ -204,7 +205,7 @@ def test_a_record_is_kept_where_it_is_better(scenes, tmp_path: Path) -> None:
     ("spacing.values=[[0.01, 0.02], [0.01, 0.03]]", ([0.01, 0.02], [0.01, 0.03])),
 ])  # fmt: skip
 def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
-    axis = axis_of(text)
+    axis = parse_axis(text)
     assert axis.values == values
     assert [type(v) for v in axis.values] == [type(v) for v in values]
 
@@ -221,31 +222,31 @@ def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
 ])  # fmt: skip
 def test_other_texts_are_rejected(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=f"--set .*{message}"):
-        axis_of(text)
+        parse_axis(text)
 
 
 def test_a_grid_has_every_combination_once() -> None:
-    points = grid([axis_of("physics.friction=0,0.1"), axis_of("physics.push=4,8,12")])
+    points = grid([parse_axis("physics.friction=0,0.1"), parse_axis("physics.push=4,8,12")])
     assert len(points) == len({repr(p) for p in points}) == 6
     assert points[1] == {"physics.friction": 0.0, "physics.push": 8.0}
-    many = axis_of("physics.push=1:1000:1000")
+    many = parse_axis("physics.push=1:1000:1000")
     with pytest.raises(ValueError, match="1000000 points: a sweep has at most"):
         grid([many, replace(many, key="physics.gravity")])
 
 
 def test_drawn_points_are_within_their_ranges_and_repeat_with_their_seed() -> None:
     texts = ["row.count=5:9", "physics.friction=0.1:0.4", "robust.deviation=1e-5:1e-3:log"]
-    axes = [axis_of(text, drawn=True) for text in [*texts, "objective=mean_speed,robust"]]
-    points = drawn_points(axes, 300, np.random.default_rng(1))
-    assert points == drawn_points(axes, 300, np.random.default_rng(1))
+    axes = [parse_axis(text, sampled=True) for text in [*texts, "objective=mean_speed,robust"]]
+    points = sample_points(axes, 300, np.random.default_rng(1))
+    assert points == sample_points(axes, 300, np.random.default_rng(1))
     counts, frictions, deviations, words = zip(*(p.values() for p in points), strict=True)
     assert set(counts) == {5, 6, 7, 8, 9}
     assert set(words) == {"mean_speed", "robust"}
     assert 0.1 <= min(frictions) < 0.12 < 0.38 < max(frictions) <= 0.4
     assert 0.3 < np.mean(np.array(deviations) < 1e-4) < 0.7
-    assert len(drawn_points(axes[:1], 300, np.random.default_rng(1))) == 5  # each once
+    assert len(sample_points(axes[:1], 300, np.random.default_rng(1))) == 5  # each once
     with pytest.raises(ValueError, match="the first number must be less"):
-        axis_of("row.count=9:5", drawn=True)
+        parse_axis("row.count=9:5", sampled=True)
 
 
 def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
@@ -270,14 +271,14 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
     ("row.count.more=1", {}, "row.count.more = 1.0: 'row.count.more': count is no table"),
     ("physics.push=4,8", {"methods": []}, "methods is empty"),
     ("physics.push=4,8", {"methods": ["cmaes"]}, "there is no method 'cmaes'"),
-    ("physics.push=4,8", {"seed": -1}, "--seed -1"),
-    ("physics.push=4,8", {"seconds": float("nan")}, "--seconds nan"),
-    ("physics.push=4,8", {"seeds": 10**7}, "20000000 tasks: a sweep has at most"),
-    ("physics.push=4:8", {"random": 0}, "--random 0: give 1 to"),
+    ("physics.push=4,8", {"seed": -1}, "seed = -1"),
+    ("physics.push=4,8", {"seconds": float("nan")}, "seconds = nan"),
+    ("physics.push=4,8", {"seeds": 10**7}, "10000000 seeds are 20000000 searches: give fewer"),
+    ("physics.push=4:8", {"random": 0}, "random = 0: give a whole number from 1 to"),
 ])  # fmt: skip
 def test_what_cannot_be_swept(scenes, axis: str, more: dict, message: str) -> None:
     with pytest.raises(ValueError, match=f"^{message}"):
-        sweep_tasks(scenes["spacing"], [axis], **more)
+        plan_sweep(scenes["spacing"], [axis], **more)
 
 
 # sweeps -----------------------------------------------------------------------------------------
@@ -290,7 +291,7 @@ def swept(scenes) -> Experiment:
 
 
 def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experiment) -> None:
-    runs = [(in_words(r.labels), r.method, r.seed) for r in swept.results]
+    runs = [(describe_labels(r.labels), r.method, r.seed) for r in swept.results]
     assert len(set(runs)) == len(runs) == 2 * 3 * 2 * 2
     assert swept.keys == ["physics.friction", "physics.push"]
     assert len(swept.points) == 6
@@ -300,7 +301,7 @@ def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experi
     alone = search(replace(scenes["spacing"], physics=physics), one.method, 40, one.seed)
     assert (one.score, one.gain) == (alone.score, alone.gain)
     assert one.layout == alone.layout
-    assert all(r.score <= swept.best_of(r) for r in swept.results)
+    assert all(r.score <= swept.best[r.problem] for r in swept.results)
 
 
 def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> None:
@@ -309,7 +310,7 @@ def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> Non
     for line, r in zip(lines_of(tmp_path / "sweep.csv"), swept.results, strict=True):
         assert [float(line[key]) for key in swept.keys] == list(r.labels.values())
         assert (float(line["score"]), float(line["gain"]), line["key"]) == (r.score, r.gain, r.key)
-        best = swept.best_of(r)
+        best = swept.best[r.problem]
         assert float(line["gap"]) == pytest.approx((best - r.score) / best)
     assert sweep_page(swept, scenes["spacing"]).count("| `auto` |") == 6
 
@@ -336,22 +337,22 @@ def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
         assert main([*WORDS, *words]) == 2
         return capsys.readouterr().err
 
-    assert "has no study 'sweep-spacing' of these tasks" in refused("--resume")
-    assert main(WORDS) == 0
+    assert main([*WORDS, "--resume"]) == 0  # nothing is there yet: it starts
     out, said = capsys.readouterr()
     assert "study 'sweep-spacing' in runs/studies.sqlite: 2 searches" in out
     assert [line.split()[0] for line in said.splitlines()] == ["1/2", "2/2"]  # no terminal
     assert main(WORDS) == 0
     assert "study 'sweep-spacing-2'" in capsys.readouterr().out
+    assert "has no study 'sweep-spacing' of these tasks" in refused("--seeds", "2", "--resume")
     assert "'sweep-spacing' with 2 results already: " in refused("--name", "sweep-spacing")
-    assert "has no study 'other' to continue" in refused("--name", "other", "--resume")
+    assert main([*WORDS, "--name", "other", "--resume"]) == 0
     said = refused("--seeds", "2", "--name", "sweep-spacing", "--resume")
     assert "was begun with" in said
     (here / "file").write_text("")
     assert "cannot be written" in refused("--out", "file/below")
     monkeypatch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
     assert main([*WORDS, "--resume"]) == 0
-    assert "2 of them done before" in capsys.readouterr().out
+    assert "2 of them done before" in capsys.readouterr().out.splitlines()[-2]
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -386,10 +387,10 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
 
 
 def test_a_line_moves_where_it_is_shown(scenes, capsys) -> None:
-    tasks = sweep_tasks(scenes["spacing"], ["physics.push=6,8"], ["random"], budget=4000)
-    run_tasks(tasks)
+    tasks = plan_sweep(scenes["spacing"], ["physics.push=6,8"], ["random"], budget=4000)
+    run_experiment(tasks)
     assert capsys.readouterr() == ("", "")
-    run_tasks(tasks, progress=Progress("mine", shown=True))
+    run_experiment(tasks, name="mine", progress=True)
     shown = capsys.readouterr().err
     for said in ("mine, 0 of 2", "mine, 2 of 2", " left, physics.push = 8.0, random, seed 0"):
         assert said in shown

@@ -70,7 +70,7 @@ def test_a_study_continues_only_with_what_it_was_begun_with(path: Path) -> None:
     store = open_store(path)
     settings = {"evaluations": 100, "scenes": ["a"]}
     assert store.begin("one", "sweep", settings) == store.begin("one", "sweep", settings)
-    with pytest.raises(ValueError, match="'evaluations' = 100, not 200: give what"):
+    with pytest.raises(ValueError, match="'evaluations' = 100, not 200: give the same"):
         store.begin("one", "sweep", {"evaluations": 200, "scenes": ["a"]})
     with pytest.raises(ValueError, match="'kind' = 'sweep', not 'comparison'"):
         store.begin("one", "comparison", settings)
@@ -86,7 +86,7 @@ def test_a_study_continues_only_with_what_it_was_begun_with(path: Path) -> None:
 ], ids=str)  # fmt: skip
 def test_results_that_cannot_be_kept_are_rejected(path: Path, result, change) -> None:
     study = open_store(path).begin("one", "sweep", {})
-    with pytest.raises(ValueError, match=r"cannot be kept|is not the same"):
+    with pytest.raises(ValueError, match="cannot be kept"):
         study.add(msgspec.structs.replace(result, **change))
     assert study.done() == {}
 
