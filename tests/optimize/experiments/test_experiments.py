@@ -267,7 +267,7 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
     ("physics.friction=0.1,-1", {}, r"physics.friction = -1.0: give a finite number from 0 to"),
     ("physics.frction=0.1", {}, r"physics.frction = 0.1: unknown key 'physics.frction'"),
     ("spacing.fixed=0.02", {}, "spacing.fixed = 0.02: .* leaves nothing free"),
-    ("row.length=0.1,100", {}, r"row.length = 100.0: row.length = 100.0 m cannot be met"),
+    ("row.length=0.1,100", {}, r"row.length = 100.0: row.length = 100 m cannot be met"),
     ("row.count.more=1", {}, "row.count.more = 1.0: 'row.count.more': count is no table"),
     ("physics.push=4,8", {"methods": []}, "methods is empty"),
     ("physics.push=4,8", {"methods": ["cmaes"]}, "there is no method 'cmaes'"),
