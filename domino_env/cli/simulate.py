@@ -98,7 +98,7 @@ def _table(wave: Wave, *, whole: bool) -> list[str]:
     layout = wave.layout
     columns = {
         "domino": [str(i) for i in range(wave.hit)],
-        "gap behind [mm]": ["", *(f"{1e3 * gap:.3f}" for gap in layout.spacing)],
+        "gap in front [mm]": [*(f"{1e3 * gap:.3f}" for gap in layout.spacing), ""],
         "thickness [mm]": [f"{1e3 * thick:.3f}" for thick in layout.thickness],
         "arrival [s]": [f"{t:.6f}" for t in wave.arrival_times],
         "wave speed [m/s]": ["", *(f"{speed:.4f}" for speed in wave.local_speed)],

@@ -1,6 +1,6 @@
 """Layouts as files: CSV as spreadsheets write it, and JSON.
 
-Files hold the arguments of a `Layout`; whether it can stand, `Layout` says.
+Files hold the arguments of a `Layout`, which checks whether the dominoes can stand.
 """
 
 from __future__ import annotations
@@ -20,22 +20,20 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from domino_env.core import tables
-from domino_env.core.files import detect_encoding, naming, one_line, read_bytes, write_text
-from domino_env.core.files import read_json as read_document
+from domino_env.core.files import detect_encoding, one_line, read_bytes, read_json, write_text
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, model_of
 from domino_env.physics.standard import DENSITY, HEIGHT
 
 MOST_DOMINOES = 1_000_000  # in a file: read in some seconds, within 1 GB of memory
 UNIT: Literal["SI: m, kg/m3"] = "SI: m, kg/m3"
-_POSITIVE = f"more than 0 and finite, {SMALLEST:g} to {LARGEST:g} in SI units"
-# divided by, not multiplied with 0.001: 18 mm then reads as the very number 0.018
-_PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / math.pi}
-_GROUND = ("rise", "tilt")
-_OF_PAIRS = {"spacing": "the free gap in front", "rise": "the rise in front"}
-for _name in ("spacing", "thickness", "height", "width", "rise"):
-    _PER_UNIT[_name] = 1.0
-    _PER_UNIT[f"{_name}_mm"] = 1000.0
-    _PER_UNIT[f"{_name}_m"] = 1.0
+# cells are divided by these, not multiplied by 0.001: 18 mm then reads as the very number 0.018
+_PER_UNIT = {"density": 1.0, "tilt": 1.0, "tilt_rad": 1.0, "tilt_deg": 180.0 / math.pi} | {
+    f"{name}{unit}": per_unit
+    for name in ("spacing", "thickness", "height", "width", "rise")
+    for unit, per_unit in (("", 1.0), ("_m", 1.0), ("_mm", 1000.0))
+}
+_GROUND = ("rise", "tilt")  # which may be 0 or negative
+_OF_PAIRS = ("spacing", "rise")  # which the last domino does not have
 
 
 class LayoutTable(Table):
@@ -70,7 +68,7 @@ class LayoutTable(Table):
 
 
 def write_csv(path: Path, parts: dict[str, Any]) -> None:
-    """Write one row a domino, SI units, shortest digits that read back to the same bits.
+    """Write one line per domino, SI units, shortest digits that read back to the same bits.
 
     parts: arrays of a layout by name, and its width.
     """
@@ -83,61 +81,51 @@ def write_csv(path: Path, parts: dict[str, Any]) -> None:
 
 
 def write_json(path: Path, parts: dict[str, Any]) -> None:
-    """Write every array in full, SI units; parts: as of `write_csv`."""
+    """Write every array in full, SI units; parts: as for `write_csv`."""
     document = {name: np.asarray(part).tolist() for name, part in parts.items()}
     write_text(path, json.dumps({"unit": UNIT} | document, indent=1) + "\n")
 
 
-def read_csv(path: Path) -> dict[str, Any]:
-    """Read a row measured by hand or written by `write_csv`.
+def read_arguments(path: Path) -> dict[str, Any]:
+    """Read the arguments of a `Layout` from a .csv or .json file.
 
-    One line a domino under a line of names:
+    A table has one line per domino under a line of names:
 
-    - spacing (or spacing_mm): the free gap in front of it. The last one leads nowhere: it may be
-      empty or missing, and is not used.
+    - spacing (or spacing_mm): the free gap in front of it; of the last domino empty or 0.
     - thickness (or thickness_mm).
     - height (height_mm) and density, if they differ from the standard domino's.
     - width (width_mm), the same in every line.
     - rise (rise_mm), how much higher the next pivot lies, and tilt (tilt_deg), the slope under it,
       positive downhill, where the ground is not flat. The last rise is not used.
 
-    Comma, semicolon or tab between the cells, decimal commas where the cells are not divided by
-    commas. Other columns are left alone.
+    Cells are separated by commas, semicolons or tabs, decimal commas are read where cells are not
+    separated by commas, and other columns are ignored. JSON holds a `LayoutTable`.
 
     Raises
     ------
     ValueError
-        With file, line and column, and for more than `MOST_DOMINOES`.
+        With line and column or key, for more than `MOST_DOMINOES`, and for another suffix.
     """
-    with naming(path):
-        return _arguments_of_table(path, read_bytes(path))
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        return _parse_table(path, read_bytes(path))
+    if suffix == ".json":
+        return model_of(LayoutTable, read_json(path)).arguments()
+    raise ValueError(f"a layout is a .csv or .json file, not '{suffix}'")
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """Read what `write_json` wrote; height, width and density may be missing.
-
-    Raises
-    ------
-    ValueError
-        With file and key, and for more than `MOST_DOMINOES`.
-    """
-    with naming(path):
-        return model_of(LayoutTable, read_document(path)).arguments()
-
-
-def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
-    divider, rows = _table(path, data)
-    head, first = next(rows, (0, []))
+def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
+    """Return the arguments of a `Layout` from the bytes of a table."""
+    divider, lines = _table(path, data)
+    head, first = next(lines, (0, []))
     if not first:
         raise ValueError("the file is empty; the first line names the columns")
     names = [_column_name(cell) for cell in first]
-    places: dict[str, tuple[int, float]] = {}
+    places: dict[str, int] = {}
     for place, name in enumerate(names):
-        if name in _PER_UNIT:
-            kind = re.sub("_(mm|m|deg|rad)$", "", name)
-            if kind in places:
-                raise ValueError(f"{path}, line {head}: two columns give the {kind}; keep one")
-            places[kind] = (place, _PER_UNIT[name])
+        kind = name.partition("_")[0]
+        if name in _PER_UNIT and places.setdefault(kind, place) != place:
+            raise ValueError(f"{path}, line {head}: two columns give the {kind}; keep one")
     for kind in ("spacing", "thickness"):
         if kind not in places:
             found = ", ".join(one_line(n, 40) for n in names[:20] if n)
@@ -146,81 +134,93 @@ def _arguments_of_table(path: Path, data: bytes) -> dict[str, Any]:
                 f"'{kind}_mm' (found: {found or 'nothing'})"
             )
     columns = {kind: array("d") for kind in places}
+    line, gap, ended = head, "", False
 
-    def keep(kind: str, line: int, row: list[str]) -> None:
-        place, per_unit = places[kind]
-        cell = row[place].strip() if place < len(row) else ""
-        if cell:
-            try:
-                value = float(cell.replace(",", ".") if divider != "," else cell) / per_unit
-            except ValueError:
-                value, wrong = 0.0, f"'{one_line(cell, 60)}' is not a number"
-                if re.fullmatch(r"[0-9]+,[0-9]+", cell):
-                    wrong += f": where commas divide the cells, write {cell.replace(',', '.')}"
-            else:
-                wrong = f"{one_line(cell, 60)} must be {_POSITIVE}"
-                if kind in _GROUND:
-                    wrong = f"{one_line(cell, 60)} must be finite"
-            if SMALLEST <= value <= LARGEST or (kind in _GROUND and abs(value) <= LARGEST):
-                columns[kind].append(value)
-                return
-        elif kind in _OF_PAIRS:
-            wrong = f"empty; give {_OF_PAIRS[kind]} of every domino but the last"
-        else:
-            wrong = f"empty; every domino needs a {kind}"
-        raise ValueError(f"{path}, line {line}, column '{one_line(names[place], 60)}': {wrong}")
+    def fault(kind: str, words: str) -> ValueError:
+        return ValueError(f"{path}, line {line}, column '{one_line(names[places[kind]])}': {words}")
 
-    others = [kind for kind in places if kind not in _OF_PAIRS]
-    pairs = [kind for kind in places if kind in _OF_PAIRS]
-    before: tuple[int, list[str]] | None = None
-    for line, row in rows:
-        if any(cell.strip() for cell in row[len(names) :]):  # 18,5 in two cells, say
+    for number, cells in lines:
+        if ended:
+            raise fault(
+                "spacing", f"{gap or 'empty'}; give the free gap in front of every domino but the "
+                "last, more than 0",
+            )  # fmt: skip
+        line = number
+        if any(cell.strip() for cell in cells[len(names) :]):  # 18,5 in two cells, say
             raise ValueError(
                 f"{path}, line {line}: more cells than the {len(names)} names: where commas divide "
                 "the cells, write 18.5 with a point, or divide them by semicolons"
             )
-        # only now is it known that the one before is not the last, whose gap leads nowhere
-        if before is not None:
-            for kind in pairs:
-                keep(kind, *before)
-        before = line, row
-        for kind in others:
-            keep(kind, line, row)
-    if before is None:
+        cells += [""] * (len(names) - len(cells))
+        gap = cells[places["spacing"]].strip()
+        ended = not gap.strip("0.,")
+        for kind, place in places.items():
+            if ended and kind in _OF_PAIRS:
+                continue
+            try:
+                value = _number(kind, cells[place].strip(), _PER_UNIT[names[place]], divider)
+            except ValueError as error:
+                raise fault(kind, str(error)) from None
+            columns[kind].append(value)
+    if line == head:
         raise ValueError("no dominoes below the line of names")
+    if not ended:
+        raise fault(
+            "spacing", f"{gap} in front of the last domino leads nowhere: leave the last gap empty,"
+            " or add the dominoes that are missing (was the file cut?)",
+        )  # fmt: skip
     _require_few(len(columns["thickness"]))
-    values: dict[str, Any] = {
-        kind: np.frombuffer(column) if column else [] for kind, column in columns.items()
-    }
+    values: dict[str, Any] = {kind: np.array(column) for kind, column in columns.items()}
     if "width" in values:
-        widths = values.pop("width")
-        if widths.min() < widths.max():
-            raise ValueError(
-                f"{path}, column '{one_line(names[places['width'][0]], 60)}': dominoes of "
-                f"{widths.min():g} and {widths.max():g} m; a row has one width"
-            )
-        values["width"] = float(widths[0])
+        low, high = values["width"].min(), values["width"].max()
+        if low < high:
+            line = head
+            raise fault("width", f"dominoes of {low:g} and {high:g} m; a layout has one width")
+        values["width"] = float(low)
     return values
 
 
+def _number(kind: str, cell: str, per_unit: float, divider: str) -> float:
+    """Return a cell in SI units; a ValueError has no place yet."""
+    if not cell:
+        raise ValueError(f"empty; every domino needs a {kind}")
+    quoted = one_line(cell, 60)
+    try:
+        number = cell if divider == "," else cell.replace(",", ".")
+        value = float(number.replace("_", " ")) / per_unit  # float() would read 1_4 as 14
+    except ValueError:
+        hint = ""
+        if re.fullmatch(r"[0-9]+,[0-9]+", cell):
+            hint = f": where commas divide the cells, write {cell.replace(',', '.')}"
+        raise ValueError(f"'{quoted}' is not a number{hint}") from None
+    if kind in _GROUND:
+        if not abs(value) <= LARGEST:
+            raise ValueError(f"{quoted} must be finite")
+    elif not SMALLEST <= value <= LARGEST:
+        raise ValueError(
+            f"{quoted} must be more than 0 and finite, {SMALLEST:g} to {LARGEST:g} in SI units"
+        )
+    return value
+
+
 def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
-    """The sign between the cells, and every line that is not blank with its number."""
+    """Return the separator of cells, and every line that is not blank with its number."""
     encoding = detect_encoding(data)
     first = next((line for line in _text(data, encoding) if line.strip()), "").lstrip()
-    # some spreadsheets say on a line of its own what stands between the cells
-    told = first[4:5] if re.match(r"sep=[;,\t]\s*$", first, re.IGNORECASE) else ""
-    # otherwise what finds most names; of equals the first, as a comma may be part of a name
-    divider = told or max(
+    # some spreadsheets name the separator on a line of its own
+    named = first[4:5] if re.match(r"sep=[;,\t]\s*$", first, re.IGNORECASE) else ""
+    # otherwise the one that finds most names; of equals the first, as a comma may be part of a name
+    divider = named or max(
         ";\t,", key=lambda sign: len(next(_lines(path, data, encoding, sign), (0, []))[1])
     )
-    rows = _lines(path, data, encoding, divider)
-    if told:
-        next(rows, None)
-    return divider, rows
+    lines = _lines(path, data, encoding, divider)
+    if named:
+        next(lines, None)
+    return divider, lines
 
 
 def _text(data: bytes, encoding: str) -> Iterator[str]:
-    """The lines of the text with their ends."""
+    """Return the lines of the text with their ends."""
     return io.TextIOWrapper(io.BytesIO(data), encoding, newline="")
 
 
@@ -230,16 +230,16 @@ def _require_few(count: int) -> None:
 
 
 def _lines(path: Path, data: bytes, encoding: str, divider: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number and the cells of every line that is not blank."""
     reader = csv.reader(_text(data, encoding), delimiter=divider)
     try:
-        for row in reader:
-            if any(cell.strip() for cell in row):
-                yield reader.line_num, row
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                yield reader.line_num, cells
     except csv.Error as error:
         raise ValueError(f"{path}, line {reader.line_num}: not a table: {error}") from None
 
 
 def _column_name(cell: str) -> str:
-    """`Spacing (mm)`, `spacing [mm]` and `spacing_mm` are one name."""
-    words = re.sub(r"[\s_()\[\]]+", " ", cell.lower()).split()
-    return "_".join(words)
+    """Return one name for `Spacing (mm)`, `spacing [mm]` and `spacing_mm`."""
+    return "_".join(re.sub(r"[\s_()\[\]]+", " ", cell.lower()).split())

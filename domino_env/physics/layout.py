@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +14,7 @@ from domino_env.core.checks import require
 from domino_env.core.results import draw
 from domino_env.core.types import Floats
 from domino_env.physics import footing
-from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH
+from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH, unit_hint
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,16 +221,27 @@ class Layout:
         return draw("layout", self)
 
     def to_csv(self, path: str | Path) -> None:
-        """Write one row a domino, in metres; the last spacing is empty.
+        """Write one line per domino, in metres; the last spacing is empty.
 
-        Ground that is not flat has columns of its own: rise, and tilt in radians.
+        Ground that is not flat has columns of its own: rise [m] and tilt [rad].
+
+        Parameters
+        ----------
+        path
+            The file, which is replaced in one step.
         """
         from domino_env.physics.files import write_csv
 
         write_csv(Path(path), self._parts())
 
     def to_json(self, path: str | Path) -> None:
-        """Write every array, in SI units."""
+        """Write every array in full, in SI units.
+
+        Parameters
+        ----------
+        path
+            The file, which is replaced in one step.
+        """
         from domino_env.physics.files import write_json
 
         write_json(Path(path), self._parts())
@@ -242,78 +252,46 @@ class Layout:
         return {name: getattr(self, name) for name in names}
 
     @classmethod
-    def from_csv(cls, path: str | Path, width: float = WIDTH) -> Layout:
-        """Read a table with a row a domino, as `domino_env.physics.files.read_csv` does.
-
-        Parameters
-        ----------
-        path
-            The file.
-        width
-            Where the file has no column for it [m], as those written before version 0.2.0.
-        """
-        from domino_env.physics.files import read_csv
-
-        return cls._read(path, read_csv, width)
-
-    @classmethod
-    def from_json(cls, path: str | Path, width: float = WIDTH) -> Layout:
-        """Read what `to_json` wrote; height, width and density may be missing.
-
-        Parameters
-        ----------
-        path
-            The file.
-        width
-            Where the file does not say it [m].
-        """
-        from domino_env.physics.files import read_json
-
-        return cls._read(path, read_json, width)
-
-    @classmethod
     def read(cls, path: str | Path, width: float = WIDTH) -> Layout:
-        """Read a `.csv` or `.json` file; lengths that look like another unit's are warned of.
+        """Read a layout from a `.csv` or `.json` file.
+
+        Warns of lengths that were probably given in another unit.
 
         Parameters
         ----------
         path
-            The file.
+            The file, in the format of `domino_env.physics.files.read_arguments`.
         width
-            Where the file does not say it [m].
+            Size across the fall where the file does not give it [m].
+
+        Returns
+        -------
+        Layout
+            The layout of the file.
 
         Raises
         ------
         ValueError
-            For another ending of the name, and for what `from_csv` and `from_json` refuse.
+            For another suffix, for what is wrong in the file (with line and column, or key), and as
+            for `Layout`.
         """
-        suffix = Path(path).suffix.lower()
-        if suffix == ".csv":
-            return cls.from_csv(path, width)
-        if suffix == ".json":
-            return cls.from_json(path, width)
-        raise ValueError(f"{path}: a layout is a .csv or .json file, not '{suffix}'")
-
-    @classmethod
-    def _read(
-        cls, path: str | Path, arguments: Callable[[Path], dict[str, Any]], width: float
-    ) -> Layout:
         from domino_env.core.files import naming, one_line
         from domino_env.core.progress import advise
-        from domino_env.physics.standard import unit_hint
+        from domino_env.physics.files import read_arguments
 
         with naming(path):
-            row = cls(**{"width": width} | arguments(Path(path)))
-        if row.count > 1:
-            gaps, thick = row.spacing, row.thickness
-            slip = unit_hint(
-                float(row.height.max()),
-                (float(gaps.min()), float(gaps.max())),
-                (float(thick.min()), float(thick.max())),
-            )
-            if slip is not None:
-                advise(f"{one_line(str(path), 160, keep_end=True)}: {slip}")
-        return row
+            layout = cls(**{"width": width} | read_arguments(Path(path)))
+        if hint := layout.unit_hint:
+            advise(f"{one_line(str(path), 160, keep_end=True)}: {hint}")
+        return layout
+
+    @property
+    def unit_hint(self) -> str | None:
+        """Sentence about lengths that were probably given in another unit, or None."""
+        if self.count == 1:
+            return None
+        ranges = ((float(a.min()), float(a.max())) for a in (self.spacing, self.thickness))
+        return unit_hint(float(self.height.max()), *ranges)
 
 
 def _span(values: Floats, unit: float = 1e3) -> str:

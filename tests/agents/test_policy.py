@@ -70,7 +70,7 @@ def test_evaluating_and_designing_need_no_torch(tmp_path: Path) -> None:
         "sys.exit(main(['evaluate', 'designer', '--scene', 'sprint', '--layout', 'row.csv']))"
     )
     subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True)
-    assert de.Layout.from_csv(tmp_path / "row.csv").count == 40
+    assert de.Layout.read(tmp_path / "row.csv").count == 40
 
 
 @pytest.mark.parametrize("name", ["sprint", DESIGNER])

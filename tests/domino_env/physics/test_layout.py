@@ -165,13 +165,13 @@ def test_files_keep_every_bit(tmp_path_factory, rows, ending) -> None:
 def test_columns_that_a_file_may_have(tmp_path: Path) -> None:
     path = tmp_path / "row.csv"
     path.write_text("spacing_mm,thickness_mm,height_mm,density\n20,7,48,1000\n,7,50,900\n")
-    layout = Layout.from_csv(path)
+    layout = Layout.read(path)
     assert layout.height.tolist() == [0.048, 0.05]
     assert layout.density.tolist() == [1000.0, 900.0]
     path.write_text(
         "spacing_mm,thickness_mm,rise_mm,tilt_deg\n12,7.5,-0.5,2\n15,7.5,0,1.5\n,7.5,,1"
     )
-    layout = Layout.from_csv(path)
+    layout = Layout.read(path)
     np.testing.assert_allclose(layout.rise, [-0.0005, 0.0])
     np.testing.assert_allclose(layout.tilt, np.radians([2.0, 1.5, 1.0]))
     assert "rise" not in written(UNEQUAL, path).read_text()
@@ -207,7 +207,7 @@ SPREADSHEETS = {
 def test_tables_as_spreadsheets_write_them(tmp_path: Path, text: str, encoding: str) -> None:
     path = tmp_path / "row.csv"
     path.write_bytes(text.removeprefix("\ufeff" if encoding == "utf-16" else "").encode(encoding))
-    assert same(Layout.from_csv(path), Layout([0.018, 0.0205], [0.0075, 0.007, 0.0075]))
+    assert same(Layout.read(path), Layout([0.018, 0.0205], [0.0075, 0.007, 0.0075]))
 
 
 @pytest.mark.parametrize(("text", "words"), [
@@ -220,12 +220,17 @@ def test_tables_as_spreadsheets_write_them(tmp_path: Path, text: str, encoding: 
     ("spacing_mm,thickness_mm\n,7.5\n18,7.5\n18,7.5\n",
      "line 2, column 'spacing_mm': empty; give the free gap in front of every domino but the last"),
     ("spacing_mm,thickness_mm\n18,7.5\n\n-2,7.5\n,7.5\n", "line 4, column 'spacing_mm': -2"),
+    ("spacing_mm,thickness_mm\n18,7.5\n0,7.5\n,7.5\n",
+     "line 3, column 'spacing_mm': 0; give the free gap in front of every domino but the last"),
+    ("spacing_mm,thickness_mm\n18,7.5\n20.5,7\n", "line 3, column 'spacing_mm': 20.5 in front of "
+     "the last domino leads nowhere: leave the last gap empty, or add the dominoes"),
+    ("spacing_mm,thickness_mm\n1_4,7.5\n,7\n", "'1_4' is not a number"),
     ("spacing_mm,thickness_mm,height_mm\n20,7,50\n,7,40\n", "would strike"),
     ('spacing_mm,thickness_mm\n"18,5",7\n,7\n',
      "'18,5' is not a number: where commas divide the cells, write 18.5"),
     ("spacing_mm,thickness_mm\n18,5,7,5\n,7\n", "line 2: more cells than the 2 names: where"),
     ("spacing_mm,thickness_mm,width_mm\n20,7,24\n,7,40\n",
-     "column 'width_mm': dominoes of 0.024 and 0.04 m; a row has one width"),
+     "column 'width_mm': dominoes of 0.024 and 0.04 m; a layout has one width"),
     ('spacing,thickness\n"' + "x" * 200_000, "not a table: field larger than field limit"),
     ("{", "not JSON"),
     ("[1, 2]", "this is [1, 2]: give a table of spacing, thickness, height"),
