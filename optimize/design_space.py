@@ -8,8 +8,7 @@ from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
 from domino_env.scenes.objectives import ScoreGradient
 from domino_env.scenes.scene import Scene
-from optimize.constraints.feasibility import require_feasible
-from optimize.constraints.feasible_set import FeasibleSet
+from optimize.constraints.feasible_set import FeasibleSet, require_feasible
 
 ROUNDING = 1e-9  # distance outside of the box that counts as rounding
 
@@ -44,30 +43,18 @@ class DesignSpace:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        pairs = scene.count - 1
-        bounds = [scene.spacing] * pairs * scene.free_spacing
-        bounds += [scene.thickness] * pairs * scene.free_thickness
-        if scene.growth is not None:
-            bounds += [scene.growth] * pairs * scene.free_height
-        if not bounds:
-            raise ValueError(
-                f"scene '{scene.name}' leaves nothing free: there is nothing to search"
-            )
+        self._feasible = FeasibleSet(scene)
         require_feasible(scene)
-        self.low = np.array([b[0] for b in bounds])
-        self.high = np.array([b[1] for b in bounds])
-        self.dimension = len(bounds)
-        gaps = pairs * scene.free_spacing
-        total = None if scene.length is None else self._total
-        self._feasible = FeasibleSet(scene, self.low, self.high, gaps, total)
+        self.low, self.high = self._feasible.low, self._feasible.high
+        self.dimension = len(self.low)
         self.discrete = self._feasible.discrete
 
     @property
     def equality(self) -> tuple[Floats, float] | None:
         """Coefficients a (n,) and right side b of a·x = b [m]; None without a given length."""
-        if self.scene.length is None:
+        if self._feasible.total is None:
             return None
-        return self.high - self.low, self._total - float(self.low.sum())
+        return self.high - self.low, self._feasible.total - float(self.low.sum())
 
     @property
     def linear(self) -> tuple[Floats, Floats] | None:
@@ -86,15 +73,6 @@ class DesignSpace:
     def movable(self) -> Bools:
         """(n,) entries that may change by a little; the others come from a list or the stock."""
         return ~self._feasible.stepped
-
-    @property
-    def _total(self) -> float:
-        """Sum of the free gaps and thicknesses where a length is given [m]."""
-        scene = self.scene
-        assert scene.length is not None
-        fixed = scene.spacing[0] * (not scene.free_spacing)
-        fixed += scene.thickness[0] * (not scene.free_thickness)
-        return scene.length - (scene.count - 1) * fixed
 
     def project(self, designs: Floats) -> Floats:
         """Find the nearest design vectors (in metres) that keep the rules of the scene.

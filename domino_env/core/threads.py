@@ -1,4 +1,4 @@
-"""Compiled code: rows of a batch shared among threads, and plain compilation.
+"""Threads: the rows of a batch shared among them.
 
 Kernels hold no lock while they run.
 """
@@ -8,8 +8,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from typing import Any
 
 import numba
 
@@ -71,12 +69,3 @@ def _pool(workers: int) -> ThreadPoolExecutor:
     if workers not in _POOLS:
         _POOLS[workers] = ThreadPoolExecutor(workers, "domino")
     return _POOLS[workers]
-
-
-def compiled(function: Any) -> Any:
-    """Compile what shares no code with the kernels; cache it where a folder can be written."""
-    compile_with = partial(numba.njit, nogil=True, error_model="numpy")
-    try:
-        return compile_with(cache=True)(function)
-    except RuntimeError:  # no folder for a cache
-        return compile_with()(function)

@@ -27,7 +27,7 @@ import math
 
 import numpy as np
 
-from domino_env.core.threads import compiled
+from domino_env.kernels.jit import compile_alone
 
 # contacts of a domino: with the floor at its rear and front bottom edge and its front top edge,
 # its tip with the rear face of the next, the next one's rear bottom edge with its front face
@@ -49,7 +49,7 @@ FIRM, FIRM_ACROSS = 20, 21
 NUMBERS = 22
 
 
-@compiled
+@compile_alone
 def follow(
     height, thickness, mass, pivots, tilt, friction, floor, gravity, push,
     fineness, calm, window, patience, times,
@@ -202,12 +202,12 @@ def follow(
     return steps, swept, unsettled
 
 
-@compiled
+@compile_alone
 def _pose(pose, i, x, y, lean):
     pose[i, 0], pose[i, 1], pose[i, 2], pose[i, 3] = x, y, math.sin(lean), math.cos(lean)
 
 
-@compiled
+@compile_alone
 def _room(i, x, y, lean, ex, ey, height, thickness, pivots, slope):
     """From the tip of i, whose point followed and lean are given, to the rear face of the next [m].
 
@@ -220,7 +220,7 @@ def _room(i, x, y, lean, ex, ey, height, thickness, pivots, slope):
     return dy * slope[i + 1, 0] - dx * slope[i + 1, 1] - thickness[i + 1]
 
 
-@compiled
+@compile_alone
 def _slip(i, x, y, a, ex, ey, pivots, slope):
     """How far the front bottom edge of i is from its place, along the ground [m]."""
     sine, cosine = math.sin(a[i]), math.cos(a[i])
@@ -229,7 +229,7 @@ def _slip(i, x, y, a, ex, ey, pivots, slope):
     return dx * slope[i, 1] - dy * slope[i, 0]
 
 
-@compiled
+@compile_alone
 def _photograph(pose, late, x, y, a, v, ex, ey):
     """Where every front bottom edge was, and how every domino leaned, `late` seconds ago."""
     for i in range(len(x)):
@@ -240,7 +240,7 @@ def _photograph(pose, late, x, y, a, v, ex, ey):
         pose[i, 2] = lean
 
 
-@compiled
+@compile_alone
 def _find_contacts(
     low, leader, hinged, friction, floor, now, mid, ex, ey, height, thickness, light, easy,
     pivots, slope, contact, who, impulse, gaps,
@@ -289,7 +289,7 @@ def _find_contacts(
     return found
 
 
-@compiled
+@compile_alone
 def _on_floor(contact, c, at, rx, ry, sine, cosine):
     """Directions of a contact with the floor: out of it, and along it."""
     contact[c, at], contact[c, at + 1] = sine, cosine
@@ -299,7 +299,7 @@ def _on_floor(contact, c, at, rx, ry, sine, cosine):
     contact[c, at + 2], contact[c, at + 3] = ry * cosine + rx * sine, 0.0
 
 
-@compiled
+@compile_alone
 def _between(contact, c, at, kind, i, pose, ex, ey, height, thickness):
     """Directions of a contact between i and the next; returns its gap and its place on the face.
 
@@ -333,7 +333,7 @@ def _between(contact, c, at, kind, i, pose, ex, ey, height, thickness):
     return gap, along
 
 
-@compiled
+@compile_alone
 def _couple(contact, c, light, light2, easy, easy2):
     """What unit impulses of a contact change in its own velocities."""
     for place, move, act in (
@@ -350,7 +350,7 @@ def _couple(contact, c, light, light2, easy, easy2):
     contact[c, FIRM_ACROSS] = 1.0 / across if across > 0.0 else 0.0
 
 
-@compiled
+@compile_alone
 def _act(contact, who, c, normal, rub, v, light, easy):
     """Give the two dominoes of a contact an impulse and its reaction."""
     i, j = who[c, 0], who[c, 1]
@@ -365,7 +365,7 @@ def _act(contact, who, c, normal, rub, v, light, easy):
         v[j, 2] -= easy[j] * (contact[c, ACTS + 3] * normal + contact[c, ACTS + 7] * rub)
 
 
-@compiled
+@compile_alone
 def _sweep(contact, who, found, impulse, v, light, easy, calm):
     """Sweep forth and back until no velocity of a contact moves by more than `calm`.
 

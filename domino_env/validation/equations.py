@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from domino_env.core.threads import compiled
+from domino_env.kernels.jit import compile_alone
 
 PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4  # as in `wave.Outcome`
 UNFINISHED = -1  # the evaluations allowed were used up
@@ -37,7 +37,7 @@ COLUMNS = 14
 NEVER = -2.0  # no cosine
 
 
-@compiled
+@compile_alone
 def table(spacing, thickness, height, density, rise, tilt):
     """Return (N, COLUMNS) what the equations need of a row, per unit of width; all tips."""
     rows = np.zeros((len(thickness), COLUMNS))
@@ -63,7 +63,7 @@ def table(spacing, thickness, height, density, rise, tilt):
     return rows
 
 
-@compiled
+@compile_alone
 def cosine_at(level, p, e, tilt):
     """Cosine of the lean from its rest at which p cos θ - e sin θ has fallen to a level."""
     if e == 0.0 and tilt == 0.0:
@@ -75,7 +75,7 @@ def cosine_at(level, p, e, tilt):
 
 
 # --- One link, the whole stack --------------------------------------------------------------------
-@compiled
+@compile_alone
 def link(row, state, s, c, mu):
     """One link at sin θ, cos θ of the domino ahead: sin and cos of the one behind, Ω, Ψ, B/A."""
     length, d, p, e = row[HEIGHT], row[THICK_NEXT], row[PITCH], row[RISE]
@@ -100,13 +100,13 @@ def link(row, state, s, c, mu):
     return s_i, c_i, omega, psi, ratio
 
 
-@compiled
+@compile_alone
 def upright(row, s, c):
     """Cosine of the lean of the domino ahead from its rest."""
     return c * row[COS_NEXT] + s * row[SIN_NEXT]
 
 
-@compiled
+@compile_alone
 def stack(rows, n, back, angle, mu):
     """Sum over the stack that n leads.
 
@@ -132,7 +132,7 @@ def stack(rows, n, back, angle, mu):
     return sum_m, sum_g, sum_d, margin
 
 
-@compiled
+@compile_alone
 def from_sums(sums, speed2, gravity):
     """α_n from the sums of a stack and the leader's ω²; nan where M is not positive."""
     if not sums[0] > 0.0:
@@ -140,14 +140,14 @@ def from_sums(sums, speed2, gravity):
     return (gravity * sums[1] - speed2 * sums[2]) / sums[0]
 
 
-@compiled
+@compile_alone
 def acceleration(rows, n, back, angle, speed2, mu, gravity):
     """α_n at one angle and ω² of the leader."""
     return from_sums(stack(rows, n, back, angle, mu), speed2, gravity)
 
 
 # --- Hits and switches ----------------------------------------------------------------------------
-@compiled
+@compile_alone
 def hit(rows, n, sum_m, mu):
     """ω⁺/ω⁻ where leader n, upon a stack of Σ w I J, strikes n+1, with friction.
 
@@ -162,7 +162,7 @@ def hit(rows, n, sum_m, mu):
     return m / (m * omega + rows[n + 1, INERTIA]) if m > 0.0 else 0.0
 
 
-@compiled
+@compile_alone
 def switch(rows, n, back, angle, mu, slack):
     """Switch every link that is due at the leader's angle, those flush together in one impact.
 
@@ -205,7 +205,7 @@ def switch(rows, n, back, angle, mu, slack):
     return before / after, back
 
 
-@compiled
+@compile_alone
 def lead_by(rows, n, i, angle):
     """Lean of leader n at which domino i leans by `angle`, from contact to contact, closed form."""
     for k in range(i, n):
@@ -220,7 +220,7 @@ def lead_by(rows, n, i, angle):
     return angle
 
 
-@compiled
+@compile_alone
 def first_switch(rows, n, back, angle):
     """Find the least lean of the leader at which one of the links switches that have by `angle`."""
     s, c = math.sin(angle), math.cos(angle)
@@ -235,7 +235,7 @@ def first_switch(rows, n, back, angle):
 
 
 # --- Steps ----------------------------------------------------------------------------------------
-@compiled
+@compile_alone
 def rk4_step(rows, n, back, angle, speed, a1, h, mu, gravity):
     """(angle, speed) after one classic Runge-Kutta step of h seconds; a1: α at its start."""
     v2 = speed + 0.5 * h * a1
@@ -250,7 +250,7 @@ def rk4_step(rows, n, back, angle, speed, a1, h, mu, gravity):
     )
 
 
-@compiled
+@compile_alone
 def rk4_to_angle(rows, n, back, angle, speed, a1, end, sums, mu, gravity):
     """(time, speed) of one Runge-Kutta step in the angle that ends exactly at `end`.
 
@@ -276,7 +276,7 @@ def rk4_to_angle(rows, n, back, angle, speed, a1, end, sums, mu, gravity):
     return x / 6.0 * slow, math.sqrt(u)
 
 
-@compiled
+@compile_alone
 def rk4_until(rows, n, back, angle, speed, a1, end, h, mu, gravity):
     """(time, speed) at which the step in time reaches `end`, by bisection.
 
@@ -297,7 +297,7 @@ def rk4_until(rows, n, back, angle, speed, a1, end, h, mu, gravity):
 
 
 # --- A row ----------------------------------------------------------------------------------------
-@compiled
+@compile_alone
 def goal(rows, n):
     """Angle of leader n at which its fall ends (it hits, or it tips), and whether it hits."""
     row = rows[n]
@@ -307,7 +307,7 @@ def goal(rows, n):
     return math.atan(row[THICKNESS] / row[HEIGHT]), False
 
 
-@compiled
+@compile_alone
 def follow(rows, mu, gravity, push, h, rule, most, arrival):
     """Follow a chain in fixed steps of h until its wave ends; arrival times go into `arrival`.
 

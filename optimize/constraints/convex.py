@@ -17,10 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from domino_env.core.projection import even_out
-from domino_env.core.threads import compiled
 from domino_env.core.types import Floats
-
-ROUNDS = 100  # of the search for the shift; some ten are used
+from domino_env.kernels.jit import compile_alone
 
 
 def nearest_smooth(
@@ -44,40 +42,34 @@ def nearest_smooth(
     -------
     ndarray
         (B, n) nearest points.
+
+    Notes
+    -----
+    As without a largest change, all values are shifted alike until the sum is right; the sum rises
+    with the shift.
     """
     values = np.ascontiguousarray(values, dtype=np.float64)
-    found = np.empty_like(values)
-    for b in range(len(values)):
-        if total is None:
-            found[b] = _nearest(values[b], low, high, change)
-        else:
-            found[b] = _with_total(values[b], low, high, change, total)
-    return found
+    if total is None:
+        return np.array([_nearest(one, low, high, change) for one in values])
+    from scipy.optimize import brentq
 
-
-def _with_total(values: Floats, low: Floats, high: Floats, change: Floats, total: float) -> Floats:
-    """A shift of all values alike, as without smoothness; its effect on the sum is monotone."""
     span = float((high - low).max())
-    below, above = float((low - values).min()) - span, float((high - values).max()) + span
-    sum_below, sum_above = float(low.sum()) - total, float(high.sum()) - total
-    shift, near = 0.0, _nearest(values, low, high, change)
-    for k in range(ROUNDS):
-        rest = float(near.sum()) - total
-        if abs(rest) <= 4e-16 * len(values) * span or above - below <= 1e-16 * span:
-            break
-        if rest < 0.0:
-            below, sum_below = shift, rest
-        else:
-            above, sum_above = shift, rest
-        # regula falsi, halved every third time so that no end stays for long
-        part = 0.5 if k % 3 == 2 else -sum_below / (sum_above - sum_below)
-        shift = below + min(max(part, 0.01), 0.99) * (above - below)
-        near = _nearest(values + shift, low, high, change)
-    return np.asarray(even_out(near[None], low, high, total)[0])
+    total = min(max(total, float(low.sum())), float(high.sum()))
+    found = np.empty_like(values)
+    for b, one in enumerate(values):
+
+        def excess(shift: float, one: Floats = one) -> float:
+            return float(_nearest(one + shift, low, high, change).sum()) - total
+
+        below, above = float((low - one).min()) - span, float((high - one).max()) + span
+        shift = brentq(excess, below, above, xtol=1e-15 * span)
+        found[b] = _nearest(one + shift, low, high, change)
+    return even_out(found, low, high, total)
 
 
-@compiled
+@compile_alone
 def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Floats:
+    """Find the nearest point (n,) with limited changes of neighbours."""
     n = len(values)
     # knots of the slope, at x, and its value there; from the middle, one more to each side a step
     size = 4 * n + 4

@@ -11,6 +11,8 @@ from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
 from optimize.constraints.stock import nearest_from_stock
 
+MOST_SHOWN = 6  # values of a list that a message shows
+
 
 class FeasibleSet:
     """The rules on the free values of a layout: gaps first, then thicknesses, then growths.
@@ -19,21 +21,24 @@ class FeasibleSet:
     ----------
     scene
         Scene whose rules they are.
-    low, high
-        (n,) bounds [m], or in heights where the scene has them so.
-    gaps
-        Number of values that are gaps.
-    total
-        Sum of all values [m]; None for any.
 
     Attributes
     ----------
+    low, high
+        (n,) bounds [m], or in heights where the scene has them so.
+    total
+        Sum of all values [m]; None for any.
     discrete
-        Whether some values are from a list or the stock.
+        Some values are from a list or the stock.
     stepped
         (n,) values that are.
     coupled
-        Whether the difference of neighbouring gaps is limited.
+        The difference of neighbouring gaps is limited.
+
+    Raises
+    ------
+    ValueError
+        For a scene without free values.
 
     Notes
     -----
@@ -41,12 +46,25 @@ class FeasibleSet:
     a length, the former are chosen first, so that the others can still meet it.
     """
 
-    def __init__(
-        self, scene: Scene, low: Floats, high: Floats, gaps: int, total: float | None
-    ) -> None:
-        self.low, self.high, self.gaps, self.total = low, high, gaps, total
-        n = len(low)
-        self.change = np.full(max(n - 1, 0), np.inf)
+    def __init__(self, scene: Scene) -> None:
+        pairs = scene.count - 1
+        bounds = [scene.spacing] * pairs * scene.free_spacing
+        bounds += [scene.thickness] * pairs * scene.free_thickness
+        if scene.growth is not None:
+            bounds += [scene.growth] * pairs * scene.free_height
+        if not bounds:
+            raise ValueError(
+                f"scene '{scene.name}' leaves nothing free: there is nothing to search"
+            )
+        self.low, self.high = np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds])
+        self.total: float | None = None
+        if scene.length is not None:
+            fixed = scene.spacing[0] * (not scene.free_spacing)
+            fixed += scene.thickness[0] * (not scene.free_thickness)
+            self.total = scene.length - pairs * fixed
+        n = len(bounds)
+        self.gaps = gaps = pairs * scene.free_spacing
+        self.change = np.full(n - 1, np.inf)
         if scene.largest_change is not None:
             self.change[: max(gaps - 1, 0)] = scene.largest_change
         self.coupled = bool(np.isfinite(self.change).any())
@@ -68,7 +86,7 @@ class FeasibleSet:
             self.lists = Lists(chosen, change, self._total_of_lists())
 
     def _total_of_lists(self) -> tuple[float, float] | None:
-        """Range of the sum of the listed values with which the others can meet the length."""
+        """Return the range of the sum of the listed values in which the others can meet it."""
         if self.total is None:
             return None
         if self.stock is not None:
@@ -79,7 +97,7 @@ class FeasibleSet:
         return self.total - most, self.total - least
 
     def project(self, values: Floats) -> Floats:
-        """Find the nearest allowed values to each line of `values` (B, n)."""
+        """Find the nearest allowed values to each of `values` (B, n)."""
         if not self.discrete:
             return self._project(values, np.ones(len(self.low), dtype=bool), self.total)
         values = np.clip(values, self.low, self.high)
@@ -98,7 +116,7 @@ class FeasibleSet:
         return found
 
     def _project(self, values: Floats, which: Bools, total: float | None) -> Floats:
-        """Without lists, for the selected entries (n,)."""
+        """Project the selected entries (n,), which are on no list."""
         low, high = self.low[which], self.high[which]
         change = self.change[which[:-1] & which[1:]]
         if np.isfinite(change).any():
@@ -115,19 +133,19 @@ class FeasibleSet:
         return np.concatenate([up, -up]), np.tile(self.change[ties], 2)
 
     def tangent(
-        self, slopes: Floats, wanted: Floats, values: Floats, relaxed: bool = False
+        self, gradients: Floats, wanted: Floats, values: Floats, relaxed: bool = False
     ) -> Floats:
         """Turn gradients by the nearest allowed values into gradients by the values wanted.
 
         Values bound together move together: all where a length is given, neighbours whose
         difference is at its largest, and those held at a bound not at all. Where the wanted values
         are allowed, only the length counts, so that every way out of a corner is visible. Values
-        from a list or the stock do not change with a small change of the wanted ones: their slope
-        is 0.
+        from a list or the stock do not change with a small change of the wanted ones: their
+        gradient is 0.
 
         Parameters
         ----------
-        slopes
+        gradients
             (B, n) gradients by the allowed values.
         wanted
             (B, n) values before the rules are applied.
@@ -142,13 +160,13 @@ class FeasibleSet:
             (B, n) gradients by `wanted`.
         """
         if relaxed and self.discrete:
-            return slopes
-        found = np.where(self.stepped, 0.0, slopes)
+            return gradients
+        found = np.where(self.stepped, 0.0, gradients)
         if self.total is None and not self.coupled:
             return found
         span = float((self.high - self.low).max())
         every = np.arange(len(self.low))
-        for b in range(len(slopes)):
+        for b in range(len(gradients)):
             off = np.where(self.stepped, 0.0, wanted[b] - values[b])
             inside = (values[b] > self.low) & (values[b] < self.high)
             held = (~inside & (off != 0.0)) | self.stepped
@@ -164,3 +182,53 @@ class FeasibleSet:
                 found[b] -= found[b][free].mean() if free.any() else 0.0
             found[b, held if moved else self.stepped] = 0.0
         return found
+
+
+def require_feasible(scene: Scene) -> None:
+    """Raise ValueError with the rules that conflict, if no layout keeps all of them."""
+    if rules := conflicting_rules(scene):
+        raise ValueError(
+            f"scene '{scene.name}': no layout of {scene.count} dominoes keeps all its rules; these "
+            f"conflict: {'; '.join(rules)}: change one of them"
+        )
+
+
+def conflicting_rules(scene: Scene) -> list[str]:
+    """List the rules of a scene that conflict, as key and value; empty if some layout keeps all.
+
+    Only lists can conflict, with a length: a scene whose length is beyond its bounds is rejected
+    when it is made, and equal gaps meet everything else. A rule without which the others still
+    conflict is left out.
+    """
+    if _is_feasible(scene):
+        return []
+    for rule in ("spacing_values", "thickness_values", "largest_change"):
+        if rule != "thickness_values" or scene.stock is None:
+            relaxed = scene.replace(**{rule: None})
+            scene = scene if _is_feasible(relaxed) else relaxed
+    rules = [_in_words("spacing", scene.spacing, scene.spacing_values)]
+    if scene.largest_change is not None:
+        rules.append(f"spacing.largest_change = {scene.largest_change:g} m")
+    if scene.stock is not None:
+        rules.append(f"the stock: {scene.stock.in_words()}")
+    else:
+        rules.append(_in_words("thickness", scene.thickness, scene.thickness_values))
+    return [*rules, f"row.length = {scene.length:.10g} m"]
+
+
+def _is_feasible(scene: Scene) -> bool:
+    rules = FeasibleSet(scene)
+    try:
+        rules.project(0.5 * (rules.low + rules.high)[None])
+    except ValueError:
+        return False
+    return True
+
+
+def _in_words(name: str, bounds: tuple[float, float], values: tuple[float, ...] | None) -> str:
+    if values is None:
+        low, high = bounds
+        return f"{name} from {low:g} to {high:g} m" if low < high else f"{name} = {low:g} m"
+    if len(values) > MOST_SHOWN:
+        return f"{name} only {values[0]:g}, {values[1]:g}, … {values[-1]:g} m"
+    return f"{name} only {', '.join(f'{v:g}' for v in values)} m"

@@ -34,6 +34,7 @@ from domino_env.kernels.jit.plain import compile_plainly
 __all__ = [
     "always_inline",
     "borrowed",
+    "compile_alone",
     "entry_point",
     "has_field",
     "internal",
@@ -98,6 +99,11 @@ def leaf(function: Callable[..., Any]) -> Any:
 def noinline(function: Callable[..., Any]) -> Any:
     """Compile a function once, on its own."""
     return _compiled(function, "NoInline")
+
+
+def compile_alone(function: Callable[..., Any]) -> Any:
+    """Compile a function that shares no code with the kernels, for Python."""
+    return compile_plainly(function, kept=True)
 
 
 def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any:

@@ -10,7 +10,7 @@ import domino_env as de
 from domino_env.scenes.rules import Stock
 from domino_env.scenes.scene import Scene
 from optimize import Problem, search
-from optimize.constraints.feasibility import clashing_rules, require_feasible
+from optimize.constraints.feasible_set import conflicting_rules, require_feasible
 
 
 def asking(**changes: object) -> Scene:
@@ -34,7 +34,7 @@ CLASHES = [
 
 @pytest.mark.parametrize(("scene", "names"), CLASHES)
 def test_the_rules_that_clash_are_named_and_no_others(scene: Scene, names: list[str]) -> None:
-    assert clashing_rules(scene) == names
+    assert conflicting_rules(scene) == names
     with pytest.raises(
         ValueError, match=r"scene 'asking': no layout of 9 dominoes keeps all"
     ) as told:
@@ -50,7 +50,7 @@ def test_the_rules_that_clash_are_named_and_no_others(scene: Scene, names: list[
     asking(largest_change=0.0, spacing_values=(0.002, 0.04)),
 ])  # fmt: skip
 def test_scenes_that_can_be_met(scene: Scene) -> None:
-    assert clashing_rules(scene) == []
+    assert conflicting_rules(scene) == []
     require_feasible(scene)
     Problem(scene)
 
