@@ -177,7 +177,7 @@ def _pitches(tables: SceneFile) -> Bounds:
 
 
 def _violations_of_length(tables: SceneFile) -> Iterator[str]:
-    """Yield why no layout within the bounds meets it; lists: `optimize.constraints.feasible_set`."""
+    """Yield why no layout meets it; lists: `optimize.constraints.feasible_set`."""
     length, pairs = tables.row.length, tables.row.count - 1
     if length is None:
         return
