@@ -77,6 +77,8 @@ def test_every_design_keeps_the_rules_and_stays_where_it_is(name: str) -> None:
             rows, most = problem.linear
             assert np.all(rows @ y <= most + 1e-12)
     assert len(np.unique(near.round(9), axis=0)) > 30
+    if name in ("length-list", "length-spacing-list"):
+        return  # no gap of the list meets the length: the uniform baseline ignores the list
     uniform = scene.uniform().layout
     assert scene.violations(uniform) == []
     again = problem.layout(problem.design(uniform))
