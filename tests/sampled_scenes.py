@@ -17,7 +17,7 @@ height = {min = 0.03, max = 0.06}
 first_thickness = 0.007
 [spacing]
 min = {min = 0.05, max = 0.2, spread = "log", of = "height"}
-max = {min = 0.3, max = 0.9, of = "height", apart = 2}
+max = {min = 0.3, max = 0.9, of = "height", min_ratio = 2}
 [thickness]
 min = 0.005
 max = {min = 0.006, max = 0.012}

@@ -17,8 +17,8 @@ from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_distribution
 
 FEATURES = (
-    "friction", "push", "count", "least gap", "largest gap", "first thickness", "least thickness",
-    "largest thickness", "pitch",
+    "friction", "push", "count", "spacing min", "spacing max", "first_thickness", "thickness min",
+    "thickness max", "pitch",
 )  # fmt: skip
 """The last is the length per pair of dominoes, 0 where the scene asks for none."""
 
@@ -58,7 +58,7 @@ def outside(scene: Scene) -> tuple[str, ...]:
     known = dict(zip(FEATURES, features_of(scene), strict=True))
     known["length"] = known["pitch"] * (scene.count - 1)
     if not free:
-        known["thickness"] = known["least thickness"]
+        known["thickness fixed"] = known["thickness min"]
     return tuple(
         f"{name} {known[name]:.4g} is outside {one.min:.4g} to {one.max:.4g}"
         for name, one in zip(drawn.features, drawn.ranges.values(), strict=True)

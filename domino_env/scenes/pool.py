@@ -20,7 +20,7 @@ POOL = 4096  # scenes
 TRAINING = 0  # beside its number the seed of a scene
 DIGITS = 5  # of the numbers drawn: files that a reader can look at
 
-POINT = ("best uniform row", "its thickness")  # [m]
+POINT = ("uniform gap", "uniform thickness")  # [m]
 
 
 class ScenePool:
@@ -68,7 +68,7 @@ class ScenePool:
         rng = np.random.default_rng([TRAINING, i])
         score = 0.0
         while not score > 0.0:
-            self.numbers[i] = self.distribution.draw(rng, DIGITS)
+            self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
             mark = self._scene(i).uniform()
             score = mark.score

@@ -1,4 +1,4 @@
-"""Rules of a scene, each with the sentence for a layout that breaks it; the stock of dominoes."""
+"""Rules of a scene, each with the sentence for a layout that breaks it, and the stock."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 
 Bounds = tuple[float, float]
+Values = tuple[float, ...]
 
-ON_GROUND = 1e-9  # [m], [rad] how far from the ground still is on it
-ON_LIST = 1e-9  # [m] how far from a value of the list still is that value
+ON_GROUND = 1e-9  # [m], [rad] largest distance from the ground of what stands on it
+ON_LIST = 1e-9  # [m] largest difference from a value of the list that is the same value
 
 
 def outside(
     name: str, values: Floats, bounds: Bounds, first: int, unit: str = "m", slack: float = 1e-12
 ) -> list[str]:
-    """List values beyond their bounds by more than `slack` of the upper one.
+    """Return a sentence for values beyond their bounds by more than `slack` of the upper one.
 
     `first` is the index of the first value in the array of the layout.
     """
@@ -30,32 +31,36 @@ def outside(
     over = slack * high
     allowed = f"{low} to {high} {unit}" if low < high else f"{low} {unit}"
     good = (values >= low - over) & (values <= high + over)
-    return _told(f"{name}[{{0}}]", values, good, allowed, first, unit)
+    return _violations(f"{name}[{{0}}]", values, good, allowed, first, unit)
 
 
-def off_list(name: str, values: Floats, allowed: tuple[float, ...], first: int) -> list[str]:
-    """List values that are not on the list."""
+def off_list(name: str, values: Floats, allowed: Values | None, first: int) -> list[str]:
+    """Return a sentence for values that are not on the list; None allows any."""
+    if allowed is None:
+        return []
     few = ", ".join(f"{v:g}" for v in allowed[:4]) + (", …" if len(allowed) > 4 else "")
-    return _told(f"{name}[{{0}}]", values, listed(values, allowed), f"only {few} m", first)
+    return _violations(f"{name}[{{0}}]", values, listed(values, allowed), f"only {few} m", first)
 
 
-def listed(values: Floats, allowed: tuple[float, ...]) -> NDArray[np.bool_]:
+def listed(values: Floats, allowed: Values) -> NDArray[np.bool_]:
     """Tell for each value (…) whether it is one of the rising values `allowed`."""
     return np.abs(values - nearest_of(values, np.array(allowed))) <= ON_LIST
 
 
-def too_steep(spacing: Floats, largest_change: float) -> list[str]:
-    """List neighbouring gaps that differ by more than is allowed."""
+def too_steep(spacing: Floats, largest_change: float | None) -> list[str]:
+    """Return a sentence for neighbouring gaps that differ by too much; None allows any change."""
+    if largest_change is None:
+        return []
     change = np.diff(spacing)
     allowed = f"a change of at most {largest_change} m"
     good = np.abs(change) <= largest_change + 1e-12
-    return _told("spacing[{1}] - spacing[{0}]", change, good, allowed)
+    return _violations("spacing[{1}] - spacing[{0}]", change, good, allowed)
 
 
 def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
-    """List where rise or tilt of a layout are not those of its gaps on a ground; None is flat."""
+    """Return where rise or tilt of a layout are not those of its gaps on a ground; None is flat."""
     if ground is None:
-        flat = "its ground is not flat, as the scene's is: rise and tilt must be 0"
+        flat = "the layout has uneven ground, and the scene flat ground: rise and tilt must be 0"
         return [] if layout.is_flat else [flat]
     rise, tilt = ground.lay(layout.spacing, layout.thickness)
     found = []
@@ -64,10 +69,8 @@ def on_other_ground(layout: Layout, ground: Ground | None) -> list[str]:
         ("tilt", layout.tilt, tilt, "rad"),
     ):
         good = np.abs(values - wanted) <= ON_GROUND
-        there = (
-            f"{wanted[np.argmin(good)]:.9g} {unit}, as its ground lies; `layout` lays rows on it"
-        )
-        found += _told(f"{name}[{{0}}]", values, good, there, unit=unit)
+        there = f"{wanted[np.argmin(good)]:.9g} {unit} on its ground; use the scene's `layout`"
+        found += _violations(f"{name}[{{0}}]", values, good, there, unit=unit)
     return found
 
 
@@ -80,7 +83,7 @@ def nearest_of(values: Floats, allowed: Floats) -> Floats:
     return np.where(values - below <= above - values, below, above)
 
 
-def _told(
+def _violations(
     place: str,
     values: Floats,
     good: NDArray[np.bool_],
@@ -88,6 +91,7 @@ def _told(
     first: int = 0,
     unit: str = "m",
 ) -> list[str]:
+    """Return a sentence for the first value that is not good, and the number of others."""
     if good.all():
         return []
     bad = np.flatnonzero(~good)
@@ -97,33 +101,34 @@ def _told(
     return [f"{given}{more}: the scene allows {allowed.strip()}"]
 
 
-MOST_DOMINOES = 100_000  # the best uniform row takes some 3 ms a domino
+MOST_DOMINOES = 100_000  # the uniform baseline takes some 3 ms per domino
 MOST_KINDS = 1_000  # of dominoes in a stock
 SAME = 1e-9  # [m] two thicknesses this close are the same domino
 
 
 class Stock(Value, frozen=True):  # type: ignore[misc]
-    """The box that all dominoes are taken from, the first among them.
+    """Box from which all dominoes are taken, the first one included.
 
     Parameters
     ----------
     thickness
-        The kinds [m], no two alike.
+        (K,) thicknesses of the kinds [m], no two alike.
     count
-        How many there are of each.
+        (K,) number of dominoes of each kind.
 
     Raises
     ------
     ValueError
-        With the place and what to do, for anything that is no box.
+        For lists of different lengths, equal kinds, and values out of range.
     """
 
     thickness: Annotated[
-        tuple[Size, ...], Meta(min_length=1, max_length=MOST_KINDS, description="the kinds [m]")
+        tuple[Size, ...],
+        Meta(min_length=1, max_length=MOST_KINDS, description="thickness of each kind [m]"),
     ]
     count: Annotated[
         tuple[Annotated[int, Meta(ge=0, le=MOST_DOMINOES)], ...],
-        Meta(max_length=MOST_KINDS, description="how many there are of each"),
+        Meta(max_length=MOST_KINDS, description="number of dominoes of each kind"),
     ]
 
     def __post_init__(self) -> None:
@@ -139,21 +144,21 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
 
     @property
     def dominoes(self) -> Floats:
-        """Thickness of every domino in the box, in the order given [m]."""
+        """Thicknesses of all dominoes, in the order given [m]."""
         return np.repeat(np.array(self.thickness), self.count)
 
     def kind(self, thickness: float) -> int | None:
-        """Return which of the kinds a thickness [m] is; None if none."""
+        """Return the index of the kind of a thickness [m]; None if there is none."""
         near = np.abs(np.array(self.thickness) - thickness)
         return int(np.argmin(near)) if near.min() <= SAME else None
 
     def without(self, thickness: float) -> Stock:
-        """Return the box after one domino of a thickness [m] has been taken out.
+        """Return the stock without one domino of a thickness [m].
 
         Raises
         ------
         ValueError
-            Where there is none left.
+            If there is none.
         """
         kind = self.kind(thickness)
         if kind is None or self.count[kind] == 0:
@@ -165,15 +170,15 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         count[kind] -= 1
         return Stock(self.thickness, tuple(count))
 
-    def broken_by(self, thickness: Floats) -> list[str]:
-        """List what a row of these thicknesses (N,) takes that is not there, a sentence each."""
+    def violations(self, thickness: Floats) -> list[str]:
+        """Return a sentence for each kind of which thicknesses (N,) [m] take too many."""
         kinds = np.array(self.thickness)
         rising = np.argsort(kinds)
         nearest = nearest_of(thickness, kinds[rising])
         near = rising[np.searchsorted(kinds[rising], nearest)]
-        strange = np.flatnonzero(np.abs(thickness - kinds[near]) > SAME)
-        if len(strange):
-            i = int(strange[0])
+        unknown = np.flatnonzero(np.abs(thickness - kinds[near]) > SAME)
+        if len(unknown):
+            i = int(unknown[0])
             return [f"thickness[{i}] = {thickness[i]} m: the stock has {self.in_words()}"]
         used = np.bincount(near, minlength=len(kinds))
         return [
@@ -182,6 +187,6 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         ]
 
     def in_words(self) -> str:
-        """Say it as in "16 of 0.005 m, 14 of 0.0075 m"."""
+        """Return the stock in words, as in "16 of 0.005 m, 14 of 0.0075 m"."""
         pairs = zip(self.count, self.thickness, strict=True)
         return ", ".join(f"{n} of {d:g} m" for n, d in pairs)

@@ -41,7 +41,7 @@ def write_distribution(name: str) -> None:
     distribution = load_distribution(name)
     tests, pool = [], ScenePool(distribution)
     for i in progress_bar(None, iterable=range(TESTED), total=TESTED, unit=" test scenes"):
-        numbers = distribution.draw(np.random.default_rng([TEST, i]), DIGITS)
+        numbers = distribution.sample_numbers(np.random.default_rng([TEST, i]), DIGITS)
         tests.append([*numbers, *best_point(distribution.scene(numbers))])
     tables = {"test": ((*distribution.features, *POINT), tests)}
     if name != "varied-beyond":

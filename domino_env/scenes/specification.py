@@ -1,4 +1,4 @@
-"""A scene as a value: what stands, what may be chosen, what counts."""
+"""Specification: the fields and rules of a scene as a value."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env.core.models import plain
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
@@ -18,14 +17,12 @@ from domino_env.scenes.consistency import tables_of
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.base import Limits
 from domino_env.scenes.objectives.tempo import Tempo
-from domino_env.scenes.rules import Stock, off_list, on_other_ground, outside, too_steep
-from domino_env.scenes.tables import Bounds, RangeTable, RowTable
+from domino_env.scenes.rules import Bounds, Stock, off_list, on_other_ground, outside, too_steep
+from domino_env.scenes.tables import document_of
 from domino_env.scenes.waves import LayoutBatch
 
 LENGTH_TOLERANCE = 1e-9  # [m]
-
-
-DERIVED: Any = None  # default of what follows from other fields
+DERIVED: Any = None  # default of fields that follow from others
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +61,7 @@ class Specification:
 
     @classmethod
     def of_document(cls, document: dict[str, Any]) -> Self:
-        """Make the scene of a file's document, which has a name.
+        """Return the scene of a file's document, which has a name.
 
         Raises
         ------
@@ -77,30 +74,7 @@ class Specification:
 
     def document(self) -> dict[str, Any]:
         """Return the tables of the file that reads back as the same scene."""
-        of = "height" if self.in_heights else None
-        tables: dict[str, Any] = {
-            "name": self.name,
-            "title": self.title,
-            "objective": self.objective,
-            "row": {name: getattr(self, name) for name in RowTable.__struct_fields__},
-            "spacing": RangeTable.of_bounds(
-                self.spacing, self.spacing_values, largest_change=self.largest_change, of=of
-            ),
-            "stock": self.stock,
-            "ground": self.ground,
-            "physics": plain(self.physics) | {"floor_friction": self.floor_friction},
-            "limits": self.limits,
-        }
-        if self.stock is None and self.thickness is not None:
-            tables["thickness"] = RangeTable.of_bounds(self.thickness, self.thickness_values, of=of)
-        if self.growth is not None:
-            tables["growth"] = {"min": self.growth[0], "max": self.growth[1]}
-        if self.placement_deviation:
-            tables["placement"] = {"deviation": self.placement_deviation}
-        if self.settings is not None:
-            kinds = (name for name, kind in OBJECTIVES.items() if kind.table is type(self.settings))
-            tables[next(kinds, "settings")] = self.settings
-        return dict(_of_file(plain(tables)))
+        return document_of(self)
 
     def replace(self, **changes: Any) -> Self:
         """Return another scene, with some fields changed, checked anew."""
@@ -108,35 +82,35 @@ class Specification:
 
     @property
     def criterion(self) -> Objective:
-        """What counts, as an object: how waves are scored."""
+        """Objective of the scene, with its settings."""
         kind, floor = OBJECTIVES[self.objective], self.floor_friction
         return kind(self.settings, self.limits, ground=self.ground, floor_friction=floor)
 
     @property
     def tempo(self) -> Tempo | None:
-        """The schedule of the objective "tempo"."""
+        """Schedule of the objective "tempo"; None for the others."""
         return self.settings if isinstance(self.settings, Tempo) else None
 
     @property
     def free_spacing(self) -> bool:
-        """Whether the designer chooses the gaps."""
+        """True where the gaps are design variables."""
         return bool(self.spacing[0] < self.spacing[1])
 
     @property
     def free_thickness(self) -> bool:
-        """Whether the designer chooses the thickness of all dominoes but the first."""
+        """True where the thicknesses of all dominoes but the first are design variables."""
         return bool(self.thickness[0] < self.thickness[1])
 
     @property
     def free_height(self) -> bool:
-        """Whether the designer chooses the height of all dominoes but the first."""
+        """True where the heights of all dominoes but the first are design variables."""
         return self.growth is not None and bool(self.growth[0] < self.growth[1])
 
     @property
     def plain(self) -> bool:
-        """Whether bounds and a length are all the rules, so that gaps may be chosen one by one."""
-        asked = (self.spacing_values, self.thickness_values, self.largest_change, self.stock)
-        return all(rule is None for rule in (*asked, self.growth, self.limits))
+        """True where bounds and a length are all the rules, so that gaps are chosen one by one."""
+        rules = (self.spacing_values, self.thickness_values, self.largest_change, self.stock)
+        return all(rule is None for rule in (*rules, self.growth, self.limits))
 
     def layout(
         self,
@@ -144,21 +118,32 @@ class Specification:
         thickness: ArrayLike | None = None,
         height: ArrayLike | None = None,
     ) -> Layout:
-        """Lay the row with these free gaps, thicknesses and heights.
+        """Return the layout with these free gaps, thicknesses and heights.
 
         The scene's rules are not applied: see `violations`.
 
         Parameters
         ----------
         spacing
-            (N-1,) free gaps [m]; a single number serves all.
+            (N-1,) free gaps [m]; a single number is used for all.
         thickness
-            (N-1,) of dominoes 1 … N-1 [m], or a single number; None where the scene fixes it.
+            (N-1,) thicknesses of dominoes 1 … N-1 [m], or a single number; None where the scene
+            fixes it.
         height
-            (N-1,) of dominoes 1 … N-1 [m], or a single number; None where all are equally high.
+            (N-1,) heights of dominoes 1 … N-1 [m], or a single number; None where all are equal.
+
+        Returns
+        -------
+        Layout
+            The layout, on the scene's ground.
+
+        Raises
+        ------
+        ValueError
+            If the thickness or the heights are missing, or a size is no size.
         """
         if thickness is None and self.free_thickness:
-            raise ValueError(f"scene '{self.name}' leaves the thickness free: give it too")
+            raise ValueError(f"thickness is missing: scene '{self.name}' leaves it free")
         gaps = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (1, self.count - 1))
         thick, tall = (
             None if part is None else np.asarray(part, dtype=np.float64)
@@ -173,21 +158,31 @@ class Specification:
         height: Floats | None = None,
         rtol: float = 1e-6,
     ) -> LayoutBatch:
-        """Lay B rows at once, without applying the scene's rules.
+        """Return a batch of B layouts, without applying the scene's rules.
 
         Parameters
         ----------
         spacing
             (B, N-1) free gaps [m]; fewer for the first dominoes of longer layouts.
         thickness
-            (B, N-1) of dominoes 1 … N-1 [m]; None where it is fixed.
+            (B, N-1) thicknesses of dominoes 1 … N-1 [m]; None where the scene fixes it.
         height
-            (B, N-1) of dominoes 1 … N-1 [m]; None where all are equally high.
+            (B, N-1) heights of dominoes 1 … N-1 [m]; None where all are equal.
         rtol
-            Relative error that will be allowed in the arrival times.
+            Relative tolerance of the arrival times.
+
+        Returns
+        -------
+        LayoutBatch
+            The layouts, to be simulated.
+
+        Raises
+        ------
+        ValueError
+            If the heights are missing.
         """
         if height is None and self.growth is not None:
-            raise ValueError(f"scene '{self.name}' lets the row grow: give the heights too")
+            raise ValueError(f"height is missing: scene '{self.name}' leaves it free")
         full = (len(spacing), spacing.shape[1] + 1)
         tall = np.full((1, full[1]) if height is None else full, self.height)
         if height is not None:
@@ -196,11 +191,11 @@ class Specification:
             thickness = self.thickness[0] * (tall[:, 1:] if self.in_heights else np.ones(1))
         thick = np.full(full, self.first_thickness)
         thick[:, 1:] = thickness
-        row = spacing, thick, tall, self.width, self.density
-        return LayoutBatch(*row, self.physics, rtol, self.ground)
+        sizes = spacing, thick, tall, self.width, self.density
+        return LayoutBatch(*sizes, self.physics, rtol, self.ground)
 
     def violations(self, layout: Layout, *, complete: bool = True) -> list[str]:
-        """List the rules of the scene that a layout breaks, a sentence each; empty if none.
+        """Return the rules of the scene that a layout breaks, a sentence each; empty if none.
 
         Limits on the wave are not among them: they enter the score.
 
@@ -209,10 +204,10 @@ class Specification:
         layout
             The layout.
         complete
-            Whether it has all dominoes; otherwise it is the beginning of one.
+            True where it has all dominoes; otherwise it is the beginning of a layout.
         """
         if complete and layout.count != self.count:
-            return [f"{layout.count} dominoes stand where the scene asks for {self.count}"]
+            return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]
         found = on_other_ground(layout, self.ground)
         tall = layout.height if self.growth is None else layout.height[:1]
         for name, values, wanted, measure in (
@@ -228,30 +223,18 @@ class Specification:
             gaps = gaps / np.minimum(layout.height[:-1], layout.height[1:])
             thick, unit = thick / layout.height[1:], "heights"
         found += outside("spacing", gaps, self.spacing, 0, unit)
-        if self.spacing_values is not None:
-            found += off_list("spacing", gaps, self.spacing_values, 0)
-        if self.largest_change is not None:
-            found += too_steep(gaps, self.largest_change)
+        found += off_list("spacing", gaps, self.spacing_values, 0)
+        found += too_steep(gaps, self.largest_change)
         if self.stock is not None:
-            found += self.stock.broken_by(layout.thickness)
+            found += self.stock.violations(layout.thickness)
         else:
             found += outside("thickness", thick, self.thickness, 1, unit)
-            if self.thickness_values is not None:
-                found += off_list("thickness", thick, self.thickness_values, 1)
-        if (
-            complete
-            and self.length is not None
-            and abs(layout.length - self.length) > LENGTH_TOLERANCE
-        ):
-            found.append(
-                f"the row is {layout.length:.9f} m long, not {self.length} m: "
-                f"{layout.length - self.length:+.3g} m"
-            )
+            found += off_list("thickness", thick, self.thickness_values, 1)
+        if complete and self.length is not None:
+            error = layout.length - self.length
+            if abs(error) > LENGTH_TOLERANCE:
+                found.append(
+                    f"the layout is {layout.length:.9f} m long: the scene has {self.length} m "
+                    f"({error:+.3g} m)"
+                )
         return found
-
-
-def _of_file(value: Any) -> Any:
-    """Leave out what is None, and write tuples as lists."""
-    if isinstance(value, dict):
-        return {key: _of_file(one) for key, one in value.items() if one is not None}
-    return [_of_file(one) for one in value] if isinstance(value, tuple | list) else value

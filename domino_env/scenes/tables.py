@@ -14,19 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 from msgspec import Meta
 
-from domino_env.core.models import LARGEST, Part, Size, Table
+from domino_env.core.models import LARGEST, Part, Size, Table, plain
 from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.objectives.base import Limits
-from domino_env.scenes.rules import MOST_DOMINOES, Stock
+from domino_env.scenes.rules import MOST_DOMINOES, Bounds, Stock, Values
 
-Bounds = tuple[float, float]
-Values = tuple[float, ...]
-
-MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the best uniform row
+MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the uniform baseline
 ALIKE = 1e-8  # [m] values closer than this are the same
+SAME = ("name", "objective", "stock", "ground", "limits")  # in a file as in a scene
 
 # begins with a letter or a digit of any language; what paths and shells give a meaning is left out
 NAME = r'^[^\x00-/:-@\[-`{-~\s][^\x00-\x1f\x7f/\\<>:"|?*`$]*$(?!\n)'
@@ -38,8 +36,8 @@ else:
     Objective = Literal[tuple(OBJECTIVES)]
 
 
-class RowTable(Table):
-    """What stands."""
+class ChainTable(Table):
+    """The dominoes."""
 
     count: Annotated[int, Meta(ge=2, le=MOST_DOMINOES, description="number of dominoes")]
     height: Annotated[
@@ -49,7 +47,7 @@ class RowTable(Table):
     density: Annotated[Size, Meta(description="of every domino [kg/m³]")] = DENSITY
     first_thickness: Annotated[
         Size | None,
-        Meta(description="of domino 0, which is the scene's [m]; needed where thickness is free"),
+        Meta(description="of domino 0, which is not chosen [m]; needed where thickness is free"),
     ] = None
     length: Annotated[
         Size | None, Meta(description="first pivot to last, met exactly [m]; free without it")
@@ -57,7 +55,7 @@ class RowTable(Table):
 
 
 class RangeTable(Table):
-    """What may be chosen: one value, any from min to max, those in steps, or those of a list."""
+    """Allowed values: one, any from min to max, those in steps, or those of a list."""
 
     fixed: Annotated[Size | None, Meta(description="the only value [m]")] = None
     min: Annotated[Size | None, Meta(description="the least [m]")] = None
@@ -119,7 +117,7 @@ class RangeTable(Table):
         return {"values": values, **more}
 
     def allowed(self) -> tuple[Bounds, Values | None]:
-        """The least and the largest value, and all between them where not any is allowed."""
+        """Return the least and the largest value, and all values where not every one is allowed."""
         if self.fixed is not None:
             return (self.fixed, self.fixed), None
         if self.values is not None:
@@ -157,13 +155,13 @@ class GrowthTable(Table, kw_only=True):
 
 
 class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
-    """What makes the row fall."""
+    """Friction, gravity, push and floor."""
 
     floor_friction: Annotated[
         Part | None,
         Meta(
-            description="coefficient of the floor on which the row stands free, to be scored so; "
-            "without it every domino is held to the floor"
+            description="coefficient of the floor on which the dominoes stand free; without it "
+            "every pivot is fixed"
         ),
     ] = None
 
@@ -175,7 +173,7 @@ class PlacementTable(Table):
 
 
 class SceneTables(Table, kw_only=True):
-    """A design problem: what stands, what may be chosen, what counts."""
+    """A design problem: dominoes, allowed values, objective."""
 
     name: Annotated[
         Annotated[str, Meta(pattern=NAME, max_length=100)] | None,
@@ -186,10 +184,12 @@ class SceneTables(Table, kw_only=True):
     ] = None  # fmt: skip
     title: Annotated[
         Annotated[str, Meta(pattern=LINE, max_length=300)] | None,
-        Meta(description="what it is about, in a line"),
+        Meta(description="subject of the scene in one line"),
     ] = None
-    objective: Annotated[Objective, Meta(description="what counts")] = "mean_speed"
-    row: RowTable
+    objective: Annotated[Objective, Meta(description="rule by which layouts are scored")] = (
+        "mean_speed"
+    )
+    row: ChainTable
     spacing: SpacingTable
     thickness: ThicknessTable | None = None
     stock: Annotated[Stock | None, Meta(description="instead of thickness")] = None
@@ -203,15 +203,15 @@ class SceneTables(Table, kw_only=True):
 
     @property
     def in_heights(self) -> bool:
-        """Whether gaps and thicknesses count in heights."""
+        """True where gaps and thicknesses count in heights."""
         return self.spacing.of is not None
 
     def settings(self, objective: str) -> Any:
-        """Give what the table of an objective says; None where it is not there."""
+        """Return the table of an objective; None where there is none."""
         return getattr(self, objective, None) if OBJECTIVES[objective].table else None
 
     def first_thickness(self) -> float:
-        """Of domino 0 [m]: as thick as all the others, where it is not given."""
+        """Return the thickness of domino 0 [m]: that of all others, where it is not given."""
         if self.row.first_thickness is not None:
             return self.row.first_thickness
         assert self.thickness is not None
@@ -219,7 +219,7 @@ class SceneTables(Table, kw_only=True):
         return low * self.row.height if self.in_heights else low
 
     def thickness_allowed(self) -> tuple[Bounds, Values | None]:
-        """Of dominoes 1 … N-1, as `RangeTable.allowed`."""
+        """Return the thicknesses allowed of dominoes 1 … N-1, as `RangeTable.allowed`."""
         if self.thickness is not None:
             return self.thickness.allowed()
         assert self.stock is not None
@@ -228,30 +228,54 @@ class SceneTables(Table, kw_only=True):
         return (values[0], values[-1]), values
 
     def fields(self) -> dict[str, Any]:
-        """Return the fields of the scene that the tables describe."""
+        """Return the fields of the scene that the tables describe; inverse of `document_of`."""
         spacing, spacing_values = self.spacing.allowed()
         thickness, thickness_values = self.thickness_allowed()
-        row, physics = self.row, self.physics
-        return msgspec.structs.asdict(row) | {
-            "name": self.name,
+        same = {name: getattr(self, name) for name in SAME}
+        return msgspec.structs.asdict(self.row) | same | {
             "title": self.title or self.name,
-            "objective": self.objective,
-            "physics": Physics(physics.friction, physics.gravity, physics.push),
+            "physics": Physics(*(getattr(self.physics, n) for n in Physics.__struct_fields__)),
+            "floor_friction": self.physics.floor_friction,
             "first_thickness": self.first_thickness(),
-            "spacing": spacing,
-            "thickness": thickness,
-            "spacing_values": spacing_values,
-            "thickness_values": thickness_values,
+            "spacing": spacing, "spacing_values": spacing_values,
+            "thickness": thickness, "thickness_values": thickness_values,
             "largest_change": self.spacing.largest_change,
-            "stock": self.stock,
             "growth": (self.growth.min, self.growth.max) if self.growth else None,
             "in_heights": self.in_heights,
-            "limits": self.limits,
             "settings": self.settings(self.objective),
-            "floor_friction": physics.floor_friction,
             "placement_deviation": self.placement.deviation if self.placement else 0.0,
-            "ground": self.ground,
-        }
+        }  # fmt: skip
+
+
+def document_of(scene: Any) -> dict[str, Any]:
+    """Return the tables of the file that describes a scene; inverse of `SceneTables.fields`."""
+    of = "height" if scene.in_heights else None
+    tables: dict[str, Any] = {
+        name: getattr(scene, name) for name in ("name", "title", *SAME[1:])
+    } | {
+        "row": {name: getattr(scene, name) for name in ChainTable.__struct_fields__},
+        "spacing": RangeTable.of_bounds(
+            scene.spacing, scene.spacing_values, largest_change=scene.largest_change, of=of
+        ),
+        "physics": plain(scene.physics) | {"floor_friction": scene.floor_friction},
+    }
+    if scene.stock is None and scene.thickness is not None:
+        tables["thickness"] = RangeTable.of_bounds(scene.thickness, scene.thickness_values, of=of)
+    if scene.growth is not None:
+        tables["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
+    if scene.placement_deviation:
+        tables["placement"] = {"deviation": scene.placement_deviation}
+    if scene.settings is not None:
+        kinds = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
+        tables[next(kinds, "settings")] = scene.settings
+    return dict(_of_file(plain(tables)))
+
+
+def _of_file(value: Any) -> Any:
+    """Leave out what is None, and write tuples as lists."""
+    if isinstance(value, dict):
+        return {key: _of_file(one) for key, one in value.items() if one is not None}
+    return [_of_file(one) for one in value] if isinstance(value, tuple | list) else value
 
 
 def steps(low: float, high: float, step: float) -> Values:
@@ -271,16 +295,16 @@ else:
         module=__name__,
         kw_only=True,
     )
-"""All that a scene's file says: `SceneTables`, and the tables of objectives, named as they are."""
+"""Tables of a scene's file: `SceneTables`, and the tables of objectives by their names."""
 
 
 def text_of(document: dict[str, Any]) -> str:
-    """Write the text of a document: values before tables, and tables of tables in a line."""
+    """Return a document as TOML: values before tables, and inner tables in one line."""
     lines = []
     for key, value in sorted(document.items(), key=lambda item: isinstance(item[1], dict)):
         if isinstance(value, dict):
-            told = (f"{k} = {_toml(v)}" for k, v in value.items() if v is not None)
-            lines += ["", f"[{key}]", *told]
+            entries = (f"{k} = {_toml(v)}" for k, v in value.items() if v is not None)
+            lines += ["", f"[{key}]", *entries]
         else:
             lines.append(f"{key} = {_toml(value)}")
     return "\n".join(lines) + "\n"

@@ -1,8 +1,7 @@
-"""Ranges where a scene's file gives a number: what is drawn, between what, in which measure."""
+"""Ranges in the file of a scene distribution: bounds, spread and unit of each sampled number."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
@@ -10,23 +9,23 @@ from msgspec import Meta
 from domino_env.core.models import LARGEST, Number, Table, model_of
 
 Place = tuple[str, str]
+"""Table and key of a number in a scene's file."""
 
 COUNT, PUSH = ("row", "count"), ("physics", "push")
 IN_HEIGHTS = {PUSH, ("row", "first_thickness"), ("row", "length")} | {
     (table, key) for table in ("spacing", "thickness") for key in ("min", "max", "fixed")
 }
-"""Where a range may count in heights."""
-UNFELT = {("row", "width"), ("row", "density")}
+"""Places where a range may count in heights."""
 
 
 class Range(Table, frozen=True):  # type: ignore[misc]
-    """A number that is drawn for every scene."""
+    """A number that is sampled for every scene."""
 
-    min: Annotated[Number, Meta(description="the least that is drawn")]
-    max: Annotated[Number, Meta(description="the largest that is drawn")]
+    min: Annotated[Number, Meta(description="the smallest value")]
+    max: Annotated[Number, Meta(description="the largest value")]
     spread: Annotated[
         Literal["even", "log"],
-        Meta(description="drawn evenly, or evenly in the logarithm"),
+        Meta(description="distribution: even, or even in the logarithm"),
     ] = "even"
     of: Annotated[
         Literal["height"] | None,
@@ -35,9 +34,9 @@ class Range(Table, frozen=True):  # type: ignore[misc]
             "scenes of any size have the same numbers"
         ),
     ] = None
-    apart: Annotated[
+    min_ratio: Annotated[
         Annotated[float, Meta(ge=1, le=LARGEST)] | None,
-        Meta(description="of a table's max: at least this times the min that was drawn"),
+        Meta(description="of a table's max: at least this times the sampled min"),
     ] = None
 
     SCHEMA: ClassVar = {"title": "a range"}
@@ -50,17 +49,17 @@ class Range(Table, frozen=True):  # type: ignore[misc]
 
 
 def has_ranges(document: dict[str, Any]) -> bool:
-    """Tell whether a file gives a range where a scene has a number."""
-    return any(True for _ in _places(document))
+    """Return True for a file that gives a range where a scene has a number."""
+    return bool(_places(document))
 
 
 def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
-    """Read the ranges of a file, in its order.
+    """Return the ranges of a file, in its order.
 
     Parameters
     ----------
     document
-        What `tomllib` made of it.
+        The file as `tomllib` reads it.
 
     Raises
     ------
@@ -68,26 +67,34 @@ def ranges_of(document: dict[str, Any]) -> dict[Place, Range]:
         With the place, its value and what is allowed.
     """
     found: dict[Place, Range] = {}
-    for place in _places(document):
-        table, key = place
-        where = f"{table}.{key}"
-        drawn = model_of(Range, document[table][key], where)
-        if place in UNFELT:
-            raise ValueError(f"{where} changes no time: give a number, not a range")
-        if drawn.of is not None and (place not in IN_HEIGHTS or "of" in document[table]):
+    for table, key in _places(document):
+        place, name = (table, key), f"{table}.{key}"
+        found[place] = sampled = model_of(Range, document[table][key], name)
+        if sampled.of is not None and (place not in IN_HEIGHTS or "of" in document[table]):
             raise ValueError(
-                f"{where}.of = 'height': only of a push, a length or a thickness in metres"
+                f"{name}.of = 'height': only of a push, a length or a thickness in metres"
             )
-        if place == COUNT and (drawn.min % 1 or drawn.max % 1):
-            raise ValueError(f"{where} = {drawn.min} to {drawn.max}: give whole numbers")
-        found[place] = drawn
-    for place in found:
-        _require_apart(document, found, place)
+        if place == COUNT and (sampled.min % 1 or sampled.max % 1):
+            raise ValueError(f"{name} = {sampled.min} to {sampled.max}: give whole numbers")
+    for (table, key), sampled in found.items():
+        if sampled.min_ratio is None:
+            continue
+        least = found.get((table, "min"), document[table].get("min"))
+        if key != "max" or least is None:
+            raise ValueError(f"{table}.{key}.min_ratio: only of a max beside a min")
+        most, of = (least.max, least.of) if isinstance(least, Range) else (float(least), None)
+        if of != sampled.of:
+            raise ValueError(f"{table}.{key}.min_ratio: min and max must be in the same unit")
+        if sampled.min_ratio * most > sampled.max:
+            raise ValueError(
+                f"{table}.min = {most}: {sampled.min_ratio} times it is beyond {table}.max = "
+                f"{sampled.max}"
+            )
     return found
 
 
 def filled(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, Any]:
-    """Write the file of one scene: numbers in the place of ranges."""
+    """Return the document of one scene, with numbers in the place of ranges."""
     tables = {
         name: dict(table) if isinstance(table, dict) else table for name, table in document.items()
     }
@@ -96,26 +103,11 @@ def filled(document: dict[str, Any], numbers: dict[Place, float]) -> dict[str, A
     return tables
 
 
-def _places(document: dict[str, Any]) -> Iterator[Place]:
-    for table, held in document.items():
-        if isinstance(held, dict):
-            for key, value in held.items():
-                if isinstance(value, dict):
-                    yield table, key
-
-
-def _require_apart(document: dict[str, Any], found: dict[Place, Range], place: Place) -> None:
-    """The least is to leave room for what lies apart from it."""
-    (table, key), drawn = place, found[place]
-    if drawn.apart is None:
-        return
-    least = found.get((table, "min"), document[table].get("min"))
-    if key != "max" or least is None:
-        raise ValueError(f"{table}.{key}.apart: only of a max beside a min")
-    most, of = (least.max, least.of) if isinstance(least, Range) else (float(least), None)
-    if of != drawn.of:
-        raise ValueError(f"{table}.{key}.apart: min and max must be in the same unit")
-    if drawn.apart * most > drawn.max:
-        raise ValueError(
-            f"{table}.min = {most}: {drawn.apart} times it is beyond {table}.max = {drawn.max}"
-        )
+def _places(document: dict[str, Any]) -> list[Place]:
+    return [
+        (name, key)
+        for name, table in document.items()
+        if isinstance(table, dict)
+        for key, value in table.items()
+        if isinstance(value, dict)
+    ]

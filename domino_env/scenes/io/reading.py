@@ -1,4 +1,4 @@
-"""Scenes read from TOML files, by name, by path or beside a layout."""
+"""Scenes read from TOML files, by name, by path or beside a layout, and layouts of scenes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from domino_env.core.files import naming, one_line, read_bytes, refuse
+from domino_env.core.files import naming, one_line, read_bytes, refuse, write_text
 from domino_env.core.progress import advise
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import WIDTH, unit_hint
@@ -19,19 +19,16 @@ from domino_env.scenes.scene import Scene
 
 SHIPPED = resources.files("domino_env.scenes") / "shipped"
 DISTRIBUTIONS = resources.files("domino_env.scenes") / "distributions"
-IS_DISTRIBUTION = (
-    "it gives ranges where a scene has numbers: load it by load_distribution, and draw scenes by "
-    "its sample()"
-)
+SCENE = "scene.toml"
 
 
 def scene_names() -> list[str]:
-    """List the names of the scenes that ship."""
+    """Return the names of the scenes that ship."""
     return _names_in(SHIPPED)
 
 
 def distribution_names() -> list[str]:
-    """List the names of the distributions of scenes that ship."""
+    """Return the names of the scene distributions that ship."""
     return _names_in(DISTRIBUTIONS)
 
 
@@ -41,71 +38,73 @@ def _names_in(folder: Traversable) -> list[str]:
 
 
 def load_scene(name: str | Path) -> Scene:
-    """Load a scene that ships, by name, or one of your own, by the path of its TOML file.
-
-    Raises
-    ------
-    ValueError
-        With file, key, value and what is allowed; for a file that gives ranges, which
-        `load_distribution` reads.
-    """
-    if str(name) in distribution_names():
-        refuse(str(name), IS_DISTRIBUTION)
-    return scene_of_document(*read_named(name, "scene"))
-
-
-def read_named(name: str | Path, kind: str) -> tuple[dict[str, Any], str, str]:
-    """Read a file as TOML, by the name of what ships or by its path.
+    """Load a scene.
 
     Parameters
     ----------
     name
-        Of what ships, or a path.
-    kind
-        What it is: "scene" or "distribution".
-
-    Returns
-    -------
-    tuple
-        The document, what it is called unless it says so itself, and what errors call the file.
+        Name of a scene that ships, or path of a TOML file.
 
     Raises
     ------
     ValueError
-        For a file that there is not, or that cannot be read.
+        With file, key, value and what is allowed; for a file with ranges, which
+        `load_distribution` reads.
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> de.load_scene("sprint").count
+    40
     """
-    folder = SHIPPED if kind == "scene" else DISTRIBUTIONS
-    path, known = Path(name), _names_in(folder)
-    if str(name) in known:
-        text = (folder / f"{name}.toml").read_text("utf-8")
-        return document_of_text(text, f"{name}.toml"), str(name), f"{name}.toml"
-    if not (path.suffix == ".toml" or path.is_file()):
-        near = difflib.get_close_matches(str(name)[:300], known, n=1)
+    return scene_of_document(*read_named(name))
+
+
+def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
+    """Read a file as TOML, by the name of what ships or by its path.
+
+    Returns
+    -------
+    tuple
+        The document, its name unless it holds one, and the name of the file in messages.
+
+    Raises
+    ------
+    ValueError
+        For a file that does not exist or cannot be read.
+    """
+    known = {name: folder for folder in (SHIPPED, DISTRIBUTIONS) for name in _names_in(folder)}
+    path, text = Path(name), str(name)
+    if text in known:
+        file = f"{name}.toml"
+        return document_of_text((known[text] / file).read_text("utf-8"), file), text, file
+    if path.suffix != ".toml" and not path.is_file():
+        near = difflib.get_close_matches(text[:300], known, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(
-            f"there is no {kind} '{one_line(str(name), 100)}': {hint}{kind}s that ship: "
+            f"there is no scene '{one_line(text, 100)}': {hint}scenes that ship: "
             f"{', '.join(known)}; or give the path of a .toml file"
         )
     if not path.is_file():
-        refuse(path, f"there is no such {kind} file")
+        refuse(path, "there is no such scene file")
     try:
-        text = read_bytes(path).decode("utf-8-sig")
+        content = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
         refuse(path, "not UTF-8 text; save the file as UTF-8")
-    return document_of_text(text, str(path)), path.stem, str(path)
+    return document_of_text(content, str(path)), path.stem, str(path)
 
 
 def parse_scene(text: str, name: str, file: str) -> Scene:
-    """Read a scene from the text of its file.
+    """Return the scene of a text.
 
     Parameters
     ----------
     text
         TOML.
     name
-        What the scene is called unless the text says it.
+        Name of the scene unless the text holds one.
     file
-        What errors call the text.
+        Name of the text in messages.
 
     Raises
     ------
@@ -116,46 +115,74 @@ def parse_scene(text: str, name: str, file: str) -> Scene:
 
 
 def document_of_text(text: str, file: str) -> dict[str, Any]:
-    """Read the text of a file as TOML; ValueError with the file's name for what is none."""
+    """Return the document of a text in TOML; ValueError with the file's name for other text."""
     with naming(file):
         try:
             return tomllib.loads(text)
         except RecursionError:
-            raise ValueError("not TOML: nested too deep") from None
+            raise ValueError("not TOML: nested too deeply") from None
         except ValueError as error:
             raise ValueError(f"not TOML: {error}") from None
 
 
 def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
-    """Read a scene from what `tomllib` makes of the text of its file; see `parse_scene`."""
+    """Return the scene of a document that `tomllib` has read; see `parse_scene`."""
     with naming(file):
         if has_ranges(document):
-            raise ValueError(IS_DISTRIBUTION)
+            raise ValueError(
+                "it gives ranges where a scene has numbers: load it by load_distribution, and draw "
+                "scenes by its sample()"
+            )
         scene = Scene.of_document({"name": name} | document)
-        slip = unit_hint(scene.height, scene.spacing, scene.thickness)
-        if slip is not None and not scene.in_heights:
-            advise(f"{one_line(file, 160, keep_end=True)}: {slip}")
+        hint = unit_hint(scene.height, scene.spacing, scene.thickness)
+        if hint is not None and not scene.in_heights:
+            advise(f"{one_line(file, 160, keep_end=True)}: {hint}")
         return scene
 
 
-SCENE = "scene.toml"
-
-
 def scene_beside(path: str | Path) -> Scene | None:
-    """Load the scene.toml in a run's folder, or beside a layout's file; None where there is none.
+    """Load the scene of a layout: row.scene.toml or scene.toml beside row.csv; None without.
+
+    Parameters
+    ----------
+    path
+        File of the layout, or the folder of a run with its scene.toml.
 
     Raises
     ------
     ValueError
         As `load_scene`.
     """
-    folder = Path(path)
-    file = (folder if folder.is_dir() else folder.parent) / SCENE
-    return load_scene(file) if file.is_file() else None
+    path = Path(path)
+    files = [path / SCENE]
+    if not path.is_dir():
+        files = [path.with_suffix(f".{SCENE}"), path.parent / SCENE]
+    return next((load_scene(one) for one in files if one.is_file()), None)
+
+
+def write_layout(layout: Layout, file: str | Path, scene: Scene) -> None:
+    """Write a layout of a scene to a .csv or .json file, and the scene beside it.
+
+    The scene of row.csv is in row.scene.toml, where `scene_beside` finds it.
+
+    Raises
+    ------
+    ValueError
+        For another kind of file, and for a file that cannot be written.
+    """
+    path = Path(file)
+    write = {".csv": layout.to_csv, ".json": layout.to_json}.get(path.suffix.lower())
+    if write is None:
+        raise ValueError(f"{path}: a layout is written to a .csv or .json file")
+    try:
+        write(path)
+        write_text(path.with_suffix(f".{SCENE}"), scene.to_toml())
+    except OSError as error:
+        raise ValueError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def common_scene(paths: Sequence[str | Path]) -> Scene | None:
-    """Load the scene of rows that are shown together; those that lie beside none take it too.
+    """Load the scene of layouts that are shown together; those without a scene take it too.
 
     Parameters
     ----------
@@ -165,7 +192,7 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     Raises
     ------
     ValueError
-        For rows of different scenes, and as `load_scene`.
+        For layouts of different scenes, and as `load_scene`.
     """
     common: tuple[str | Path, Scene] | None = None
     for path in paths:
@@ -175,17 +202,19 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
         if common is not None and scene != common[1]:
             one, other = (one_line(str(name), 160, keep_end=True) for name in (common[0], path))
             raise ValueError(
-                f"{one} and {other} lie beside different scenes ('{common[1].name}' and "
-                f"'{scene.name}'): race one scene, or say by --scene which is meant"
+                f"{one} and {other} are of different scenes ('{common[1].name}' and "
+                f"'{scene.name}'): show layouts of one scene, or name one by --scene"
             )
         common = common or (path, scene)
     return common and common[1]
 
 
 def read_layout(path: str | Path, scene: Scene | None) -> Layout:
-    """Read a layout; what its file does not say of width and ground is as in the scene."""
-    row = Layout.read(path, WIDTH if scene is None else scene.width)
-    if scene is None or scene.ground is None or not row.is_flat:
-        return row
+    """Read a layout; width and ground are the scene's where its file does not have them."""
+    layout = Layout.read(path, WIDTH if scene is None else scene.width)
+    if scene is None or scene.ground is None or not layout.is_flat:
+        return layout
     with naming(path):
-        return scene.ground.layout(row.spacing, row.thickness, row.height, row.width, row.density)
+        return scene.ground.layout(
+            layout.spacing, layout.thickness, layout.height, layout.width, layout.density
+        )

@@ -79,7 +79,7 @@ def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(capsys, row, tmp_p
     score, mark = scene.score(layout), scene.uniform().score
     assert f"score {score:.6f} on 'sprint', {score / mark - 1:+.2%} against the best" in text
     text = said(capsys, "simulate", row, "--scene", "sprint", "--push", 9)
-    assert "not a layout of scene 'sprint': 5 dominoes stand where the scene asks for 40" in text
+    assert "not a layout of scene 'sprint': the layout has 5 dominoes, and the scene 40" in text
     assert "not a layout of scene 'sprint': friction, gravity or push differ" in text
     assert "score" not in text
 

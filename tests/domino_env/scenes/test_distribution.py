@@ -80,18 +80,17 @@ def test_numbers_are_read_off_the_scenes_that_are_made_of_them():
     [
         ("min = 0.0, max = 0.4", "min = 0.5, max = 0.4", "physics.friction.min = 0.5 is more"),
         ("min = 0.5,", "min = 0.0,", 'spread = "log" needs more than 0'),
-        ("apart = 2", "apart = 5", "5.0 times it is beyond spacing.max = 0.9"),
+        ("min_ratio = 2", "min_ratio = 5", "5.0 times it is beyond spacing.max = 0.9"),
         ("count = {min = 4,", "count = {min = 4.5,", "row.count = 4.5 to 9.0: give whole numbers"),
         ("min = 1.6,", 'of = "height", min = 1.6,', "physics.gravity.of = 'height': only of"),
         ("{min = 0.03,", "{least = 0.03,", "unknown key 'row.height.least'"),
-        ("first_thickness", "width = {min = 0.01, max = 0.02}\nfirst_thickness", "changes no time"),
-        ("max = 0.012}", "max = 0.012, apart = 1}", "min and max must be|apart"),
+        ("max = 0.012}", "max = 0.012, min_ratio = 1}", "min and max must be"),
     ],
 )
 def test_ranges_that_are_none_are_refused(old, new, words):
     assert old in TEXT
-    if new.endswith("apart = 1}"):
-        new = 'max = 0.012, apart = 1, of = "height"}'
+    if new.endswith("min_ratio = 1}"):
+        new = 'max = 0.012, min_ratio = 1, of = "height"}'
     with pytest.raises(ValueError, match=words):
         de.SceneDistribution(tomllib.loads(TEXT.replace(old, new)), "wrong")
 
@@ -99,9 +98,9 @@ def test_ranges_that_are_none_are_refused(old, new, words):
 def test_scenes_and_distributions_are_told_apart(tmp_path, monkeypatch):
     for load, name, words in (
         (de.load_scene, "varied", "load it by load_distribution"),
-        (de.load_distribution, "sprint", "it is one scene.*load it by load_scene"),
+        (de.load_distribution, "sprint", "it is one scene, without a range: load it by load_scene"),
         (de.load_distribution, "varid", "did you mean 'varied'"),
-        (de.load_scene, "varid", "there is no scene 'varid'"),
+        (de.load_scene, "varid", "there is no scene 'varid': did you mean 'varied'"),
     ):
         with pytest.raises(ValueError, match=words):
             load(name)
@@ -111,6 +110,6 @@ def test_scenes_and_distributions_are_told_apart(tmp_path, monkeypatch):
     file.write_text(TEXT)
     assert de.DominoChain(file).distribution == de.load_distribution(file)
     assert de.load_distribution(file).name == "mine"
-    monkeypatch.setattr(distribution, "MOST_DRAWN", 5)
-    with pytest.raises(ValueError, match="of 5 scenes drawn none can be used; of the last: "):
+    monkeypatch.setattr(distribution, "MOST_SAMPLED", 5)
+    with pytest.raises(ValueError, match="of 5 sampled scenes none can be used; the last: "):
         de.SceneDistribution(tomllib.loads(TEXT.replace("0.007", "1e-12")), "none")

@@ -159,5 +159,5 @@ def test_files_keep_the_ground_and_rows_are_laid_on_it(tmp_path):
         kept.to_csv(tmp_path / name)
         assert read_layout(tmp_path / name, FREE) == row
     assert FREE.violations(row) == []
-    assert "as its ground lies" in FREE.violations(flat)[0]
+    assert "on its ground; use the scene's" in FREE.violations(flat)[0]
     assert "must be 0" in replace(FREE, ground=None).violations(row)[0]

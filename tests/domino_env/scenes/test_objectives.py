@@ -136,7 +136,7 @@ def test_a_growing_row_keeps_its_rules() -> None:
     assert [w.split(" ")[0] for w in words] == ["growth[5]", "spacing[0]", "thickness[1]"]
     assert words[0].endswith("the scene allows 1.0 to 1.6")
     assert words[2].endswith("(and 10 more): the scene allows 0.15 heights")
-    with pytest.raises(ValueError, match="lets the row grow: give the heights too"):
+    with pytest.raises(ValueError, match="height is missing: scene 'magnify' leaves it free"):
         scene.layout(0.02)
 
 

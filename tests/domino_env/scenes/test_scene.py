@@ -121,7 +121,7 @@ def test_the_score_of_a_layout_that_breaks_the_rules_is_refused() -> None:
 def test_every_broken_rule_gets_its_sentence() -> None:
     scene = small(length=0.14, thickness=(0.006, 0.008))
     assert scene.violations(de.Layout([0.01], 0.0075)) == [
-        "2 dominoes stand where the scene asks for 8"
+        "the layout has 2 dominoes, and the scene 8"
     ]
     gaps = np.array([0.003, 0.01, 0.01, 0.01, 0.01, 0.01, 0.031])
     thickness = np.array([0.007, 0.0075, 0.0075, 0.0075, 0.0075, 0.0075, 0.0075, 0.009])
@@ -130,14 +130,14 @@ def test_every_broken_rule_gets_its_sentence() -> None:
         "thickness[0]", "height[0]", "density[0]", "spacing[0]", "thickness[7]", "the",
     ]  # fmt: skip
     assert words[3] == "spacing[0] = 0.003 m (and 1 more): the scene allows 0.004 to 0.03 m"
-    assert words[5].startswith("the row is 0.138000000 m long, not 0.14 m: -0.002 m")
+    assert words[5].startswith("the layout is 0.138000000 m long: the scene has 0.14 m (-0.002 m)")
 
 
 def test_a_layout_is_filled_in_from_the_scene() -> None:
     scene = small(first_thickness=0.009)
     layout = scene.layout(0.016)
     assert layout.thickness.tolist() == [0.009] + [0.0075] * 7
-    with pytest.raises(ValueError, match="leaves the thickness free"):
+    with pytest.raises(ValueError, match="thickness is missing: scene 'small'"):
         small(thickness=(0.005, 0.01)).layout(0.016)
 
 
