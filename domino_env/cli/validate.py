@@ -33,6 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--uncertainty", type=float, metavar="PERCENT", default=2.0,
         help="standard uncertainty of each frequency [%%] (2)",
     )  # fmt: skip
+    chains.add_argument(
+        "--pitch-uncertainty", type=float, metavar="MM", default=0.2,
+        help="standard uncertainty of each pitch [mm] (0.2, of a template)",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -64,35 +68,39 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _sources(arguments: argparse.Namespace) -> list[Source]:
+    """Return the sources that are named, in order, with the given chains as the last."""
     from pathlib import Path
 
     from domino_env.validation.source import read_source, shipped_sources, source_of_frequencies
 
-    shipped, found, rows = shipped_sources(), [], []
+    shipped, sources, pairs = shipped_sources(), [], []
     for word in arguments.sources:
         if word in shipped:
-            found.append(shipped[word])
+            sources.append(shipped[word])
         elif word.endswith(".toml"):
-            found.append(read_source(Path(word)))
+            sources.append(read_source(Path(word)))
         elif "=" in word:
-            rows.append(_pair(word))
+            pairs.append(_pair(word))
         else:
             raise ValueError(
-                f"'{word}': give a source ({', '.join(shipped)}), a .toml file, or rows as in "
+                f"'{word}': give a source ({', '.join(shipped)}), a .toml file, or chains as in "
                 "16=64.4"
             )
-    if rows:
-        pitches, frequencies = zip(*rows, strict=True)
-        sizes = 1e-3 * arguments.thickness, 1e-3 * arguments.height, arguments.gravity
-        rest = (*sizes, 0.01 * arguments.uncertainty)
-        found.append(source_of_frequencies(pitches, frequencies, *rest))
-    return found or list(shipped.values())
+    if pairs:
+        pitches, frequencies = zip(*pairs, strict=True)
+        sources.append(
+            source_of_frequencies(
+                pitches, frequencies, 1e-3 * arguments.thickness, 1e-3 * arguments.height,
+                arguments.gravity, 0.01 * arguments.uncertainty, 1e-3 * arguments.pitch_uncertainty,
+            )
+        )  # fmt: skip
+    return sources or list(shipped.values())
 
 
 def _pair(word: str) -> tuple[float, float]:
-    """Read PITCH=FREQUENCY as a pitch [m] and hits per second."""
+    """Read PITCH=FREQUENCY as a pitch [m] and hits per second [1/s]."""
     try:
-        pitch, told = map(float, word.split("="))
+        pitch, frequency = map(float, word.split("="))
     except ValueError:
         raise ValueError(f"'{word}': write PITCH=FREQUENCY, as in 16=64.4") from None
-    return 1e-3 * pitch, told
+    return 1e-3 * pitch, frequency

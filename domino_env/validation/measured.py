@@ -1,7 +1,7 @@
-"""Measured chains beside the model: friction fitted, each spacing left out in turn, reasons.
+"""Comparison of measured chains with the model: fitted friction, predictions, reason codes.
 
 A source is compared in its own setting, in the other readings that its file names, and with each
-effect that the model leaves out, as large as simulated layouts have it at the friction found.
+effect that the model leaves out, as large as simulated layouts have it at the fitted friction.
 """
 
 from __future__ import annotations
@@ -10,9 +10,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import Any
 
+import msgspec
 import numpy as np
 
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import HEIGHT
@@ -20,117 +23,115 @@ from domino_env.physics.steady import steady_wave
 from domino_env.physics.wave import simulate, simulate_batch
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.validation.source import (
+    TEMPLATE,
+    Chain,
     Quantity,
-    Row,
     Setting,
     Source,
     source_of_frequencies,
 )
 
-Model = Callable[[float], float]
-"""What is measured, as a function of the friction between dominoes."""
 Effect = Callable[[Setting, float, float], float]
 """Speed with the effect over speed without, of a setting at a pitch and a friction."""
 
-RTOL = 1e-6  # of times; what is measured is known to a thousandth at best
-ROUGHEST = 1.5  # friction looked for
-TRIED = 61  # frictions tried before the best of them is refined
-CLOSE = 1e-7  # of the friction
-STEP = 1e-4  # of the friction, for slopes
-MOST = 2.0  # standard uncertainties that a row may deviate and still count as explained
-CLEARLY = 1.0  # standard uncertainties by which both ends of a trend have to deviate
+RTOL = 1e-6  # of simulated times; measurements are known to a thousandth at best
+HIGHEST_FRICTION = 1.5
+GRID = 61  # frictions evaluated before the best of them is refined
+FRICTION_TOLERANCE = 1e-7
+FRICTION_STEP = 1e-4  # for the derivative by the friction
+LARGEST_DEVIATION = 2.0  # standard uncertainties at which a chain still counts as explained
+TREND = 1.0  # standard uncertainties by which both ends of a trend have to deviate
 HELPFUL = 0.75  # of the largest deviation without an effect
 STANDING, SETTLED = 24, 10  # dominoes on a floor, and those before their wave is steady
-STANDING_RTOL = 1e-2  # coarsest steps give times within 0.1 % of the finest
-DRAWS, SEED = 20, 18  # layouts with uneven gaps, and their seed
+STANDING_RTOL = 1e-2  # the coarsest steps give times within 0.1 % of the finest
+SAMPLES, SEED = 20, 18  # layouts with uneven gaps
 DOMINOES, STARTED = 60, 20  # in them, and those before the wave counts as steady
-NARROWEST, HIGHEST = 0.05, 0.999  # [gaps], [heights]: gaps drawn beyond are as wide as this
+NARROWEST, WIDEST = 0.05, 0.999  # limits of an uneven gap, in mean gaps and in heights
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
-    """A source beside the model, in one reading.
+    """A source compared with the model in one reading.
 
     Attributes
     ----------
-    what
+    label
         The reading in words; empty for the source's own.
     setting
-        The same as numbers.
-    rows
-        (K,) those that it speaks of.
-    friction, uncertainty
-        Of least squares, and its standard error; where the rows scatter more than their
-        uncertainties, as they scatter.
-    sigmas
-        (K,) one standard uncertainty of each value, that of x included.
-    explained
-        (K,) values at that friction.
-    single
-        (K,) friction that explains each row alone; nan where none does.
-    smooth
-        (K,) values without friction.
-    predicted
-        (K,) values at the friction fitted to the rows of all other spacings; nan for one spacing.
+        The reading in numbers.
+    chains
+        (K,) its chains.
     factors
-        (K,) factors of an effect on the model's speeds; 1 without.
+        (K,) factors of an effect on the speeds of the model; 1 without an effect.
+    friction, uncertainty
+        Friction between dominoes by least squares, and its standard error, which grows with the
+        scatter where chains scatter by more than their uncertainties.
+    sigmas
+        (K,) standard uncertainty of each value, that of x included.
+    model
+        (K,) values of the model at the fitted friction.
+    friction_alone
+        (K,) friction that explains each chain alone; nan where none does.
+    frictionless
+        (K,) values of the model without friction.
+    predicted
+        (K,) values at the friction fitted to the chains of all other spacings; nan without others.
     """
 
-    what: str
+    label: str
     setting: Setting
-    rows: tuple[Row, ...]
+    chains: tuple[Chain, ...]
+    factors: Floats
     friction: float
     uncertainty: float
-    sigmas: tuple[float, ...]
-    explained: tuple[float, ...]
-    single: tuple[float, ...]
-    smooth: tuple[float, ...]
-    predicted: tuple[float, ...]
-    factors: tuple[float, ...]
+    sigmas: Floats
+    model: Floats
+    friction_alone: Floats
+    frictionless: Floats
+    predicted: Floats
 
     @property
-    def deviations(self) -> tuple[float, ...]:
-        """(K,) model less measured, in standard uncertainties."""
-        rows = zip(self.explained, self.rows, self.sigmas, strict=True)
-        return tuple((e - r.value) / s for e, r, s in rows)
+    def deviations(self) -> Floats:
+        """(K,) model less measured value, in standard uncertainties."""
+        return (self.model - [chain.value for chain in self.chains]) / self.sigmas
 
     @property
     def chi_square(self) -> float:
-        """Sum of their squares; with K rows, around K - 1 where the model is right."""
-        return sum(one * one for one in self.deviations)
+        """Sum of squared deviations; around K - 1 for K chains where the model is right."""
+        return float(np.sum(self.deviations**2))
 
     @property
     def worst(self) -> float:
-        """The largest of them."""
-        return max(map(abs, self.deviations))
+        """Largest deviation, as a magnitude."""
+        return float(np.max(np.abs(self.deviations)))
 
     @property
     def holds(self) -> bool:
-        """Whether every row is within `MOST` standard uncertainties."""
-        return self.worst <= MOST
+        """True where every chain is within `LARGEST_DEVIATION`."""
+        return self.worst <= LARGEST_DEVIATION
 
     @property
     def several(self) -> bool:
-        """Whether the rows have more than one spacing; a single one always has its friction."""
-        return len({row.x for row in self.rows}) > 1
+        """True for more than one spacing; a single one always has its friction."""
+        return len({chain.x for chain in self.chains}) > 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Validation:
-    """A source beside the model.
+    """A source compared with the model in all readings.
 
     Attributes
     ----------
     source
-        What was measured.
+        The measurements.
     main
-        In the source's own setting.
+        Comparison in the source's own setting.
     readings
-        In the other readings that its file names.
+        Comparisons in other readings.
     effects
-        In its own setting, with one thing that the model leaves out.
+        Comparisons in its own setting, each with one effect that the model leaves out.
     reasons
-        Codes of what speaks against the model, or for an explanation; docs/measured.md tells them.
+        Codes of the evidence against the model, or for an explanation; docs/measured.md has them.
     """
 
     source: Source
@@ -141,153 +142,135 @@ class Validation:
 
     @property
     def explained(self) -> bool:
-        """Whether friction alone explains every row, and is the one measured by itself."""
+        """True where friction alone explains every chain, and agrees with its own measurement."""
         return self.main.holds and "friction-disagrees" not in self.reasons
 
 
-def speed_of(quantity: Quantity, setting: Setting, x: float, value: float) -> float:
-    """Return the speed that a measured value means [m/s]."""
-    if quantity == "time":
-        value = (setting.count - 1) / value
-    return value if quantity == "speed" else value * setting.pitch(x)
+@cache
+def hit_frequency(setting: Setting, pitch: float, friction: float) -> float:
+    """Return the hits per second of the model [1/s]; 0 where friction is too high for a wave."""
+    if setting.measured == "steady":
+        physics = Physics(friction, setting.gravity)
+        wave = steady_wave(pitch, setting.thickness, setting.height, physics, rtol=RTOL)
+        return float(wave.frequency)
+    layout = Layout.uniform(
+        setting.count, pitch=pitch, thickness=setting.thickness, height=setting.height
+    )
+    physics = Physics(friction, setting.gravity, setting.push)
+    return float(simulate(layout, physics, rtol=RTOL).mean_speed / pitch)
 
 
-def row_model(setting: Setting, quantity: Quantity, x: float, factor: float = 1.0) -> Model:
-    """Make the model of a row: hits a second, m/s or seconds as a function of the friction.
+def model_value(
+    quantity: Quantity, setting: Setting, x: float, friction: float, factor: float = 1.0
+) -> float:
+    """Return the model's frequency [1/s], speed [m/s] or time [s] of a chain.
 
-    Frequency and speed are 0 and a time is infinite where friction is too high for a wave. Each
-    friction is simulated once. The factor is on the speed.
+    The factor is on the speed. Where friction is too high for a wave, frequency and speed are 0 and
+    the time is infinite.
     """
     pitch = setting.pitch(x)
-
-    @cache
-    def value(friction: float) -> float:
-        if setting.measured == "steady":
-            physics = Physics(friction, setting.gravity)
-            wave = steady_wave(pitch, setting.thickness, setting.height, physics, rtol=RTOL)
-            frequency = factor * wave.frequency
-        else:
-            sizes = {"thickness": setting.thickness, "height": setting.height}
-            layout = Layout.uniform(setting.count, pitch=pitch, **sizes)
-            whole = simulate(layout, Physics(friction, setting.gravity, setting.push), rtol=RTOL)
-            frequency = factor * float(whole.mean_speed / pitch)
-        if quantity == "time":
-            return (setting.count - 1) / frequency if frequency else math.inf
-        return frequency if quantity == "frequency" else frequency * pitch
-
-    return value
+    frequency = factor * hit_frequency(setting, pitch, friction)
+    if quantity == "time":
+        return (setting.count - 1) / frequency if frequency else math.inf
+    return frequency if quantity == "frequency" else frequency * pitch
 
 
 def compare(
-    source: Source, setting: Setting, what: str = "", factors: Sequence[float] | None = None
+    source: Source, setting: Setting, label: str = "", factors: Sequence[float] | None = None
 ) -> Comparison:
     """Compare a source with the model in one reading.
 
     Parameters
     ----------
     source
-        What was measured.
+        The measurements.
     setting
-        What the experiment is taken to be.
-    what
-        That in words.
+        The reading.
+    label
+        The reading in words.
     factors
-        (K,) factors on the model's speeds, such as the effect of a floor; none without.
+        (K,) factors on the speeds of the model, such as the effect of a floor; none by default.
     """
-    rows, quantity = source.kept(setting), source.quantity
-    factors = tuple(factors or [1.0] * len(rows))
-    models = [row_model(setting, quantity, r.x, f) for r, f in zip(rows, factors, strict=True)]
-    values = [r.value for r in rows]
-    sigmas = [r.uncertainty for r in rows]
-    best, error = least_squares(models, values, sigmas)
+    chains = source.chains_of(setting)
+    x, values, sigmas = np.array([(one.x, one.value, one.uncertainty) for one in chains]).T
+    scale = np.ones(len(chains)) if factors is None else np.asarray(factors, dtype=np.float64)
+
+    def model(friction: float, shift: float = 0.0) -> Floats:
+        numbers = zip(x + shift, scale, strict=True)
+        values = (model_value(source.quantity, setting, xk, friction, f) for xk, f in numbers)
+        return np.array(list(values))
+
+    friction, error = fit(model, values, sigmas)
     if setting.x_uncertainty:
-        for k, (row, factor) in enumerate(zip(rows, factors, strict=True)):
-            beside = (row.x - setting.x_uncertainty, row.x + setting.x_uncertainty)
-            low, high = (row_model(setting, quantity, x, factor)(best) for x in beside)
-            if math.isfinite(high - low):
-                sigmas[k] = math.hypot(row.uncertainty, 0.5 * (high - low))
-        best, error = least_squares(models, values, sigmas)
-    explained = tuple(m(best) for m in models)
-    square = sum(((e - v) / s) ** 2 for e, v, s in zip(explained, values, sigmas, strict=True))
-    free = len(rows) - 1
+        low, high = (model(friction, sign * setting.x_uncertainty) for sign in (-1, 1))
+        with np.errstate(invalid="ignore"):
+            sigmas = np.hypot(sigmas, np.nan_to_num(0.5 * (high - low), posinf=0.0, neginf=0.0))
+        friction, error = fit(model, values, sigmas)
+    predicted = np.full(len(chains), np.nan)
+    for k, others in enumerate(x != x[:, None]):
+        if others.any():
+            predicted[k] = model(fit(model, values, sigmas, others)[0])[k]
+    deviations = (model(friction) - values) / sigmas
+    if len(chains) > 1:
+        error *= max(1.0, float(np.linalg.norm(deviations)) / math.sqrt(len(chains) - 1))
     return Comparison(
-        what=what,
-        setting=setting,
-        rows=rows,
-        friction=best,
-        uncertainty=error * max(1.0, math.sqrt(square / free) if free else 1.0),
-        sigmas=tuple(sigmas),
-        explained=explained,
-        single=tuple(friction_of(m, v) for m, v in zip(models, values, strict=True)),
-        smooth=tuple(m(0.0) for m in models),
-        predicted=leave_out([r.x for r in rows], models, values, sigmas),
-        factors=factors,
-    )
+        label, setting, chains, scale, friction, error, sigmas, model(friction),
+        solve(model, values), model(0.0), predicted,
+    )  # fmt: skip
 
 
-def leave_out(
-    places: Sequence[float],
-    models: Sequence[Model],
-    values: Sequence[float],
-    sigmas: Sequence[float],
-) -> tuple[float, ...]:
-    """Predict each row from a fit to the rows of all other spacings; nan where there are none."""
-    found = []
-    for place, model in zip(places, models, strict=True):
-        rows = zip(places, models, values, sigmas, strict=True)
-        others = [row[1:] for row in rows if row[0] != place]
-        found.append(model(least_squares(*zip(*others, strict=True))[0]) if others else math.nan)
-    return tuple(found)
-
-
-def least_squares(
-    models: Sequence[Model], values: Sequence[float], sigmas: Sequence[float]
+def fit(
+    model: Callable[[float], Floats], values: Floats, sigmas: Floats, chosen: Any = slice(None)
 ) -> tuple[float, float]:
-    """Find the friction of the smallest sum of squared errors in units of their uncertainty.
+    """Return the friction of least squares, 0 to `HIGHEST_FRICTION`, and its standard error.
 
     Parameters
     ----------
-    models
-        One a value.
-    values
-        What was measured.
-    sigmas
-        One standard uncertainty of each.
+    model
+        (K,) values at a friction.
+    values, sigmas
+        (K,) measured values and their standard uncertainties.
+    chosen
+        Index of the values that count; all by default.
 
     Returns
     -------
     tuple
-        The friction, between 0 and `ROUGHEST`, and its standard error as the `sigmas` imply it;
-        infinite where a wave of the model stops there, or no row depends on the friction.
+        Friction, and its standard error as the `sigmas` imply it: infinite where the wave of a
+        chain stops there, or no chain depends on the friction.
     """
     from scipy.optimize import minimize_scalar
 
-    rows = list(zip(models, values, sigmas, strict=True))
-
     def misfit(friction: float) -> float:
-        return sum(((m(friction) - v) / s) ** 2 for m, v, s in rows)
+        return float(np.sum((((model(friction) - values) / sigmas)[chosen]) ** 2))
 
-    tried = np.linspace(0.0, ROUGHEST, TRIED)
-    k = int(np.argmin([misfit(float(x)) for x in tried]))
-    around = float(tried[max(k - 1, 0)]), float(tried[min(k + 1, TRIED - 1)])
-    refined = minimize_scalar(misfit, bounds=around, method="bounded", options={"xatol": CLOSE})
-    # the refinement never tries its bounds
+    grid = np.linspace(0.0, HIGHEST_FRICTION, GRID)
+    k = int(np.argmin([misfit(float(x)) for x in grid]))
+    bounds = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, GRID - 1)])
+    refined = minimize_scalar(
+        misfit, bounds=bounds, method="bounded", options={"xatol": FRICTION_TOLERANCE}
+    )
+    # the refinement does not evaluate its bounds
     best = 0.0 if misfit(0.0) <= refined.fun else float(refined.x)
-    low = max(best - STEP, 0.0)
-    slopes = [(m(best + STEP) - m(low)) / (best + STEP - low) / s for m, _, s in rows]
-    steep = sum(s * s for s in slopes)
-    known = np.isfinite(steep) and steep > 0.0
-    return best, float(1.0 / np.sqrt(steep)) if known else float("inf")
+    low, high = max(best - FRICTION_STEP, 0.0), best + FRICTION_STEP
+    with np.errstate(invalid="ignore"):
+        rates = ((model(high) - model(low)) / (high - low) / sigmas)[chosen]
+    steepness = float(np.linalg.norm(rates))
+    return best, 1.0 / steepness if 0.0 < steepness < math.inf else math.inf
 
 
-def friction_of(model: Model, value: float) -> float:
-    """Find the friction at which a model gives a value; nan where none up to `ROUGHEST` does."""
+def solve(model: Callable[[float], Floats], values: Floats) -> Floats:
+    """Return (K,) the friction at which a model gives each value alone; nan where none does."""
     from scipy.optimize import brentq
 
-    smooth, rough = model(0.0) - value, model(ROUGHEST) - value
-    if smooth * rough > 0.0:
-        return float("nan")
-    return float(brentq(lambda m: model(m) - value, 0.0, ROUGHEST, xtol=CLOSE))
+    ends = (model(0.0) - values) * (model(HIGHEST_FRICTION) - values)
+    return np.array([
+        math.nan if end > 0.0 else brentq(
+            lambda mu, k=k: model(mu)[k] - values[k], 0.0, HIGHEST_FRICTION,
+            xtol=FRICTION_TOLERANCE,
+        )
+        for k, end in enumerate(ends)
+    ])  # fmt: skip
 
 
 def fit_friction(
@@ -297,111 +280,133 @@ def fit_friction(
     height: float = HEIGHT,
     gravity: float = 9.81,
 ) -> Comparison:
-    """Find the friction that explains measured hit frequencies of long uniform rows.
+    """Find the friction that explains measured hit frequencies of long uniform chains.
 
     Parameters
     ----------
     pitches
-        (K,) pivot to pivot, of each row [m].
+        (K,) pitch of each chain [m], taken as exact.
     frequencies
-        (K,) hits a second, each known to 2 %.
+        (K,) hits per second [1/s], each with a standard uncertainty of 2 %.
     thickness, height
-        Of all dominoes [m].
+        Sizes of all dominoes [m].
     gravity
-        [m/s²]
+        Acceleration of gravity [m/s²].
+
+    Returns
+    -------
+    Comparison
+        Fitted `friction` and its `uncertainty`, and the values of the model beside the measured.
 
     Raises
     ------
     ValueError
-        For pitches that no row can have, frequencies that are not positive, or no pairs of them.
+        For pitches that no chain can have, frequencies that are not positive, or no pairs of them.
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> round(de.fit_friction([0.016, 0.024, 0.032], [64.4, 42.3, 28.1]).friction, 2)
+    0.18
     """
     source = source_of_frequencies(pitches, frequencies, thickness, height, gravity)
     return compare(source, source.setting)
 
 
-# What the model leaves out ------------------------------------------------------------------------
+# Effects that the model leaves out ----------------------------------------------------------------
 
 
-def uneven(deviation: float, setting: Setting, pitch: float, friction: float) -> float:
+def uneven_gaps(deviation: float, setting: Setting, pitch: float, friction: float) -> float:
     """Return the factor on the speed of gaps with a standard deviation, in heights."""
     gap = pitch - setting.thickness
-    draws = np.random.default_rng(SEED).standard_normal((DRAWS, DOMINOES - 1))
-    gaps = np.vstack([np.full(DOMINOES - 1, gap), gap + deviation * setting.height * draws])
-    gaps = np.clip(gaps, NARROWEST * gap, HIGHEST * setting.height)
+    noise = np.random.default_rng(SEED).standard_normal((SAMPLES, DOMINOES - 1))
+    gaps = np.vstack([np.full(DOMINOES - 1, gap), gap + deviation * setting.height * noise])
+    gaps = np.clip(gaps, NARROWEST * gap, WIDEST * setting.height)
     thickness = np.full(DOMINOES, setting.thickness)
-    waves = simulate_batch(gaps, thickness, _pushed(setting, friction), height=setting.height)
+    waves = simulate_batch(gaps, thickness, _firm_push(setting, friction), height=setting.height)
     length = gaps[:, STARTED:].sum(axis=1) + (DOMINOES - 1 - STARTED) * setting.thickness
     speed = length / (waves.arrival_times[:, -1] - waves.arrival_times[:, STARTED])
     fell = np.isfinite(speed) & (speed > 0.0)
     return float(speed[1:][fell[1:]].mean() / speed[0]) if fell[0] and fell[1:].any() else 1.0
 
 
-def slipping(floor: float, setting: Setting, pitch: float, friction: float) -> float:
-    """Return the factor on the speed of a floor of this friction, on which feet slide."""
+def sliding_feet(floor: float, setting: Setting, pitch: float, friction: float) -> float:
+    """Return the factor on the speed of a floor of this friction; 0 where the wave stops."""
     sizes = {"thickness": setting.thickness, "height": setting.height}
-    layout, physics = Layout.uniform(STANDING, pitch=pitch, **sizes), _pushed(setting, friction)
+    layout, physics = Layout.uniform(STANDING, pitch=pitch, **sizes), _firm_push(setting, friction)
     free = simulate_standing(layout, physics, floor, STANDING_RTOL).arrival_times
-    held = simulate(layout, physics).arrival_times
-    spent = free[-1] - free[SETTLED], held[-1] - held[SETTLED]
-    return float(spent[1] / spent[0]) if np.all(np.isfinite(spent)) else 0.0
+    fixed = simulate(layout, physics).arrival_times
+    seconds = free[-1] - free[SETTLED], fixed[-1] - fixed[SETTLED]
+    return float(seconds[1] / seconds[0]) if np.all(np.isfinite(seconds)) else 0.0
 
 
-def _pushed(setting: Setting, friction: float) -> Physics:
-    """A firm push, whatever the size."""
+def _firm_push(setting: Setting, friction: float) -> Physics:
+    """Return physics with a firm push, whatever the size."""
     return Physics(friction, setting.gravity, math.sqrt(setting.gravity / setting.height))
 
 
 EFFECTS: Mapping[str, Effect] = {
-    "gaps uneven by 1 % of the height": partial(uneven, 0.01),
-    "gaps uneven by 2 % of the height": partial(uneven, 0.02),
-} | {f"a floor of friction {floor:g}": partial(slipping, floor) for floor in (1.0, 0.5, 0.3)}
+    "gaps uneven by 1 % of the height": partial(uneven_gaps, 0.01),
+    "gaps uneven by 2 % of the height": partial(uneven_gaps, 0.02),
+} | {f"a floor of friction {floor:g}": partial(sliding_feet, floor) for floor in (1.0, 0.5, 0.3)}
 
 
-# Every reading of a source ------------------------------------------------------------------------
+# All readings of a source -------------------------------------------------------------------------
 
 
 def validate(source: Source, effects: Mapping[str, Effect] = EFFECTS) -> Validation:
     """Compare a source with the model in its own setting, in other readings, with each effect.
 
+    Where the source takes its spacings as exact, one more reading gives them the uncertainty of a
+    template.
+
     Parameters
     ----------
     source
-        What was measured.
+        The measurements.
     effects
-        What the model leaves out, by its words.
+        Effects that the model leaves out, by their labels.
     """
-    main = compare(source, source.setting)
-    readings = tuple(compare(source, one, what) for what, one in source.readings.items())
-    setting, tried = main.setting, []
-    for what, effect in effects.items():
-        factors = [effect(setting, setting.pitch(row.x), main.friction) for row in main.rows]
-        tried.append(compare(source, setting, what, factors))
-    return Validation(source, main, readings, tuple(tried), _reasons(source, main, readings, tried))
+    setting, other = source.setting, source.readings
+    if not setting.x_uncertainty:
+        uncertain = msgspec.structs.replace(setting, x_uncertainty=TEMPLATE / setting.x_length)
+        other[f"spacings uncertain by {1e3 * TEMPLATE:g} mm"] = uncertain
+    main = compare(source, setting)
+    readings = tuple(compare(source, one, label) for label, one in other.items())
+    compared = tuple(
+        compare(source, setting, label, [
+            effect(setting, setting.pitch(chain.x), main.friction) for chain in main.chains
+        ])
+        for label, effect in effects.items()
+    )  # fmt: skip
+    return Validation(source, main, readings, compared, _reasons(source, main, readings, compared))
 
 
 def _reasons(
     source: Source, main: Comparison, readings: Sequence[Comparison], effects: Sequence[Comparison]
 ) -> tuple[str, ...]:
-    """Codes; those of a pattern where friction does not explain every row."""
-    # a time falls where a speed rises
-    sign = -1.0 if source.quantity == "time" else 1.0
-    ahead = sorted((row.x, -sign * d) for row, d in zip(main.rows, main.deviations, strict=True))
-    narrow, wide = ahead[0][1], ahead[-1][1]
-    told, uncertainty = source.friction, main.uncertainty
-    off = 0.0
-    if told is not None and math.isfinite(uncertainty):
-        off = abs(main.friction - told.value) / math.hypot(told.uncertainty, uncertainty)
-    rows = list(zip(main.rows, main.smooth, main.sigmas, strict=True))
+    """Return reason codes; those of a pattern only where friction does not explain every chain."""
+    sign = -1.0 if source.quantity == "time" else 1.0  # a time falls where a speed rises
+    order = np.argsort([chain.x for chain in main.chains], kind="stable")
+    narrow, *_, wide = np.repeat(-sign * main.deviations[order], 2)
+    measured = np.array([chain.value for chain in main.chains])
+    other = next((one for one in readings if one.holds and one.several), None)
     best = min(effects, key=lambda one: one.worst, default=main)
     patterns = {
-        "no-wave": not all(0.0 < value < math.inf for value in main.explained),
-        "faster-than-frictionless": any(sign * (r.value - v) > MOST * s for r, v, s in rows),
-        "friction-grows-with-gap": narrow > CLEARLY and wide < -CLEARLY,
-        "friction-falls-with-gap": narrow < -CLEARLY and wide > CLEARLY,
-        "floors-differ": len({row.floor for row in main.rows}) > 1,
-        "explained-in-another-reading": any(r.holds and r.several for r in readings),
-        f"helped-by: {best.what}": best.worst < HELPFUL * main.worst,
+        "no-wave": not np.all((main.model > 0.0) & (main.model < math.inf)),
+        "faster-than-frictionless": np.any(
+            sign * (measured - main.frictionless) > LARGEST_DEVIATION * main.sigmas
+        ),
+        "friction-grows-with-gap": narrow > TREND and wide < -TREND,
+        "friction-falls-with-gap": narrow < -TREND and wide > TREND,
+        "floors-differ": len({chain.floor for chain in main.chains}) > 1,
+        f"explained-in-another-reading: {other and other.label}": other is not None,
+        f"helped-by: {best.label}": best.worst < HELPFUL * main.worst,
     }
-    found = [code for code, is_so in patterns.items() if is_so and not main.holds]
-    found += ["single-row"] if len(main.rows) == 1 else []
-    return (*found, "friction-disagrees") if off > MOST else tuple(found)
+    codes = [code for code, is_so in patterns.items() if is_so and not main.holds]
+    codes += ["single-row"] * (len(main.chains) == 1)
+    if (own := source.friction) is not None and math.isfinite(main.uncertainty):
+        difference = abs(main.friction - own.value)
+        if difference > LARGEST_DEVIATION * math.hypot(own.uncertainty, main.uncertainty):
+            codes.append("friction-disagrees")
+    return tuple(codes)

@@ -1,6 +1,6 @@
-"""A source: what somebody measured of uniform rows, how, how well, and what is not known.
+"""Measured chains: where they are published, how they were measured, and what is not known.
 
-One TOML file each in `sources/`, found by itself.
+One TOML file per source in `sources/`; a file there is found by itself.
 """
 
 from __future__ import annotations
@@ -18,47 +18,43 @@ from domino_env.core.files import decoded, naming, read_bytes
 from domino_env.core.models import Number, Size, Table, model_of
 from domino_env.physics.standard import HEIGHT, WIDTH
 
-Line = Annotated[str, Meta(min_length=1)]
-Lines = tuple[Line, ...]
 Quantity = Literal["frequency", "speed", "time"]
-Abscissa = Literal["gap", "pitch"]
-Unit = Literal["m", "thickness", "height", "width"]
-Measured = Literal["steady", "row"]
 UNITS = {"m": "mm", "thickness": "thicknesses", "height": "heights", "width": "widths"}  # shown
+TEMPLATE = 0.0002  # [m] standard uncertainty of the spacings that a template gives
 
 
-class Setting(Table):
-    """What the comparison takes the experiment to be.
+class Setting(Table, frozen=True):  # type: ignore[misc]
+    """Setting that the comparison assumes for an experiment.
 
     Attributes
     ----------
     height, thickness, width
-        Of the dominoes [m].
+        Sizes of the dominoes [m].
     gravity
-        [m/s²]
+        Acceleration of gravity [m/s²].
     measured
-        The wave far down the row (`steady`), or from the push to the last hit (`row`).
+        The wave far down the chain (`steady`), or from the push to the last hit (`row`).
     count
-        Dominoes in the row.
+        Number of dominoes.
     push
-        Angular velocity of the first [rad/s]; plays a part in a whole row only.
+        Angular velocity of the first domino [rad/s]; it matters for a whole chain only.
     x_is, x_unit
-        Whether x of the rows is the free gap or pivot to pivot, and its unit.
+        Whether x of the chains is gap or pitch, and its unit.
     x_uncertainty, x_shift
-        One standard uncertainty of x, and what is added to every x [x_unit].
+        Standard uncertainty of x, and a shift that is added to every x [x_unit].
     floor
-        The rows on this floor alone; all without.
+        Only the chains on this floor; all without.
     """
 
     thickness: Size
     height: Size = HEIGHT
     width: Size = WIDTH
     gravity: Size = 9.81
-    measured: Measured = "steady"
+    measured: Literal["steady", "row"] = "steady"
     count: Annotated[int, Meta(ge=3, le=10_000)] = 100
     push: Size = 8.0
-    x_is: Abscissa = "gap"
-    x_unit: Unit = "m"
+    x_is: Literal["gap", "pitch"] = "gap"
+    x_unit: Literal["m", "thickness", "height", "width"] = "m"
     x_uncertainty: Annotated[float, Meta(ge=0.0)] = 0.0
     x_shift: Number = 0.0
     floor: str | None = None
@@ -68,18 +64,24 @@ class Setting(Table):
         """The unit of x [m]."""
         return 1.0 if self.x_unit == "m" else float(getattr(self, self.x_unit))
 
-    def words(self, x: float) -> str:
-        """An x of the rows as it is shown."""
+    def in_words(self, x: float) -> str:
+        """Return an x with its unit."""
         return f"{1e3 * x if self.x_unit == 'm' else x:.4g} {UNITS[self.x_unit]}"
 
     def pitch(self, x: float) -> float:
-        """Pivot to pivot at an x of the rows [m]."""
+        """Return the pitch at an x [m]."""
         length = (x + self.x_shift) * self.x_length
         return length if self.x_is == "pitch" else length + self.thickness
 
+    def speed(self, quantity: Quantity, x: float, value: float) -> float:
+        """Return the speed that a measured value at an x means [m/s]."""
+        if quantity == "time":
+            value = (self.count - 1) / value
+        return value if quantity == "speed" else value * self.pitch(x)
 
-class Row(Table):
-    """One spacing: what was measured at it, with one standard uncertainty."""
+
+class Chain(Table):
+    """One spacing: its measured value, with one standard uncertainty."""
 
     x: Size
     value: Size
@@ -88,70 +90,71 @@ class Row(Table):
 
 
 class Friction(Table):
-    """Friction between dominoes, where somebody measured it by itself."""
+    """Friction between dominoes, from a measurement of its own."""
 
     value: Annotated[float, Meta(ge=0.0)]
     uncertainty: Size
 
 
 class Source(Table):
-    """What somebody measured.
+    """Measurements of one author.
 
     Attributes
     ----------
-    title, reference
-        What it is, and where it is published: page, table or figure.
-    read
-        What of that was read for this file.
-    method, errors
-        How it was measured, and where the uncertainties come from.
-    unknown
-        What nobody told and the comparison has to take.
     quantity, unit
-        Of the values, and the unit as it is shown.
-    setting, instead
-        What the experiment is taken to be, and what differs in other readings that are tried.
-    rows
-        What was measured.
+        Measured quantity, and its unit as it is shown.
+    setting
+        Setting of the experiment.
+    chains
+        The measurements (`rows` in a file).
+    title, reference
+        Subject, and where it is published: page, table or figure.
+    read
+        Parts of the publication that were read for this file.
+    method, errors
+        Method of measurement, and origin of the uncertainties.
+    unknown
+        Facts that are not published and have to be assumed.
+    instead
+        Tables of other readings: `what` in words, and the keys of `setting` that differ.
     friction
-        Between dominoes, where it was measured by itself.
+        Friction between dominoes, where it was measured by itself.
     name
-        Of the file.
+        Name of the file.
     """
 
-    title: Line
-    reference: Line
-    read: Line
-    method: Line
-    errors: Line
-    unknown: Lines
     quantity: Quantity
-    unit: Line
+    unit: str
     setting: Setting
-    rows: Annotated[tuple[Row, ...], Meta(min_length=1)]
+    chains: Annotated[tuple[Chain, ...], Meta(min_length=1)] = msgspec.field(name="rows")
+    title: str = ""
+    reference: str = ""
+    read: str = ""
+    method: str = ""
+    errors: str = ""
+    unknown: tuple[str, ...] = ()
     instead: tuple[dict[str, Any], ...] = ()
     friction: Friction | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
-        """Every row can stand and be reached, in every reading."""
+        """Check that every chain can stand and be hit, in every reading."""
         if not all(isinstance(one.get("what"), str) for one in self.instead):
-            raise ValueError("instead: a reading has no what: say in words what differs")
+            raise ValueError("instead: a reading has no what: describe the difference in words")
         for setting in (self.setting, *self.readings.values()):
-            rows = self.kept(setting)
-            if not rows:
+            if not self.chains_of(setting):
                 raise ValueError(f"rows: none stands on the floor '{setting.floor}'")
-            for row in rows:
-                gap = setting.pitch(row.x) - setting.thickness
+            for chain in self.chains_of(setting):
+                gap = setting.pitch(chain.x) - setting.thickness
                 if not 0.0 < gap < setting.height:
                     raise ValueError(
-                        f"rows: x = {row.x} is a gap of {gap:.6g} m: must be more than 0 and less "
-                        f"than the height, {setting.height} m"
+                        f"rows: x = {chain.x} is a gap of {gap:.6g} m: must be more than 0 and "
+                        f"less than the height, {setting.height} m"
                     )
 
     @property
     def readings(self) -> dict[str, Setting]:
-        """The other readings, by their words (`what`): the setting with what differs in them."""
+        """Settings of the other readings, by their labels."""
         own = msgspec.to_builtins(self.setting)
         return {
             str(one.get("what")): model_of(
@@ -160,20 +163,20 @@ class Source(Table):
             for one in self.instead
         }
 
-    def kept(self, setting: Setting) -> tuple[Row, ...]:
-        """Return the rows that a setting speaks of."""
-        return tuple(r for r in self.rows if setting.floor in (None, r.floor))
+    def chains_of(self, setting: Setting) -> tuple[Chain, ...]:
+        """Return the chains on the floor of a setting."""
+        return tuple(one for one in self.chains if setting.floor in (None, one.floor))
 
 
 def read_source(path: Path) -> Source:
-    """Read a source's file.
+    """Read a file of measurements.
 
     Raises
     ------
     ValueError
-        With the file, the key, its value and what is allowed.
+        With the file, the key, its value and the accepted range.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     with naming(path):
         document = tomllib.loads(decoded(read_bytes(path)))
@@ -187,27 +190,40 @@ def source_of_frequencies(
     height: float = HEIGHT,
     gravity: float = 9.81,
     uncertainty: float = 0.02,
+    pitch_uncertainty: float = 0.0,
 ) -> Source:
-    """Make a source of hits per second [1/s] at pitches [m], each with a relative uncertainty.
+    """Make a source of hit frequencies [1/s] at pitches [m].
+
+    Parameters
+    ----------
+    pitches, frequencies
+        (K,) of each chain [m], [1/s].
+    thickness, height, gravity
+        Of all dominoes [m], [m/s²].
+    uncertainty
+        Relative standard uncertainty of each frequency.
+    pitch_uncertainty
+        Standard uncertainty of each pitch [m].
 
     Raises
     ------
     ValueError
-        For pitches that no row can have, frequencies that are not positive, or no pairs of them.
+        For pitches that no chain can have, frequencies that are not positive, or no pairs of them.
     """
     if len(pitches) != len(frequencies):
         raise ValueError(f"{len(pitches)} pitches and {len(frequencies)} frequencies: give pairs")
-    sizes = {"thickness": thickness, "height": height, "gravity": gravity}
-    rows = [
-        {"x": float(pitch), "value": float(told), "uncertainty": uncertainty * float(told)}
-        for pitch, told in zip(pitches, frequencies, strict=True)
+    chains = [
+        {"x": float(pitch), "value": float(value), "uncertainty": uncertainty * float(value)}
+        for pitch, value in zip(pitches, frequencies, strict=True)
     ]
-    words = {
-        "title": "rows that were given", "reference": "given", "read": "all of it",
-        "method": "as you know", "errors": f"{uncertainty:.3g} of each", "unknown": [],
+    setting = {
+        "thickness": thickness, "height": height, "gravity": gravity, "x_is": "pitch",
+        "x_uncertainty": pitch_uncertainty,
     }  # fmt: skip
-    numbers = {"quantity": "frequency", "unit": "1/s", "setting": {**sizes, "x_is": "pitch"}}
-    return model_of(Source, {"name": "rows", **words, **numbers, "rows": rows})
+    return model_of(Source, {
+        "name": "given", "title": "chains that were given", "quantity": "frequency", "unit": "1/s",
+        "setting": setting, "rows": chains,
+    })  # fmt: skip
 
 
 def shipped_sources() -> dict[str, Source]:

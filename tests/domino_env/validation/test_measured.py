@@ -1,4 +1,4 @@
-"""Measured chains beside the model: sources, fits, predictions, reasons, the command."""
+"""Measured chains and the model: sources, fits, predictions, reasons, the command."""
 
 import json
 import math
@@ -13,43 +13,41 @@ import domino_env as de
 from domino_env.cli.main import main
 from domino_env.validation.measured import (
     compare,
-    least_squares,
-    leave_out,
-    row_model,
-    slipping,
-    speed_of,
-    uneven,
+    fit,
+    model_value,
+    sliding_feet,
+    uneven_gaps,
     validate,
 )
 from domino_env.validation.measured_page import markdown
-from domino_env.validation.source import Row, Source, read_source, shipped_sources
+from domino_env.validation.source import Chain, Source, read_source, shipped_sources
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCES = shipped_sources()
 
 
 def synthetic(source: Source, friction: float, factor: float = 1.0) -> Source:
-    """A source with what the model would have measured."""
-    rows = []
-    for row in source.rows:
-        value = factor * row_model(source.setting, source.quantity, row.x)(friction)
-        rows.append(Row(row.x, value, row.uncertainty, row.floor))
-    return msgspec.structs.replace(source, rows=tuple(rows))
+    """Return a source with the values of the model."""
+    chains = []
+    for chain in source.chains:
+        value = factor * model_value(source.quantity, source.setting, chain.x, friction)
+        chains.append(Chain(chain.x, value, chain.uncertainty, chain.floor))
+    return msgspec.structs.replace(source, chains=tuple(chains))
 
 
 @pytest.mark.parametrize("name", SOURCES)
-def test_a_source_is_complete_and_the_friction_of_synthetic_rows_is_found_again(name: str) -> None:
+def test_a_source_is_complete_and_the_friction_of_synthetic_chains_is_recovered(name: str) -> None:
     source = SOURCES[name]
     assert re.search(r"https?://|\d{4}|University", source.reference)
     assert source.unknown
-    for row in source.rows:  # better than a tenth of a per cent nobody measured
-        assert 1e-3 < row.uncertainty / row.value < 0.5
-        assert 0.3 < speed_of(source.quantity, source.setting, row.x, row.value) < 2.0
+    for chain in source.chains:  # no measurement is better than a tenth of a per cent
+        assert 1e-3 < chain.uncertainty / chain.value < 0.5
+        assert 0.3 < source.setting.speed(source.quantity, chain.x, chain.value) < 2.0
     found = compare(synthetic(source, 0.13), source.setting)
     assert found.friction == pytest.approx(0.13, abs=1e-5)
     assert found.holds
     assert found.chi_square < 1e-6
-    values = [row.value for row in found.rows]
+    values = [chain.value for chain in found.chains]
     np.testing.assert_allclose(found.predicted, values, rtol=1e-4)
 
 
@@ -58,26 +56,27 @@ def test_friction_is_found_from_frequencies() -> None:
     found = de.fit_friction(pitches, measured, gravity=9.8)
     assert found.friction == pytest.approx(0.178, abs=1e-3)
     assert found.uncertainty == pytest.approx(0.016, abs=1e-3)
-    for pitch, told, alone in zip(pitches, measured, found.single, strict=True):
+    for pitch, value, alone in zip(pitches, measured, found.friction_alone, strict=True):
         wave = de.steady_wave(pitch, 0.0075, physics=de.Physics(alone, 9.8))
-        assert wave.frequency == pytest.approx(told, rel=1e-5)
-    assert np.isnan(de.fit_friction((0.016,), (500.0,)).single[0])
-    for pitches, told, said in [((0.005,), (60.0,), "more than 0"), ((0.016,), (), "give pairs")]:
-        with pytest.raises(ValueError, match=said):
-            de.fit_friction(pitches, told)
+        assert wave.frequency == pytest.approx(value, rel=1e-5)
+    assert np.isnan(de.fit_friction((0.016,), (500.0,)).friction_alone[0])
+    wrong = [((0.005,), (60.0,), "more than 0"), ((0.016,), (), "give pairs")]
+    for pitches, frequencies, message in wrong:
+        with pytest.raises(ValueError, match=message):
+            de.fit_friction(pitches, frequencies)
 
 
-def test_fits_weigh_rows_by_their_uncertainty_and_predict_those_left_out() -> None:
-    models = [lambda f: f, lambda f: 2.0 * f]
-    best, error = least_squares(models, [0.3, 0.8], [0.1, 0.4])
+def test_fits_weigh_values_by_their_uncertainty() -> None:
+    def model(friction: float) -> np.ndarray:
+        return friction * np.array([1.0, 2.0])
+
+    values, sigmas = np.array([0.3, 0.8]), np.array([0.1, 0.4])
+    best, error = fit(model, values, sigmas)
     assert best == pytest.approx((0.3 / 0.01 + 2 * 0.8 / 0.16) / (1 / 0.01 + 4 / 0.16), abs=1e-6)
     assert error == pytest.approx(1.0 / math.sqrt(1 / 0.01 + 4 / 0.16), rel=1e-6)
-    assert least_squares(models, [-1.0, -1.0], [0.1, 0.1])[0] == 0.0
-    assert least_squares([lambda f: math.inf], [1.0], [0.1])[1] == math.inf
-    # each friction follows from the other row alone
-    found = leave_out([1.0, 2.0], models, [0.3, 0.8], [0.1, 0.1])
-    assert found == pytest.approx((0.4, 0.6), abs=1e-5)
-    assert np.isnan(leave_out([1.0, 1.0], models, [0.3, 0.8], [0.1, 0.1])).all()
+    assert fit(model, values, sigmas, sigmas > 0.1)[0] == pytest.approx(0.4, abs=1e-5)
+    assert fit(model, -values, sigmas)[0] == 0.0
+    assert fit(lambda f: np.array([math.inf]), values[:1], sigmas[:1])[1] == math.inf
 
 
 def test_the_uncertainty_of_a_spacing_counts() -> None:
@@ -90,7 +89,7 @@ def test_the_uncertainty_of_a_spacing_counts() -> None:
     assert found.sigmas[0] == pytest.approx(math.hypot(1.3, (high - low) / 2), rel=1e-2)
 
 
-def test_reasons_say_what_is_wrong() -> None:
+def test_the_reasons_name_the_evidence() -> None:
     toronto, chapman = SOURCES["toronto"], SOURCES["chapman"]
     right = validate(synthetic(toronto, 0.2), {})
     assert (right.explained, right.reasons) == (True, ())
@@ -104,6 +103,11 @@ def test_reasons_say_what_is_wrong() -> None:
         msgspec.structs.replace(synthetic(chapman, 0.6), friction=chapman.friction), {}
     )
     assert (rough.explained, rough.reasons) == (False, ("friction-disagrees",))
+    # a source that takes its spacings as exact is told which uncertainty explains it
+    setting = msgspec.structs.replace(chapman.setting, x_uncertainty=0.0)
+    exact = validate(msgspec.structs.replace(chapman, setting=setting), {})
+    code = "explained-in-another-reading: spacings uncertain by 0.2 mm"
+    assert (exact.explained, exact.reasons) == (False, (code,))
     # McLachlan's abscissa is the gap rather than the pitch
     other = validate(SOURCES["mclachlan"], {})
     (pitch,) = (r for r in other.readings if r.setting.x_is == "pitch")
@@ -113,17 +117,17 @@ def test_reasons_say_what_is_wrong() -> None:
 
 def test_effects_are_as_large_as_simulated_layouts_have_them() -> None:
     setting = SOURCES["toronto"].setting
-    assert uneven(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
-    narrow = [uneven(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
+    assert uneven_gaps(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
+    narrow = [uneven_gaps(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
     assert 1.0 > narrow[0] > narrow[1] > 0.9
-    assert narrow[1] < uneven(0.02, setting, 0.03, 0.2) < 1.001
+    assert narrow[1] < uneven_gaps(0.02, setting, 0.03, 0.2) < 1.001
     setting = SOURCES["camera"].setting
-    assert slipping(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
-    assert slipping(0.3, setting, 0.017, 0.05) > 1.02
-    assert slipping(1.0, setting, 0.0508, 0.05) < 0.9
+    assert sliding_feet(1.0, setting, 0.024, 0.2) == pytest.approx(1.0, abs=5e-3)
+    assert sliding_feet(0.3, setting, 0.017, 0.05) > 1.02
+    assert sliding_feet(1.0, setting, 0.0508, 0.05) < 0.9
 
 
-def test_the_page_shows_what_the_command_finds() -> None:
+def test_the_page_shows_the_results_of_the_command() -> None:
     text = (ROOT / "docs" / "measured.md").read_text("utf-8")
     lines = markdown([validate(SOURCES["walker"])])
     assert "\n".join(lines[lines.index("## walker") :]) in text
@@ -134,19 +138,24 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     words = ["validate", "walker", "8=90", "--thickness", "3", "--out", str(tmp_path)]
     assert main([*words, "--json", str(tmp_path / "all.json")]) == 0
     assert "2 of 2 sources explained" in capsys.readouterr().out
+    assert main(["validate", "16=64.4", "24=42.3", "32=28.1", "--gravity", "9.8"]) == 0
+    typed = capsys.readouterr().out
+    assert main(["validate", "chapman"]) == 0
+    shipped = capsys.readouterr().out
+    assert all("spacings known to 0.2 mm, explained" in text for text in (typed, shipped))
     assert (tmp_path / "measured.png").read_bytes()[:4] == b"\x89PNG"
     found = json.loads((tmp_path / "all.json").read_text("utf-8"))
-    assert [s["name"] for s in found["sources"]] == ["walker", "rows"]
+    assert [s["name"] for s in found["sources"]] == ["walker", "given"]
     assert np.isfinite(found["sources"][0]["readings"][0]["friction"])
 
     own = tmp_path / "own.toml"
-    told = (ROOT / "domino_env/validation/sources/chapman.toml").read_text("utf-8")
-    own.write_text(told.replace("height = 0.048", "heihgt = 0.048"), "utf-8")
-    for word, said in {
+    text = (ROOT / "domino_env/validation/sources/chapman.toml").read_text("utf-8")
+    own.write_text(text.replace("height = 0.048", "heihgt = 0.048"), "utf-8")
+    for word, message in {
         "nobody": "give a source (camera, ", "5=60": "must be more than 0",
         "16=x": "write PITCH=FREQUENCY", str(own): "own.toml: unknown key 'setting.heihgt'",
     }.items():  # fmt: skip
         assert main(["validate", word]) == 2
-        assert said in capsys.readouterr().err
-    own.write_text(told, "utf-8")
+        assert message in capsys.readouterr().err
+    own.write_text(text, "utf-8")
     assert msgspec.structs.replace(read_source(own), name="chapman") == SOURCES["chapman"]
