@@ -1,4 +1,4 @@
-"""Design vectors of a scene: free values between 0 and 1, and the layouts that they stand for."""
+"""Design vectors of a scene: free values between 0 and 1 that describe layouts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class DesignSpace:
     low, high
         (n,) values at 0 and 1 [m], or in heights where the scene has them so.
     discrete
-        Whether some values come from a list or the stock, so that scores have steps.
+        Some values come from a list or the stock, so that scores have steps.
 
     Raises
     ------
@@ -66,7 +66,7 @@ class DesignSpace:
 
     @property
     def coupled(self) -> bool:
-        """Whether some design vectors of the box stand for others: see `project`."""
+        """Some design vectors of the box stand for others: see `project`."""
         return self.scene.length is not None or self.discrete or self._feasible.coupled
 
     @property
@@ -105,7 +105,7 @@ class DesignSpace:
         return self.layout_of(self.values(self.checked(self.one(design))))
 
     def layout_of(self, values: Floats) -> Layout:
-        """Return the layout of free values (1, n), whatever the rules."""
+        """Return the layout of free values (1, n), without regard to the rules."""
         gaps, *others = self.split(values)
         thick, tall = (None if part is None else part[0] for part in others)
         return self.scene.layout(gaps[0], thick, tall)
@@ -174,9 +174,10 @@ class DesignSpace:
         ndarray
             (B, n) derivatives; at an edge of the rules those of the nearest layout within them.
         """
-        slopes = self._by_value(values, gradient)
-        slopes = self._feasible.tangent(slopes, self._wanted(designs), values, relaxed)
-        return np.asarray(slopes * (self.high - self.low))
+        by_value = self._by_value(values, gradient)
+        wanted = self._wanted(designs)
+        by_wanted = self._feasible.tangent(by_value, wanted, values, relaxed)
+        return np.asarray(by_wanted * (self.high - self.low))
 
     def one(self, design: Floats) -> Floats:
         """Return one design vector (n,) as a batch (1, n).
@@ -226,7 +227,7 @@ class DesignSpace:
         return designs if anywhere else np.clip(designs, 0.0, 1.0)
 
     def _by_value(self, values: Floats, by: ScoreGradient) -> Floats:
-        """Derivatives by the free values, in heights where the scene has them so."""
+        """Return derivatives by the free values, in heights where the scene has them so."""
         scene, pairs = self.scene, self.scene.count - 1
         by_gap, by_thickness, by_height = by.spacing, by.thickness, by.height
         if scene.in_heights:
@@ -245,11 +246,11 @@ class DesignSpace:
                 by_height = np.cumsum(whole[:, ::-1], axis=1)[:, ::-1] / growth
                 by_gap, by_thickness = by_gap * before, by_thickness * tall
         free = [scene.free_spacing, scene.free_thickness, scene.free_height]
-        slopes = (by_gap, by_thickness, by_height)
-        return np.concatenate([s for s, f in zip(slopes, free, strict=True) if f], axis=1)
+        parts = zip((by_gap, by_thickness, by_height), free, strict=True)
+        return np.concatenate([by for by, is_free in parts if is_free], axis=1)
 
     def _wanted(self, designs: Floats) -> Floats:
-        """Values (B, n) before the rules are applied."""
+        """Return the values (B, n) before the rules are applied."""
         return np.asarray(np.clip(self.low + designs * (self.high - self.low), self.low, self.high))
 
     def _scaled(self, values: Floats) -> Floats:

@@ -33,11 +33,11 @@ class Scores:
     score
         (B,) higher is better.
     reach
-        (B,) how far the wave came; 1 where it completes.
+        (B,) part of the layout that the wave passed; 1 where it completes.
     falls
         (B,) number of simulated falls.
     gradient
-        (B, n) gradients by the design vectors; None where not asked for.
+        (B, n) gradients by the design vectors; None where not requested.
     """
 
     score: Any
@@ -49,7 +49,7 @@ class Scores:
 
     @property
     def without_gradient(self) -> Bools:
-        """(B,) whether a score has no exact gradient: the wave stopped or broke a limit."""
+        """(B,) scores without an exact gradient: the wave stopped or broke a limit."""
         return np.asarray((self.score < 0.0) | (self.reach < 1.0))
 
     def of_one(self) -> Scores:
@@ -154,7 +154,7 @@ class Problem(DesignSpace):
         Returns
         -------
         Scores
-            Scores, reaches and falls, and gradients where asked for.
+            Scores, reaches and falls, and gradients where requested.
 
         Raises
         ------
@@ -171,13 +171,13 @@ class Problem(DesignSpace):
         spacing, thickness, height = self.split(values)
         if not gradient:
             batch = self.scene.batch(spacing, thickness, height, rtol or self.rtol)
-            found = self.scene.evaluate(batch)
-            return Scores(found.score, found.reach, found.falls)
+            result = self.scene.evaluate(batch)
+            return Scores(result.score, result.reach, result.falls)
         batch = self.scene.batch(spacing, thickness, height, GRADIENT_RTOL)
-        found = self.scene.evaluate(batch, gradient=True)
-        assert found.gradient is not None
-        gradients = self.design_gradient(designs, values, found.gradient, relaxed=relaxed)
-        scores = Scores(found.score, found.reach, found.falls, gradients)
+        result = self.scene.evaluate(batch, gradient=True)
+        assert result.gradient is not None
+        gradients = self.design_gradient(designs, values, result.gradient, relaxed=relaxed)
+        scores = Scores(result.score, result.reach, result.falls, gradients)
         gradients[scores.without_gradient] = 0.0
         if differences:
             self.fill_gradients(designs, scores, self.evaluate)
@@ -210,7 +210,7 @@ class Problem(DesignSpace):
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
         """Find how late each domino of a scene with a schedule is hit, for least squares.
 
-        It costs N gradients.
+        It takes as long as N gradients.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class Problem(DesignSpace):
         -------
         scores : Scores
             Its score, reach and falls, (1,) each.
-        late : ndarray
+        lateness : ndarray
             (N-1,) arrival minus schedule of dominoes 1 … N-1 [s]; empty for a wave that stops.
         gradient : ndarray
             (N-1, n) derivatives by the design vector [s]; empty for a wave that stops.
@@ -235,18 +235,18 @@ class Problem(DesignSpace):
         if tempo is None:
             raise ValueError(f"scene '{self.scene.name}' has no schedule: there is no lateness")
         wave = simulate(self.layout(design), self.scene.physics, rtol=STEP_RTOL, gradient=True)
-        found = self.scene.evaluate_waves([wave])
-        scores = Scores(found.score, found.reach, found.falls)
+        result = self.scene.evaluate_waves([wave])
+        scores = Scores(result.score, result.reach, result.falls)
         if wave.outcome != Outcome.PROPAGATED:
             return scores, np.empty(0), np.empty((0, self.dimension))
         pulled = [wave.pullback(bar) for bar in np.eye(pairs + 1)[1:]]
         if self.scene.ground is not None:
             pulled = [self.scene.ground.along_ground(one, wave.layout) for one in pulled]
         designs = np.repeat(self.checked(self.one(design)), pairs, axis=0)
-        slopes = ScoreGradient(
+        by = ScoreGradient(
             np.array([one.spacing for one in pulled]),
             np.array([one.thickness[1:] for one in pulled]),
             np.array([one.height[1:] for one in pulled]),
         )
-        gradient = self.design_gradient(designs, self.values(designs), slopes)
+        gradient = self.design_gradient(designs, self.values(designs), by)
         return scores, wave.arrival_times[1:] - tempo.schedule(self.scene.count), gradient

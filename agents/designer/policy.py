@@ -235,7 +235,7 @@ def refined(scene: Scene, layout: Layout, steps: int) -> Layout:
     local = LocalSearch(start, project, inverse / unit)
     while local.evaluations < steps and not local.done:
         found = problem.evaluate(local.wanted, gradient=True, differences=False)
-        local.tell(found.score, found.gradient)
+        local.update(found.score, found.gradient)
     return problem.layout(local.design)
 
 

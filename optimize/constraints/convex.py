@@ -1,10 +1,10 @@
 """Projection onto bounds, a given sum and a largest change between neighbours.
 
-With a largest change it is a dynamic programme along the layout: the price of the best beginning,
-as a function of its last gap, is convex, and its slope is piecewise linear. Letting the next gap
-move freely within ± the largest change pulls the falling part of the slope to the left and the
-rising part to the right; the price of the next gap adds a line. It costs n² at worst, a millisecond
-for a thousand gaps.
+With a largest change it is a dynamic programme along the layout: the cost of the best beginning, as
+a function of its last gap, is convex, and its slope is piecewise linear. A next gap that is free
+within ± the largest change shifts the falling part of the slope to the left and the rising part to
+the right; the cost of the next gap adds a linear function. It takes n² steps at worst, a
+millisecond for a thousand gaps.
 
 References
 ----------
@@ -77,7 +77,7 @@ def _nearest(values: Floats, low: Floats, high: Floats, change: Floats) -> Float
     first, last = 2 * n, 2 * n + 1
     x[first], x[last] = low[0], high[0]
     slope[first], slope[last] = low[0] - values[0], high[0] - values[0]
-    best = np.empty(n)  # where the price of the beginning is least
+    best = np.empty(n)  # where the cost of the beginning is smallest
     for i in range(n):
         # the root of the slope
         if slope[first] >= 0.0:

@@ -1,4 +1,4 @@
-"""Methods to compare with: random layouts, the uniform baseline, and two of other projects."""
+"""Methods to compare with: random layouts, the uniform baseline, and two third-party ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
 
-PLANNED = 20_000  # evaluations that NGOpt plans for where there is no limit
+PLANNED = 20_000  # evaluations that NGOpt assumes where there is no limit
 
 
 def random(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -25,7 +25,7 @@ def uniform(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 def ngopt(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """NGOpt (Meunier et al. 2021), Nevergrad's own choice among its many methods.
+    """Run NGOpt (Meunier et al. 2021), Nevergrad's own choice among its many methods.
 
     References
     ----------
@@ -34,20 +34,20 @@ def ngopt(evaluator: Evaluator, rng: np.random.Generator) -> None:
     """
     import nevergrad
 
-    # a wide first step, which is one of the things that NGOpt does not choose itself
+    # a wide first step, which NGOpt does not choose itself
     array = nevergrad.p.Array(init=uniform_design(evaluator.problem))
     array = array.set_mutation(sigma=0.2).set_bounds(0.0, 1.0)
     array.random_state = np.random.RandomState(int(rng.integers(2**31)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        peer = nevergrad.optimizers.NGOpt(array, budget=evaluator.max_evaluations or PLANNED)
+        optimizer = nevergrad.optimizers.NGOpt(array, budget=evaluator.max_evaluations or PLANNED)
         while True:
-            candidate = peer.ask()
-            peer.tell(candidate, -evaluator.evaluate(candidate.value).score)
+            candidate = optimizer.ask()
+            optimizer.tell(candidate, -evaluator.evaluate(candidate.value).score)
 
 
 def tpe(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Tree-structured Parzen estimators (Bergstra et al. 2011), the default of Optuna.
+    """Run tree-structured Parzen estimators (Bergstra et al. 2011), the default of Optuna.
 
     References
     ----------

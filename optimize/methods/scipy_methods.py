@@ -63,7 +63,7 @@ from optimize.methods.starts import FewVariables, starts, uniform_design
 from optimize.problem import Problem
 
 SIMPLEX = 0.1  # size of the first simplex, as a part of the box
-MANY = 200  # variables from which on trust-constr uses the cheaper SR1
+MANY = 200  # variables above which trust-constr uses the cheaper SR1
 DIRECT_EVALUATIONS = 100  # for each variable and box
 MEMBERS_PER_VARIABLE, MOST_MEMBERS = 3, 256
 MOST_VARIABLES = {"COBYQA": 45, "Powell": 200, "Nelder-Mead": 40, "DIRECT": 24}
@@ -93,52 +93,54 @@ def descend(solver: str, evaluator: Evaluator, start: Floats) -> None:
     Parameters
     ----------
     solver
-        Its name in SciPy, a key of `TOLERANCES`.
+        Name of the solver in SciPy, a key of `TOLERANCES`.
     evaluator
-        Evaluates.
+        Evaluator of the problem.
     start
         (n,) a design vector.
     """
     x, options = start, TOLERANCES[solver]
-    words: dict[str, Any] = {"jac": True, "bounds": [(0.0, 1.0)] * len(x)}
+    more: dict[str, Any] = {"jac": True, "bounds": [(0.0, 1.0)] * len(x)}
     function: Any = partial(cost, evaluator)
     if solver in MOST_VARIABLES:
         few = FewVariables(evaluator, MOST_VARIABLES[solver])
         function, x = few.cost, few.nearest(start)
-        words = {"bounds": [(0.0, 1.0)] * len(x)}
+        more = {"bounds": [(0.0, 1.0)] * len(x)}
     if solver == "trust-constr":
         x = np.clip(x, 1e-3, 1.0 - 1e-3)  # strictly inside, as the method begins
-        words["bounds"] = optimize.Bounds(0.0, 1.0, keep_feasible=True)
-        words["hess"] = optimize.BFGS() if len(x) <= MANY else optimize.SR1()
+        more["bounds"] = optimize.Bounds(0.0, 1.0, keep_feasible=True)
+        more["hess"] = optimize.BFGS() if len(x) <= MANY else optimize.SR1()
     elif solver == "SLSQP":
-        words["constraints"] = _linear_rules(evaluator.problem)
+        more["constraints"] = _linear_rules(evaluator.problem)
     elif solver == "COBYQA":
         options = options | {"maxfev": 500 * (len(x) + 1)}
     elif solver == "Nelder-Mead":
         corners = np.concatenate([x[None], x + np.diag(np.where(x < 0.5, SIMPLEX, -SIMPLEX))])
         options = options | {"initial_simplex": corners, "adaptive": len(x) > 1}
-    optimize.minimize(function, x, method=solver, options=options, **words)
+    optimize.minimize(function, x, method=solver, options=options, **more)
 
 
 def _restarted(solver: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Search from one start after the other until a limit is reached."""
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="scipy")  # of slopes that did not change
+        warnings.filterwarnings("ignore", module="scipy")  # of gradients that did not change
         for start in starts(evaluator, rng):
             descend(solver, evaluator, start)
 
 
 def _linear_rules(problem: Problem) -> list[optimize.LinearConstraint]:
-    """The given length and the largest change as linear constraints."""
+    """Return the given length and the largest change as linear constraints."""
     rules = []
     if problem.equality is not None:
-        row, total = problem.equality
-        size = np.abs(row).max()
-        rules.append(optimize.LinearConstraint(row[None] / size, total / size, total / size))
+        coefficients, total = problem.equality
+        size = np.abs(coefficients).max()
+        rules.append(
+            optimize.LinearConstraint(coefficients[None] / size, total / size, total / size)
+        )
     if problem.linear is not None:
-        rows, most = problem.linear
-        size = np.abs(rows).max()
-        rules.append(optimize.LinearConstraint(rows / size, -np.inf, most / size))
+        matrix, most = problem.linear
+        size = np.abs(matrix).max()
+        rules.append(optimize.LinearConstraint(matrix / size, -np.inf, most / size))
     return rules
 
 
@@ -159,7 +161,7 @@ def direct(evaluator: Evaluator, rng: np.random.Generator) -> None:
         centre = few.nearest(evaluator.best)
         if radius < 1e-6:
             radius = 1.0
-        # the middle of each box is evaluated first: shifted at random, no two are the same
+        # the middle of each box is evaluated first: random shifts make all of them different
         centre = np.clip(centre + 0.1 * radius * rng.uniform(-1, 1, len(centre)), 0.0, 1.0)
         low, high = np.maximum(centre - radius, 0.0), np.minimum(centre + radius, 1.0)
         optimize.direct(
@@ -189,13 +191,13 @@ def differential_evolution(evaluator: Evaluator, rng: np.random.Generator) -> No
     """Run one differential evolution after the other."""
     problem = evaluator.problem
     n = problem.dimension
-    mark = uniform_design(problem)
+    uniform = uniform_design(problem)
     members = min(max(16, MEMBERS_PER_VARIABLE * n), MOST_MEMBERS)
     while True:
         # around the baseline near and far: most layouts from all over the box would be poor
         spread = 10.0 ** rng.uniform(-2.0, 0.0, (members, 1))
-        first = problem.project(np.clip(mark + spread * rng.uniform(-1, 1, (members, n)), 0, 1))
-        first[0] = mark
+        first = problem.project(np.clip(uniform + spread * rng.uniform(-1, 1, (members, n)), 0, 1))
+        first[0] = uniform
         optimize.differential_evolution(
             lambda columns: -evaluator.evaluate(columns.T).score,
             [(0.0, 1.0)] * n, init=first, strategy="currenttobest1bin", mutation=(0.4, 0.9),

@@ -1,6 +1,6 @@
-"""Where searches begin, and schedules: layouts of few numbers.
+"""Starts of searches, and schedules: layouts described by few numbers.
 
-A schedule is a layout that is straight between knots. Good layouts change quickly at both ends and
+A schedule is a layout that is linear between knots. Good layouts change quickly at both ends and
 hardly in the middle, so knots stand at every place of the ends and ever further apart towards the
 middle.
 """
@@ -57,7 +57,11 @@ def knots(pairs: int, most: int) -> Ints:
 
 def schedule(parts: int, pairs: int, most: int) -> Floats:
     """Build the (parts pairs, m) matrix from the values at the knots to a design vector."""
-    places = knots(pairs, max(2, most // parts))
+    return interpolation(knots(pairs, max(2, most // parts)), pairs, parts)
+
+
+def interpolation(places: Ints, pairs: int, parts: int) -> Floats:
+    """Build the (parts pairs, parts m) matrix from values at m places to a design vector."""
     one = np.stack([np.interp(np.arange(pairs), places, e) for e in np.eye(len(places))], axis=1)
     return np.asarray(np.kron(np.eye(parts), one))
 
@@ -88,8 +92,7 @@ class FewVariables:
         """Find the variables whose design vector is nearest to this one, within the box."""
         if self._matrix is None:
             return design
-        found = np.linalg.lstsq(self._matrix, design, rcond=None)[0]
-        return np.asarray(np.clip(found, 0.0, 1.0))
+        return np.asarray(np.clip(np.linalg.lstsq(self._matrix, design, rcond=None)[0], 0.0, 1.0))
 
     def cost(self, x: Floats) -> float:
         """Compute minus the score."""

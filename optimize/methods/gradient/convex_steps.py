@@ -1,7 +1,7 @@
 """Sequential convex programming: a concave model of the score in a trust region, by cvxpy.
 
-The model is the lowest of several planes: the gradients here and at points nearby, so that both
-sides of a kink are known. Every linear rule of the scene is a constraint of the step. The program
+The model is the minimum of several planes: the gradients here and at points nearby, so that both
+sides of a kink are known. Every linear rule of the scene is a constraint of the step. The programme
 is built once with parameters (DPP), so that only numbers change from step to step.
 """
 
@@ -19,9 +19,9 @@ from optimize.evaluator import Evaluator
 from optimize.methods.starts import starts
 from optimize.problem import Problem
 
-PLANES = 10
-FIRST, LARGEST, SMALLEST = 0.1, 0.4, 1e-6  # radius of the trust region, as a part of the box
-POOR, GOOD = 0.1, 0.7  # part of the promised rise that shrinks the region, and that widens it
+PLANES = 10  # gradients that the model keeps
+FIRST, LARGEST, SMALLEST = 0.1, 0.4, 1e-6  # radius of the trust region, relative to the box
+POOR, GOOD = 0.1, 0.7  # ratio to the predicted gain below and above which the region changes
 AROUND = 4.0  # radii within which planes are kept
 
 
@@ -38,25 +38,25 @@ class Step:
     Parameters
     ----------
     problem
-        Whose linear rules the steps keep.
+        Problem whose linear rules the steps keep.
     """
 
     def __init__(self, problem: Problem) -> None:
         n = problem.dimension
         self._d, rise = cp.Variable(n), cp.Variable()
-        self._slopes = cp.Parameter((PLANES, n))
+        self._gradients = cp.Parameter((PLANES, n))
         self._heights = cp.Parameter(PLANES)
         self._low, self._high = cp.Parameter(n), cp.Parameter(n)
         rules: list[Any] = [
-            rise <= self._heights + self._slopes @ self._d,
+            rise <= self._heights + self._gradients @ self._d,
             self._d >= self._low,
             self._d <= self._high,
         ]
         self._equality = problem.equality
         if self._equality is not None:
-            row, _ = self._equality
-            self._short, self._size = cp.Parameter(), float(np.abs(row).max())
-            rules.append(row / self._size @ self._d == self._short)
+            coefficients, _ = self._equality
+            self._missing, self._size = cp.Parameter(), float(np.abs(coefficients).max())
+            rules.append(coefficients / self._size @ self._d == self._missing)
         self._linear = problem.linear
         if self._linear is not None:
             self._room = cp.Parameter(len(self._linear[1]))
@@ -64,16 +64,16 @@ class Step:
         self._program = cp.Problem(cp.Maximize(rise), rules)
 
     def best(
-        self, design: Floats, slopes: Floats, heights: Floats, radius: float
+        self, design: Floats, gradients: Floats, heights: Floats, radius: float
     ) -> tuple[Floats, float] | None:
-        """Find the step that promises most.
+        """Find the step with the largest predicted gain.
 
         Parameters
         ----------
         design
-            (n,) where the step begins.
-        slopes, heights
-            (PLANES, n) gradients of the planes, and (PLANES,) how far each lies above the score at
+            (n,) design vector at which the step begins.
+        gradients, heights
+            (PLANES, n) gradients of the planes, and (PLANES,) their heights above the score at
             `design`.
         radius
             Largest change of a variable.
@@ -81,14 +81,14 @@ class Step:
         Returns
         -------
         tuple of (ndarray, float), or None
-            The step (n,) and the rise that the model promises; None where the solver finds none.
+            The step (n,) and its predicted gain; None where the solver fails.
         """
-        self._slopes.value, self._heights.value = slopes, heights
+        self._gradients.value, self._heights.value = gradients, heights
         self._low.value = -np.minimum(design, radius)
         self._high.value = np.minimum(1.0 - design, radius)
         if self._equality is not None:
-            row, total = self._equality
-            self._short.value = (total - float(row @ design)) / self._size
+            coefficients, total = self._equality
+            self._missing.value = (total - float(coefficients @ design)) / self._size
         if self._linear is not None:
             self._room.value = np.maximum(self._linear[1] - self._linear[0] @ design, 0.0)
         try:
@@ -97,42 +97,42 @@ class Step:
                 self._program.solve(solver=cp.CLARABEL)
         except cp.SolverError:
             return None
-        promised = self._program.value
-        if self._d.value is None or promised is None or not np.isfinite(promised):
+        predicted = self._program.value
+        if self._d.value is None or predicted is None or not np.isfinite(predicted):
             return None
-        return np.asarray(self._d.value), float(promised)
+        return np.asarray(self._d.value), float(predicted)
 
 
 def _ascend(evaluator: Evaluator, step: Step, start: Floats) -> None:
+    """Search from one start until the trust region has shrunk to nothing."""
     problem = evaluator.problem
     here = problem.project(np.clip(start, 0.0, 1.0)[None])[0]
     found = evaluator.evaluate(here, gradient=True)
-    score, slope = found.score, found.gradient
-    known = deque([(here, score, slope)], maxlen=PLANES)
+    score, gradient = found.score, found.gradient
+    known = deque([(here, score, gradient)], maxlen=PLANES)
     radius = FIRST
     while radius > SMALLEST:
         planes = [p for p in known if np.abs(p[0] - here).max() <= AROUND * radius]
-        # below the point itself no plane may lie: the score is not concave everywhere
+        # no plane may lie below the point itself: the score is not concave everywhere
         heights = [max(s + g @ (here - x) - score, 0.0) for x, s, g in planes]
-        slopes = [g for _, _, g in planes]
+        gradients = [g for _, _, g in planes]
         missing = PLANES - len(planes)
-        slopes += [slope] * missing
+        gradients += [gradient] * missing
         heights += [0.0] * missing
-        size = max(float(np.abs(slope).max()), 1e-300)  # for a program of even size
-        plan = step.best(here, np.array(slopes) / size, np.array(heights) / size, radius)
-        if plan is None or plan[1] * size <= 1e-10 * abs(score):
+        size = max(float(np.abs(gradient).max()), 1e-300)  # scales the programme
+        best = step.best(here, np.array(gradients) / size, np.array(heights) / size, radius)
+        if best is None or best[1] * size <= 1e-10 * abs(score):
             radius *= 0.25
             continue
-        there = problem.project(np.clip(here + plan[0], 0.0, 1.0)[None])[0]
+        there = problem.project(np.clip(here + best[0], 0.0, 1.0)[None])[0]
         found = evaluator.evaluate(there, gradient=True)
-        fresh, fresh_slope = found.score, found.gradient
-        known.append((there, fresh, fresh_slope))
-        part = (fresh - score) / (plan[1] * size)
-        if part > GOOD:
+        known.append((there, found.score, found.gradient))
+        ratio = (found.score - score) / (best[1] * size)
+        if ratio > GOOD:
             radius = min(2.0 * radius, LARGEST)
-        elif part < POOR:
+        elif ratio < POOR:
             radius *= 0.4
-        if fresh > score:
-            here, score, slope = there, fresh, fresh_slope
+        if found.score > score:
+            here, score, gradient = there, found.score, found.gradient
         else:
-            known.append((here, score, slope))  # the plane here must not be forgotten
+            known.append((here, score, gradient))  # the plane here must stay in the model

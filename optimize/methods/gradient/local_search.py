@@ -1,10 +1,9 @@
-"""A local search that copes with kinks and can be paused: BFGS within the box.
+"""A local search for scores with kinks, which can be paused: BFGS within the box.
 
 The onset of a face contact is a kink of the score, and good layouts lie on several of them at once.
-There a line search that asks for a large slope to vanish shrinks its steps to nothing; one that
-asks only for a rise and a turned slope (Armijo and weak Wolfe) goes past the kink, from which the
-curvature learns the ridge. Variables that the slope holds at a face of the box are left out of the
-step.
+There a line search with the strong Wolfe conditions shrinks its steps to nothing; one with those of
+Armijo and weak Wolfe steps across the kink, so that the curvature represents the ridge. Variables
+that the gradient holds at a face of the box are left out of the step.
 
 References
 ----------
@@ -26,17 +25,17 @@ from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
-RISE, TURN = 1e-4, 0.5  # least part of the promised rise, largest of the slope left
+RISE, TURN = 1e-4, 0.5  # conditions of Armijo and weak Wolfe, relative to the first slope
 DENSE = 200  # variables up to which the whole inverse curvature is kept
-MEMORY = 30  # pairs kept for more
-TRIES = 14  # of one line search
-LARGEST = 0.15  # of a variable's first change, as a part of the box
-WINDOW = 8  # steps over which the gain is judged
-ENOUGH = 1e-7  # a smaller relative gain over them ends it
+MEMORY = 30  # pairs of step and change of the gradient that are kept for more variables
+TRIES = 14  # evaluations of one line search
+LARGEST = 0.15  # first change of a variable, relative to the box
+WINDOW = 8  # steps over which the gain is measured
+ENOUGH = 1e-7  # a smaller relative gain over them ends the search
 
 
 class LocalSearch:
-    """One local search from one start, on ask and tell, so that many can share a batch.
+    """One local search from one start, driven from outside, so that many can share a batch.
 
     Parameters
     ----------
@@ -52,13 +51,13 @@ class LocalSearch:
     Attributes
     ----------
     wanted
-        (n,) the design vector whose score and gradient it needs next.
+        (n,) design vector whose score and gradient are needed next.
     design, score, gradient
-        The best so far; -inf and zeros before the first evaluation.
+        Best so far; -inf and zeros before the first evaluation.
     evaluations
         Number of evaluations so far.
     done
-        Whether nothing more can be gained.
+        Nothing more can be gained.
     """
 
     def __init__(
@@ -79,8 +78,8 @@ class LocalSearch:
         self._answers = self._ascend()
         next(self._answers)
 
-    def tell(self, score: float, gradient: Floats) -> None:
-        """Take the score and gradient (n,) of `wanted`."""
+    def update(self, score: float, gradient: Floats) -> None:
+        """Continue with the score and gradient (n,) of `wanted`."""
         self.evaluations += 1
         try:
             self._answers.send((score, gradient))
@@ -92,6 +91,7 @@ class LocalSearch:
         return design if self._project is None else self._project(design[None])[0]
 
     def _ascend(self) -> Generator[None, tuple[float, Floats], None]:
+        """Step until nothing more is gained; receives the score and gradient of `wanted`."""
         self.score, self.gradient = yield
         self._history.append(self.score)
         while True:
@@ -105,37 +105,37 @@ class LocalSearch:
                 self._curvature.forget()
                 continue
             design, score, gradient = found
-            self._curvature.learn(design - self.design, self.gradient - gradient)
+            self._curvature.add(design - self.design, self.gradient - gradient)
             self.design, self.score, self.gradient = found
             self._history.append(score)
             if len(self._history) > WINDOW and score - self._history[0] <= ENOUGH * abs(score):
                 return
 
     def _inward(self, direction: Floats) -> Floats:
-        """The direction without what leads out of the box."""
+        """Return the direction without components that lead out of the box."""
         low = (self.design <= 0.0) & (direction < 0.0)
         high = (self.design >= 1.0) & (direction > 0.0)
         return np.where(low | high, 0.0, direction)
 
     def _direction(self) -> Floats | None:
-        """Direction of the next step; None at a maximum."""
-        slope = self._inward(self.gradient)
-        if not np.any(slope):
+        """Return the direction of the next step; None at a maximum."""
+        gradient = self._inward(self.gradient)
+        if not np.any(gradient):
             return None
-        step = self._curvature.times(slope, slope != 0.0)
+        step = self._curvature.times(gradient, gradient != 0.0)
         if step is not None:
             step = self._inward(step)
-            if step @ slope > 1e-10 * np.linalg.norm(step) * np.linalg.norm(slope):
+            if step @ gradient > 1e-10 * np.linalg.norm(step) * np.linalg.norm(gradient):
                 return step
             self._curvature.forget()
         if self._guess is not None:
-            return slope * self._guess
-        return slope * (LARGEST / 3.0 / float(np.abs(slope).max()))
+            return gradient * self._guess
+        return gradient * (LARGEST / 3.0 / float(np.abs(gradient).max()))
 
     def _line_search(
         self, direction: Floats
     ) -> Generator[None, tuple[float, Floats], tuple[Floats, float, Floats] | None]:
-        """A point of the projected path that rises enough; None if none is near."""
+        """Return a point of the projected path that rises enough; None if none is near."""
         largest = float(np.abs(direction).max())
         length = min(1.0, LARGEST / largest)
         low, high = 0.0, np.inf
@@ -172,7 +172,7 @@ class CoarseToFine:
     start
         (n,) design vector to begin at.
     matrices
-        (n, m) each: from the values of a schedule to a design vector, the coarsest first.
+        (n, m) matrices from the values of a schedule to a design vector, the coarsest first.
     project
         As of `LocalSearch`.
     """
@@ -198,24 +198,24 @@ class CoarseToFine:
             self._search = LocalSearch(np.clip(self._coarse(self._matrix, design), 0.0, 1.0))
 
     def _coarse(self, matrix: Floats, design: Floats) -> Floats:
-        """Values of the schedule that is nearest to a design vector."""
+        """Return the values of the schedule that is nearest to a design vector."""
         return np.asarray(np.linalg.lstsq(matrix, design, rcond=None)[0])
 
     @property
     def wanted(self) -> Floats:
-        """The design vector (n,) whose score and gradient it needs next."""
+        """Design vector (n,) whose score and gradient are needed next."""
         if self._matrix is None:
             return self._search.wanted
         design = np.clip(self._matrix @ self._search.wanted, 0.0, 1.0)
         return design if self._project is None else self._project(design[None])[0]
 
-    def tell(self, score: float, gradient: Floats) -> None:
-        """Take the score and gradient (n,) of `wanted`."""
+    def update(self, score: float, gradient: Floats) -> None:
+        """Continue with the score and gradient (n,) of `wanted`."""
         self.evaluations += 1
         if score > self.score:
             self.score, self.design = score, self.wanted
         here = gradient if self._matrix is None else self._matrix.T @ gradient
-        self._search.tell(score, here)
+        self._search.update(score, here)
         if self._search.done:
             if self._matrix is None:
                 self.done = True
@@ -238,9 +238,9 @@ def advance(searches: Searches, gradients: int) -> Search:
     """
     until = {id(one): one.evaluations + gradients for one in searches}
     while live := [one for one in searches if not one.done and one.evaluations < until[id(one)]]:
-        scores, slopes = yield Request(np.array([one.wanted for one in live]), gradient=True)
-        for one, score, slope in zip(live, scores, slopes, strict=True):
-            one.tell(float(score), slope)
+        scores, found = yield Request(np.array([one.wanted for one in live]), gradient=True)
+        for one, score, gradient in zip(live, scores, found, strict=True):
+            one.update(float(score), gradient)
 
 
 def run_local_searches(evaluator: Evaluator, searches: Searches, gradients: int) -> None:
@@ -260,14 +260,13 @@ class _Dense:
         self._inverse = self._first
         self.fresh = True
 
-    def times(self, slope: Floats, free: Bools) -> Floats | None:
+    def times(self, gradient: Floats, free: Bools) -> Floats | None:
         if self.fresh:
             return None
-        return np.where(free, self._inverse @ slope, 0.0)
+        return np.where(free, self._inverse @ gradient, 0.0)
 
-    def learn(self, s: Floats, y: Floats) -> None:
-        still = s == 0.0
-        y = np.where(still, 0.0, y)
+    def add(self, s: Floats, y: Floats) -> None:
+        y = np.where(s == 0.0, 0.0, y)
         product = float(s @ y)
         if product <= 1e-12 * np.linalg.norm(s) * np.linalg.norm(y):
             return
@@ -280,7 +279,7 @@ class _Dense:
 
 
 class _Limited:
-    """Inverse curvature as the last pairs of step and change of the slope (L-BFGS)."""
+    """Inverse curvature as the last pairs of step and change of the gradient (L-BFGS)."""
 
     def __init__(self) -> None:
         self._pairs: deque[tuple[Floats, Floats, float]] = deque(maxlen=MEMORY)
@@ -292,10 +291,10 @@ class _Limited:
     def forget(self) -> None:
         self._pairs.clear()
 
-    def times(self, slope: Floats, free: Bools) -> Floats | None:
+    def times(self, gradient: Floats, free: Bools) -> Floats | None:
         if not self._pairs:
             return None
-        q, parts = slope.copy(), []
+        q, parts = gradient.copy(), []
         for s, y, product in reversed(self._pairs):
             a = float(s @ q) / product
             parts.append(a)
@@ -306,7 +305,7 @@ class _Limited:
             q += (a - float(y @ q) / product) * s
         return np.where(free, q, 0.0)
 
-    def learn(self, s: Floats, y: Floats) -> None:
+    def add(self, s: Floats, y: Floats) -> None:
         y = np.where(s == 0.0, 0.0, y)
         product = float(s @ y)
         if product > 1e-12 * np.linalg.norm(s) * np.linalg.norm(y):

@@ -1,4 +1,4 @@
-"""Searches in lockstep: what they request at the same time is simulated as one batch.
+"""Searches in lockstep: requests of the same time are simulated as one batch.
 
 A search here is a generator that yields requests and is sent the answers. Large batches keep all
 cores busy, in the threads of the simulator, while everything that decides stays in one thread:
@@ -28,7 +28,7 @@ class Request:
     designs
         (B, n) design vectors.
     gradient
-        Whether their gradients are needed too; that of a wave that stops is zero.
+        Their gradients are needed too; the gradient of a wave that stops is zero.
     """
 
     designs: Floats
@@ -48,9 +48,9 @@ def run_in_lockstep(evaluator: Evaluator, searches: Sequence[Search]) -> None:
     Parameters
     ----------
     evaluator
-        Evaluates the requests.
+        Evaluator of the requests.
     searches
-        In the order in which they get their answers.
+        Searches, in the order in which they get their answers.
 
     Raises
     ------
@@ -77,12 +77,13 @@ def run_in_lockstep(evaluator: Evaluator, searches: Sequence[Search]) -> None:
 def _answers(
     evaluator: Evaluator, requests: dict[Search, Request | None], *, gradient: bool
 ) -> dict[Search, Answer]:
+    """Evaluate all requests with a gradient, or all without one."""
     wanted = {s: r.designs for s, r in requests.items() if r is not None and r.gradient is gradient}
     if not wanted:
         return {}
     designs = np.concatenate(list(wanted.values()))
     found = evaluator.evaluate(designs, gradient, differences=False)
-    slopes = found.gradient if gradient else np.empty((len(designs), 0))
+    gradients = found.gradient if gradient else np.empty((len(designs), 0))
     ends = np.cumsum([len(part) for part in wanted.values()])[:-1]
-    parts = zip(np.split(found.score, ends), np.split(slopes, ends), strict=True)
+    parts = zip(np.split(found.score, ends), np.split(gradients, ends), strict=True)
     return dict(zip(wanted, parts, strict=True))

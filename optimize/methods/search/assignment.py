@@ -1,11 +1,11 @@
 """Order of the dominoes of a stock: assignments by HiGHS and exchanges, with local searches.
 
 At a layout whose gaps a local search has refined, the exact gradient predicts the gain of each kind
-of domino at each place. The assignment that promises most, with a limited number of changes, is an
-integer programme for HiGHS (see `optimize.constraints.stock`); besides, exchanges of two places are
-tried. Short local searches refine the gaps of the best few of all these, and the best of those is
-kept. Values from a list change by a step up or down instead. Without either, only the local
-searches are left.
+of domino at each place. The assignment with the largest predicted gain and a limited number of
+changes is an integer programme for HiGHS (see `optimize.constraints.stock`); besides, exchanges of
+two places are tried. Short local searches refine the gaps of the best few of all these, and the
+best of those is kept. Values from a list change by a step up or down instead. Without either, only
+the local searches are left.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from optimize.methods.gradient.local_search import LocalSearch, run_local_search
 from optimize.methods.starts import starts
 from optimize.problem import Problem
 
-LONG, SHORT = 80, 10  # gradients of a local search
+LONG, SHORT = 80, 10  # gradients of a thorough and of a quick local search
 CHANGES = (2, 4, 8, 16)  # places that a programme may change
-EXCHANGES = 200  # of each kind, tried of all
-FEW = 8  # of those tried that are refined
-GAIN = 1e-6  # a smaller relative one is none
+EXCHANGES = 200  # layouts of each kind that are tried
+FEW = 8  # layouts of those tried that are refined
+GAIN = 1e-6  # a smaller relative gain counts as none
 IDLE = 3  # rounds without gain that end a start
 
 
@@ -41,8 +41,8 @@ def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> N
         tried = _others(evaluator, design, rng, first=idle == 0)
         if len(tried) == 0:
             return
-        found = evaluator.evaluate(tried).score
-        best = tried[np.argsort(-found, kind="stable")[:FEW]]
+        scores = evaluator.evaluate(tried).score
+        best = tried[np.argsort(-scores, kind="stable")[:FEW]]
         ahead, there = _refined(evaluator, best, SHORT)
         if ahead > score + GAIN * abs(score):
             score, design, idle = ahead, there, 0
@@ -53,7 +53,7 @@ def _improve(evaluator: Evaluator, start: Floats, rng: np.random.Generator) -> N
 
 
 def _refined(evaluator: Evaluator, begins: Floats, gradients: int) -> tuple[float, Floats]:
-    """Score and design vector of the best of some layouts after a local search from each."""
+    """Return the best score and design vector of local searches from some layouts."""
     project = evaluator.problem.project if evaluator.problem.coupled else None
     searches = [LocalSearch(begin, project) for begin in begins]
     run_local_searches(evaluator, searches, gradients)
@@ -64,46 +64,46 @@ def _refined(evaluator: Evaluator, begins: Floats, gradients: int) -> tuple[floa
 def _others(
     evaluator: Evaluator, design: Floats, rng: np.random.Generator, *, first: bool
 ) -> Floats:
-    """Layouts with another order, or other values from a list.
+    """Propose layouts with another order, or other values from a list.
 
-    first: whether this design vector is changed for the first time.
+    first: this design vector is changed for the first time.
     """
     problem = evaluator.problem
     stock = problem.scene.stock is not None
-    found = []
+    changed = []
     if stock:
-        found += [_exchanged(problem, design, rng), _inserted(problem, design, rng)]
+        changed += [_exchanged(problem, design, rng), _inserted(problem, design, rng)]
     if stock and first:
-        found.append(_assigned(evaluator, design))
+        changed.append(_assigned(evaluator, design))
     if problem.scene.spacing_values or (problem.scene.thickness_values and not stock):
-        found.append(_stepped(problem, design, rng))
-    if not found:
+        changed.append(_stepped(problem, design, rng))
+    if not changed:
         return np.empty((0, len(design)))
-    near = problem.project(np.concatenate(found))
+    near = problem.project(np.concatenate(changed))
     return unique_points(near[np.any(near != design, axis=1)])
 
 
 def _assigned(evaluator: Evaluator, design: Floats) -> Floats:
-    """The most promising assignments that change few places."""
+    """Propose the assignments of the largest predicted gain that change few places."""
     problem = evaluator.problem
     assert problem.scene.stock is not None
     left = problem.scene.stock.without(problem.scene.first_thickness)
     kinds = np.array(left.thickness)
     pairs = problem.scene.count - 1
-    slopes = evaluator.evaluate(design, True, differences=False, relaxed=True).gradient
+    gradient = evaluator.evaluate(design, True, differences=False, relaxed=True).gradient
     room = (problem.high - problem.low)[-pairs:]
     now = problem.low[-pairs:] + design[-pairs:] * room
     current = np.abs(now[:, None] - kinds).argmin(axis=1)
-    prices = -(slopes[-pairs:] / room)[:, None] * (kinds - now[:, None])
+    costs = -(gradient[-pairs:] / room)[:, None] * (kinds - now[:, None])
     found = np.repeat(design[None], len(CHANGES), axis=0)
     for i, changes in enumerate(CHANGES):
-        chosen = assign(prices, np.array(left.count), current, changes)
+        chosen = assign(costs, np.array(left.count), current, changes)
         found[i, -pairs:] = (kinds[chosen] - problem.low[-pairs:]) / room
     return found
 
 
 def _exchanged(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """Two dominoes that change places; their gaps stay, or the pivots do."""
+    """Propose exchanges of two dominoes, with the same gaps or the same pivots."""
     pairs = problem.scene.count - 1
     body = design[-pairs:]
     first, second = np.nonzero(np.triu(np.abs(body[:, None] - body) > 1e-9))
@@ -122,18 +122,18 @@ def _exchanged(problem: Problem, design: Floats, rng: np.random.Generator) -> Fl
 
 
 def _inserted(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """One domino taken out and put in elsewhere; those between move up; the gaps stay."""
+    """Propose moves of one domino to another place; those between move up; the gaps stay."""
     pairs = problem.scene.count - 1
     found = np.repeat(design[None], EXCHANGES, axis=0)
-    for row in found:
+    for one in found:
         i, j = rng.integers(pairs, size=2)
-        body = np.delete(row[-pairs:], i)
-        row[-pairs:] = np.insert(body, j, design[len(design) - pairs + i])
+        body = np.delete(one[-pairs:], i)
+        one[-pairs:] = np.insert(body, j, design[len(design) - pairs + i])
     return found
 
 
 def _stepped(problem: Problem, design: Floats, rng: np.random.Generator) -> Floats:
-    """One value a step up or down, and, where a length is asked, another the other way."""
+    """Propose steps of one value up or down and, with a length, of another the other way."""
     values = problem.scene.spacing_values or problem.scene.thickness_values
     assert values is not None
     n = len(design)

@@ -26,11 +26,11 @@ from optimize.evaluator import Evaluator
 from optimize.methods.starts import uniform_design
 
 WIDE = 0.3  # first step, as a part of the box
-MANY = 200  # variables from which on the covariance is kept diagonal
-CAREFUL = 0.003  # first step for so many: a wide one would never end
-# Many design vectors stand for the same layout where a length is given. Without a price on the
+MANY = 200  # variables above which the covariance is kept diagonal
+CAREFUL = 0.003  # first step for more: a wide one would not converge
+# With a given length many design vectors describe the same layout. Without a penalty on the
 # distance to that layout the search drifts among them.
-DRIFT = 100.0  # price of the mean square distance, over the score
+DRIFT = 100.0  # penalty of the mean square distance, over the score
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -63,19 +63,19 @@ def _restart(evaluator: Evaluator, rng: np.random.Generator) -> None:
 def _descend(
     evaluator: Evaluator, rng: np.random.Generator, start: Floats, step: float, size: int
 ) -> int:
-    """One run until it has converged; returns its evaluations."""
+    """Run until convergence; return the number of evaluations."""
     problem, n = evaluator.problem, len(start)
     before = evaluator.evaluations
     centre = np.full(max(n, 2), 0.5)  # pycma wants two variables; the second may be idle
     centre[:n] = np.clip(start, 0.02, 0.98)
     strategy = cma.CMAEvolutionStrategy(centre, step, _options(rng, n, size))
-    price = DRIFT * abs(problem.scene.uniform().score)
+    penalty = DRIFT * abs(problem.scene.uniform().score)
     while not strategy.stop():
         proposed = strategy.ask()
         designs = np.array(proposed)[:, :n]
         costs = -evaluator.evaluate(designs).score
         if problem.equality is not None or problem.linear is not None:
-            costs += price * np.mean((designs - problem.project(designs)) ** 2, axis=1)
+            costs += penalty * np.mean((designs - problem.project(designs)) ** 2, axis=1)
         strategy.tell(proposed, costs)
     return evaluator.evaluations - before
 
@@ -89,9 +89,9 @@ def _options(rng: np.random.Generator, n: int, size: int) -> dict[str, Any]:
         "seed": np.nan,
         "randn": lambda *shape: rng.standard_normal(shape),
         "tolfun": 1e-6,
-        "tolfunhist": 1e-6,  # what a restart can gain is far more
+        "tolfunhist": 1e-6,  # a restart can gain far more
         "tolx": 1e-5,
         "maxiter": np.inf,
-        "verbose": -10,  # at -9 it would still obey a file in the working directory
+        "verbose": -10,  # at -9 it would still read a file in the working directory
         "verb_log": 0,
     }

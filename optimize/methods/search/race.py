@@ -14,10 +14,10 @@ The search is done when perturbations gain nothing any more and enough of the is
 best; where they never do, when twice as much was spent as the last gain took. Both count
 evaluations, so that the end does not depend on the machine.
 
-A long layout begins as a stretched shorter one: see `long_rows`. A free-standing layout is searched
-on the analytic model first: see `two_fidelities`. A schedule is first fitted by least squares, as
-`gauss-newton` does. Where the score has no gradient, on a grid or where all waves stop, the
-perturbations alone do the search.
+A long layout begins as a stretched shorter one: see `long_layouts`. A free-standing layout is
+searched on the analytic model first: see `two_fidelities`. A schedule is first fitted by least
+squares, as `gauss-newton` does. Where the score has no gradient, on a grid or where all waves stop,
+only perturbations are left.
 
 References
 ----------
@@ -38,7 +38,7 @@ from optimize.methods.gradient import least_squares
 from optimize.methods.gradient.local_search import CoarseToFine, advance
 from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
 from optimize.methods.search import assignment, two_fidelities
-from optimize.methods.search.long_rows import best_stretched, is_long
+from optimize.methods.search.long_layouts import best_stretched, is_long
 from optimize.methods.search.perturbations import (
     PERTURBATIONS,
     TIGHT_AT_MOST,

@@ -211,4 +211,4 @@ def _refine(known: _Known, arms: list[LocalSearch], slopes: Floats) -> None:
         wanted = np.array([arms[i].wanted for i in left])
         scores, gradients = known.corrected(wanted, slopes[left])
         for i, score, gradient in zip(left, scores, gradients, strict=True):
-            arms[i].tell(float(score), gradient)
+            arms[i].update(float(score), gradient)

@@ -1,4 +1,4 @@
-"""The climb that copes with kinks, schedules of few numbers, and moves on a row."""
+"""Local searches on scores with kinks, schedules of few numbers, and perturbations."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from optimize.methods.search.perturbations import PERTURBATIONS, ends_tight, tig
 from optimize.methods.starts import knots, schedule
 
 
-def climb(arm: LocalSearch | CoarseToFine, answer: Callable, most: int = 2000) -> int:
-    """Answer it until it is done; how often that was."""
+def run(arm: LocalSearch | CoarseToFine, answer: Callable, most: int = 2000) -> int:
+    """Evaluate until it is done; return the number of evaluations."""
     while not arm.done and arm.evaluations < most:
         assert np.all((arm.wanted >= 0.0) & (arm.wanted <= 1.0))
-        arm.tell(*answer(arm.wanted))
+        arm.update(*answer(arm.wanted))
     return arm.evaluations
 
 
-def hill(top: np.ndarray, seed: int = 0) -> Callable:
-    """A concave quadratic of condition 100 with its top there."""
+def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
+    """A concave quadratic of condition 100 with its maximum at `top`."""
     n = len(top)
     turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((n, n)))[0]
     curvature = turn @ np.diag(np.geomspace(1.0, 100.0, n)) @ turn.T
@@ -33,72 +33,72 @@ def hill(top: np.ndarray, seed: int = 0) -> Callable:
 
 
 @pytest.mark.parametrize("n", [1, 5, 40, 300])  # the last with limited memory
-def test_it_finds_the_top_of_a_hill(n: int) -> None:
+def test_it_finds_the_maximum_of_a_quadratic(n: int) -> None:
     top = np.random.default_rng(1).uniform(0.2, 0.8, n)
     arm = LocalSearch(np.full(n, 0.5))
-    climb(arm, hill(top))
+    run(arm, quadratic(top))
     assert arm.done
     assert arm.score == pytest.approx(5.0, abs=1e-4)
 
 
 def test_it_finds_the_best_corner_or_face_of_the_box() -> None:
-    """Against the law of a maximum within bounds: no slope left that leads inside."""
+    """No component of the gradient leads into the box."""
     top = np.array([1.4, 0.3, -0.2, 0.6, 1.1])
-    answer = hill(top, seed=3)
+    answer = quadratic(top, seed=3)
     arm = LocalSearch(np.full(5, 0.5))
-    climb(arm, answer)
-    slope = answer(arm.design)[1]
+    run(arm, answer)
+    gradient = answer(arm.design)[1]
     low, high = arm.design <= 0.0, arm.design >= 1.0
     assert low.any()
     assert high.any()
-    assert np.all(slope[low] <= 1e-3)
-    assert np.all(slope[high] >= -1e-3)
-    assert np.all(np.abs(slope[~low & ~high]) < 0.02)
+    assert np.all(gradient[low] <= 1e-3)
+    assert np.all(gradient[high] >= -1e-3)
+    assert np.all(np.abs(gradient[~low & ~high]) < 0.02)
 
 
 @pytest.mark.parametrize("n", [2, 10])
-def test_it_climbs_along_a_kink(n: int) -> None:
-    """The ridge -8 |x0 - x1²| bends; on it a smooth hill leads to x = 0.7 and beyond the kink."""
+def test_it_follows_a_kink(n: int) -> None:
+    """The ridge -8 |x0 - x1²| bends; along it a smooth score rises to x = 0.7."""
 
     def answer(x):
         off = x[0] - x[1] ** 2
-        slope = np.zeros(n)
-        slope[0] = -8.0 * np.sign(off)
-        slope[1] = 16.0 * x[1] * np.sign(off) - 2.0 * (x[1] - 0.7)
-        slope[2:] = -2.0 * (x[2:] - 0.4)
+        gradient = np.zeros(n)
+        gradient[0] = -8.0 * np.sign(off)
+        gradient[1] = 16.0 * x[1] * np.sign(off) - 2.0 * (x[1] - 0.7)
+        gradient[2:] = -2.0 * (x[2:] - 0.4)
         score = -8.0 * abs(off) - (x[1] - 0.7) ** 2 - ((x[2:] - 0.4) ** 2).sum()
-        return 3.0 + score, slope
+        return 3.0 + score, gradient
 
     arm = LocalSearch(np.full(n, 0.1))
-    climb(arm, answer)
+    run(arm, answer)
     assert arm.score == pytest.approx(3.0, abs=1e-5)
     assert arm.design[:2] == pytest.approx([0.49, 0.7], abs=5e-3)
 
 
-def test_a_cliff_turns_it_back() -> None:
-    """Beyond x0 = 0.6 the wave dies: no slope there, and a score below zero."""
+def test_a_step_of_the_score_stops_it() -> None:
+    """Beyond x0 = 0.6 the wave stops: zero gradient and a negative score."""
 
     def answer(x):
         return (-0.3, np.zeros(2)) if x[0] > 0.6 else (1.0 + x[0] - x[1], np.array([1.0, -1.0]))
 
     arm = LocalSearch(np.array([0.2, 0.9]))
-    climb(arm, answer)
+    run(arm, answer)
     assert arm.design[0] == pytest.approx(0.6, abs=1e-3)
     assert arm.design[0] <= 0.6
     assert arm.score >= 1.1 > 0.3  # it began at 0.3
 
 
-def test_from_coarse_to_fine_it_finds_the_same_top() -> None:
+def test_from_coarse_to_fine_it_finds_the_same_maximum() -> None:
     n = 60
     top = 0.5 + 0.3 * np.sin(np.arange(n) / 7.0)
     arm = CoarseToFine(np.full(n, 0.5), [schedule(1, n, 8), schedule(1, n, 20)])
-    climb(arm, hill(top))
+    run(arm, quadratic(top))
     assert arm.done
     assert arm.score == pytest.approx(5.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(("pairs", "most"), [(39, 24), (39, 100), (999, 28), (999, 110), (7, 2)])
-def test_knots_hold_both_ends_and_are_no_more_than_asked(pairs: int, most: int) -> None:
+def test_knots_include_both_ends_and_are_limited(pairs: int, most: int) -> None:
     places = knots(pairs, most)
     assert places[0] == 0
     assert places[-1] == pairs - 1
@@ -107,7 +107,7 @@ def test_knots_hold_both_ends_and_are_no_more_than_asked(pairs: int, most: int) 
     assert np.array_equal(places, (pairs - 1 - places)[::-1])
 
 
-def test_a_schedule_is_straight_between_its_knots() -> None:
+def test_a_schedule_is_linear_between_its_knots() -> None:
     matrix = schedule(2, 39, 24)
     places = knots(39, 12)
     values = np.random.default_rng(0).random((2, len(places)))
@@ -117,18 +117,18 @@ def test_a_schedule_is_straight_between_its_knots() -> None:
         assert part == pytest.approx(np.interp(np.arange(39), places, line))
 
 
-# moves ------------------------------------------------------------------------------------------
+# perturbations ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("shape", [(1, 39), (2, 39), (2, 1), (1, 2), (1, 6)])
-@pytest.mark.parametrize("move", PERTURBATIONS, ids=lambda move: move.__name__)
-def test_a_move_keeps_the_shape_and_its_parents(move, shape) -> None:
+@pytest.mark.parametrize("perturbation", PERTURBATIONS, ids=lambda one: one.__name__)
+def test_a_perturbation_keeps_the_shape_and_its_parents(perturbation, shape) -> None:
     rng = np.random.default_rng(2)
     for _ in range(50):
         design, other = rng.random(shape), rng.random(shape)
         design[0, shape[1] - int(rng.integers(0, shape[1])) :] = 0.0
         before = design.copy(), other.copy()
-        moved = move(design, other, rng)
+        moved = perturbation(design, other, rng)
         assert moved.shape == shape
         assert np.all(np.isfinite(moved))
         assert np.array_equal(design, before[0])
@@ -138,9 +138,9 @@ def test_a_move_keeps_the_shape_and_its_parents(move, shape) -> None:
 @pytest.mark.parametrize("had", [0, 1, 3])
 @pytest.mark.parametrize("wanted", [0, 1, 2, 5])
 def test_tight_ends_are_counted(had: int, wanted: int) -> None:
-    row = np.random.default_rng(0).uniform(0.2, 0.9, (1, 20))
-    row[0, 20 - had :] = 0.0
-    assert ends_tight(row) == had
-    moved = tight_end(row, wanted)
+    design = np.random.default_rng(0).uniform(0.2, 0.9, (1, 20))
+    design[0, 20 - had :] = 0.0
+    assert ends_tight(design) == had
+    moved = tight_end(design, wanted)
     assert ends_tight(moved) == wanted
-    assert np.array_equal(moved[0, :5], row[0, :5])  # the start stays as it was
+    assert np.array_equal(moved[0, :5], design[0, :5])  # the start stays as it was

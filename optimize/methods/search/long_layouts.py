@@ -18,28 +18,28 @@ from collections.abc import Callable, Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_array
+from scipy.sparse import csr_array
 
-from domino_env.core.types import Floats
+from domino_env.core.types import Floats, Ints
 from domino_env.physics.steady import steady_wave
 from domino_env.scenes.scene import Scene
 from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import CoarseToFine, run_local_searches
+from optimize.methods.starts import interpolation
 from optimize.problem import Problem
 
-LONG = 512  # dominoes from which on a row is long
-SHORTEST, TIMES = 160, 4  # dominoes of the row that is searched; how much longer the next one is
+LONG = 512  # dominoes from which on a layout is long
+SHORTEST, TIMES = 160, 4  # dominoes of the layout that is searched; ratio of the next count to it
 SEARCHED = 600  # evaluations of the shortest
-MOST, LEAST = 60, 12  # gradients of a row four times as long, and of far longer ones
-WHOLE = 200  # gradients of the row that is asked for
-KEPT = 2  # rows that are stretched on
+MOST, LEAST = 60, 12  # gradients of a layout four times as long, and of far longer ones
+WHOLE = 200  # gradients of the whole layout
+KEPT = 2  # layouts that are stretched further
 PERIODS = (1, 4, 16)  # places of the middle that the plateau may repeat
 KEEPS = tuple(product((0, 20, 40), (0, 40)))  # places of both ends that another plateau leaves
-RAMP = 40  # places on the way to it
-LOOKS = KEPT * len(PERIODS) + len(KEEPS)  # rows that are stretched in all these ways
-GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))  # gaps and thicknesses of steady rows, ever closer
-ENDS, GROWTH = 60, 1.5  # places of each end that are free one by one, then ever fewer
+RAMP = 40  # places of the transition to it
+STRETCHED = KEPT * len(PERIODS) + len(KEEPS)  # layouts that are stretched in all these ways
+GRIDS = ((64, 12), (9, 5), (9, 5), (9, 5))  # gaps and thicknesses of steady waves, ever closer
+ENDS, GROWTH = 60, 1.5  # places of each end that are free one by one; then their distance grows
 
 Search = Callable[[Evaluator, np.random.Generator], None]
 
@@ -65,40 +65,40 @@ def best_stretched(
     Parameters
     ----------
     evaluator
-        Evaluates all; shorter layouts cost less.
+        Evaluator of the scene; shorter layouts cost less.
     rng
-        For the search.
+        Random generator of the search.
     search
-        Searches the short row, until its budget is spent.
+        Method that searches the short layout within limits.
 
     Returns
     -------
     score : float
-        Of the best design.
+        Best score.
     design : ndarray
-        (n,)
+        (n,) its design vector.
 
     Raises
     ------
     BudgetSpent
-        Where not all can be paid for.
+        Where fewer evaluations remain.
     """
     scene = evaluator.problem.scene
     plateau = best_steady(scene)
     shorter = Problem(_shortened(scene, SHORTEST))
     with evaluator.borrow(shorter, SEARCHED) as own:
         search(own, rng)
-    found = [own.best]
-    _score_stretched(evaluator, found[0])  # should time run out on the way
+    designs = [own.best]
+    _score_stretched(evaluator, own.best)  # a result, should time run out on the way
     for count in _counts(scene.count):
         shorter = Problem(_shortened(scene, count))
         gradients = max(LEAST, MOST * TIMES * SHORTEST // count)
         arms: list[Stretched] = []
-        with evaluator.borrow(shorter, KEPT * gradients + LOOKS) as own:
-            arms = _stretched(own, found, plateau)
+        with evaluator.borrow(shorter, KEPT * gradients + STRETCHED) as own:
+            arms = _stretched(own, designs, plateau)
             run_local_searches(own, arms, gradients)
-        found = [arm.design for arm in arms] or [own.best]
-    arms = _stretched(evaluator, found, plateau)
+        designs = [arm.design for arm in arms] or [own.best]
+    arms = _stretched(evaluator, designs, plateau)
     run_local_searches(evaluator, arms, LEAST)
     best = max(arms, key=lambda arm: arm.score)
     run_local_searches(evaluator, [best], WHOLE)
@@ -106,12 +106,12 @@ def best_stretched(
 
 
 def best_steady(scene: Scene) -> tuple[float, float] | None:
-    """Find the uniform row whose wave is fastest once it is steady, however it may begin.
+    """Find the uniform layout with the fastest steady wave, whatever its start.
 
     Returns
     -------
     tuple or None
-        Its gap and thickness [m]; None where a length leaves no choice, or no uniform row has a
+        Gap and thickness [m]; None where a length leaves no choice, or no uniform layout has a
         steady wave.
 
     Notes
@@ -124,17 +124,19 @@ def best_steady(scene: Scene) -> tuple[float, float] | None:
     low, high = np.array([scene.spacing, scene.thickness]).T * scale
     slope = 0.0 if scene.ground is None else math.radians(scene.ground.slope or 0.0)
     best, place, room = 0.0, 0.5 * (low + high), 0.5 * (high - low)
-    for looks in GRIDS:
+    for grid in GRIDS:
         axes = [
             np.unique(np.clip(p + np.linspace(-r, r, n), a, b))
-            for p, r, n, a, b in zip(place, room, looks, low, high, strict=True)
+            for p, r, n, a, b in zip(place, room, grid, low, high, strict=True)
         ]
         for gap, thickness in product(*axes):
-            told = gap + thickness, thickness, scene.height, scene.physics
-            speed = steady_wave(*told, density=scene.density, slope=slope, rtol=1e-8).speed
+            speed = steady_wave(
+                gap + thickness, thickness, scene.height, scene.physics,
+                density=scene.density, slope=slope, rtol=1e-8,
+            ).speed  # fmt: skip
             if speed > best:
                 best, place = speed, np.array([gap, thickness])
-        room = 2.0 * room / looks
+        room = 2.0 * room / grid
     return (float(place[0]), float(place[1])) if best > 0.0 else None
 
 
@@ -146,11 +148,11 @@ def _score_stretched(evaluator: Evaluator, short: Floats) -> None:
 
 
 def _counts(count: int) -> list[int]:
-    """Dominoes of the rows on the way to one of `count`, the last of them well shorter."""
-    found = [TIMES * SHORTEST]
-    while 1.5 * found[-1] < count:
-        found.append(TIMES * found[-1])
-    return found[:-1]
+    """Return the numbers of dominoes on the way to `count`, the last of them well below it."""
+    counts = [TIMES * SHORTEST]
+    while 1.5 * counts[-1] < count:
+        counts.append(TIMES * counts[-1])
+    return counts[:-1]
 
 
 def _shortened(scene: Scene, count: int) -> Scene:
@@ -163,20 +165,20 @@ def _shortened(scene: Scene, count: int) -> Scene:
 def _stretched(
     evaluator: Evaluator, shorts: Sequence[Floats], plateau: tuple[float, float] | None
 ) -> list[Stretched]:
-    """Local searches from the best stretched versions of layouts of fewer dominoes."""
+    """Begin local searches at the best stretched versions of layouts of fewer dominoes."""
     problem = evaluator.problem
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
     begins = []
     for short in shorts:
-        rows = short.reshape(parts, -1)
-        begins.append([repeated(rows, pairs, period) for period in PERIODS])
+        columns = short.reshape(parts, -1)
+        begins.append([repeated(columns, pairs, period) for period in PERIODS])
     if len(shorts) < KEPT and plateau is not None:
         flat = problem.design(problem.scene.layout(*plateau)).reshape(parts, -1)
-        begins.append([led_over(begins[0][0], flat, head, tail) for head, tail in KEEPS])
+        begins.append([with_plateau(begins[0][0], flat, head, tail) for head, tail in KEEPS])
     arms = []
-    for some in begins:
-        designs = problem.project(np.array([rows.ravel() for rows in some]))
+    for versions in begins:
+        designs = problem.project(np.array([one.ravel() for one in versions]))
         scores = evaluator.evaluate(designs).score
         i = int(np.argmax(scores))
         arm = Stretched(designs[i], parts, problem.project if problem.coupled else None)
@@ -185,53 +187,53 @@ def _stretched(
     return arms
 
 
-def repeated(rows: Floats, pairs: int, period: int) -> Floats:
-    """Stretch rows by repeating some places of their middle.
+def repeated(columns: Floats, pairs: int, period: int) -> Floats:
+    """Stretch a layout by repeating some places of its middle.
 
     Parameters
     ----------
-    rows
-        (parts, m), m at least `period`.
+    columns
+        (parts, m) design, m at least `period`.
     pairs
-        How long they are to become.
+        Number of places of the stretched layout.
     period
-        How many places are repeated.
+        Number of places that are repeated.
 
     Returns
     -------
     ndarray
-        (parts, pairs)
+        (parts, pairs) design.
     """
-    middle = (rows.shape[1] + period) // 2
-    tail = rows.shape[1] - middle
+    middle = (columns.shape[1] + period) // 2
+    tail = columns.shape[1] - middle
     at = np.arange(pairs)
     source = middle - period + (at - middle) % period
     source = np.where(at < middle, at, source)
-    source[pairs - tail :] = np.arange(middle, rows.shape[1])
-    return rows[:, source]
+    source[pairs - tail :] = np.arange(middle, columns.shape[1])
+    return columns[:, source]
 
 
-def led_over(rows: Floats, flat: Floats, head: int, tail: int) -> Floats:
-    """Lead rows (parts, pairs) over to a plateau, `flat`, and back.
+def with_plateau(columns: Floats, flat: Floats, head: int, tail: int) -> Floats:
+    """Replace the middle of a design (parts, pairs) by a plateau, `flat`, with linear transitions.
 
     The first `head` places stay as they are, the last `tail` too.
     """
-    at = np.arange(rows.shape[1])
+    at = np.arange(columns.shape[1])
     part = np.clip((at - head) / RAMP, 0.0, 1.0)
     if tail:
         part = np.minimum(part, np.clip((at[::-1] - tail) / RAMP, 0.0, 1.0))
-    return rows + part * (flat - rows)
+    return columns + part * (flat - columns)
 
 
 class Stretched(CoarseToFine):
-    """A climb of the ends, the plateau and what lies between, then of the whole design.
+    """A local search of the ends, the plateau and the transitions, then of the whole design.
 
     Parameters
     ----------
     start
-        (n,) design to begin at.
+        (n,) design vector to begin at.
     parts
-        Gaps, thicknesses and heights, as far as they are free.
+        Number of free quantities among gaps, thicknesses and heights.
     project
         As of `CoarseToFine`.
     """
@@ -242,26 +244,15 @@ class Stretched(CoarseToFine):
         pairs = len(start) // parts
         places = _places(pairs)
         self._knots = (np.arange(parts)[:, None] * pairs + places).ravel()
-        super().__init__(start, [_between(places, pairs, parts)], project)
+        super().__init__(start, [csr_array(interpolation(places, pairs, parts))], project)
 
     def _coarse(self, matrix: Floats, design: Floats) -> Floats:
         return np.asarray(design[self._knots])
 
 
-def _places(pairs: int) -> NDArray[np.int64]:
-    """Every place of the ends, fewer and fewer towards the middle."""
+def _places(pairs: int) -> Ints:
+    """Return every place of the ends, and ever fewer towards the middle."""
     offsets = list(range(min(ENDS, pairs // 2)))
     while GROWTH * offsets[-1] < 0.5 * pairs:
         offsets.append(int(GROWTH * offsets[-1]))
     return np.unique([*offsets, *(pairs - 1 - offset for offset in offsets)])
-
-
-def _between(places: NDArray[np.int64], pairs: int, parts: int) -> csr_array:
-    """The matrix (parts pairs, m) from the values at places to a design, straight between them."""
-    at = np.arange(pairs)
-    left = np.clip(np.searchsorted(places, at, side="right") - 1, 0, len(places) - 2)
-    right_part = (at - places[left]) / (places[left + 1] - places[left])
-    values = np.concatenate([1.0 - right_part, right_part])
-    columns = np.concatenate([left, left + 1])
-    one = csr_array((values, (np.tile(at, 2), columns)), shape=(pairs, len(places)))
-    return csr_array(block_diag([one] * parts))

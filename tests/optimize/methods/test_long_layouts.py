@@ -1,4 +1,4 @@
-"""Long rows: stretched from shorter ones, paid by their dominoes, the same when resumed."""
+"""Long layouts: stretched from shorter ones, counted by their dominoes, the same when resumed."""
 
 from __future__ import annotations
 
@@ -9,34 +9,34 @@ import pytest
 
 import domino_env as de
 from optimize import search
-from optimize.methods.search import long_rows
-from optimize.methods.search.long_rows import Stretched, best_steady, is_long, repeated
+from optimize.methods.search import long_layouts
+from optimize.methods.search.long_layouts import Stretched, best_steady, is_long, repeated
 
 
 @pytest.mark.parametrize("period", [1, 4, 16])
-def test_a_stretched_row_keeps_its_ends_and_repeats_its_middle(period: int) -> None:
-    rows = np.random.default_rng(0).random((2, 41))
-    longer = repeated(rows, 200, period)
+def test_a_stretched_layout_keeps_its_ends_and_repeats_its_middle(period: int) -> None:
+    columns = np.random.default_rng(0).random((2, 41))
+    longer = repeated(columns, 200, period)
     assert longer.shape == (2, 200)
     head = (41 + period) // 2 - period
     tail = 41 - period - head
-    assert np.array_equal(longer[:, :head], rows[:, :head])
-    assert np.array_equal(longer[:, 200 - tail :], rows[:, 41 - tail :])
+    assert np.array_equal(longer[:, :head], columns[:, :head])
+    assert np.array_equal(longer[:, 200 - tail :], columns[:, 41 - tail :])
     middle = longer[:, head : 200 - tail]
     assert np.array_equal(middle[:, period:], middle[:, :-period])
-    assert np.array_equal(repeated(rows, 41, period), rows)
+    assert np.array_equal(repeated(columns, 41, period), columns)
 
 
-def test_a_row_that_is_flat_between_its_ends_is_climbed_from_as_it_is() -> None:
-    ends = np.random.default_rng(1).random((2, 2, long_rows.ENDS))
-    rows = [np.concatenate([a, np.full(700, a[-1]), b]) for a, b in ends]
-    for row, (_, b) in zip(rows, ends, strict=True):
-        row[long_rows.ENDS - 1 : -long_rows.ENDS + 1] = b[0]
-    start = np.concatenate(rows)
+def test_a_local_search_starts_at_a_layout_that_is_flat_between_its_ends() -> None:
+    ends = np.random.default_rng(1).random((2, 2, long_layouts.ENDS))
+    parts = [np.concatenate([a, np.full(700, a[-1]), b]) for a, b in ends]
+    for part, (_, b) in zip(parts, ends, strict=True):
+        part[long_layouts.ENDS - 1 : -long_layouts.ENDS + 1] = b[0]
+    start = np.concatenate(parts)
     assert Stretched(start, 2, None).wanted == pytest.approx(start, abs=1e-12)
 
 
-def test_which_rows_are_long() -> None:
+def test_layouts_that_are_long() -> None:
     scene = de.load_scene("marathon")
     assert is_long(scene)
     assert is_long(replace(scene, length=20.0))
@@ -59,14 +59,14 @@ def test_no_steady_wave_beats_the_best_one() -> None:
     assert best_steady(replace(scene, length=1.0)) is None
 
 
-def test_a_long_search_is_the_same_to_the_bit_and_far_ahead_of_its_mark(
+def test_a_long_search_is_bitwise_reproducible_and_beats_the_uniform_baseline(
     monkeypatch, tmp_path
 ) -> None:
-    monkeypatch.setattr(long_rows, "SEARCHED", 40)
+    monkeypatch.setattr(long_layouts, "SEARCHED", 40)
     scene = replace(de.load_scene("marathon"), count=512)
     whole = search(scene, budget=36, seed=3)
     assert whole.evaluations == 36
-    assert whole.gain > 0.02  # uniform rows begin slowly, or run slowly
+    assert whole.gain > 0.02  # uniform layouts start slowly or are slow
     search(scene, budget=28, seed=3, folder=tmp_path / "run")
     resumed = search(scene, budget=36, seed=3, folder=tmp_path / "run", resume=True)
     assert resumed.layout == whole.layout
