@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_csv(Path(arguments.csv), CSV_NAMES, _csv_rows(wave))
     standing = None
     if arguments.floor is not None:
-        standing = simulate_standing(wave.layout, wave.physics, arguments.floor)
+        standing = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
     if arguments.json:
         told = document(wave, WAVE) | document(wave.physics, "friction gravity push")
         told |= document(wave.layout, "positions") | document(wave, DOMINOES)

@@ -34,8 +34,8 @@ def progress_bar(shown: bool | None, *, line: str = "", **looks: Any) -> Any:
             if msg is None:  # and not wiped
                 print(str(self).strip(), file=sys.stderr, flush=True)
 
-    looks = {**looks, "bar_format": line or LINE, "leave": False, "dynamic_ncols": False}
-    return Lines(mininterval=EVERY, maxinterval=EVERY, delay=EVERY, **looks)
+    looks |= {"bar_format": line or LINE, "leave": False, "dynamic_ncols": False, "delay": EVERY}
+    return Lines(mininterval=EVERY, maxinterval=EVERY, **looks)
 
 
 def notice(sentence: str) -> None:

@@ -1,11 +1,11 @@
-"""Third-party engine: the same layout in Chipmunk (pymunk), which shares no equation with us.
+"""Third-party engine: the same layout in Chipmunk (pymunk), which shares no code with the model.
 
 Every domino is a box with its mass and moment of inertia; neighbours collide without restitution
-and rub with the layout's friction. With fixed pivots each turns about its front bottom edge, as in
-the model, and a stop keeps it from leaning back. On a floor with a friction of its own it may slide
-and lift; over uneven ground each has a plank of its own along the chord under its base, so that
-there are no joints for boxes to catch on. Lengths are millimetres inside, as the engine's
-tolerances are made for numbers near one.
+and with the friction of the physics. With fixed pivots each turns about its front bottom edge, as
+in the model, and a stop keeps it from leaning back. On a floor with a friction of its own it may
+slide and lift; over uneven ground each has a plank of its own along the chord under its base, so
+that boxes cannot catch on joints. Lengths are millimetres inside, as the engine's tolerances are
+made for numbers near one.
 
 In every step the engine's contact solver makes a fixed number of sweeps over all contacts. A face
 impact sends its impulse through the whole stack, and too few sweeps let the stack bounce back.
@@ -20,14 +20,22 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core.progress import progress_bar
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.rigid.simulation import PATIENCE, RigidWave, largest_difference, window_of
+from domino_env.rigid.simulation import (
+    PATIENCE,
+    RigidWave,
+    floor_name,
+    largest_difference,
+    require_time,
+    window_of,
+)
 
 MM = 1000.0
 KINDS = 32  # dominoes i and i ± 1 collide; the engine tells 32 kinds apart, half of them planks
-STIR = 1e-5  # [rad] a lean that grows by less has come to rest
+AT_REST = 1e-5  # [rad] a lean that grows by less has come to rest
 PLANK = 1.5  # heights that it reaches before and behind a pivot: where a domino may come to lie
 GRAIN = 1e-4  # [mm] overlap of faces that the engine leaves alone
 RTOL = 5e-4  # of an arrival time
@@ -39,77 +47,75 @@ def simulate_in_engine(
     layout: Layout,
     physics: Physics,
     floor_friction: float | None,
-    progress: Callable[[str], object] = lambda line: None,
+    progress: bool | None = False,
 ) -> RigidWave:
-    """Simulate in Chipmunk, ever more closely until the arrival times converge.
+    """Simulate in Chipmunk, with more sweeps and finer steps until the arrival times converge.
 
     At the coarsest step the sweeps are doubled until no arrival time moves by more than half of
-    `RTOL`; then steps get finer until the limit, a straight line through the two finest steps to a
-    step of zero, does not move either. What the last doubling and the last step have moved is the
-    error estimate; after two steps only, how far the limit is from the finer.
+    `RTOL`; then steps get finer until the limit, extrapolated linearly from the two finest steps to
+    a step of zero, does not move either. The error estimate is the change by the last doubling plus
+    that by the last step; after two steps only, the distance of the limit from the finer.
 
     Parameters
     ----------
-    layout, physics, floor_friction
-        As of `simulate_standing`.
-    progress
-        Called with a line for every run.
+    layout, physics, floor_friction, progress
+        As for `simulate_standing`.
+
+    Returns
+    -------
+    RigidWave
+        Arrival times and leans; the engine gives no slips and openings, which are nan.
 
     Raises
     ------
     ImportError
-        Without pymunk; says what to install.
+        Without pymunk; names what to install.
+    ValueError
+        For a layout that would take more than half an hour.
     """
     begun = time.perf_counter()
     window = window_of(layout)
 
     def run(step: float, sweeps: int) -> tuple[Floats, Floats]:
-        progress(f"steps of {step * 1e6:g} µs, {sweeps} sweeps")
-        return follow(layout, physics, floor_friction, step, sweeps, window)
+        words = f"engine, {floor_name(floor_friction)}, {1e6 * step:g} µs, {sweeps} sweeps"
+        with progress_bar(
+            progress, total=layout.count, desc=words, unit=" dominoes", leave=False, delay=1.0
+        ) as bar:
+            return follow(layout, physics, floor_friction, step, sweeps, window, bar.update)
 
-    sweeps = min(SWEEPS, MOST_SWEEPS)
+    sweeps, moved = min(SWEEPS, MOST_SWEEPS), math.inf
     times, lean = run(STEPS[0], sweeps)
-    moved = math.inf
     while moved > 0.5 * RTOL and 2 * sweeps <= MOST_SWEEPS:
         sweeps *= 2
         before, (times, lean) = times, run(STEPS[0], sweeps)
         moved = largest_difference(before, times)
     limit, uncertainty, finest = times, math.inf, STEPS[0]
     for k, step in enumerate(STEPS[1:]):
-        coarse, (times, lean), finest = times, run(step, sweeps), step
-        before = limit
-        limit = extrapolated((STEPS[k], step), (coarse, times))
-        uncertainty = moved + largest_difference(limit, before if k else times)
+        coarse, (times, lean) = times, run(step, sweeps)
+        before = limit if k else times
+        came = np.isfinite(coarse) & np.isfinite(times)
+        limit = np.full(layout.count, np.inf)
+        limit[came] = times[came] + (times[came] - coarse[came]) * step / (finest - step)
+        finest, uncertainty = step, moved + largest_difference(limit, before)
         if uncertainty <= RTOL:
             break
-    nothing = np.full(max(layout.count - 1, 0), np.nan)
+    unknown = np.full(layout.count, np.nan)
     return RigidWave(
         layout=layout,
         physics=physics,
         floor_friction=floor_friction,
         arrival_times=limit,
         lean=lean,
-        slid=np.full(layout.count, np.nan),
-        opened=nothing,
-        opened_at=nothing,
+        slid=unknown,
+        opened=unknown[1:],
+        opened_at=unknown[1:],
         error_estimate=uncertainty,
         converged=uncertainty <= RTOL,
         rtol=RTOL,
-        times=np.zeros(0),
-        poses=np.zeros((0, layout.count, 3)),
         steps=math.ceil(float(np.max(times[np.isfinite(times)])) / finest),
         run_time=time.perf_counter() - begun,
         simulator=engine_name(),
     )
-
-
-def extrapolated(steps: tuple[float, float], times: tuple[Floats, Floats]) -> Floats:
-    """Extrapolate arrival times (N,) in a straight line to a step of zero; inf if either is."""
-    (h, g), (coarse, fine) = steps, times
-    came = np.isfinite(coarse) & np.isfinite(fine)
-    limit = np.full(len(fine), np.inf)
-    limit[came] = fine[came] + (fine[came] - coarse[came]) * g / (h - g)
-    return limit
 
 
 def follow(
@@ -119,58 +125,65 @@ def follow(
     step: float,
     sweeps: int,
     window: int | None = None,
+    on_hit: Callable[[], object] = lambda: None,
 ) -> tuple[Floats, Floats]:
     """Follow a layout in the engine until its last domino has toppled or nothing more happens.
 
     Parameters
     ----------
     layout, physics, floor_friction
-        As of `simulate_standing`.
+        As for `simulate_standing`.
     step
-        Of time [s].
+        Time step [s].
     sweeps
-        Of the contact solver in every step.
+        Iterations of the contact solver in every step.
     window
-        So many dominoes behind the leader still move, and those further back are taken away, which
-        is what makes it fast; None: all stay.
+        Number of dominoes behind the leader that still move; those further back are removed, which
+        is what makes it fast. None keeps all.
+    on_hit
+        Called without arguments whenever a domino is struck.
 
     Returns
     -------
-    tuple
-        (N,) arrival times [s], the tip before it reaches the rear face of the next; (N,) angles at
-        the end, or when taken away [rad].
+    tuple of ndarray
+        Arrival times (N,) [s], the tip before it reaches the rear face of the next; angles (N,) at
+        the end, or when removed [rad].
     """
-    row = _Row(layout, physics, sweeps, floor_friction)
+    begun = time.perf_counter()
+    space = _Space(layout, physics, sweeps, floor_friction)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
     patience = PATIENCE * math.sqrt(float(layout.height.max()) / physics.gravity)
     patience += 2.0 / physics.push
-    now, leader, before = 0.0, 0, row.room(0) if layout.count > 1 else 0.0
+    now, leader, before = 0.0, 0, space.room(0) if layout.count > 1 else 0.0
     while leader < layout.count - 1:
-        row.advance(step)
-        after = row.room(leader)
+        space.advance(step)
+        after = space.room(leader)
         now += step
         if after <= 0.0:
             leader += 1
             arrivals[leader] = now - step * after / (after - before)
+            on_hit()
+            elapsed = time.perf_counter() - begun
+            require_time(elapsed, leader, layout.count, f"engine, {floor_name(floor_friction)}")
             if leader == layout.count - 1:
                 break
-            row.place_up_to(leader + 1)
+            space.place_up_to(leader + 1)
             if window is not None:
-                row.take_away_up_to(leader - window - 1)
-            after = row.room(leader)
+                space.remove_up_to(leader - window - 1)
+            after = space.room(leader)
         elif now - arrivals[leader] > patience:
             break
         before = after
     if np.isfinite(arrivals[-1]):
-        row.let_last_fall(step, patience)
+        space.let_last_fall(step, patience)
     lean = np.zeros(layout.count)
-    lean[: len(row.bodies)] = [-body.angle for body in row.bodies]
+    lean[: len(space.bodies)] = [-body.angle for body in space.bodies]
     return arrivals, lean
 
 
-class _Row:
-    """The engine's space with the row in it; dominoes come in as the wave comes near."""
+class _Space:
+    """The engine's space with the dominoes in it, which are placed as the wave comes near."""
 
     def __init__(self, layout: Layout, physics: Physics, sweeps: int, floor: float | None) -> None:
         self._pymunk = _engine()
@@ -181,11 +194,11 @@ class _Row:
         space.collision_slop = GRAIN
         self._space = space
         self.bodies: list[Any] = []
-        self._gone = 0
+        self._removed = 0
         self.advance: Callable[[float], None] = space.step
-        # the engine multiplies the two coefficients that meet; a smooth row still has a rough floor
-        self._rub = math.sqrt(max(physics.friction, 1e-6))
-        self._floor = None if floor is None else floor / self._rub
+        # the engine multiplies the coefficients of two bodies; smooth dominoes keep a rough floor
+        self._friction = math.sqrt(max(physics.friction, 1e-6))
+        self._floor = None if floor is None else floor / self._friction
         if layout.is_flat:
             reach = 2.0 * float(layout.height.max())
             self._lay(-reach * MM, (layout.length + reach) * MM, (0.0, 0.0), 0.0, None)
@@ -213,7 +226,7 @@ class _Row:
             ahead, up = self._turned(i, -thick / 2.0, high / 2.0)
             body.position, body.angle = (edge + ahead, foot + up), -float(layout.tilt[i])
             shape = pymunk.Poly.create_box(body, (thick, high))
-            shape.friction, shape.elasticity = self._rub, 0.0
+            shape.friction, shape.elasticity = self._friction, 0.0
             kinds = KINDS if layout.is_flat else KINDS // 2
             kind = 1 << i % kinds
             near = 1 << (i - 1) % kinds | 1 << (i + 1) % kinds
@@ -233,12 +246,12 @@ class _Row:
             self.bodies.append(body)
 
     def _turned(self, i: int, x: float, y: float) -> tuple[float, float]:
-        """What points so on flat ground, as domino i stands."""
+        """Return a direction on flat ground, turned as domino i stands."""
         cosine, sine = map(float, self._stand[i])
         return x * cosine + y * sine, y * cosine - x * sine
 
     def _lay(
-        self, begin: float, end: float, pivot: tuple[float, float], tilt: float, seen: Any
+        self, begin: float, end: float, pivot: tuple[float, float], tilt: float, kinds: Any
     ) -> None:
         """Lay a floor from begin to end of a place, along a slope [mm]."""
         if self._floor is None:
@@ -249,26 +262,26 @@ class _Row:
         corners = [(begin, -10.0), (end, -10.0), (end, 0.0), (begin, 0.0)]
         ground = self._pymunk.Poly(self._space.static_body, corners, turn)
         ground.friction = self._floor
-        if seen is not None:
-            ground.filter = seen
+        if kinds is not None:
+            ground.filter = kinds
         self._space.add(ground)
 
-    def take_away_up_to(self, last: int) -> None:
-        """Remove the dominoes up to this one; held in place they would push those that move on."""
-        for body in self.bodies[self._gone : max(last + 1, 0)]:
+    def remove_up_to(self, last: int) -> None:
+        """Remove the dominoes up to this one; held in place they would push those that move."""
+        for body in self.bodies[self._removed : max(last + 1, 0)]:
             self._space.remove(*body.constraints, *body.shapes, body)
-            self._gone += 1
+            self._removed += 1
 
     def let_last_fall(self, step: float, patience: float) -> None:
-        """Go on until the last domino passes its tipping angle or rests for so long [s]."""
+        """Advance until the last domino passes its tipping angle or rests for so long [s]."""
         last, furthest, since = self.bodies[-1], 0.0, 0.0
         while since < patience and -last.angle <= self._tipping[-1]:
             self.advance(step)
-            since = 0.0 if -last.angle > furthest + STIR else since + step
+            since = 0.0 if -last.angle > furthest + AT_REST else since + step
             furthest = max(furthest, -last.angle)
 
     def room(self, i: int) -> float:
-        """From the top front edge of i to the rear face of i+1, which stands [mm]."""
+        """Return the distance from the tip of i to the rear face of i+1, which stands [mm]."""
         body = self.bodies[i]
         half = float(self._layout.thickness[i]) * MM / 2.0, float(self._layout.height[i]) * MM / 2.0
         sine, cosine = math.sin(body.angle), math.cos(body.angle)
@@ -279,12 +292,12 @@ class _Row:
 
 
 def engine_name() -> str:
-    """Name and version of the engine.
+    """Return name and version of the engine.
 
     Raises
     ------
     ImportError
-        Without it; says what to install.
+        Without it; names what to install.
     """
     return f"pymunk {_engine().version}"
 

@@ -5,28 +5,28 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from domino_env.core.checks import require
+from domino_env.core.progress import progress_bar
+from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.rigid import dynamics
 
-Floats = NDArray[np.float64]
-
 FLOOR_FRICTION = 0.5  # of wood on wood, as it is mostly given
 COARSEST, FINEST = 4.0, 1.0 / 32.0  # steps, in those of 0.16 ms for standard dominoes
-CALM = 5e-6  # of sqrt(g L): the velocity at which the sweeps of a step of fineness 1 end
+SWEEP_TOLERANCE = 5e-6  # [sqrt(g L)] velocity at which the sweeps of a step of fineness 1 end
 WINDOW = 24  # dominoes behind the leader that still move, at least
-FORGOTTEN = 1e-4  # of the leader's speed: dominoes that a tight row gives less lie still
+NEGLIGIBLE = 1e-4  # of the leader's speed: slower dominoes of a tight row lie still
 PATIENCE = 3.0  # [sqrt(L/g)] without a hit before a wave counts as dead; a fall takes about one
 SAFETY = 3.0  # times what halving the steps changed
 GRAIN = 2e-4  # relative error of steps of fineness 1 that a change may hide by chance
-
-NEVER: Floats = np.zeros(0)
+STEPS_AT_ONCE = 256  # of the compiled code, some 0.1 s
+LONGEST = 1800.0  # [s] that a simulation may take
+MEASURED = 10.0  # [s] of all its runs, after which its time can be estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +57,6 @@ class RigidWave:
         False where the finest steps still moved the times by more than `rtol` allows.
     rtol
         The tolerance asked for.
-    times
-        (F,) at which poses were asked for [s].
-    poses
-        (F, N, 3) places (x, y) of the front bottom edges [m] and leans [rad] at `times`.
     steps
         Of time, in the finest run.
     run_time
@@ -80,8 +76,6 @@ class RigidWave:
     error_estimate: float
     converged: bool
     rtol: float
-    times: Floats
-    poses: Floats
     steps: int
     run_time: float
     simulator: str = "simulate_standing"
@@ -100,7 +94,7 @@ class RigidWave:
         return int(np.isfinite(self.arrival_times).sum())
 
     @property
-    def topples(self) -> NDArray[np.bool_]:
+    def topples(self) -> Bools:
         """(N,) whether each domino passed its tipping angle."""
         tipping = np.arctan2(self.layout.thickness, self.layout.height)
         return np.asarray(self.lean > tipping)
@@ -143,31 +137,31 @@ def largest_difference(times: Floats, others: Floats) -> float:
 
 def simulate_standing(
     layout: Layout,
-    physics: Physics,
+    physics: Physics | None = None,
     floor_friction: float | None = FLOOR_FRICTION,
     rtol: float = 1e-3,
     *,
-    times: ArrayLike = (),
+    progress: bool | None = False,
 ) -> RigidWave:
     """Simulate rigid bodies that stand free on a floor, or turn about fixed pivots.
 
     The analytic model of `simulate` holds every pivot to the floor and keeps every contact closed.
     Here neither is assumed: feet may slip and lift, contacts open and close, all without
-    restitution and with Coulomb friction.  It costs some ten thousand times as much.
+    restitution and with Coulomb friction. It costs some ten thousand times as much.
 
     Parameters
     ----------
     layout
         On flat ground or not; each domino's floor is the plane that it stands on.
     physics
-        Its friction is that between dominoes.
+        Friction between dominoes, gravity and push; by default those of `Physics()`.
     floor_friction
         Coulomb coefficient between dominoes and the floor, 0 or more; None turns every domino
         about its front bottom edge, as the analytic model does.
     rtol
-        Steps are halved until no arrival time moves by more than half of this, relative to itself.
-    times
-        (F,) moments at which the pose of every domino is wanted too [s], 0 or later.
+        Relative error allowed in the arrival times, 1e-5 or more: steps are halved until it is met.
+    progress
+        True shows a progress bar, None one on a terminal or a line every half minute elsewhere.
 
     Returns
     -------
@@ -177,47 +171,67 @@ def simulate_standing(
     Raises
     ------
     ValueError
-        For a friction, tolerance or moment out of its range.
+        For a friction or tolerance out of its range, and for a layout that would take more than
+        half an hour.
     ArithmeticError
-        Where a velocity is not a number, which no row is known to bring about.
+        Where a velocity is not a number, which no layout is known to cause.
 
     References
     ----------
     J. J. Moreau (1988), Unilateral contact and dry friction in finite freedom dynamics; M. Jean
     (1999), The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177, 235-257.
     """
-    begun = time.perf_counter()
+    begun, physics = time.perf_counter(), physics or Physics()
     if floor_friction is not None:
         require("floor_friction", floor_friction, 0.0, hint="None for fixed pivots")
+        floor_friction = float(floor_friction)
     require("rtol", rtol, 1e-5, below=1.0, hint="1e-3 is quick")
-    moments = np.array(times, dtype=np.float64).reshape(-1)
-    require("times", moments, 0.0, unit="s")
-    if (np.diff(moments) < 0.0).any():
-        raise ValueError("times: give moments in their order [s]")
-    run, largest = _run(layout, physics, floor_friction, COARSEST), 0.0
-    fineness = COARSEST
+    run, steps = _run(layout, physics, floor_friction, COARSEST, progress)
+    fineness, largest = COARSEST, 0.0
     while fineness > FINEST:
         fineness /= 2.0
-        finer = _run(layout, physics, floor_friction, fineness)
+        finer, steps = _run(layout, physics, floor_friction, fineness, progress)
         # an error halves with the steps; a change smaller than that may be small by chance
-        largest = max(largest_difference(run.arrival_times, finer.arrival_times), 0.5 * largest)
+        largest = max(largest_difference(run.arrivals, finer.arrivals), 0.5 * largest)
         uncertainty = SAFETY * largest + GRAIN * fineness
         run = finer
         if uncertainty <= rtol and fineness <= COARSEST / 4.0:
             break
-    if len(moments):
-        run = _run(layout, physics, floor_friction, fineness, moments)
     return RigidWave(
         layout=layout,
         physics=physics,
-        floor_friction=None if floor_friction is None else float(floor_friction),
+        floor_friction=floor_friction,
+        arrival_times=run.arrivals,
+        lean=run.lean,
+        slid=run.slid,
+        opened=run.opened,
+        opened_at=run.opened_at,
         error_estimate=uncertainty,
         converged=uncertainty <= rtol,
         rtol=rtol,
-        times=moments,
+        steps=steps,
         run_time=time.perf_counter() - begun,
-        **vars(run),
     )
+
+
+def require_time(elapsed: float, struck: float, count: int, place: str) -> None:
+    """Raise a ValueError with an estimate if a simulation will take more than `LONGEST`.
+
+    Parameters
+    ----------
+    elapsed
+        Time of the dominoes struck so far, in all runs [s]; the first seconds predict nothing.
+    struck, count
+        Dominoes struck so far, and all.
+    place
+        Name of the floor, for the message.
+    """
+    expected = elapsed * count / max(struck, 1)
+    if elapsed > MEASURED and expected > LONGEST:
+        raise ValueError(
+            f"{count:,} dominoes as rigid bodies ({place}) would take about {expected / 3600:.2g} "
+            f"hours: simulate fewer, such as the first {max(int(count * LONGEST / expected), 2):,}"
+        )
 
 
 def window_of(layout: Layout) -> int:
@@ -231,42 +245,56 @@ def window_of(layout: Layout) -> int:
     pitch, thick, tall = layout.pitch, layout.thickness[1:], layout.height[:-1]
     passed = 1.0 - np.sqrt(np.maximum(pitch**2 - thick**2, 0.0)) / tall
     forgotten = np.cumsum(np.append(0.0, -np.log(np.clip(passed, 1e-3, 1.0 - 1e-3))))
-    first = np.searchsorted(forgotten, forgotten + math.log(FORGOTTEN), side="right")
+    first = np.searchsorted(forgotten, forgotten + math.log(NEGLIGIBLE), side="right")
     return max(WINDOW, int(np.max(np.arange(layout.count) - first)) + 1)
 
 
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """One run with steps of one fineness."""
-
-    arrival_times: Floats
-    lean: Floats
-    slid: Floats
-    opened: Floats
-    opened_at: Floats
-    poses: Floats
-    steps: int
-
-
 def _run(
-    layout: Layout, physics: Physics, floor: float | None, fineness: float, times: Floats = NEVER
-) -> _Run:
-    count, tallest = layout.count, float(layout.height.max())
+    layout: Layout,
+    physics: Physics,
+    floor: float | None,
+    fineness: float,
+    progress: bool | None = False,
+) -> tuple[dynamics.Record, int]:
+    """Simulate with steps of one fineness; return the results and the number of steps."""
+    count, height, thickness = layout.count, layout.height, layout.thickness
+    mass, square = layout.density * height * thickness, height**2 + thickness**2
+    edge = np.zeros((count, 2))
+    if floor is not None:
+        edge = np.stack([0.5 * thickness, -0.5 * height], axis=-1)
+    inertia = mass * square / (3.0 if floor is None else 12.0)
+    slope = np.stack([np.sin(layout.tilt), np.cos(layout.tilt)], axis=-1)
+    chain = dynamics.Chain(
+        height, thickness, mass, inertia, layout.pivots, layout.tilt, slope, edge
+    )
+    tallest = float(height.max())
+    setting = dynamics.Setting(
+        physics.friction, -1.0 if floor is None else floor, physics.gravity, fineness,
+        SWEEP_TOLERANCE * fineness * math.sqrt(physics.gravity * tallest), window_of(layout),
+        PATIENCE * math.sqrt(tallest / physics.gravity) + 2.0 / physics.push,
+    )  # fmt: skip
     arrivals = np.append(0.0, np.full(count - 1, np.inf))
     moved = np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1)
-    poses = np.zeros((len(times), count, 3))
-    follow: Any = dynamics.follow
-    steps, _, _ = follow(
-        layout.height, layout.thickness, layout.density * layout.height * layout.thickness,
-        layout.pivots, layout.tilt, physics.friction, -1.0 if floor is None else float(floor),
-        physics.gravity, physics.push, fineness,
-        CALM * fineness * math.sqrt(physics.gravity * tallest), window_of(layout),
-        PATIENCE * math.sqrt(tallest / physics.gravity) + 2.0 / physics.push,
-        times, arrivals, *moved, poses,
-    )  # fmt: skip
-    if steps < 0:
+    record = dynamics.Record(arrivals, *moved)
+    state = dynamics.start(chain, setting, physics.push)
+    status, advance = dynamics.RUNNING, cast("Any", dynamics.advance)
+    begun = first = 0.0  # time and dominoes struck at the first piece, which may have been compiled
+    words = f"{floor_name(floor)}, steps of {fineness:g}"
+    with progress_bar(
+        progress, total=count, desc=words, unit=" dominoes", leave=False, delay=1.0
+    ) as bar:
+        while status == dynamics.RUNNING:  # in pieces, between which Python handles signals
+            status = advance(chain, setting, state, record, STEPS_AT_ONCE)
+            struck = int(state.run["leader"][0]) + 1
+            bar.update(struck - bar.n)
+            now = time.perf_counter()
+            begun, first = (begun, first) if begun else (now, struck)
+            # steps are halved at least until their fineness is 1: 2 c + 4 c after c for steps of 4
+            elapsed = (now - begun) * max(2.0 * fineness - 1.0, 1.0)
+            require_time(elapsed, struck - first, count, floor_name(floor))
+    if status == dynamics.FAILED:
         raise ArithmeticError(
-            f"a velocity is not a number any more after {np.isfinite(arrivals).sum()} of {count} "
-            "dominoes were struck: this is a fault of the simulator, so please report the layout"
+            f"a velocity is not a number after {np.isfinite(arrivals).sum()} of {count} dominoes "
+            "were struck: this is a fault of the simulator, so please report the layout"
         )
-    return _Run(arrivals, *moved, poses, steps)
+    return record, int(state.run["steps"][0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -145,7 +145,7 @@ def verify(
     floors: Sequence[float] = FLOORS,
     engine: bool = False,
     rtol: float = 1e-3,
-    progress: Callable[[str], object] = lambda line: None,
+    progress: bool | None = False,
 ) -> Verification:
     """Simulate a layout in the model and, on fixed pivots and floors, as rigid bodies.
 
@@ -161,7 +161,7 @@ def verify(
     rtol
         Relative error asked of the reference simulator.
     progress
-        Called with a line for every run of the engine.
+        As for `simulate_standing`.
 
     Raises
     ------
@@ -177,7 +177,9 @@ def verify(
     places = (None, *floors)
     return Verification(
         simulate(layout, physics),
-        tuple(simulate_standing(layout, physics, floor, rtol) for floor in places),
+        tuple(
+            simulate_standing(layout, physics, floor, rtol, progress=progress) for floor in places
+        ),
         tuple(
             simulate_in_engine(layout, physics, place, progress)
             for place in (places if engine else ())
