@@ -81,14 +81,29 @@ class SearchResult(MadeForScene):
         search = f"{self.scene.name} by {self.method}, seed {self.seed}"
         return f"SearchResult({search}: {score}; {effort})"
 
-    def plot(self) -> Any:
-        """Draw both layouts, their differences and the search as a Matplotlib figure."""
+    def plot(self, ax: Any = None) -> Any:
+        """Draw both layouts, their differences and the search.
+
+        Parameters
+        ----------
+        ax
+            Matplotlib axes that get the gaps of both layouts and nothing else; None for a new
+            figure.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure, which notebooks show, and `pyplot.show` where pyplot is imported.
+        """
+        return self.figure(ax, register=True)
+
+    def figure(self, ax: Any = None, *, register: bool = False) -> Any:
+        """Return the figure of `plot`, which pyplot does not show unless it is registered."""
         from domino_env.view.figures import beside_uniform
 
-        return beside_uniform(
-            self.scene, self.layout, self.wave, self.score, f"found by {self.method}",
-            self._draw_trace,
-        )  # fmt: skip
+        sizes = self.scene, self.layout, self.wave, self.score
+        name = f"found by {self.method}"
+        return beside_uniform(*sizes, name, self._draw_trace, ax, register=register)
 
     def _draw_trace(self, axes: Any) -> None:
         """Draw the best score over time, with the score of the uniform baseline as a line."""

@@ -164,7 +164,7 @@ class RunFolder:
         if result is not None:
             from domino_env.core.plot_style import write_png
 
-            write_png(result.plot(), self.path / PICTURE)
+            write_png(result.figure(), self.path / PICTURE)
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
         write_text(self.path / SUMMARY, text + "\n")
 

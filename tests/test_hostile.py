@@ -50,7 +50,7 @@ EXPECTED: dict[str, str | None] = {
     "scenes/path.toml": "name = '../../x': give a line of text of at most 100 characters",
     "scenes/words.toml": "physics.push = 'strong': give a finite number",
     "sounds/compressed.wav": "Unknown wave file format: MPEGLAYER3",
-    "sounds/constant.wav": "nothing begins or ends in the recording",
+    "sounds/constant.wav": "the recording has no sound that begins or ends",
     "sounds/head_only.wav": "it ends early or is broken",
     "sounds/torn_frame.wav": "cut off amid a sample",
     "runs/trace_not_finite.csv": "line 2, best_score: 'nan' is no finite number",
@@ -194,7 +194,7 @@ def test_what_would_take_ages_to_draw_or_hear_is_refused() -> None:
     with pytest.raises(ValueError, match=r"s of toppling take .* images"):
         next(frames([short], slow=1e6))
     far = de.Layout([3e5], 1e5, height=1e6, width=0.02)
-    with pytest.raises(ValueError, match=r"a wave of .* s sounds for .* samples"):
+    with pytest.raises(ValueError, match=r"a wave of .* s has .* samples"):
         clicks(de.simulate(far, de.Physics(gravity=1e-3, push=1e-5)))
     with pytest.raises(ValueError, match=r"a row of .* m takes .* sheets of paper"):
         strips(far)

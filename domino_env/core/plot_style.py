@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -56,9 +57,26 @@ class Picture(Figure):
         return png(self)
 
 
-def new_figure(width: float, height: float, *, placed: bool = False) -> Figure:
-    """Open an empty figure of a size in inches; `placed` where the caller says where axes stand."""
-    figure = Picture((width, height), facecolor="white", layout=None if placed else "constrained")
+def new_figure(
+    width: float, height: float, *, placed: bool = False, register: bool = False
+) -> Figure:
+    """Return an empty figure.
+
+    Parameters
+    ----------
+    width, height
+        Size [in].
+    placed
+        Whether the caller places the axes; else they fill the figure.
+    register
+        Whether `pyplot.show` shows the figure, if pyplot is in use; a notebook shows it anyway.
+    """
+    options: dict[str, Any] = {"facecolor": "white", "layout": None if placed else "constrained"}
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if register and pyplot is not None and "inline" not in pyplot.get_backend():
+        figure: Figure = pyplot.figure(FigureClass=Picture, figsize=(width, height), **options)
+        return figure
+    figure = Picture((width, height), **options)
     FigureCanvasAgg(figure)
     return figure
 

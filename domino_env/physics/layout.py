@@ -216,9 +216,20 @@ class Layout:
         """Last pivot minus first [m]."""
         return float(self.positions[-1])
 
-    def plot(self) -> Any:
-        """Draw the row to scale, and its gaps along it; returns a Matplotlib figure."""
-        return draw("layout", self)
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the layout to scale, and its gaps along it.
+
+        Parameters
+        ----------
+        ax
+            Matplotlib axes that get its gaps and nothing else; None for a new figure.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure, which notebooks show, and `pyplot.show` where pyplot is imported.
+        """
+        return draw("layout", self, ax)
 
     def to_csv(self, path: str | Path) -> None:
         """Write one line per domino, in metres; the last spacing is empty.

@@ -144,9 +144,20 @@ class Wave:
         html: str = draw("wave.html", self)
         return html
 
-    def plot(self) -> Any:
-        """Draw the row to scale, gaps and speed along it; returns a Matplotlib figure."""
-        return draw("wave", self)
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the layout to scale, and gaps and speed along it.
+
+        Parameters
+        ----------
+        ax
+            Matplotlib axes that get the local speed and nothing else; None for a new figure.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure, which notebooks show, and `pyplot.show` where pyplot is imported.
+        """
+        return draw("wave", self, ax)
 
     def pullback(self, arrival_bar: ArrayLike) -> Gradient:
         """Return Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics.

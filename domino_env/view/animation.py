@@ -1,10 +1,12 @@
-"""Animation: rows that topple side by side, as frames at equal steps of time."""
+"""Animation: chains that topple side by side, as frames at equal steps of time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from itertools import chain
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -18,11 +20,11 @@ from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
 from domino_env.view.ground import relief
 from domino_env.view.race import Racer
 
-MOST_DOMINOES = 5_000  # in a picture of a row: drawing takes time by its square
+MOST_DOMINOES = 5_000  # of a chain that is drawn
 MOST_IMAGES = 5_000  # more than three minutes at 25 a second; 1 GB
-STRIP, POSE = 150, 100  # [px] height of a row on flat ground, in an animation and in poses
-FURTHEST = 0.97  # of the width of a picture that stands still: where the front may come to
-REST = 0.08  # [s] of stillness before the push and after the end, in the time of the row
+STRIP, POSE = 150, 100  # [px] height of a chain on flat ground, in an animation and in poses
+FURTHEST = 0.97  # of the width of a picture of poses: furthest place of the leader
+REST = 0.08  # [s] of stillness before the push and after the end, in the time of the wave
 
 
 def frames(
@@ -32,31 +34,31 @@ def frames(
     width: int = 1000,
     heading: str = "",
 ) -> Iterator[Image.Image]:
-    """Draw all rows toppling at once, one below the other, until all lie.
+    """Draw chains that topple at once, one below the other, until all lie.
 
     Parameters
     ----------
     racers
-        The rows.
+        The chains.
     rate
-        Images a second.
+        Images per second.
     slow
-        How many times slower than nature.
+        Time in the film over time in nature.
     width
-        Of an image [px], even.
+        Width of an image [px], even.
     heading
-        What is said above all rows, with how slow the motion is; nothing where it is empty.
+        Text above all chains, beside which the slowness is written; empty for none.
 
     Yields
     ------
     Image
-        Frame after frame.
+        Next frame.
 
     Raises
     ------
     ValueError
-        For a rate, a slowness or a width that is not positive, and for rows that are longer or
-        take longer than `MOST_DOMINOES` and `MOST_IMAGES`.
+        For a rate, a slowness or a width out of range, for a chain of more than 5 000 dominoes and
+        for more than 5 000 images.
     """
     require("rate", rate, above=0.0, unit="1/s", hint="25 is a film's")
     require("slow", slow, above=0.0, hint="5 times slower than nature")
@@ -65,42 +67,42 @@ def frames(
     images = int((end + 2.0 * REST) * rate * slow)
     if images > MOST_IMAGES:
         raise ValueError(
-            f"{end:.4g} s of toppling take {images:,} images, where at most {MOST_IMAGES:,} are "
-            "drawn: ask for fewer a second, or for a less slow motion"
+            f"{end:.4g} s of toppling take {images:,} images: at most {MOST_IMAGES:,} are drawn; "
+            "choose a lower --rate or --slow"
         )
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     pace = "true time" if slow == 1.0 else f"{slow:g} times slower than nature"
     above = [title(heading, pace, width)] if heading else []
     for t in times:
-        yield stacked(
-            above
-            + [
-                _strip(one, motion, float(t), scale)
-                for one, motion in zip(racers, motions, strict=True)
-            ]
-        )
+        moving = zip(racers, motions, strict=True)
+        yield stacked([*above, *(_strip(one, motion, float(t), scale) for one, motion in moving)])
 
 
 def poses(
     racers: Sequence[Racer], moments: int = 4, width: int = 1000, heading: str = ""
 ) -> Image.Image:
-    """Draw all rows at a few moments, below each other in one picture.
+    """Draw chains at a few moments, below each other in one picture.
 
     Parameters
     ----------
     racers
-        The rows.
+        The chains.
     moments
-        How many, equally far apart, while the waves run.
+        Number of moments, at equal intervals while the waves run.
     width
-        Of the picture [px], even.
+        Width of the picture [px], even.
     heading
-        What is said above; nothing where it is empty.
+        Text above all chains; empty for none.
+
+    Returns
+    -------
+    Image
+        The picture.
 
     Raises
     ------
     ValueError
-        For fewer than one moment, and as of `frames`.
+        For less than one moment, and as of `frames`.
     """
     require("moments", moments, 1, whole=True)
     motions, scale = _stage(racers, width, POSE)
@@ -114,44 +116,34 @@ def poses(
 
 
 def require_drawable(name: str, count: int) -> None:
-    """Refuse a row too long to be drawn domino by domino.
-
-    Raises
-    ------
-    ValueError
-        With its name and its number of dominoes.
-    """
+    """Raise ValueError for a chain with too many dominoes to draw each."""
     if count > MOST_DOMINOES:
-        raise ValueError(
-            f"{name}: it has {count:,} dominoes, where rows of at most {MOST_DOMINOES:,} are drawn"
-        )
+        raise ValueError(f"{name}: {count:,} dominoes: at most {MOST_DOMINOES:,} are drawn")
 
 
 def write_png(image: Image.Image, path: Path) -> None:
-    """Write a picture whole, in few colours."""
+    """Write a picture in few colours as a PNG file."""
     write_bytes(path, lambda file: _in_few_colours(image).save(file, "PNG", optimize=True))
 
 
 def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
-    """Write an animated GIF whole, and return the number of images."""
+    """Write an animated GIF, and return its number of images."""
     first, *rest = map(_in_few_colours, images)
-    looks: dict[str, Any] = {
-        "append_images": rest,
-        "duration": 1000.0 / rate,
-        "loop": 0,
-        "optimize": True,
-    }
-    write_bytes(path, lambda file: first.save(file, "GIF", save_all=True, **looks))
+    options: dict[str, Any] = {"duration": 1000.0 / rate, "loop": 0, "optimize": True}
+    write_bytes(
+        path,
+        lambda file: first.save(file, "GIF", save_all=True, append_images=rest, **options),
+    )
     return 1 + len(rest)
 
 
 def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
-    """Write a film whole, and return the number of images.
+    """Write a film, and return its number of images.
 
     Raises
     ------
     ImportError
-        Without imageio-ffmpeg; says what to install.
+        Without imageio-ffmpeg; the message names what to install.
     """
     try:
         import imageio_ffmpeg
@@ -159,23 +151,18 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
         raise ImportError(
             'films need imageio-ffmpeg: pip install "domino-chains[render]", or ask for --gif'
         ) from None
-    path.parent.mkdir(parents=True, exist_ok=True)
-    first = next(images)
-    draft = path.with_name(f".{path.stem}.draft.mp4")
-    writer = imageio_ffmpeg.write_frames(
-        str(draft), first.size, fps=rate, macro_block_size=2, quality=8
-    )
-    number = 0
-    try:
-        writer.send(None)
-        for image in chain([first], images):
-            writer.send(image.tobytes())
-            number += 1
-        writer.close()
-        draft.replace(path)
-    finally:
-        writer.close()
-        draft.unlink(missing_ok=True)
+    first, number = next(images), 0
+    with TemporaryDirectory() as folder:
+        film = Path(folder) / "film.mp4"
+        writer = imageio_ffmpeg.write_frames(
+            str(film), first.size, fps=rate, macro_block_size=2, quality=8
+        )
+        with closing(writer):
+            writer.send(None)
+            for image in chain([first], images):
+                writer.send(image.tobytes())
+                number += 1
+        write_bytes(path, lambda file: file.write(film.read_bytes()))
     return number
 
 
@@ -184,7 +171,7 @@ def _in_few_colours(image: Image.Image) -> Image.Image:
 
 
 def _stage(racers: Sequence[Racer], width: int, height: int) -> tuple[list[Motion], Scale]:
-    """How the rows move, and how all of them fit the width."""
+    """Return the motions of chains, and a scale at which all of them fit the width."""
     require("width", width, 200, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
         raise ValueError(f"width = {width} px: give an even number, as films need one")
@@ -193,8 +180,8 @@ def _stage(racers: Sequence[Racer], width: int, height: int) -> tuple[list[Motio
     motions = [Motion(one.wave.layout, one.wave.physics) for one in racers]
     longest = max(float(one.wave.layout.length) for one in racers)
     tallest = max(float(one.wave.layout.height.max()) for one in racers)
-    hills = max(relief(one.wave.layout) for one in racers)
-    return motions, Scale.fitting(longest, tallest, width, height, hills)
+    highest = max(relief(one.wave.layout) for one in racers)
+    return motions, Scale.fitting(longest, tallest, width, height, highest)
 
 
 def _strip(one: Racer, motion: Motion, t: float, scale: Scale, ahead: float = AHEAD) -> Image.Image:

@@ -1,4 +1,4 @@
-"""Drawing: a falling row as an image, with Pillow."""
+"""Drawing: a falling chain as an image, with Pillow."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from domino_env.view.ground import ground_line
 
 PAPER, INK, PALE, SOFT = ((255, 255, 255), *map(rgb, (colours.INK, colours.PALE, colours.SOFT)))
 STANDS, FALLS, LEADS = (176, 186, 197), rgb(colours.BLUE), rgb(colours.RED)
-TITLE = 40  # height of the line above all rows [px]
-AHEAD = 0.72  # of the width of a moving picture: where the front is kept once it is there
-FINER = 2  # drawn so much larger, then scaled down
-HIGHEST = 2.0  # strip heights that hills may add; higher ground is followed
+TITLE = 40  # height of the line above all strips [px]
+AHEAD = 0.72  # of the width of a moving picture: furthest place of the leader
+FINER = 2  # factor by which strips are drawn larger, then scaled down
+HIGHEST = 2.0  # strip heights that uneven ground may add; higher ground is followed
 
 
 @dataclass(frozen=True)
 class Scale:
-    """How a row fits a picture.
+    """Scale of a layout in a strip of a picture.
 
     Attributes
     ----------
     width
-        Of the strip [px].
+        Width of the strip [px].
     height
-        Of the strip [px].
+        Height of the strip [px].
     pixels
-        Per metre.
+        Pixels per metre.
     floor
-        Height of the floor line, where the ground is lowest [px].
+        Place of the lowest ground, from the top [px].
     room
-        For hills above it [px].
+        Height of the ground above it [px].
     """
 
     width: int
@@ -50,16 +50,25 @@ class Scale:
 
     @classmethod
     def fitting(
-        cls, length: float, tallest: float, width: int, height: int, hills: float = 0.0
+        cls, length: float, tallest: float, width: int, height: int, relief: float = 0.0
     ) -> Scale:
-        """Fit a length [m] into the width; the tallest takes a fifth of the height or more.
+        """Return the scale at which a layout fits a strip.
 
-        Hills so high [m] make the strip higher.
+        Parameters
+        ----------
+        length
+            Length of the layout [m].
+        tallest
+            Height of its tallest domino [m], which takes at least a fifth of the strip's height.
+        width, height
+            Size of the strip on flat ground [px].
+        relief
+            Height of the ground above its lowest place [m], which makes the strip higher.
         """
         margin = 2.0 * tallest
         pixels = min((width - 40) / (length + margin), 0.62 * height / tallest)
         pixels = max(pixels, height / 5.0 / tallest)
-        room = 2 * round(0.5 * min(hills * pixels, HIGHEST * height))  # even, for films
+        room = 2 * round(0.5 * min(relief * pixels, HIGHEST * height))  # even, for films
         return cls(width, height + room, pixels, int(0.80 * height) + room, room)
 
 
@@ -73,26 +82,31 @@ def strip(
     ahead: float = AHEAD,
     ground: Ground | None = None,
 ) -> Image.Image:
-    """Draw one row as it is at one instant.
+    """Draw a chain at one instant.
 
     Parameters
     ----------
     layout
-        The row.
+        The layout.
     leans
-        (N,) angles from upright [rad].
+        Angles from the vertical (N,) [rad].
     leader
-        Who leads, drawn in its own colour.
+        Number of the leading domino, which has its own colour.
     scale
-        How the row fits the picture.
+        Scale of the layout in the picture.
     line
-        What is said above it.
+        Text above the chain.
     ghost
-        Where another wave's front is along the row [m], marked below the ground.
+        Place of another wave along the chain [m], pointed at below the ground; None for none.
     ahead
-        Of the width: the picture moves on once the front is beyond.
+        Part of the width beyond which the picture follows the leader.
     ground
-        What lies ahead of the row too, if that is known.
+        Ground ahead of the layout; None where it is unknown.
+
+    Returns
+    -------
+    Image
+        Image of the size of the scale.
     """
     w, h, k = scale.width * FINER, scale.height * FINER, scale.pixels * FINER
     image = Image.new("RGB", (w, h), PAPER)
@@ -101,7 +115,7 @@ def strip(
     front, high = map(float, pivots[leader])
     left = 20 * FINER + 1.2 * float(layout.thickness[0]) * k
     left -= max(0.0, left + front * k - ahead * w)
-    # the lowest ground at the floor; where hills are too high, the front in the middle
+    # the lowest ground at the floor; where the relief is too high, the leader in the middle
     under = ground_line(layout, max(left / k, 0.0), w / k, ground)
     shown = pivots if ground is None else under[under[:, 0] < (w - left) / k]
     lowest, highest = float(shown[:, 1].min()), float(shown[:, 1].max())
@@ -112,42 +126,41 @@ def strip(
     draw.line(points, fill=PALE if layout.is_flat else SOFT, width=FINER, joint="curve")
     corners = outlines(layout, leans)
     x, y = left + corners[..., 0] * k, base - corners[..., 1] * k
-    seen = np.flatnonzero((x.max(axis=1) > 0.0) & (x.min(axis=1) < w))
-    for i in seen:
+    for i in np.flatnonzero((x.max(axis=1) > 0.0) & (x.min(axis=1) < w)):
         colour = LEADS if i == leader else FALLS if i < leader else STANDS
         draw.polygon(list(zip(x[i], y[i], strict=True)), fill=colour, outline=PAPER)
-    _mark(draw, left + front * k, base - high * k, LEADS)
+    _point_at(draw, left + front * k, base - high * k, LEADS)
     if ghost is not None:
         there, above = _place(layout, ghost, under)
-        _mark(draw, left + there * k, base - above * k, INK)
+        place = left + there * k, base - above * k
+        _point_at(draw, *place, INK)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
-    ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
+    draw = ImageDraw.Draw(image)
+    draw.text((20, 10), line, fill=INK, font=font(15))
     if ghost is not None:
-        at = min(max((left + there * k) / FINER, 30.0), scale.width - 60.0)
-        ImageDraw.Draw(image).text(
-            (at, (base - above * k) / FINER + 14), "uniform", fill=INK, font=font(12), anchor="mt"
-        )
+        at = min(max(place[0] / FINER, 30.0), scale.width - 60.0), place[1] / FINER + 14
+        draw.text(at, "uniform", fill=INK, font=font(12), anchor="mt")
     return image
 
 
-def title(words: str, right: str, width: int) -> Image.Image:
-    """Draw the line above all rows, with words at its right end."""
+def title(text: str, right: str, width: int) -> Image.Image:
+    """Draw the line above all strips, with a second text at its right end."""
     image = Image.new("RGB", (width, TITLE), PAPER)
     draw = ImageDraw.Draw(image)
     room = width - 60 - draw.textlength(right, font(14))
-    size = next((s for s in range(19, 9, -1) if draw.textlength(words, font(s)) <= room), 9)
-    draw.text((20, TITLE - 6), words, fill=INK, font=font(size), anchor="lb")
+    size = next((s for s in range(19, 9, -1) if draw.textlength(text, font(s)) <= room), 9)
+    draw.text((20, TITLE - 6), text, fill=INK, font=font(size), anchor="lb")
     draw.text((width - 20, TITLE - 6), right, fill=SOFT, font=font(14), anchor="rb")
     return image
 
 
 def stacked(strips: list[Image.Image]) -> Image.Image:
-    """Put strips below each other."""
+    """Stack strips below each other."""
     image = Image.new("RGB", (strips[0].width, sum(s.height for s in strips)), PAPER)
-    at = 0
-    for one in strips:
-        image.paste(one, (0, at))
-        at += one.height
+    y = 0
+    for strip in strips:
+        image.paste(strip, (0, y))
+        y += strip.height
     return image
 
 
@@ -159,7 +172,7 @@ def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 @cache
 def palette() -> Image.Image:
-    """List all colours of a picture and their blends into the paper, for formats with few."""
+    """Return all colours of a picture and their blends into the paper, for formats with few."""
     shades = []
     for colour in (INK, PALE, STANDS, FALLS, LEADS):
         for part in np.linspace(1.0, 0.0, 9)[:-1]:
@@ -171,7 +184,7 @@ def palette() -> Image.Image:
 
 
 def _place(layout: Layout, along: float, under: Floats) -> tuple[float, float]:
-    """Where on the ground a place along the row is [m], past its end too on the line under it."""
+    """Return x and z on the ground of a place along the layout or past its end [m]."""
     if along >= layout.length:
         x = float(layout.pivots[-1, 0] + (along - layout.length) * np.cos(layout.tilt[-1]))
         return x, float(np.interp(x, *under.T))
@@ -179,7 +192,7 @@ def _place(layout: Layout, along: float, under: Floats) -> tuple[float, float]:
     return x, z
 
 
-def _mark(draw: ImageDraw.ImageDraw, x: float, floor: float, colour: tuple[int, int, int]) -> None:
-    """A small triangle that points at a place on the floor."""
+def _point_at(draw: ImageDraw.ImageDraw, x: float, y: float, colour: tuple[int, ...]) -> None:
+    """Draw a small triangle that points at a place on the ground."""
     r = 5 * FINER
-    draw.polygon([(x, floor + FINER), (x - r, floor + 2 * r), (x + r, floor + 2 * r)], fill=colour)
+    draw.polygon([(x, y + FINER), (x - r, y + 2 * r), (x + r, y + 2 * r)], fill=colour)

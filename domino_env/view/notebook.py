@@ -1,4 +1,4 @@
-"""Layouts in a notebook: SVG drawings, small, to scale, and without Matplotlib."""
+"""SVG drawings of layouts for notebooks: small, to scale, and without Matplotlib."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
 from domino_env.view.ground import ground_line
 
-LONGEST = 45.0  # heights; of a longer row the two ends are shown
+LONGEST = 45.0  # domino heights; of a longer layout the two ends are drawn
 WIDEST = 900  # [px] on the screen
-PALE = 0.3  # opacity: on white paper and on a dark screen
-PIXELS = 1500.0  # a metre on the screen, where there is room
+PALE = 0.3  # opacity, on white paper and on a dark screen
+PIXELS = 1500.0  # [px/m] on the screen, where there is room
 
 
 class MadeForScene:
@@ -29,56 +29,62 @@ class MadeForScene:
     score: float
 
     def _repr_html_(self) -> str:
-        uniform, found = self.scene.uniform().layout, (self.layout, self.wave.hit, OURS)
-        return rows_html(repr(self), [(uniform, uniform.count, UNIFORM), found])
+        uniform, best = self.scene.uniform().layout, (self.layout, self.wave.hit, OURS)
+        return layouts_html(repr(self), [(uniform, uniform.count, UNIFORM), best])
 
-    def plot(self) -> Any:
-        """Draw the row and the best uniform one to scale, and what differs along them.
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the layout and the uniform baseline to scale, and their differences.
+
+        Parameters
+        ----------
+        ax
+            Matplotlib axes that get the gaps of both and nothing else; None for a new figure.
 
         Returns
         -------
         matplotlib.figure.Figure
-            To be saved with `savefig`; notebooks show it.
+            The figure, which notebooks show, and `pyplot.show` where pyplot is imported.
         """
         from domino_env.view.figures import beside_uniform
 
-        return beside_uniform(self.scene, self.layout, self.wave, self.score, "the row made")
+        sizes = self.scene, self.layout, self.wave, self.score
+        return beside_uniform(*sizes, "the layout made", ax=ax, register=True)
 
 
 def layout_html(layout: Layout) -> str:
-    """Draw a row under its sentence."""
-    return rows_html(repr(layout), [(layout, layout.count, OURS)])
+    """Return a drawing of a layout under its sentence."""
+    return layouts_html(repr(layout), [(layout, layout.count, OURS)])
 
 
 def wave_html(wave: Wave) -> str:
-    """Draw the row of a wave under its sentence."""
-    return rows_html(repr(wave), [(wave.layout, wave.hit, OURS)])
+    """Return a drawing of the layout of a wave under its sentence."""
+    return layouts_html(repr(wave), [(wave.layout, wave.hit, OURS)])
 
 
-def rows_html(sentence: str, rows: Sequence[tuple[Layout, int, str]]) -> str:
-    """Draw rows below each other, to one scale, under a sentence.
+def layouts_html(sentence: str, layouts: Sequence[tuple[Layout, int, str]]) -> str:
+    """Return drawings of layouts below each other, to one scale, under a sentence.
 
     Parameters
     ----------
     sentence
         Plain text.
-    rows
-        Layout, how many of its dominoes were struck (the others are pale), colour.
+    layouts
+        Layout, number of its dominoes that were struck (the others are pale), colour.
     """
-    tall = max(float(layout.height.max()) for layout, _, _ in rows)
-    longest = max(_span(layout)[1] - _span(layout)[0] for layout, _, _ in rows)
-    drawn = "".join(_drawing(*row, min(longest, LONGEST * tall), tall) for row in rows)
-    return f'<div style="margin:.3em 0"><code>{escape(sentence)}</code>{drawn}</div>'
+    tall = max(float(layout.height.max()) for layout, _, _ in layouts)
+    longest = max(_span(layout)[1] - _span(layout)[0] for layout, _, _ in layouts)
+    drawings = "".join(_drawing(*one, min(longest, LONGEST * tall), tall) for one in layouts)
+    return f'<div style="margin:.3em 0"><code>{escape(sentence)}</code>{drawings}</div>'
 
 
 def _span(layout: Layout) -> tuple[float, float]:
-    """Where a row begins and ends [m], as it stands."""
+    """Return the ends of a standing layout [m]."""
     x = outlines(layout, layout.tilt)[..., 0]
     return float(x.min()), float(x.max())
 
 
 def _drawing(layout: Layout, hit: int, colour: str, across: float, tall: float) -> str:
-    """One row, or of a longer one than `across` [m] the two ends."""
+    """Return a drawing of a layout, or of the two ends of one longer than `across` [m]."""
     first, last = _span(layout)
     windows = [(first, first + across)]
     if last - first > across:
@@ -89,7 +95,7 @@ def _drawing(layout: Layout, hit: int, colour: str, across: float, tall: float) 
 
 
 def _window(layout: Layout, hit: int, colour: str, low: float, high: float, across: float) -> str:
-    """A stretch of a row, in millimetres, from the top down; of a drawing `across` [m] wide."""
+    """Return a part of a drawing `across` [m] wide, in millimetres from the top down."""
     share = (high - low) / across
     wide = share * min(WIDEST, across * PIXELS)
     corners = outlines(layout, layout.tilt)

@@ -1,4 +1,4 @@
-"""Sound: the clicks of a row as a recording, and the hits a second of a recording."""
+"""Sound: clicks of a wave as a recording, and the hit frequency of a recording."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from domino_env.core.files import naming, read_bytes, write_bytes
 from domino_env.core.types import Floats
 from domino_env.physics.wave import Wave
 
-RATE = 44100  # samples a second
-MOST_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB to listen to
-SLOWEST_RATE, FASTEST_RATE = 1000, 1_000_000  # samples a second that are listened to
-REST = 0.1  # [s] of silence before and after
-PITCH_OF_CLICK, DECAY = 3200.0, 0.0012  # [Hz], [s]
-HOP = 0.0005  # [s] a loudness
-SLOWEST, FASTEST = 5.0, 250.0  # hits a second that are looked for
-QUIET = 0.1  # of the loudest tenth: below it nothing is toppling
-RUN_UP = 0.25  # of the recording: the wave is still gathering speed
-PARTS = 5  # estimated one by one, for the uncertainty
-ENOUGH = 8  # hits a part at least
+RATE = 44100  # [1/s] samples
+MOST_SAMPLES = 30_000_000  # eleven minutes at that rate; 1 GB of memory for the analysis
+SLOWEST_RATE, FASTEST_RATE = 1000, 1_000_000  # [1/s] samples of a recording
+REST = 0.1  # [s] of silence before and after the clicks
+CLICK_PITCH, DECAY = 3200.0, 0.0012  # [Hz], [s] of a click
+HOP = 0.0005  # [s] between two values of the loudness
+SLOWEST, FASTEST = 5.0, 250.0  # [1/s] range of hit frequencies
+QUIET = 0.1  # of the 95th percentile of the loudness: below it nothing topples
+RUN_UP = 0.25  # part of the recording in which the wave still accelerates
+PARTS = 5  # of the recording, estimated separately for the uncertainty
+ENOUGH = 8  # hits in a part, at least
 
 
 def clicks(wave: Wave) -> Floats:
-    """Play a wave: a short click at every hit, louder the faster the tip.
+    """Return the sound of a wave: a short click at every hit, louder the faster the tip.
 
     Parameters
     ----------
@@ -38,34 +38,33 @@ def clicks(wave: Wave) -> Floats:
 
     Returns
     -------
-    NDArray
-        Samples in -1 … 1, `RATE` of them a second.
+    ndarray
+        Samples in -1 … 1, 44 100 per second.
 
     Raises
     ------
     ValueError
-        For a wave that lasts for more than `MOST_SAMPLES`.
+        For a wave of more than 30 million samples.
     """
     times = wave.arrival_times[1 : wave.hit]
     end = float(times[-1]) if len(times) else 0.0
     samples = int((end + 2.0 * REST) * RATE) + 1
-    _require_samples(samples, f"a wave of {end:.4g} s sounds for")
+    _require_samples(samples, f"a wave of {end:.4g} s has")
     sound = np.zeros(samples)
     length = int(8.0 * DECAY * RATE)
     loud = np.abs(wave.impact_velocity[: len(times)])
     for t, level in zip(times, loud / max(float(loud.max(initial=0.0)), 1e-12), strict=True):
         first = int(np.ceil((t + REST) * RATE))
-        # the click begins between two samples
         since = np.arange(first, first + length) / RATE - (t + REST)
         sound[first : first + length] += (
-            level * np.exp(-since / DECAY) * np.sin(2.0 * np.pi * PITCH_OF_CLICK * since)
+            level * np.exp(-since / DECAY) * np.sin(2.0 * np.pi * CLICK_PITCH * since)
         )[: len(sound) - first]
     top = float(np.abs(sound).max())
     return sound / top * 0.9 if top > 0.0 else sound
 
 
 def write_wav(samples: Floats, path: Path) -> None:
-    """Write 16-bit mono sound whole."""
+    """Write samples in -1 … 1 to a WAV file of 16 bits and one channel."""
     from scipy.io import wavfile
 
     whole = np.round(np.clip(samples, -1.0, 1.0) * 32767.0).astype("<i2")
@@ -73,13 +72,20 @@ def write_wav(samples: Floats, path: Path) -> None:
 
 
 def read_wav(path: Path) -> tuple[Floats, int]:
-    """Read a recording: samples in -1 … 1, channels averaged, and samples a second.
+    """Read a recording.
+
+    Returns
+    -------
+    samples : ndarray
+        Samples in -1 … 1, averaged over the channels.
+    rate : int
+        Samples per second.
 
     Raises
     ------
     ValueError
-        For a file that is no WAV of plain or floating-point samples, and for more than
-        `MOST_SAMPLES`.
+        For a file that is not a WAV of plain or floating-point samples, and for more than 30
+        million samples.
     """
     from scipy.io import wavfile
 
@@ -87,10 +93,10 @@ def read_wav(path: Path) -> tuple[Floats, int]:
         data = read_bytes(path)
         try:
             with warnings.catch_warnings():
-                # parts that are no sound, or are missing behind it, do not matter here
+                # chunks other than the sound, or missing behind it, do not matter here
                 warnings.simplefilter("ignore", wavfile.WavFileWarning)
                 rate, whole = wavfile.read(io.BytesIO(data))
-        except Exception as error:  # a header that lies has SciPy fail in many ways
+        except Exception as error:  # SciPy fails in many ways on a wrong header
             why = str(error) if isinstance(error, ValueError) else "it ends early or is broken"
             raise ValueError(
                 f"not a plain WAV file, or cut off amid a sample ({why}); convert it to PCM WAV"
@@ -101,7 +107,7 @@ def read_wav(path: Path) -> tuple[Floats, int]:
 
 
 def _in_unit(whole: NDArray[np.generic]) -> Floats:
-    """Samples as a file has them, in -1 … 1; below 9 bits they are unsigned."""
+    """Return samples of a file in -1 … 1; below 9 bits they are unsigned."""
     samples = whole.astype(np.float64)
     if whole.dtype.kind == "f":
         return samples
@@ -116,18 +122,18 @@ def _require_samples(number: int, what: str) -> None:
 
 @dataclass(frozen=True)
 class HitFrequency:
-    """What a recording tells.
+    """Hit frequency of a recording.
 
     Attributes
     ----------
     frequency
-        Hits a second.
+        Hits per second [1/s].
     uncertainty
-        Standard error of the frequency, from the parts of the recording.
+        Standard error of the frequency, from the parts of the recording [1/s].
     clarity
-        Of the autocorrelation at that period, 1 for a perfect repeat, about 0 for noise.
+        Autocorrelation at that period: 1 for a perfect repeat, about 0 for noise.
     seconds
-        Of toppling that were listened to.
+        Duration of the toppling that was analysed [s].
     """
 
     frequency: float
@@ -137,35 +143,42 @@ class HitFrequency:
 
 
 def listen(samples: Floats, rate: int) -> HitFrequency:
-    """Find the hit frequency of a recording, by autocorrelation of its loudness.
+    """Find the hit frequency of a recording by autocorrelation of its loudness.
 
-    The stretch that is not quiet is found, its first quarter left out as the wave gathers speed.
+    The first quarter of the part that is not quiet is left out, as the wave accelerates there.
 
     Parameters
     ----------
     samples
-        In -1 … 1, as of `read_wav`.
+        Samples in -1 … 1.
     rate
-        Samples a second.
+        Samples per second.
+
+    Returns
+    -------
+    HitFrequency
+        Frequency, uncertainty and clarity.
 
     Raises
     ------
     ValueError
-        Where there is too little to hear.
+        For a recording that is silent, too short, or has samples that are not finite.
     """
     if not np.isfinite(samples).all():
-        raise ValueError("the recording has samples that are no finite numbers: export it anew")
+        raise ValueError("the recording has samples that are not finite numbers: export it again")
     if not samples.any():
-        raise ValueError("the recording is silent: nothing to listen to")
+        raise ValueError("the recording is silent: record it again")
     loud = _onsets(samples, rate)
     if not loud.any():
-        raise ValueError("nothing begins or ends in the recording: nothing to listen to")
+        raise ValueError("the recording has no sound that begins or ends: record it again")
     busy = np.flatnonzero(loud > QUIET * float(np.quantile(loud[loud > 0.0], 0.95)))
     first, last = int(busy[0]), int(busy[-1]) + 1
     steady = loud[first + int(RUN_UP * (last - first)) : last]
     seconds = len(steady) * HOP
     if seconds < 2.0 * ENOUGH / FASTEST:
-        raise ValueError(f"only {seconds:.2f} s of toppling to hear: record a longer row")
+        raise ValueError(
+            f"only {seconds:.2f} s of toppling in the recording: record a longer chain"
+        )
     frequency, clarity = _repeat(steady, SLOWEST, FASTEST)
     size = max(len(steady) // PARTS, int(ENOUGH / frequency / HOP))
     count = len(steady) // size
@@ -173,29 +186,29 @@ def listen(samples: Floats, rate: int) -> HitFrequency:
         _repeat(steady[k * size : (k + 1) * size], 0.75 * frequency, 1.33 * frequency)[0]
         for k in range(count)
     ]
-    # half a loudness in the time of the whole is the least doubt
+    # half a hop in the whole duration is the smallest uncertainty
     least = frequency * 0.5 * HOP / seconds
     spread = float(np.std(parts, ddof=1) / np.sqrt(count)) if count > 1 else 0.1 * frequency
     return HitFrequency(frequency, max(spread, least), clarity, seconds)
 
 
 def _onsets(samples: Floats, rate: int) -> Floats:
-    """Rise of the loudness, one value a HOP: hits are what begins suddenly."""
+    """Return the rise of the loudness, one value per HOP, which is large at hits."""
     edges = np.round(np.arange(0.0, len(samples) / rate, HOP) * rate).astype(np.int64)
     power = np.add.reduceat(np.diff(samples, prepend=samples[0]) ** 2, edges[edges < len(samples)])
     level = np.sqrt(power)
     rise = np.maximum(np.diff(level, prepend=level[0]), 0.0)
-    # a hit falls between two values: spread it, so that the maximum can be found between them
+    # hits are spread, so that a maximum between two values can be interpolated
     kernel = np.hanning(9)
     return np.convolve(rise, kernel / kernel.sum(), mode="same")
 
 
 def _repeat(loud: Floats, slowest: float, fastest: float) -> tuple[float, float]:
-    """Frequency and height of the strongest repeat between two frequencies."""
+    """Return frequency and height of the strongest repeat between two frequencies."""
+    from scipy import signal
+
     centred = loud - loud.mean()
-    size = 1 << (2 * len(centred) - 1).bit_length()
-    spectrum = np.fft.rfft(centred, size)
-    raw = np.fft.irfft(np.abs(spectrum) ** 2, size)[: len(centred)]
+    raw = signal.correlate(centred, centred, method="fft")[len(centred) - 1 :]
     same = raw / max(float(raw[0]), 1e-300) * len(centred) / np.arange(len(centred), 0, -1)
     low = max(int(1.0 / fastest / HOP), 1)
     high = min(int(1.0 / slowest / HOP) + 2, 2 * len(centred) // 3)
@@ -203,14 +216,10 @@ def _repeat(loud: Floats, slowest: float, fastest: float) -> tuple[float, float]
         raise ValueError("the recording is too short for this frequency")
     inside = same[low:high]
     best = float(inside.max())
-    # of the period and its multiples, which repeat as well, the shortest
-    peaks = [
-        k
-        for k in range(1, len(inside) - 1)
-        if inside[k - 1] <= inside[k] >= inside[k + 1] and inside[k] > 0.8 * best
-    ]
-    lag = low + (peaks[0] if peaks else int(inside.argmax()))
-    # then as many periods further as still repeat clearly, for a finer answer
+    # the multiples of the period repeat as well: take the shortest
+    peaks, _ = signal.find_peaks(inside, height=0.8 * best)
+    lag = low + int(peaks[0] if len(peaks) else inside.argmax())
+    # then as many periods further as still repeat clearly, for a finer value
     period = _between(same, lag)
     times = 1
     while True:
@@ -227,7 +236,7 @@ def _repeat(loud: Floats, slowest: float, fastest: float) -> tuple[float, float]
 
 
 def _between(values: Floats, k: int) -> float:
-    """Where a parabola through three neighbours is highest."""
+    """Return the place of the maximum of a parabola through three neighbours."""
     a, b, c = values[k - 1 : k + 2]
     bend = a - 2.0 * b + c
     return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)

@@ -69,7 +69,7 @@ def test_every_result_can_be_drawn(scenes, name: str) -> None:
     headline = figure.texts[0].get_text()
     assert headline.startswith(f"{name}: ")
     if name == "dead":
-        assert headline == "dead: no row found that topples to the end"
-        assert figure.axes[3].texts[0].get_text() == "neither wave came to the second domino"
+        assert headline == "dead: no layout found that topples to the end"
+        assert figure.axes[3].texts[0].get_text() == "no wave reached the second domino"
     else:
         assert "slower" in headline or "faster" in headline

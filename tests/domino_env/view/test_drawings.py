@@ -1,0 +1,102 @@
+"""Results in a session: one line each, a drawing in a notebook, a figure by `plot`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import domino_env as de
+from optimize import search
+
+LAYOUT = de.Layout(np.linspace(0.004, 0.03, 11), np.linspace(0.004, 0.012, 12))
+WAVE = de.simulate(LAYOUT, de.Physics(), gradient=True)
+DEAD = de.simulate(de.Layout.uniform(30, pitch=0.03), de.Physics(friction=0.5, push=1.0))
+GAPS = np.full((500, 39), 0.012)
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, object]:
+    scene = de.load_scene("sprint")
+    return {
+        "layout": LAYOUT,
+        "one domino": de.Layout.uniform(1, pitch=0.02),
+        "wave": WAVE,
+        "dead": DEAD,
+        "batch": de.simulate_batch(GAPS, 0.0075, de.Physics()),
+        "gradient": WAVE.gradient(),
+        "diagnosis": de.diagnose(LAYOUT, de.Physics()),
+        "uniform": scene.uniform(),
+        "result": search(scene, "random", budget=20),
+    }
+
+
+def test_every_result_has_one_line(results) -> None:
+    for name, one in results.items():
+        line = repr(one)
+        assert line.startswith(f"{type(one).__name__}("), name
+        assert "\n" not in line, name
+        assert len(line) < 260, name
+
+
+def test_lines_have_the_main_numbers(results) -> None:
+    assert repr(LAYOUT) == (
+        f"Layout(12 dominoes over {LAYOUT.length:.6g} m: gaps 4 to 30 mm, 4 to 12 mm thick, "
+        "48 mm high)"
+    )
+    assert f"{WAVE.mean_speed:.6g} m/s" in repr(WAVE)
+    assert repr(DEAD) == "Wave(stalled: 1 of 30 dominoes were struck, 0 toppled)"
+    assert "500 waves: 500 propagated" in repr(results["batch"])
+    assert f"{-results['result'].gain:.2%} below uniform" in repr(results["result"])
+    assert (str(DEAD.outcome), f"{DEAD.outcome}", DEAD.outcome) == ("STALLED", "STALLED", 1)
+
+
+@pytest.mark.parametrize(("name", "dominoes"), [("layout", 12), ("dead", 30), ("result", 80)])
+def test_notebooks_draw_every_domino(results, name: str, dominoes: int) -> None:
+    html = results[name]._repr_html_()
+    assert html.count("<polygon") == dominoes
+    assert html.count('opacity="0.3"') == (29 if name == "dead" else 0)
+    assert "&gt;" not in html
+    assert repr(results[name]) in html
+
+
+def test_a_long_layout_is_drawn_by_its_ends() -> None:
+    html = de.Layout.uniform(100_000, pitch=0.02)._repr_html_()
+    assert 50 < html.count("<polygon") < 300
+
+
+@pytest.mark.parametrize("name", ["layout", "one domino", "wave", "dead", "result"])
+def test_plot_returns_a_figure(results, name: str) -> None:
+    figure = results[name].plot()
+    assert isinstance(figure, Figure)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("name", "curves", "label"), [
+    ("layout", 1, "spacing [mm]"),
+    ("one domino", 1, "spacing [mm]"),
+    ("wave", 1, "local wave speed [m/s]"),
+    ("dead", 1, "local wave speed [m/s]"),
+    ("result", 2, "spacing [mm]"),
+])  # fmt: skip
+def test_plot_draws_into_given_axes(results, name: str, curves: int, label: str) -> None:
+    figure = Figure()
+    axes, other = figure.subplots(2)
+    assert results[name].plot(ax=axes) is figure
+    assert axes.get_ylabel() == label
+    assert len([line for line in axes.get_lines() if line.get_linestyle() == "-"]) == curves
+    assert not other.has_data()
+
+
+@pytest.mark.parametrize("name", ["layout", "wave", "result"])
+def test_pyplot_shows_what_a_script_plots_and_nothing_else(results, name: str) -> None:
+    import matplotlib.pyplot as plt
+
+    plt.switch_backend("agg")
+    figure = results[name].plot()
+    assert plt.figure(figure.number) is figure
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    plt.close(figure)
+    if name == "result":
+        results[name].figure()  # as for a run folder
+    assert plt.get_fignums() == []
