@@ -119,7 +119,7 @@ class Problem(DesignSpace):
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
         super().__init__(scene)
         self.rtol = rtol
-        self.dominoes = scene.count * scene.simulations_per_score
+        self.dominoes = scene.count * scene.criterion.simulations_per_score
 
     def evaluate(
         self,

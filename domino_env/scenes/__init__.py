@@ -1,1 +1,1 @@
-"""Design problems: what a scene is, what counts in it, its best uniform row, and its file."""
+"""Design problems: scenes, their objectives, uniform baselines and files."""

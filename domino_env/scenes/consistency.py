@@ -8,7 +8,7 @@ from typing import Any
 
 from domino_env.core.models import model_of
 from domino_env.physics.ground import Ground
-from domino_env.physics.standard import ADVICE, MOST, unit_hint
+from domino_env.physics.standard import MOST, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.rules import Bounds
 from domino_env.scenes.tables import MOST_PAIRS, SceneFile, ThicknessTable
@@ -100,20 +100,13 @@ def _violations_in_heights(tables: SceneFile) -> Iterator[str]:
 
 
 def _violations_of_units(tables: SceneFile) -> Iterator[str]:
-    """Yield bounds that allow no layout which falls, and so were probably meant in millimetres."""
-    unit, name = (1.0, "heights") if tables.in_heights else (tables.row.height, "m")
-    least = tables.spacing.allowed()[0][0]
-    if tables.growth is None and least >= unit:
-        yield (
-            f"spacing: no gap may be smaller than {least:g} {name}, and no domino reaches further "
-            f"than its height of {tables.row.height:g} m: {ADVICE}"
-        )
-    thinnest = 0.0 if tables.stock is not None else tables.thickness_allowed()[0][0]
-    if thinnest > MOST * unit:
-        yield (
-            f"thickness: no domino may be thinner than {thinnest:g} {name}, with a height of "
-            f"{tables.row.height:g} m: {ADVICE}"
-        )
+    """Yield bounds within which nothing falls, and so were probably meant in another unit."""
+    height, scale = tables.row.height, tables.row.height if tables.in_heights else 1.0
+    (low, high), _ = tables.spacing.allowed()
+    thin, thick = (0.0, 0.0) if tables.stock else tables.thickness_allowed()[0]
+    if (tables.growth is None and scale * low >= height) or scale * thin > MOST * height:
+        hint = unit_hint(height, (scale * low, scale * high), (scale * thin, scale * thick))
+        yield f"within the bounds of spacing and thickness no domino falls on the next: {hint}"
 
 
 def _violations_of_objective(tables: SceneFile) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Scenes sampled ahead with their uniform baselines, and sets of scenes for tests.
+"""Pools of sampled scenes with their uniform baselines, and test sets of scenes.
 
 `python -m domino_env.scenes.shipping NAME …` samples those that ship anew.
 """
@@ -17,112 +17,104 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_point
 
 POOL = 4096  # scenes
-TRAINING = 0  # beside its number the seed of a scene
-DIGITS = 5  # of the numbers drawn: files that a reader can look at
+TRAINING = 0  # seed of a scene, with its number
+DIGITS = 5  # significant digits of the sampled numbers, so that files can be read
 
 POINT = ("uniform gap", "uniform thickness")  # [m]
 
 
 class ScenePool:
-    """Scenes of a distribution, numbered, each with the mark of its best uniform row.
+    """Numbered scenes of a distribution, each with its uniform baseline.
 
-    A scene is drawn by its number, so that whoever asks for number 17 gets the same. It is drawn
-    and its uniform rows searched when it is first asked for; the distributions that ship bring
-    both along.
+    The number is the seed of the scene. Scene and baseline are made at their first use; those of
+    the distributions that ship are stored.
 
     Parameters
     ----------
     distribution
-        What is drawn from.
+        Source of the scenes.
     size
-        How many scenes there are.
+        Number of scenes.
     """
 
     def __init__(self, distribution: SceneDistribution, size: int = POOL) -> None:
         self.distribution = distribution
         self.numbers = np.full((size, len(distribution.features)), np.nan)
-        self.points = np.full((size, 2), np.nan)  # of the best uniform rows
+        self.points = np.full((size, 2), np.nan)  # of the uniform baselines
         self.uniform_scores = np.full((size, 2), np.nan)  # their scores and mean speeds
         table = _table(distribution, "pool")
         if table is not None:
             n = min(size, len(table))
             self.numbers[:n], self.points[:n] = table[:n, :-3], table[:n, -3:-1]
-            self.uniform_scores[:n] = table[:n, -1:]  # what ships counts the mean speed
-
-        self.features = distribution.scaled(self.numbers)  # of those that are drawn
+            self.uniform_scores[:n] = table[:n, -1:]  # their objective is the mean speed
+        self.features = distribution.scaled(self.numbers)
 
     def __len__(self) -> int:
         return len(self.numbers)
 
     def scene(self, i: int) -> Scene:
-        """Make scene i, which knows its best uniform row."""
+        """Return scene i with its uniform baseline."""
         if np.isnan(self.uniform_scores[i, 0]):
-            self._draw(i)
+            self._sample(i)
         return self._scene(i)
 
     def _scene(self, i: int) -> Scene:
         name = f"{self.distribution.name}-{i}"
         return self.distribution.scene(self.numbers[i], name).with_uniform(self.points[i])
 
-    def _draw(self, i: int) -> None:
+    def _sample(self, i: int) -> None:
         rng = np.random.default_rng([TRAINING, i])
         score = 0.0
         while not score > 0.0:
             self.numbers[i] = self.distribution.sample_numbers(rng, DIGITS)
             self.points[i] = best_point(self.distribution.scene(self.numbers[i]), quick=True)
-            mark = self._scene(i).uniform()
-            score = mark.score
-        self.uniform_scores[i] = score, mark.wave.mean_speed
+            baseline = self._scene(i).uniform()
+            score = baseline.score
+        self.uniform_scores[i] = score, baseline.wave.mean_speed
         self.features[i] = self.distribution.scaled(self.numbers[i])
 
 
-# sets for tests -----------------------------------------------------------------------------------
-
-
 def load_test_set(name: str) -> list[Scene]:
-    """Load the scenes that ship to test policies on, drawn apart from those of the training.
+    """Load the 200 scenes on which policies are tested, sampled independently of the training's.
 
     Parameters
     ----------
     name
-        Of a distribution that ships: 200 scenes of each. Those of "varied-beyond" lie beyond the
-        ranges of "varied" in every number.
+        Name of a distribution that ships. Every number of the scenes of "varied-beyond" is out of
+        the ranges of "varied".
 
     Returns
     -------
-    list
-        Scenes, whose best uniform rows are known from a whole search.
+    list of Scene
+        The scenes, with their uniform baselines.
 
     Raises
     ------
     ValueError
-        For a name of which there is no such set.
+        For a distribution without a test set.
     """
     distribution = load_distribution(name)
     table = _table(distribution, "test")
     if table is None:
-        refuse(distribution.file, "no set of test scenes ships with it")
+        refuse(distribution.file, "no test set ships with it")
     return [
-        distribution.scene(row[:-2], f"{distribution.name}-test-{i}").with_uniform(row[-2:])
-        for i, row in enumerate(table)
+        distribution.scene(numbers[:-2], f"{distribution.name}-test-{i}").with_uniform(numbers[-2:])
+        for i, numbers in enumerate(table)
     ]
 
 
-# files --------------------------------------------------------------------------------------------
-
-
 def _table(distribution: SceneDistribution, kind: str) -> Floats | None:
-    """What ships with a distribution, if it still is what that was made for."""
+    """Return the table that ships with a distribution; None if it was made for another one."""
     file = DISTRIBUTIONS / f"{distribution.name}.{kind}.csv"
     if not file.is_file():
         return None
-    first, _, *rows = file.read_text("utf-8").splitlines()
-    if first != stamp_of(distribution):
+    lines = file.read_text("utf-8").splitlines()
+    if lines[0] != stamp_of(distribution):
         return None
-    return np.array([[float(x) for x in row.split(",")] for row in rows])
+    return np.loadtxt(lines[2:], delimiter=",", ndmin=2)
 
 
 def stamp_of(distribution: SceneDistribution) -> str:
     """Return the first line of files made for a distribution as it is now."""
-    told = {k: v for k, v in distribution.document.items() if k not in ("name", "title")}
-    return "# " + hashlib.sha256(repr(told).encode()).hexdigest()
+    document = {k: v for k, v in distribution.document.items() if k not in ("name", "title")}
+    return "# " + hashlib.sha256(repr(document).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Files that ship with scenes and distributions, computed anew.
+"""Computation of the files that ship with scenes and distributions.
 
 python -m domino_env.scenes.shipping            JSON Schema and best uniform layouts of the scenes
 python -m domino_env.scenes.shipping NAME …     pool and test set of distributions
@@ -22,11 +22,11 @@ from domino_env.scenes.uniform import SHIPPED, best_point, stamp
 
 HERE = Path(__file__).parent
 SCHEMA = HERE / "shipped" / "scene.schema.json"
-TEST, TESTED = 1, 200  # seed and number of scenes in a set for tests
+TEST, TESTED = 1, 200  # seed and number of the scenes of a test set
 
 
 def write_scenes() -> None:
-    """Write what ships with scenes."""
+    """Write the JSON Schema and the uniform baselines of scenes."""
     write_text(SCHEMA, json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n")
     scenes = {name: load_scene(name) for name in scene_names()}
     found = {
@@ -37,7 +37,7 @@ def write_scenes() -> None:
 
 
 def write_distribution(name: str) -> None:
-    """Write the test set of a distribution, and its pool where policies are trained on it."""
+    """Write the test set of a distribution, and its pool if policies are trained on it."""
     distribution = load_distribution(name)
     tests, pool = [], ScenePool(distribution)
     for i in progress_bar(None, iterable=range(TESTED), total=TESTED, unit=" test scenes"):
@@ -47,13 +47,11 @@ def write_distribution(name: str) -> None:
     if name != "varied-beyond":
         for i in progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes"):
             pool.scene(i)
-        rows = np.concatenate(
-            [pool.numbers, pool.points, pool.uniform_scores[:, :1]], axis=1
-        ).tolist()
-        tables["pool"] = ((*distribution.features, *POINT, "score"), rows)
-    for kind, (columns, table) in tables.items():
+        table = np.hstack([pool.numbers, pool.points, pool.uniform_scores[:, :1]])
+        tables["pool"] = ((*distribution.features, *POINT, "score"), table.tolist())
+    for kind, (columns, entries) in tables.items():
         lines = [stamp_of(distribution), ",".join(columns)]
-        lines += [",".join(f"{x:.16g}" for x in row) for row in table]
+        lines += [",".join(f"{x:.16g}" for x in line) for line in entries]
         write_text(HERE / "distributions" / f"{name}.{kind}.csv", "\n".join(lines) + "\n")
 
 

@@ -40,18 +40,13 @@ class ChainTable(Table):
     """The dominoes."""
 
     count: Annotated[int, Meta(ge=2, le=MOST_DOMINOES, description="number of dominoes")]
-    height: Annotated[
-        Size, Meta(description="of every domino, of the first where they grow [m]")
-    ] = HEIGHT
+    height: Annotated[Size, Meta(description="of every domino, or of the first [m]")] = HEIGHT
     width: Annotated[Size, Meta(description="size across the fall; it changes no time [m]")] = WIDTH
     density: Annotated[Size, Meta(description="of every domino [kg/m³]")] = DENSITY
     first_thickness: Annotated[
-        Size | None,
-        Meta(description="of domino 0, which is not chosen [m]; needed where thickness is free"),
+        Size | None, Meta(description="of domino 0 [m]; needed where thickness is free")
     ] = None
-    length: Annotated[
-        Size | None, Meta(description="first pivot to last, met exactly [m]; free without it")
-    ] = None
+    length: Annotated[Size | None, Meta(description="first to last pivot, met exactly [m]")] = None
 
 
 class RangeTable(Table):
@@ -65,15 +60,11 @@ class RangeTable(Table):
         Meta(description="from min to max only in steps of this [m]"),
     ] = None
     values: Annotated[
-        Annotated[list[Size], Meta(min_length=1)] | None,
-        Meta(description="the only values allowed [m]"),
+        Annotated[list[Size], Meta(min_length=1)] | None, Meta(description="all values allowed [m]")
     ] = None
     of: Annotated[
         Literal["height"] | None,
-        Meta(
-            description="all of it counts in heights: of the domino, and for a gap of the shorter "
-            "of the two dominoes at it; leave it out for metres"
-        ),
+        Meta(description="in heights of the domino, at a gap of the shorter one; else in metres"),
     ] = None
 
     SCHEMA: ClassVar = {
@@ -81,26 +72,20 @@ class RangeTable(Table):
     }
 
     def __post_init__(self) -> None:
-        ways = ("fixed", "values", "min", "max", "step")
-        given = [key for key in ways if getattr(self, key) is not None]
-        for one in ("fixed", "values"):
-            if one in given and len(given) > 1:
-                others = " or ".join(key for key in given if key != one)
-                raise ValueError(f"{one} stands beside {others}: give one or the other")
-        if self.values is not None:
-            for a, b in pairwise(sorted(self.values)):
-                if b - a < ALIKE:
-                    raise ValueError(f"values holds {a} and {b}: they are the same")
-        if self.fixed is not None or self.values is not None:
-            return
-        for key in ("min", "max"):
-            if key not in given:
-                raise ValueError(f"{key} is missing: give min and max, or fixed [m]")
-        assert self.min is not None
-        assert self.max is not None
-        if self.min > self.max:
-            raise ValueError(f"min = {self.min} m is more than max = {self.max} m")
-        if self.step is not None and (self.max - self.min) / self.step >= MOST_PAIRS:
+        keys = ("fixed", "values", "min", "max", "step")
+        given = [key for key in keys if getattr(self, key) is not None]
+        if given not in (["fixed"], ["values"], ["min", "max"], ["min", "max", "step"]):
+            raise ValueError(
+                f"it has {' and '.join(given) or 'no value'}: give either fixed, or values, or min "
+                "and max, and step if only steps are allowed [m]"
+            )
+        for a, b in pairwise(sorted(self.values or ())):
+            if b - a < ALIKE:
+                raise ValueError(f"values holds {a} and {b}: they are the same")
+        low, high = self.min or 0.0, self.max or 0.0
+        if low > high:
+            raise ValueError(f"min = {low} m is more than max = {high} m")
+        if self.step is not None and (high - low) / self.step >= MOST_PAIRS:
             raise ValueError(f"step = {self.step} m: too fine to count; leave it out for any value")
 
     @classmethod
@@ -120,23 +105,19 @@ class RangeTable(Table):
         """Return the least and the largest value, and all values where not every one is allowed."""
         if self.fixed is not None:
             return (self.fixed, self.fixed), None
-        if self.values is not None:
-            values = tuple(sorted(self.values))
-        else:
-            assert self.min is not None
-            assert self.max is not None
-            if self.step is None:
-                return (self.min, self.max), None
-            values = steps(self.min, self.max, self.step)
+        low, high = self.min or 0.0, self.max or 0.0
+        values = tuple(sorted(self.values or ()))
+        if self.step is not None:
+            values = steps(low, high, self.step)
+        elif not values:
+            return (low, high), None
         return (values[0], values[-1]), values if len(values) > 1 else None
 
 
 class SpacingTable(RangeTable):
     """The free gaps."""
 
-    largest_change: Annotated[
-        Part | None, Meta(description="from one gap to the next, at most [m]")
-    ] = None
+    largest_change: Annotated[Part | None, Meta(description="from gap to gap, at most [m]")] = None
 
 
 class ThicknessTable(RangeTable):
@@ -159,10 +140,7 @@ class PhysicsTable(Physics, frozen=True):  # type: ignore[misc]
 
     floor_friction: Annotated[
         Part | None,
-        Meta(
-            description="coefficient of the floor on which the dominoes stand free; without it "
-            "every pivot is fixed"
-        ),
+        Meta(description="of the floor on which dominoes stand free; without it pivots are fixed"),
     ] = None
 
 

@@ -1,4 +1,4 @@
-"""Batches of layouts to simulate, and what scores need of their waves."""
+"""Batches of layouts, and the results of their waves on which scores depend."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from domino_env.physics.wave import Outcome, Wave, WaveBatch, simulate_batch
 
 @dataclass(frozen=True, eq=False)
 class LayoutBatch:
-    """B layouts of N dominoes each that are to be toppled.
+    """B layouts of N dominoes each, to be simulated.
 
     Attributes
     ----------
     spacing
         (B, N-1) free gaps [m].
     thickness
-        (B, N) [m].
+        (B, N) thicknesses [m].
     height
-        (B, N), or (1, N) where all rows have the same [m].
+        (B, N) heights, or (1, N) where they are the same in all layouts [m].
     width
-        Of every domino [m].
+        Width of every domino [m].
     density
-        A number, or (N,) [kg/m³].
+        Density, a number or (N,) [kg/m³].
     physics
-        What makes them fall.
+        Friction, gravity and push.
     rtol
-        Relative error allowed in the arrival times.
+        Relative tolerance of the arrival times.
     ground
-        What they stand on; None for flat ground.
+        Ground on which they stand; None for flat ground.
     """
 
     spacing: Floats
@@ -57,14 +57,14 @@ class LayoutBatch:
 
     @classmethod
     def of_waves(cls, waves: Sequence[Wave], ground: Ground | None) -> Self:
-        """Collect the layouts of waves of one scene, laid on its ground."""
+        """Return the batch of the layouts of waves of one scene, on its ground."""
         gaps, thick, tall = (
             np.array([getattr(wave.layout, name) for wave in waves])
             for name in ("spacing", "thickness", "height")
         )
         one = waves[0]
-        row = gaps, thick, tall, one.layout.width, one.layout.density
-        return cls(*row, one.physics, one.rtol, ground)
+        sizes = gaps, thick, tall, one.layout.width, one.layout.density
+        return cls(*sizes, one.physics, one.rtol, ground)
 
     def __len__(self) -> int:
         return len(self.spacing)
@@ -81,32 +81,32 @@ class LayoutBatch:
         )
 
     def layout(self, b: int) -> Layout:
-        """Take layout b."""
+        """Return layout b."""
         tall = self.height[b % len(self.height)]
-        row = self.spacing[b], self.thickness[b], tall, self.width, self.density
-        return Layout(*row) if self.ground is None else Layout(*row, self.rise[b], self.tilt[b])
+        sizes = self.spacing[b], self.thickness[b], tall, self.width, self.density
+        return Layout(*sizes) if self.ground is None else Layout(*sizes, self.rise[b], self.tilt[b])
 
     @property
     def rise(self) -> Floats:
-        """(B, N-1) as of `Layout` [m]."""
-        return self._laid[0]
+        """(B, N-1) rises of the pivots, as of `Layout` [m]."""
+        return self._rise_and_tilt[0]
 
     @property
     def tilt(self) -> Floats:
-        """(B, N) as of `Layout` [rad]."""
-        return self._laid[1]
+        """(B, N) slopes under the dominoes, as of `Layout` [rad]."""
+        return self._rise_and_tilt[1]
 
     @cached_property
-    def _laid(self) -> tuple[Floats, Floats]:
+    def _rise_and_tilt(self) -> tuple[Floats, Floats]:
         if self.ground is None:
             return np.zeros(self.spacing.shape), np.zeros(self.thickness.shape)
         return self.ground.lay(self.spacing, self.thickness)
 
     def simulate(self, *, record: bool = False, gradient: bool = False) -> WaveBatch:
-        """Topple them all; the arguments are those of `domino_env.simulate_batch`.
+        """Simulate all layouts; the arguments are those of `domino_env.simulate_batch`.
 
-        On ground that is not even, a gap off by a placement's error may leave dominoes that lean
-        against each other: there the wave ends, as it does where a gap is out of reach.
+        On uneven ground, placement noise may make a gap so narrow that dominoes lean against each
+        other: the wave stops there, as it does where a gap is out of reach.
         """
         gaps, ground = self.spacing, {}
         if self.ground is not None:
@@ -120,28 +120,28 @@ class LayoutBatch:
         )  # fmt: skip
 
     def along_ground(self, found: Gradient) -> Gradient:
-        """Turn a gradient of all rows, the ground fixed, into one along the ground."""
+        """Return a gradient for dominoes that move along the ground."""
         return found if self.ground is None else self.ground.along_ground(found, self)
 
 
 @dataclass(frozen=True, eq=False)
 class Waves:
-    """What scores depend on, of the waves of B layouts of N dominoes each.
+    """Results on which scores depend, of the waves of B layouts of N dominoes each.
 
     Attributes
     ----------
     propagated
-        (B,) whether the wave ran through.
+        (B,) True where the wave completes.
     reach, mean_speed, toppled, lowest_stall_margin, largest_flush_loss
         (B,) as of `WaveBatch`.
     arrival_times
-        (B, N) [s], or (B, 0) where they were not asked for.
+        (B, N) arrival times [s], or (B, 0) without.
     last_height
         (B,) height of the last domino [m].
     count
-        N.
+        Number N of dominoes.
     rtol
-        Relative error allowed in the arrival times.
+        Relative tolerance of the arrival times.
     """
 
     propagated: NDArray[np.bool_]
@@ -158,18 +158,18 @@ class Waves:
     __repr__ = brief
 
     @classmethod
-    def of_batch(cls, batch: WaveBatch, rows: LayoutBatch) -> Self:
-        """Take what scores need from the waves of a batch of layouts."""
+    def of_batch(cls, batch: WaveBatch, layouts: LayoutBatch) -> Self:
+        """Return the results of the waves of a batch of layouts."""
         return cls(
             batch.outcome == Outcome.PROPAGATED, batch.reach, batch.mean_speed,
             batch.toppled.astype(np.float64), batch.arrival_times, batch.lowest_stall_margin,
-            batch.largest_flush_loss, np.broadcast_to(rows.height[:, -1], len(rows)), rows.count,
-            rows.rtol,
+            batch.largest_flush_loss, np.broadcast_to(layouts.height[:, -1], len(layouts)),
+            layouts.count, layouts.rtol,
         )  # fmt: skip
 
     @classmethod
     def of_waves(cls, waves: Sequence[Wave], count: int) -> Self:
-        """Collect what scores need from single waves, also of layouts not yet complete.
+        """Return the results of single waves, also of layouts not yet complete.
 
         Parameters
         ----------
@@ -195,5 +195,5 @@ class Waves:
 
     @property
     def falls(self) -> Ints:
-        """(B,) how many single falls were simulated: N of a wave that ran through."""
+        """(B,) number of simulated falls: N for a wave that completes."""
         return np.ceil(self.reach * self.count).astype(np.int64)

@@ -1,1 +1,1 @@
-"""Scenes as TOML files: what they may say, read and written."""
+"""Scenes as TOML files: reading, ranges and JSON Schema."""

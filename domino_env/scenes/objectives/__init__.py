@@ -1,6 +1,6 @@
-"""What may count in a scene, one class each.
+"""Objectives of scenes, one class each.
 
-Every module of this folder is looked through, so that a new objective is one file.
+All modules of this folder are searched for them, so that a new objective is one file.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""How tall a domino the first can topple."""
+"""Height of the last domino."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from domino_env.scenes.waves import LayoutBatch, Waves
 
 @dataclass(frozen=True)
 class Magnify(Objective):
-    """The height of the last domino, if the wave topples it [m]."""
+    """Height of the last domino, if the wave topples it [m]."""
 
     name: ClassVar[str] = "magnify"
     unit: ClassVar[str] = "m"
     failure: ClassVar[str] = "no height"
 
     def success(self, waves: Waves) -> Floats:
-        """Take the heights (B,) of the last dominoes."""
+        """Return the heights (B,) of the last dominoes [m]."""
         return waves.last_height
 
     def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
-        """Return 1 by the last height, 0 by everything else."""
+        """Return 1 for the last height, 0 for everything else."""
         gradient = ScoreGradient.zero(batch)
         gradient.height[:, -1] = 1.0
         return gradient
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """Say how high the last domino is."""
+        """Return the height of the last domino."""
         return f"last domino {score:.6f} m high"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Ask for free heights."""
+        """Yield that the heights are not free."""
         if tables.growth is None:
             yield "the table [growth] is missing: objective = 'magnify' needs free heights"

@@ -1,4 +1,4 @@
-"""How closely the hits follow a schedule."""
+"""Closeness of the hits to a schedule."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ TOLERANCE = 1e-3  # [s]
 
 
 class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type: ignore[misc]
-    """When each domino is to be hit.
+    """Schedule of the hits.
 
-    Give either `first` and `last`, between which the frequency rises (or falls) evenly from
-    interval to interval, or `times`.
+    Either `first` and `last`, between which the frequency of the hits changes evenly from interval
+    to interval, or `times`.
 
     Parameters
     ----------
     first
-        Hits a second between dominoes 0 and 1.
+        Frequency between dominoes 0 and 1 [1/s].
     last
-        Hits a second between the last two.
+        Frequency between the last two dominoes [1/s].
     times
-        When dominoes 1 … N-1 are to be hit [s].
+        (N-1,) scheduled arrival times of dominoes 1 … N-1 [s].
     tolerance
-        The root-mean-square error that halves the score [s].
+        Root-mean-square error that halves the score [s].
 
     Raises
     ------
     ValueError
-        For anything that is no schedule; says what to give.
+        For both or neither of the two forms, and for times that do not rise.
     """
 
     first: Annotated[
@@ -48,7 +48,7 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
     last: Annotated[Size | None, Meta(description="frequency between the last two [hits/s]")] = None
     times: Annotated[
         tuple[Size, ...] | None,
-        Meta(description="instead: when dominoes 1, 2, … are to be hit [s]"),
+        Meta(description="instead: arrival times of dominoes 1, 2, … [s]"),
     ] = None
     tolerance: Annotated[
         Size, Meta(description="root-mean-square error that halves the score [s]")
@@ -69,44 +69,48 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
                 raise ValueError(f"times[{i}] = {b} s: times rise from domino to domino")
 
     def schedule(self, count: int) -> Floats:
-        """Return (N-1,) when dominoes 1 … N-1 of a row of `count` are to be hit [s].
+        """Return the scheduled arrival times (N-1,) of dominoes 1 … N-1 of `count` [s].
 
         Raises
         ------
         ValueError
-            Where the times given are of a row of another length.
+            If the times given are of another number of dominoes.
         """
         if self.times is not None:
             if len(self.times) != count - 1:
                 raise ValueError(
-                    f"times has {len(self.times)} entries: a row of {count} dominoes needs one "
-                    f"for each but the first, {count - 1}"
+                    f"times has {len(self.times)} entries: {count} dominoes need one for each but "
+                    f"the first, {count - 1}"
                 )
             return np.array(self.times)
         assert self.first is not None
         assert self.last is not None
         return np.cumsum(1.0 / np.linspace(self.first, self.last, count - 1))
 
+    def _errors(self, arrivals: Floats) -> Floats:
+        """Return the errors (B, N-1) of arrival times (B, N) at dominoes 1 … N-1 [s]."""
+        return arrivals[:, 1:] - self.schedule(arrivals.shape[1])
+
     def error(self, arrivals: Floats) -> Floats:
-        """Return (B,) root-mean-square error of arrival times (B, N) at dominoes 1 … N-1 [s]."""
-        late = arrivals[:, 1:] - self.schedule(arrivals.shape[1])
-        return np.asarray(np.sqrt(np.mean(late**2, axis=1)))
+        """Return the root-mean-square errors (B,) of arrival times (B, N) [s]."""
+        return np.asarray(np.sqrt(np.mean(self._errors(arrivals) ** 2, axis=1)))
 
     def score(self, arrivals: Floats) -> Floats:
-        """Return (B,) 1 / (1 + RMS error / tolerance): 1 on the dot, a half at the tolerance."""
+        """Return the scores (B,) 1 / (1 + RMS error / tolerance) of arrival times (B, N)."""
         return 1.0 / (1.0 + self.error(arrivals) / self.tolerance)
 
-    def slope(self, arrivals: Floats) -> Floats:
-        """Return (B, N) derivative of the score by the arrival times [1/s]; 0 at its peak."""
-        late = arrivals[:, 1:] - self.schedule(arrivals.shape[1])
-        error, score = self.error(arrivals)[:, None], self.score(arrivals)[:, None]
-        by_time = -(score**2) / self.tolerance * late / (late.shape[1] * np.maximum(error, 1e-300))
-        return np.concatenate([np.zeros((len(late), 1)), by_time], axis=1)
+    def gradient(self, arrivals: Floats) -> Floats:
+        """Return the derivatives (B, N) of the score by the arrival times [1/s]; 0 at its peak."""
+        errors = self._errors(arrivals)
+        rms = np.maximum(self.error(arrivals)[:, None], 1e-300)
+        score = self.score(arrivals)[:, None]
+        by_time = -(score**2) / self.tolerance * errors / (errors.shape[1] * rms)
+        return np.concatenate([np.zeros((len(errors), 1)), by_time], axis=1)
 
 
 @dataclass(frozen=True)
 class InTempo(Objective):
-    """How closely the arrival times follow a schedule, see `Tempo` [1]."""
+    """Score of the arrival times against a schedule, see `Tempo`."""
 
     settings: Tempo
 
@@ -115,13 +119,13 @@ class InTempo(Objective):
     needs_arrivals: ClassVar[bool] = True
 
     def success(self, waves: Waves) -> Floats:
-        """Score waves (B,) by their arrival times."""
-        # a wave that died has no score of this kind, and inf no place in a mean
+        """Return the scores (B,) of the arrival times."""
+        # arrival times of waves that stop are infinite; their scores are not used
         times = np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
         return self.settings.score(times)
 
     def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
-        """Simulate layouts and score them, one by one where the gradient is asked for."""
+        """Simulate layouts and score them, one by one if the gradient is wanted."""
         if not gradient or len(batch) == 0:
             return super().evaluate(batch, gradient)
         ones = [batch[b : b + 1] for b in range(len(batch))]
@@ -133,19 +137,19 @@ class InTempo(Objective):
         found = self.score(Waves.of_waves([wave], one.count))
         if wave.outcome != Outcome.PROPAGATED:
             return found.with_gradient(ScoreGradient.zero(one))
-        by = wave.pullback(self.settings.slope(wave.arrival_times[None])[0])
+        by = wave.pullback(self.settings.gradient(wave.arrival_times[None])[0])
         if self.ground is not None:
             by = self.ground.along_ground(by, wave.layout)
-        rows = (array[None] for array in (by.spacing, by.thickness[1:], by.height[1:]))
-        return found.with_gradient(ScoreGradient(*rows))
+        arrays = (array[None] for array in (by.spacing, by.thickness[1:], by.height[1:]))
+        return found.with_gradient(ScoreGradient(*arrays))
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """Say how far off the schedule the hits are."""
+        """Return the root-mean-square error of the hits."""
         return f"RMS error {1e3 * self.settings.error(wave.arrival_times[None])[0]:.6g} ms"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Ask for as many times as there are hits."""
+        """Yield that the times are of another number of dominoes."""
         try:
             tables.tempo.schedule(tables.row.count)
         except ValueError as error:

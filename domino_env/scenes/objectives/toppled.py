@@ -1,4 +1,4 @@
-"""How many dominoes topple."""
+"""Number of dominoes that topple."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from domino_env.scenes.waves import Waves
 
 @dataclass(frozen=True)
 class Toppled(Objective):
-    """How many dominoes topple, and a fraction that tells how far the wave came."""
+    """Number of dominoes that topple, plus the reach of a wave that stops."""
 
     name: ClassVar[str] = "toppled"
     unit: ClassVar[str] = "dominoes"
 
     def success(self, waves: Waves) -> Floats:
-        """Count the dominoes of waves (B,)."""
+        """Return the numbers (B,) of dominoes that topple."""
         return waves.toppled
 
     def score(self, waves: Waves) -> Evaluation:
-        """Score simulated waves; one that stops has toppled dominoes too."""
+        """Score waves; one that stops has toppled dominoes too."""
         score = np.where(waves.propagated, waves.toppled, waves.toppled + waves.reach)
         return Evaluation(score, waves.reach, waves.falls)
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """Say how many toppled, of how many."""
+        """Return the number of dominoes that topple, and of all."""
         return f"{wave.toppled} of {wave.layout.count} toppled"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:
-        """Refuse limits."""
+        """Yield that limits do not apply."""
         if tables.limits is not None:
-            yield "[limits] judge waves that run through: not with objective = 'toppled'"
+            yield "[limits] apply to waves that complete: leave them out with objective = 'toppled'"

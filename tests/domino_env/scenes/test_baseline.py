@@ -26,7 +26,7 @@ def test_every_mark_that_ships_is_of_the_scene_as_it_is_and_no_neighbour_beats_i
             near = point + np.array([[-1e-3, 0.0], [0.0, 0.0], [1e-3, 0.0]])
             assert rows.scores(near, 1e-3).max() <= rows.scores(near[1:2], 1e-3) * (1.0 + 3e-4)
             continue
-        drawn = scene.simulations_per_score > 1
+        drawn = scene.criterion.simulations_per_score > 1
         near = point + 10.0 ** random.uniform(-6, -3, (6, 1)) * random.choice([-1.0, 1.0], (6, 2))
         far = random.uniform(rows.low, rows.high, (4 if drawn else 20, 2))
         others = np.clip(np.concatenate([near, far]), rows.low, rows.high)

@@ -42,7 +42,7 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts() ->
     assert found.score == speeds[1] == scene.score(scene.layout(GAPS[0]))
     assert np.all(np.isfinite(found.gradient.spacing))
     assert found.gradient.spacing.any()
-    assert scene.simulations_per_score == 4 * SMALL.simulations_per_score
+    assert scene.criterion.simulations_per_score == 4 * SMALL.criterion.simulations_per_score
     words = scene.in_words(found.score[0], scene.simulate(scene.layout(GAPS[0])))
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
 
