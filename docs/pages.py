@@ -2,7 +2,7 @@
 
 Run as a program it writes the tables of README.md anew.
 
-MkDocs calls `on_config` and `on_files` (mkdocs.yml, hooks).
+MkDocs calls `on_config`, `on_files` and `on_page_markdown` (mkdocs.yml, hooks).
 """
 
 from __future__ import annotations
@@ -68,6 +68,22 @@ def on_files(files: Files, config: Any) -> Files:
     files.append(File.generated(config, "scenes/index.md", content=scenes_page(records)))
     files.append(File.generated(config, "methods.md", content=methods_page()))
     return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Write the equations of a page, between pairs of $$, as MathML."""
+    return re.sub(r"^\$\$(.+?)(?: \\tag\{(\d+)\})?\$\$$", _equation, markdown, flags=re.MULTILINE)
+
+
+def _equation(equation: re.Match[str]) -> str:
+    """Return the MathML of an equation, with its number at the right."""
+    from latex2mathml.converter import convert
+
+    number = f"<span>({equation[2]})</span>" if equation[2] else ""
+    style = "display:flex;justify-content:space-between;overflow:auto hidden"
+    return (
+        f'<div style="{style}"><span></span>{convert(equation[1], display="block")}{number}</div>'
+    )
 
 
 @cache
