@@ -1,11 +1,11 @@
-"""Executors: who runs the tasks of an experiment, or scores thousands of layouts.
+"""Executors: what runs the tasks of an experiment, or scores thousands of layouts.
 
 None               this process, one task after the other
 ProcessExecutor    processes of this machine
 Dask               workers of this machine or many, behind a scheduler
 
-Each is a `concurrent.futures.Executor`; any other executor serves too. Results are bitwise the same
-with each of them, because a task carries all that decides its result.
+Each is a `concurrent.futures.Executor`; any other executor can be used too. Results are bitwise the
+same with each of them, because a task carries all that decides its result.
 """
 
 from __future__ import annotations
@@ -18,15 +18,20 @@ import signal
 import sys
 import threading
 import warnings
-from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from importlib.util import find_spec
 from multiprocessing import connection, get_context, parent_process
-from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
@@ -34,85 +39,88 @@ from typing import Any
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
-STRIKES = 3  # breaks of the pool during a task after which the task runs alone
-MOST_WORKERS = 1024  # on one machine
+ATTEMPTS = 3  # at a task whose worker dies: it may have been killed by chance
+MAX_WORKERS = 1024  # on one machine
 ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")  # of a scheduler
 LOOPBACK = "127.0.0.1"
-ANSWER = 10.0  # [s] for a scheduler to answer
-FIRST_WORKER = 60.0  # [s] for the first worker to come
+SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
+WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
     # Dask blames the death of a worker on every task that the worker holds: it holds one at a time.
     "distributed.scheduler.worker-saturation": 1.0,
-    "distributed.scheduler.allowed-failures": STRIKES - 1,
-    "distributed.worker.profile.enabled": False,  # it takes time from the tasks
+    "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
+    "distributed.worker.profile.enabled": False,  # it would slow the tasks down
 }
 
 
-class ExecutorLost(ConnectionError):  # noqa: N818 - the name says it
-    """The executor itself has ended; the tasks that it had not finished have no result."""
+class ExecutorLost(ConnectionError):  # noqa: N818 - a state, not a mistake
+    """The executor itself has ended; its unfinished tasks have no result."""
 
 
 class WorkerLost(RuntimeError):  # noqa: N818
-    """A task that ends the worker process that runs it, every time."""
+    """A task ends the worker process that runs it, every time."""
 
 
 @contextmanager
 def loss_as_error(executor: Executor) -> Iterator[None]:
-    """Turn what executors raise when they have ended into ExecutorLost."""
+    """Turn the errors of an executor that has ended into ExecutorLost."""
     try:
         yield
     except (BrokenExecutor, CancelledError) as error:
-        reason = getattr(executor, "gone", "the executor ended before its tasks")
+        reason = getattr(executor, "loss", "the executor ended before its tasks")
         raise ExecutorLost(f"{reason}: {error}" if str(error) else reason) from None
 
 
-class ProcessExecutor(Executor):
+class ProcessExecutor(ThreadPoolExecutor):
     """Worker processes that are replaced when one of them dies.
 
-    `ProcessPoolExecutor` breaks as a whole when a process dies, and cannot tell which task caused
-    it. Here the unfinished tasks then run again in a new pool. A task during which the pool broke
-    three times runs alone, so that the task that ends its worker is found and the others finish.
+    A `ProcessPoolExecutor` breaks as a whole when one process dies, and does not report which task
+    caused it. Here each of several threads has a pool of a single process and gives it one task at
+    a time: the task whose worker died runs again in a new process, and fails after three attempts.
 
     Parameters
+    ----------
+    workers
+        Number of processes.
+
+    Attributes
     ----------
     workers
         Number of processes.
     """
 
     def __init__(self, workers: int) -> None:
+        super().__init__(workers)
         self.workers = workers
-        self._news: SimpleQueue[_Call | Future[Any] | None] = SimpleQueue()
-        self._closing = self._killed = False
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        with without_ctrl_c():
-            self._thread.start()
+        self._pools: dict[int, ProcessPoolExecutor] = {}  # by thread
+        self._lock = threading.Lock()
+        self._killed = False
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Have a worker call `fn`.
+        """Call `fn` in a worker.
 
         Returns
         -------
         concurrent.futures.Future
-            It fails with what the call raises, with WorkerLost where the call ends its worker, and
-            with ExecutorLost where the executor is ended first.
+            It fails with the error of the call, with WorkerLost if the call ends its worker, and
+            with ExecutorLost if the executor ends first.
         """
-        if self._closing:
-            raise RuntimeError("cannot schedule new futures after shutdown")
-        call = _Call(partial(fn, *args, **kwargs))
-        self._news.put(call)
-        return call.future
+        return super().submit(self._run, partial(fn, *args, **kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more tasks and finish those there are; with `cancel_futures`, end the workers."""
-        self._closing = True
-        self._killed = self._killed or cancel_futures
-        self._news.put(None)
-        if wait:
-            self._thread.join()
+        """Accept no more tasks; with `wait`, return when the submitted ones are finished."""
+        super().shutdown(wait, cancel_futures=cancel_futures)
+        for pool in self._pools.values() if wait else ():
+            pool.shutdown()
 
     def kill(self) -> None:
         """End the workers at once; unfinished tasks fail with ExecutorLost."""
-        self.shutdown(cancel_futures=True)
+        with self._lock:
+            self._killed = True
+            for pool in self._pools.values():
+                for process in list((pool._processes or {}).values()):
+                    process.kill()
+        self.shutdown()
 
     def __exit__(
         self,
@@ -120,79 +128,32 @@ class ProcessExecutor(Executor):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.shutdown(cancel_futures=kind is not None)
+        if kind is None:
+            self.shutdown()
+        else:
+            self.kill()
 
-    def _serve(self) -> None:
-        """Give waiting calls to the pool and pass on their results, in a thread of its own."""
-        waiting: deque[_Call] = deque()
-        running: dict[Future[Any], _Call] = {}
-        pool, closing = self._new_pool(), False
-        while not (closing and not waiting and not running) and not self._killed:
-            news = self._news.get()
-            if news is None:  # behind all that was submitted
-                closing = True
-            elif isinstance(news, _Call):
-                waiting.append(news)
-            else:
-                call = running.pop(news)
-                if isinstance(error := news.exception(), BrokenProcessPool):
-                    call.strikes += 1
-                    if call.strikes <= STRIKES:
-                        waiting.appendleft(call)
-                    else:
-                        call.future.set_exception(WorkerLost(_LOST))
-                elif error is not None:
-                    call.future.set_exception(error)
-                else:
-                    call.future.set_result(news.result())
-            while waiting and not self._killed and _may_run(waiting[0], running, self.workers):
-                call = waiting.popleft()
-                if call.strikes == 0 and not call.future.set_running_or_notify_cancel():
-                    continue
-                try:
-                    inner = pool.submit(call.work)
-                except BrokenProcessPool:
-                    pool.shutdown(wait=False)
-                    pool = self._new_pool()
-                    inner = pool.submit(call.work)
-                running[inner] = call
-                inner.add_done_callback(self._news.put)
-        if self._killed:
-            for process in list((pool._processes or {}).values()):
-                process.kill()
-        pool.shutdown(wait=True)
-        while not self._news.empty():
-            if isinstance(news := self._news.get(), _Call):
-                waiting.append(news)
-        for call in (*running.values(), *waiting):
-            if not call.future.cancelled():
-                call.future.set_exception(ExecutorLost("the executor was ended"))
-
-    def _new_pool(self) -> ProcessPoolExecutor:
-        # spawn: a fork would inherit locks that threads hold
-        return ProcessPoolExecutor(self.workers, get_context("spawn"), begin_worker)
-
-
-class _Call:
-    """A submitted call, its future, and the number of times that the pool broke during it."""
-
-    def __init__(self, work: Callable[[], Any]) -> None:
-        self.work = work
-        self.future: Future[Any] = Future()
-        self.strikes = 0
-
-
-_LOST = (
-    f"its worker process died each of the {STRIKES + 1} times that it ran (killed, out of memory, "
-    "or started by a script without `if __name__ == '__main__':`)"
-)
-
-
-def _may_run(call: _Call, running: dict[Future[Any], _Call], workers: int) -> bool:
-    """Tell whether a call can begin: a suspect runs alone."""
-    if any(one.strikes >= STRIKES for one in (call, *running.values())):
-        return not running
-    return len(running) < workers
+    def _run(self, call: Callable[[], Any]) -> Any:
+        """Return the result of a call in the process of this thread."""
+        thread = threading.get_ident()
+        for _ in range(ATTEMPTS):
+            with self._lock, without_ctrl_c():
+                if self._killed:
+                    raise ExecutorLost("the executor was ended")
+                if thread not in self._pools:
+                    # spawn: a fork would inherit locks that threads hold
+                    self._pools[thread] = ProcessPoolExecutor(1, get_context("spawn"), begin_worker)
+                future = self._pools[thread].submit(call)
+            try:
+                return future.result()
+            except BrokenProcessPool:
+                with self._lock:
+                    broken = self._pools.pop(thread)
+                broken.shutdown()
+        raise WorkerLost(
+            f"its worker process died each of the {ATTEMPTS} times that it ran (killed, out of "
+            "memory, or started by a script without `if __name__ == '__main__':`)"
+        )
 
 
 def begin_worker() -> None:
@@ -200,11 +161,12 @@ def begin_worker() -> None:
     os.environ.update(ONE_THREAD)
     from domino_env.core.progress import Advice
 
-    warnings.simplefilter("ignore", Advice)  # the parent process gives it
+    warnings.simplefilter("ignore", Advice)  # the parent process prints it
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
+    """End this process when its parent has ended."""
     parent = parent_process()
     if parent is not None:
         connection.wait([parent.sentinel])
@@ -213,9 +175,9 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Block SIGINT in threads and processes begun inside.
+    """Block SIGINT in processes started inside.
 
-    A terminal sends Ctrl-C to all of them; the first process decides what it means.
+    A terminal sends Ctrl-C to all processes; the first one decides how the others end.
     """
     if sys.platform == "win32":
         yield
@@ -237,7 +199,7 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[Executor]:
     from distributed import Client, LocalCluster
 
     with ExitStack() as stack:
-        # what goes wrong reaches the caller as an exception
+        # errors reach the caller as exceptions
         for name in ("distributed", "distributed.client", "distributed.scheduler"):
             logger = logging.getLogger(name)
             stack.callback(logger.setLevel, logger.level)
@@ -257,12 +219,12 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[Executor]:
                 )
             address = stack.enter_context(cluster).scheduler_address
         try:
-            client = Client(address, timeout=ANSWER, set_as_default=False, name="domino")
+            client = Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False, name="domino")
             stack.enter_context(client)
         except OSError as error:
             raise ExecutorLost(f"no Dask scheduler answers at {address}: {error}") from None
         try:
-            client.wait_for_workers(1, timeout=FIRST_WORKER)
+            client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
         except OSError:
             raise ExecutorLost(
                 f"the Dask scheduler at {address} has no workers: start one with "
@@ -271,7 +233,7 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[Executor]:
         require_same_versions(client, address)
         executor = client.get_executor(pure=False)
         executor.workers = sum(client.nthreads().values())
-        executor.gone = f"the Dask scheduler at {address} has ended"
+        executor.loss = f"the Dask scheduler at {address} has ended"
         yield executor
 
 
@@ -297,9 +259,9 @@ def require_same_versions(client: Any, address: str) -> None:
 
 @contextmanager
 def open_executor(workers: int | None = None, dask: str | None = None) -> Iterator[Executor | None]:
-    """Open an executor for as long as the context lasts; None where neither argument is given.
+    """Open an executor as a context; None where neither argument is given.
 
-    A context that ends by an exception ends its workers at once; otherwise they finish first.
+    An exception inside the context ends the workers at once; otherwise they finish first.
 
     Parameters
     ----------
@@ -312,14 +274,16 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
     Raises
     ------
     ValueError
-        For an impossible number or address, and for workers whose versions differ.
+        The number or the address is impossible, or the workers have other versions.
     ImportError
-        Where the extra `dist` is missing.
+        The extra `dist` is missing.
     ExecutorLost
-        Where no scheduler answers at the address, or no worker comes.
+        No scheduler answers at the address, or no worker connects to it.
     """
-    if workers is not None and not 1 <= workers <= MOST_WORKERS:
-        raise ValueError(f"--workers {workers}: give 1 to {MOST_WORKERS}")
+    from domino_env.core.checks import require
+
+    if workers is not None:
+        require("workers", workers, 1, MAX_WORKERS, whole=True)
     if dask is not None and find_spec("distributed") is None:
         raise ImportError(
             'a Dask cluster needs dask and distributed: pip install "domino-chains[dist]" '

@@ -194,7 +194,7 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
 def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
     tasks, expected, tmp_path: Path, monkeypatch
 ) -> None:
-    monkeypatch.setattr(executors, "ANSWER", 3.0)
+    monkeypatch.setattr(executors, "SCHEDULER_TIMEOUT", 3.0)
     distributed = pytest.importorskip("distributed")
     more = [Task(tasks[0].scene, "auto", seed, 1000) for seed in range(20)]
     study = open_store(tmp_path / "studies.sqlite").begin("mine", "sweep", {})
@@ -241,7 +241,7 @@ def test_workers_with_other_versions_are_refused() -> None:
 
 def test_an_executor_that_does_not_come_leaves_no_study(tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "ANSWER", 0.2)
+    monkeypatch.setattr(executors, "SCHEDULER_TIMEOUT", 0.2)
     monkeypatch.chdir(tmp_path)
     assert main(["compare", "sprint", "--dask", "tcp://127.0.0.1:9", "--budget", "9"]) == 2
     assert not (tmp_path / "runs").exists()
