@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING
@@ -40,19 +41,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """List, write or verify; 1 if a verified row differs in earnest."""
+    """List, write or verify; return 1 if a simulator contradicts the model, else 0."""
     from optimize.experiments.best_known import best_known
 
     records = best_known()
     unknown = [name for name in arguments.scenes if name not in records]
     if unknown:
-        raise ValueError(f"no layout is known of '{unknown[0]}'; known are {', '.join(records)}")
+        raise ValueError(f"no layout of '{unknown[0]}' is known: name one of {', '.join(records)}")
     wanted = {name: records[name] for name in arguments.scenes or records}
     if any((arguments.update, arguments.json, arguments.engine)) and not arguments.verify:
-        raise ValueError("--engine, --json and --update go with --verify")
+        raise ValueError("--engine, --json and --update are options of --verify: give it too")
     if arguments.layout:
         if len(arguments.scenes) != 1:
-            raise ValueError("--layout writes one row: name one scene")
+            raise ValueError("--layout writes one layout: name one scene")
         (record,) = wanted.values()
         write_layout(record.layout, arguments.layout)
         print(f"written to {arguments.layout}")
@@ -64,43 +65,40 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(records: dict[str, BestKnown]) -> None:
+    """Print the best known layouts as a table."""
     from domino_env.core.tables import text_table
     from domino_env.rigid.known import known_verification
     from domino_env.scenes.io.reading import load_scene
 
-    rows = []
+    lines = []
     for name, record in records.items():
         scene = load_scene(name)
-        told = scene.in_words(record.score, scene.simulate(record.layout))
+        score = scene.in_words(record.score, scene.simulate(record.layout))
         one = known_verification(record.layout, scene.physics)
         checked = "not verified" if one is None else f"at most {one.checks[0].largest:.3%} apart"
-        rows.append((name, told, record.method, checked))
-    print("\n".join(text_table(("scene", "best known", "by", "without the model"), rows)))
+        lines.append((name, score, record.method, checked))
+    print("\n".join(text_table(("scene", "best known", "by", "reference simulator"), lines)))
 
 
 def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int:
-    """Check, keep and tabulate; 1 if a row differs in earnest."""
+    """Verify layouts and print a table; return 1 if a simulator contradicts the model."""
     from domino_env.rigid.engine import engine_name
     from domino_env.rigid.known import known_table, read_verified, write_verified
     from domino_env.scenes.io.reading import load_scene
     from optimize.experiments.verification import verify_records
 
     if arguments.engine:
-        engine_name()  # says what to install before time is spent
+        engine_name()  # raises where it is not installed, before time is spent
     scenes = {name: load_scene(name) for name in records}
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
-    found = verify_records(records, scenes, arguments.floor, arguments.engine, report)
+    verified = verify_records(records, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:
-        write_json({name: asdict(one) for name, one in found.items()}, arguments.json)
+        write_json({name: asdict(one) for name, one in verified.items()}, arguments.json)
     if arguments.update:
-        write_verified(read_verified() | found)
-    if arguments.json == "-":
-        return int(any(one.verdict.startswith("DIFFERS") for one in found.values()))
-    print("\n" + "\n".join(known_table(found)))
-    words = [one.verdict.partition(":")[0] for one in found.values()]
-    counted = ", ".join(f"{words.count(word)} {word.lower()}" for word in sorted(set(words)))
-    differ = [name for name, word in zip(found, words, strict=True) if word == "DIFFERS"]
-    print(f"\non fixed pivots, of {len(found)} layouts: {counted}")
-    if differ:
-        print(f"differ from the model in earnest (exit code 1): {', '.join(differ)}")
-    return 1 if differ else 0
+        write_verified(read_verified() | verified)
+    verdicts = Counter(one.verdict.partition(":")[0] for one in verified.values())
+    if arguments.json != "-":
+        numbers = ", ".join(f"{n} {verdict.lower()}" for verdict, n in sorted(verdicts.items()))
+        print("\n" + "\n".join(known_table(verified)))
+        print(f"\non fixed pivots, of {len(verified)} layouts: {numbers}")
+    return int(verdicts["DIFFERS"] > 0)

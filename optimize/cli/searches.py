@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from optimize.result import SearchResult
 
 SUMMARY = "search a layout better than the best uniform one"
-MARKED = 1e-6  # a smaller relative distance to the best known is none
+REACHED = 1e-6  # relative gap to the best known that counts as none
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Search, write the folder, and say what was found."""
+    """Search, write the folder, and print the result."""
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.best_known import update
     from optimize.run_folder import FILES
@@ -56,20 +56,14 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{scene.name}: {scene.title}", flush=True)
     with executor_from(arguments) as executor:
         result = search(
-            scene,
-            arguments.method,
-            arguments.budget,
-            arguments.seed,
-            seconds=arguments.seconds,
-            folder=folder,
-            executor=executor,
-            resume=arguments.resume,
-        )
-    print(f"best uniform row: {_uniform(scene)}")
-    print(f"best row found:   {_found(result)}")
+            scene, arguments.method, arguments.budget, arguments.seed, seconds=arguments.seconds,
+            folder=folder, executor=executor, resume=arguments.resume,
+        )  # fmt: skip
+    print(f"best uniform:     {_uniform(scene)}")
+    print(f"best found:       {_best(result)}")
     print(f"the search ended: {result.ended}")
     if scene.name in scene_names() and load_scene(scene.name) == scene:
-        print(f"best known:       {_against_best_known(result)}")
+        print(f"best known:       {_best_known(result)}")
         if arguments.update_best:
             print(f"new records: {', '.join(update([(scene, result)])) or 'none'}")
     print(f"written to {folder}: {', '.join(FILES)}")
@@ -77,36 +71,36 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _uniform(scene: Scene) -> str:
-    mark = scene.uniform()
-    gap, thickness = mark.layout.spacing[0] * 1e3, mark.layout.thickness[-1] * 1e3
-    worth = scene.in_words(mark.score, mark.wave)
-    return f"{worth}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({mark.wave.outcome.name})"
+    """Describe the uniform baseline."""
+    uniform = scene.uniform()
+    gap, thickness = uniform.layout.spacing[0] * 1e3, uniform.layout.thickness[-1] * 1e3
+    score, outcome = scene.in_words(uniform.score, uniform.wave), uniform.wave.outcome.name
+    return f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"
 
 
-def _against_best_known(result: SearchResult) -> str:
-    from optimize.experiments.best_known import NOTICED, best_known, closest_score
+def _best_known(result: SearchResult) -> str:
+    """Describe the best known layout, compared with that of a search."""
+    from optimize.experiments.best_known import MIN_GAIN, best_known, closest_score
 
     scene, record = result.scene, best_known().get(result.scene.name)
     if record is None:
         return "none so far"
-    worth = scene.in_words(record.score, scene.simulate(record.layout))
-    lead = closest_score(scene, result.layout) - record.score
-    if lead > NOTICED * abs(record.score):
-        return f"{worth}: a new record, for --update-best to keep"
-    short = -lead / abs(record.score)
-    return f"{worth}, by {record.method}: " + (
-        "reached" if short < MARKED else f"{short:.4%} short"
-    )
+    score = scene.in_words(record.score, scene.simulate(record.layout))
+    gap = (record.score - closest_score(scene, result.layout)) / abs(record.score)
+    if gap < -MIN_GAIN:
+        return f"{score}: this search is better; --update-best keeps its layout"
+    short = "reached" if gap < REACHED else f"{gap:.4%} short"
+    return f"{score}, by {record.method}: {short}"
 
 
-def _found(result: SearchResult) -> str:
-    wave = result.wave
-    worth = result.scene.in_words(result.score, wave)
-    # of a score without a unit, the ratio says nothing
+def _best(result: SearchResult) -> str:
+    """Describe the best layout of a search."""
+    wave, score = result.wave, result.scene.in_words(result.score, result.wave)
+    # the ratio of scores without a unit has no meaning
     gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+.2%}"
     ended = "interrupted after " if result.interrupted else ""
     text = (
-        f"{worth}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
+        f"{score}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
         f"{ended}{result.evaluations} layouts in {result.seconds:.1f} s)"
     )
     return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

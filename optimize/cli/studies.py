@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from optimize.experiments.task import TaskResult
 
 SUMMARY = "list, show and export stored results"
-SHOWN = 50  # lines of a table where not all are asked for
-LONGEST_SETTINGS = 400  # characters
+MAX_LINES = 50  # of a table, without --all
+MAX_SETTINGS = 400  # characters
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,18 +72,17 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(store: Store) -> None:
+    """Print a line for each study."""
     from domino_env.core.tables import text_table
 
-    found = store.studies()
-    if not found:
-        print(f"{store.path} holds no studies yet")
-        return
     names = ("study", "kind", "tasks", "begun (UTC)")
-    rows = [(s.name, s.kind, f"{s.tasks:,}", _clock(s.begun)) for s in found]
-    print("\n".join(text_table(names, rows, right={"tasks"})))
+    lines = [(s.name, s.kind, f"{s.tasks:,}", _clock(s.begun)) for s in store.studies()]
+    table = text_table(names, lines, right={"tasks"})
+    print("\n".join(table) if lines else f"{store.path} holds no studies yet")
 
 
 def _show(study: Study, *, everything: bool) -> None:
+    """Print a line for each problem and method of a study."""
     from domino_env.core.files import one_line
     from domino_env.core.tables import text_table
     from optimize.experiments.task import describe_labels
@@ -92,38 +91,35 @@ def _show(study: Study, *, everything: bool) -> None:
     about = f"{study.kind}, {len(results):,} finished tasks, begun {_clock(study.begun)} UTC"
     print(one_line(f"{study.name}: {about}"))
     if study.settings:
-        told = ", ".join(f"{key} = {value}" for key, value in study.settings.items())
-        print(one_line(told, LONGEST_SETTINGS))
-    groups: dict[tuple[str, str, str], list[TaskResult]] = {}
-    for result in results:
-        labels = describe_labels(result.labels)
-        groups.setdefault((result.scene_name, labels, result.method), []).append(result)
-    names = ["scene", "labels", "method", "tasks", "best", "median", "uniform", "gain", "key"]
-    rows = []
-    for group, of in groups.items():
-        best = max(of, key=lambda r: r.score)
-        scores = best.score, median(r.score for r in of), best.uniform_score
+        print(one_line(describe_labels(study.settings), MAX_SETTINGS))
+    groups: dict[tuple[str, str], list[TaskResult]] = {}
+    for r in results:
+        groups.setdefault((r.problem, r.method), []).append(r)
+    names = ("problem", "method", "tasks", "best", "median", "uniform", "gain", "key")
+    lines = []
+    for group, runs in groups.items():
+        best = max(runs, key=lambda r: r.score)
+        scores = best.score, median(r.score for r in runs), best.uniform_score
         gain = "" if best.gain is None else f"{best.gain:+.2%}"
-        words = (f"{score:.6g}" for score in scores)
-        rows.append([*group, str(len(of)), *words, gain, best.key[:8]])
-    if not any(labels for _, labels, _ in groups):
-        names, rows = [names[0], *names[2:]], [[row[0], *row[2:]] for row in rows]
-    if rows:
-        shown = rows if everything else rows[:SHOWN]
-        print("", *text_table(names, shown, right=names[-6:-1]), sep="\n")
-        if len(shown) < len(rows):
-            print(f"… and {len(rows) - len(shown):,} lines more: --all shows them")
+        lines.append((*group, str(len(runs)), *map("{:.6g}".format, scores), gain, best.key[:8]))
+    if lines:
+        shown = lines if everything else lines[:MAX_LINES]
+        print("", *text_table(names, shown, right=names[2:7]), sep="\n")
+        if len(shown) < len(lines):
+            print(f"… and {len(lines) - len(shown):,} lines more: --all shows them")
 
 
-def _export_best(study: Study, path: str, which: str | None) -> None:
+def _export_best(study: Study, path: str, name: str | None) -> None:
+    """Write the best layout of a scene."""
     from domino_env.core.files import one_line
     from optimize.experiments.store import best_result
 
-    result = best_result(study, which)
-    write_layout(result.layout, path)
-    told = f"{result.scene_name}, {result.method}, seed {result.seed}, score {result.score:.6g}"
-    print(one_line(f"written to {path}: the layout of {told}"))
+    r = best_result(study, name)
+    write_layout(r.layout, path)
+    about = f"{r.scene_name}, {r.method}, seed {r.seed}, score {r.score:.6g}"
+    print(one_line(f"written to {path}: the layout of {about}"))
 
 
 def _clock(begun: str) -> str:
+    """Return a time in ISO 8601 without its zone."""
     return begun.removesuffix("+00:00").replace("T", " ")

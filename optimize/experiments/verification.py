@@ -1,4 +1,4 @@
-"""Verification of the best known layouts beside the uniform baselines."""
+"""Verification of the best known layouts and of the uniform baselines."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import best_uniform_on, gain
 from optimize.experiments.best_known import BestKnown
 
-FIRST = 100  # dominoes of a long layout that are simulated
-CLOSE = 2e-4  # relative tolerance of the arrival times
+MAX_COUNT = 100  # dominoes of a long layout that are simulated, from the first
+RTOL = 2e-4  # relative tolerance of the arrival times
 
 
 def verify_records(
@@ -30,70 +30,77 @@ def verify_records(
     engine: bool = False,
     report: Callable[[str], object] = print,
 ) -> dict[str, Verified]:
-    """Simulate every layout on fixed pivots and on every floor, side by side on all cores.
+    """Simulate every layout on fixed pivots and on every floor, on all cores.
 
     Parameters
     ----------
     records
-        The best known layouts, by the names of their scenes.
+        Best known layouts, by the names of their scenes.
     scenes
         These scenes.
     floors
-        Friction of each.
+        Friction of each floor.
     engine
-        Whether the third-party engine simulates the best known layouts too.
+        True to simulate the best known layouts with the third-party engine too.
     report
-        Called with a line when a layout is done.
+        Function that is called with a line for each finished layout.
+
+    Returns
+    -------
+    dict
+        Verifications, by the names of the scenes.
     """
-    places = (None, *floors)
+    all_floors = (None, *floors)
     pool = ThreadPoolExecutor(allowed_threads())
     try:
         jobs = {
             (name, floor): pool.submit(_waves, scenes[name], record.layout, floor, engine)
             for name, record in records.items()
-            for floor in places
+            for floor in all_floors
         }
-        found = {}
+        verified = {}
         for name, record in records.items():
-            scene, waves = scenes[name], [jobs[name, floor].result() for floor in places]
+            scene, waves = scenes[name], [jobs[name, floor].result() for floor in all_floors]
             fixed = waves[0][0]
-            checked = Verification(simulate(fixed.layout, scene.physics), (fixed,))
-            found[name] = Verified(
+            verification = Verification(simulate(fixed.layout, scene.physics), (fixed,))
+            verified[name] = Verified(
                 digest=digest(record.layout, scene.physics),
                 count=record.layout.count,
                 first=fixed.layout.count,
-                verdict=checked.verdict,
+                verdict=verification.verdict,
                 checks=tuple(check for group in waves for check in _checks(scene, group)),
             )
-            report(f"{name}: {found[name].verdict}")
+            report(f"{name}: {verified[name].verdict}")
     finally:
         pool.shutdown(cancel_futures=True)
-    return found
+    return verified
 
 
-def first_of(layout: Layout, count: int = FIRST) -> Layout:
-    """Return the first dominoes of a layout; the layout itself where it has no more."""
-    if layout.count <= count:
+def _shortened(layout: Layout) -> Layout:
+    """Return the first dominoes of a layout."""
+    if layout.count <= MAX_COUNT:
         return layout
+    dominoes, pairs = slice(MAX_COUNT), slice(MAX_COUNT - 1)
     return Layout(
-        layout.spacing[: count - 1], layout.thickness[:count], layout.height[:count], layout.width,
-        layout.density[:count], layout.rise[: count - 1], layout.tilt[:count],
+        layout.spacing[pairs], layout.thickness[dominoes], layout.height[dominoes], layout.width,
+        layout.density[dominoes], layout.rise[pairs], layout.tilt[dominoes],
     )  # fmt: skip
 
 
 def _waves(scene: Scene, layout: Layout, floor: float | None, engine: bool) -> list[RigidWave]:
-    """Best known and uniform on one floor, then the engine's of the best known."""
-    physics, best, baseline = scene.physics, first_of(layout), first_of(scene.uniform().layout)
-    chosen = best_uniform_on(scene, baseline, floor)
-    # the search looked less closely
-    uniform = [chosen] if chosen is baseline else [chosen, baseline]
-    falls = [simulate_standing(one, physics, floor, CLOSE) for one in uniform]
-    fastest = min(falls, key=lambda one: one.arrival_times[-1] / one.layout.length)
-    waves = [simulate_standing(best, physics, floor, CLOSE), fastest]
+    """Simulate the best known and the best uniform layout on a floor, the engine the best known."""
+    physics, best = scene.physics, _shortened(layout)
+    baseline = _shortened(scene.uniform().layout)
+    # the baseline of fixed pivots may be the better one: the search is less accurate
+    uniform = {id(u): u for u in (best_uniform_on(scene, baseline, floor), baseline)}
+    waves = [simulate_standing(u, physics, floor, RTOL) for u in uniform.values()]
+    fastest = min(waves, key=lambda wave: wave.arrival_times[-1] / wave.layout.length)
+    waves = [simulate_standing(best, physics, floor, RTOL), fastest]
     return [*waves, simulate_in_engine(best, physics, floor)] if engine else waves
 
 
 def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
+    """Return the checks of the waves on a floor, in the order of `_waves`."""
     checks = []
     for k, rigid in enumerate(waves):
         wave = simulate(rigid.layout, scene.physics)
@@ -101,12 +108,12 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
         in_speed = scene.unit == "m/s"
         if not rigid.mean_speed:
             score = f"stops after {rigid.hit} dominoes"
-        elif in_speed:  # where drawn layouts count too, the speed of this one
+        elif in_speed:  # also where the score is a mean over placement errors
             score = f"{rigid.mean_speed:.4f} m/s"
         else:
-            seen = replace(wave, arrival_times=rigid.arrival_times)
-            score = scene.in_words(scene.score(seen), seen)
-        faster = gain(rigid.mean_speed, waves[1].mean_speed) if in_speed and k == 0 else None
+            scored = replace(wave, arrival_times=rigid.arrival_times)
+            score = scene.in_words(scene.score(scored), scored)
+        lead = gain(rigid.mean_speed, waves[1].mean_speed) if in_speed and k == 0 else None
         checks.append(Check(
             layout="uniform" if k == 1 else "best",
             simulator=rigid.simulator,
@@ -117,6 +124,6 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
             staying_up=rigid.staying_up,
             gap=float(rigid.layout.spacing.mean()),
             score=score,
-            gain=faster,
+            gain=lead,
         ))  # fmt: skip
     return checks

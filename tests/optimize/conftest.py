@@ -11,7 +11,7 @@ from domino_env.scenes.scene import Scene
 
 
 def small_scene(name: str) -> Scene:
-    """One of the kinds of problem that scenes can be, with few dominoes."""
+    """Return a scene of few dominoes, of one kind of problem."""
     sprint = de.load_scene("sprint")
     kinds = {
         "spacing": {"count": 7},
@@ -31,5 +31,5 @@ KINDS = ["spacing", "one-gap", "thickness", "both", "length", "length-both", "dy
 
 @pytest.fixture(scope="session")
 def scenes() -> dict[str, Scene]:
-    """All kinds; their uniform marks are found once."""
+    """Scenes of all kinds, whose uniform baselines are computed once."""
     return {name: small_scene(name) for name in KINDS}

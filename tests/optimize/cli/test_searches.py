@@ -1,4 +1,4 @@
-"""`domino optimize`: what a person types, sees and is told."""
+"""The command `domino optimize`: its output, its files and its messages."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ from optimize.run_folder import FILES, JOURNAL
 
 @pytest.fixture
 def scene_file(scenes, tmp_path: Path) -> Path:
-    """A scene of one's own."""
+    """File of a scene."""
     path = tmp_path / "mine.toml"
     path.write_text(scenes["both"].to_toml())
     return path
 
 
-def said(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+def output_of(capsys: pytest.CaptureFixture[str], *words: object) -> str:
     assert main([str(w) for w in words]) == 0
     output = capsys.readouterr()
     assert output.err == ""  # quiet where there is no terminal
     return output.out
 
 
-def test_a_search_says_what_it_found_and_where_it_is(
+def test_the_output_names_the_best_layout_and_the_folder(
     capsys, scene_file: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    text = said(capsys, "optimize", scene_file, "--budget", 400, "--seed", 5, "--out", out)
+    text = output_of(capsys, "optimize", scene_file, "--budget", 400, "--seed", 5, "--out", out)
     summary = json.loads((out / "summary.json").read_text())
-    mark = de.load_scene(scene_file).uniform()
+    uniform = de.load_scene(scene_file).uniform()
     assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "auto")
     lines = text.splitlines()
     assert lines[0] == "both: a small scene: both"
-    assert lines[1].startswith(f"best uniform row: {mark.wave.mean_speed:.6f} m/s, gaps ")
+    assert lines[1].startswith(f"best uniform:     {uniform.wave.mean_speed:.6f} m/s, gaps ")
     assert lines[1].endswith("(PROPAGATED)")
     speed, gain = summary["mean_speed"], summary["gain"]
-    assert lines[2].startswith(f"best row found:   {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; auto,")
+    assert lines[2].startswith(f"best found:       {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; auto,")
     assert lines[3].startswith("the search ended: limit of 400 layouts reached; ")
     assert lines[4] == f"written to {out}: {', '.join(FILES)}"
 
@@ -54,33 +54,31 @@ def test_a_run_goes_to_runs_and_the_name_of_the_scene(
     capsys, monkeypatch, scene_file: Path, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said(capsys, "optimize", "mine.toml", "--budget", 20)
+    output_of(capsys, "optimize", "mine.toml", "--budget", 20)
     names = sorted(f.name for f in (tmp_path / "runs" / "both").iterdir())
     assert names == sorted((*FILES, JOURNAL))
 
 
-def test_a_shipped_scene_is_told_how_far_from_the_best_known(
-    capsys, monkeypatch, tmp_path: Path
-) -> None:
+def test_the_output_has_the_gap_to_the_best_known(capsys, monkeypatch, tmp_path: Path) -> None:
     words = ["optimize", "sprint", "--method", "uniform", "--update-best", "--out"]
-    text = said(capsys, *words, tmp_path / "run")
+    text = output_of(capsys, *words, tmp_path / "run")
     assert re.search(r"best known:       0.828\d+ m/s, by \w+: 3.08\d+% short", text)
     assert "new records: none" in text
     ended = json.loads((tmp_path / "run" / "summary.json").read_text())["ended"]
     assert f"the search ended: {ended}\n" in text
     monkeypatch.setattr("optimize.experiments.best_known.PATH", tmp_path / "best.json")
-    assert "best known:       none so far\nnew records: sprint" in said(
+    assert "best known:       none so far\nnew records: sprint" in output_of(
         capsys, *words, tmp_path / "new"
     )
     assert best_known(tmp_path / "best.json")["sprint"].method == "uniform"
 
 
-def test_rows_that_die_are_told(capsys, scenes, tmp_path: Path) -> None:
+def test_the_output_explains_why_a_wave_stops(capsys, scenes, tmp_path: Path) -> None:
     (tmp_path / "dead.toml").write_text(scenes["dead"].to_toml())
     words = ["--budget", 10, "--out", tmp_path / "run"]
-    text = said(capsys, "optimize", tmp_path / "dead.toml", *words)
-    assert "best uniform row: no speed" in text
-    assert "best row found:   no speed (STALLED;" in text
+    text = output_of(capsys, "optimize", tmp_path / "dead.toml", *words)
+    assert "best uniform:     no speed" in text
+    assert "best found:       no speed (STALLED;" in text
     assert "push harder" in text
     assert "%" not in text
 
@@ -93,7 +91,7 @@ def test_rows_that_die_are_told(capsys, scenes, tmp_path: Path) -> None:
     (["sprint", "--seed", "-1"], "seed = -1: give a whole number"),
     (["sprint", "--out", "notes.txt"], "notes.txt is a file: name a folder"),
 ])  # fmt: skip
-def test_what_is_wrong_is_said_in_one_line(capsys, monkeypatch, tmp_path, words, message) -> None:
+def test_messages_are_one_line(capsys, monkeypatch, tmp_path, words, message) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     assert main(["optimize", *words]) == 2

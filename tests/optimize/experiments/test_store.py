@@ -24,7 +24,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 
 @pytest.fixture(scope="module")
 def result(scenes) -> TaskResult:
-    """Of a real search."""
+    """Result of a search."""
     return Task.of(scenes["both"], "random", 3, budget=300).run()
 
 
@@ -125,7 +125,7 @@ def test_a_writer_that_is_killed_leaves_all_its_results(path: Path, result: Task
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory, result: TaskResult) -> bytes:
-    """A store with twenty results."""
+    """Content of a store with twenty results."""
     path = tmp_path_factory.mktemp("store") / "good.sqlite"
     study = open_store(path).begin("one", "sweep", {"a": 1})
     for number in range(20):
@@ -138,9 +138,7 @@ def good(tmp_path_factory, result: TaskResult) -> bytes:
     ("UPDATE results SET data = substr(data, 9)", "is damaged .*restore a copy"),
     ("UPDATE results SET data = '{}'", "is damaged .*missing required field"),
 ])  # fmt: skip
-def test_what_no_search_has_written_is_rejected(
-    good: bytes, path: Path, statement, message
-) -> None:
+def test_damaged_stores_are_rejected(good: bytes, path: Path, statement, message) -> None:
     path.write_bytes(good)
     with closing(sqlite3.connect(path)) as connection:
         connection.execute(statement)
@@ -152,7 +150,7 @@ def test_what_no_search_has_written_is_rejected(
     assert path.read_bytes() == before
 
 
-def test_what_is_no_store_is_rejected(tmp_path: Path) -> None:
+def test_other_files_are_rejected(tmp_path: Path) -> None:
     (tmp_path / "text").write_text("spacing,thickness\n" * 99)
     with pytest.raises(ValueError, match=r"is no store of studies .*: name another file"):
         open_store(tmp_path / "text")
@@ -168,7 +166,7 @@ def test_what_is_no_store_is_rejected(tmp_path: Path) -> None:
 # the command ------------------------------------------------------------------------------------
 
 
-def said(capsys, *words: object) -> str:
+def output_of(capsys, *words: object) -> str:
     assert main([str(word) for word in words]) == 0
     return capsys.readouterr().out
 
@@ -180,15 +178,16 @@ def test_the_command_lists_and_shows(capsys, path: Path, result: TaskResult) -> 
     for number, score in enumerate((0.5, 0.7, 0.6)):
         gain = score / 0.5 - 1.0
         study.add(other(result, number, score=score, uniform_score=0.5, gain=gain))
-    study.add(other(result, 9, scene_name="\x1b[31mred", labels={"a": "\x9b2J"}))
-    listed = said(capsys, "studies", "--store", path)
+    study.add(other(result, 8, scene_name="\x1b[31mred"))
+    study.add(other(result, 9, labels={"a": "\x9b2J"}))
+    listed = output_of(capsys, "studies", "--store", path)
     assert [line.split()[:3] for line in listed.splitlines()] == [
-        ["study", "kind", "tasks"], ["friction", "sweep", "4"], ["empty", "comparison", "0"],
+        ["study", "kind", "tasks"], ["friction", "sweep", "5"], ["empty", "comparison", "0"],
     ]  # fmt: skip
-    shown = said(capsys, "studies", "show", "friction", "--store", path)
+    shown = output_of(capsys, "studies", "show", "friction", "--store", path)
     assert "evaluations = 300" in shown
-    row = next(line.split() for line in shown.splitlines() if line.startswith("both"))
-    assert row[1:] == ["random", "3", "0.7", "0.6", "0.5", "+40.00%", "00000000"]
+    cells = next(line.split() for line in shown.splitlines() if line.startswith("both"))
+    assert cells[1:] == ["random", "3", "0.7", "0.6", "0.5", "+40.00%", "00000000"]
     assert not {"\x1b", "\x9b"} & set(shown)
     assert "\\x1b[31mred" in shown
 
@@ -202,7 +201,7 @@ def test_an_export_holds_every_number_bitwise(
     study.add(msgspec.structs.replace(result, labels=labels, gain=-0.25))
     study.add(other(result, 1, scene_name="+x", labels={"@mixed": "-cmd"}, gain=None))
     file = path.with_name(f"all.{suffix}")
-    text = said(capsys, "studies", "export", "=1+1", "--to", file, "--store", path)
+    text = output_of(capsys, "studies", "export", "=1+1", "--to", file, "--store", path)
     assert text == f"written to {file}: 2 results\n"
     if suffix == "parquet":
         first, second = pytest.importorskip("pyarrow.parquet").read_table(file).to_pylist()
@@ -227,10 +226,10 @@ def test_the_best_layout_of_a_scene(capsys, path: Path, scenes, result) -> None:
     study.add(better)
     assert better.score > result.score
     words = ["studies", "export", "one", "--store", str(path)]
-    said(capsys, *words, "--best", "both", "--to", path.with_name("b.json"))
+    output_of(capsys, *words, "--best", "both", "--to", path.with_name("b.json"))
     layout = de.Layout.read(path.with_name("b.json"))
     assert scenes["both"].score(layout) == better.score
-    said(capsys, *words, "--best", result.key[:8], "--to", path.with_name("c.csv"))
+    output_of(capsys, *words, "--best", result.key[:8], "--to", path.with_name("c.csv"))
     assert tuple(de.Layout.read(path.with_name("c.csv")).spacing) == result.spacing
     study.add(other(result, 1, scene="another"))
     assert main([*words, "--best", "both", "--to", "d.csv"]) == 2
