@@ -1,4 +1,4 @@
-"""Figures and tables of Chapman, The physics of toppling dominoes, from our own numbers."""
+"""Figures and tables of Chapman, The physics of toppling dominoes, computed by the simulator."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from domino_env.core.colours import BLUE, COLOURS, PALE, PINK, RED
 from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
 from domino_env.core.tables import markdown_table
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion, stack_leans
 from domino_env.physics.physics import Physics
@@ -29,19 +30,10 @@ GRAVITY, THICKNESS = 9.8, 0.0075  # Chapman's [m/s²] and the standard domino's 
 FRICTION, PUSH = 0.25, 5.0 * np.pi
 PITCHES = (0.016, 0.024, 0.032)  # [m]
 UNIT = math.sqrt(3.0 * GRAVITY * HEIGHT)  # of speeds [m/s]
-# as printed: after and before a hit, and "true" average [rad/s]
+# as printed: after and before a hit, and "true" average [rad/s]; 17.80 is a misprint of 14.80
 PRINTED = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
-# hits a second: Chapman's simulation, LMGC90, experiment
+# hits per second: Chapman's simulation, LMGC90, experiment
 MEASURED = ((59.7, 59.1, 64.4), (37.2, 36.9, 42.3), (26.2, 26.1, 28.1))
-MISPRINTS = """
-## Misprints in the text
-
-1. Eq. 3: the denominator is cos²(θ_i − θ_{i−1}), not (cos θ_i − cos θ_{i−1})².
-2. First lines of the two torque matrices: B_1 N_1 carries a minus sign.
-3. Energy of a cycle: ½ I (ω+² K(θ_c) − ω−² K(0)) = m g Δh, with K(θ_c) = K(0) − 1.
-4. The second closed form: ω−² = ((K−1)/K) · 6 g Δh/(L² + d²).
-5. Table 1, 32 mm: ω− is 14.80, not 17.80.
-"""
 
 
 def _steady(pitch: float, thickness: float = THICKNESS, friction: float = 0.0) -> SteadyWave:
@@ -49,10 +41,10 @@ def _steady(pitch: float, thickness: float = THICKNESS, friction: float = 0.0) -
 
 
 def angular_velocities() -> list[tuple[float, ...]]:
-    """Tabulate angular velocities without friction, one line per pitch [rad/s].
+    """Return a line per pitch with the angular velocities without friction [rad/s].
 
     Pitch [m], after a hit, before it, average (angle over time), geometric and arithmetic mean of
-    the two, and the closed forms of both by the article's energy argument.
+    the two, and the closed forms of both by the energy argument of the article.
     """
     lines: list[tuple[float, ...]] = []
     for pitch in PITCHES:
@@ -60,7 +52,7 @@ def angular_velocities() -> list[tuple[float, ...]]:
         after, before = float(wave.omega_release), float(wave.omega_impact)
         average = math.asin((pitch - THICKNESS) / HEIGHT) * wave.frequency
         means = math.sqrt(after * before), 0.5 * (after + before)
-        kept = after / before  # (K-1)/K, the part of the leader's speed that a hit leaves (eq. 9)
+        kept = after / before  # (K-1)/K, the share of the leader's speed that a hit leaves (eq. 9)
         ratio, flat = THICKNESS / pitch, THICKNESS / HEIGHT
         drop = 0.5 * HEIGHT * (1.0 - ratio - flat * math.sqrt(1.0 - ratio * ratio))  # eq. 12
         square = 6.0 * GRAVITY * drop / (HEIGHT**2 + THICKNESS**2)
@@ -70,41 +62,38 @@ def angular_velocities() -> list[tuple[float, ...]]:
 
 
 def frequencies() -> list[tuple[float, ...]]:
-    """Tabulate hits a second with friction: pitch [m], ours, then `MEASURED` [1/s]."""
+    """Return a line per pitch: pitch [m], the simulator's hits per second, then `MEASURED`."""
     return [
-        (pitch, _steady(pitch, friction=FRICTION).frequency, *told)
-        for pitch, told in zip(PITCHES, MEASURED, strict=True)
+        (pitch, _steady(pitch, friction=FRICTION).frequency, *measured)
+        for pitch, measured in zip(PITCHES, MEASURED, strict=True)
     ]
 
 
 def markdown() -> str:
-    """Return both tables, with what is misprinted in the article."""
+    """Return both tables, with the printed numbers."""
     velocities = []
     for line, printed in zip(angular_velocities(), PRINTED, strict=True):
         pitch, average, low, high = line[0], line[3], line[6], line[7]
         cells = [
-            f"{value:.3f} ({told:.2f}{'*' if abs(value - told) > 0.5 else ''})"
-            for value, told in zip(line[1:4], printed, strict=True)
+            f"{value:.3f} ({other:.2f}{'*' if abs(value - other) > 0.5 else ''})"
+            for value, other in zip(line[1:4], printed, strict=True)
         ]
         means = [f"{mean:.2f} ({mean / average - 1.0:+.1%})" for mean in line[4:6]]
         velocities.append([f"{pitch * 1e3:.0f} mm", *cells, *means, f"{low:.3f}", f"{high:.3f}"])
     hits = [
-        (f"{pitch * 1e3:.0f} mm", f"{ours:.2f}", *told, f"{ours / told[-1] - 1.0:+.1%}")
-        for pitch, ours, *told in frequencies()
+        (f"{pitch * 1e3:.0f} mm", f"{value:.2f}", *others, f"{value / others[-1] - 1.0:+.1%}")
+        for pitch, value, *others in frequencies()
     ]
     first = ("pitch", "ω−", "ω+", "average", "√(ω+ω−)", "½(ω+ + ω−)", "ω−, closed", "ω+, closed")
-    second = (
-        "pitch", "ours", "Chapman's simulation", "LMGC90", "experiment", "ours against experiment",
-    )  # fmt: skip
+    second = ("pitch", "model", "Chapman", "LMGC90", "experiment", "model against experiment")
     return "\n".join([
         "# Chapman's tables, solved to rounding", "",
-        "Standard dominoes (48 × 24 × 7.5 mm), g = 9.8 m/s²; in brackets what is printed.", "",
+        "Standard dominoes (48 × 24 × 7.5 mm), g = 9.8 m/s²; printed values in brackets.", "",
         "## Table 1: angular velocities without friction [rad/s]", "",
         *markdown_table(first, velocities), "",
-        "\\* misprint: 14.80; the means printed beside it follow from 14.80. The printed averages "
-        "carry the error of steps of 0.1 ms.", "",
-        f"## Table 2: hits a second, friction {FRICTION}", "",
-        *markdown_table(second, hits), MISPRINTS,
+        "\\* misprint of 14.80", "",
+        f"## Table 2: hits per second, friction {FRICTION}", "",
+        *markdown_table(second, hits), "",
     ])  # fmt: skip
 
 
@@ -112,7 +101,7 @@ def markdown() -> str:
 
 
 def one_interval(axes: Axes) -> None:
-    """One fall, domino by domino (16 mm, no friction)."""
+    """Draw the energies of the dominoes of a stack over one interval between hits."""
     wave, shown = _wave(60), 16
     layout, n, step = wave.layout, wave.layout.count - 5, 1e-6
     ends = np.array([0.0, math.asin(layout.spacing[n] / HEIGHT)])
@@ -120,22 +109,22 @@ def one_interval(axes: Axes) -> None:
     lean, before, after = np.split(stack_leans(layout, np.full(6, n), angles), 3)
     mass = layout.density * layout.height * layout.thickness * layout.width
     lift = 0.5 * (layout.height * np.cos(lean) + layout.thickness * np.sin(lean))
-    given = (lift[0] - lift[1]) * mass * GRAVITY
+    released = (lift[0] - lift[1]) * mass * GRAVITY
     inertia = mass * (layout.height**2 + layout.thickness**2) / 3.0
     speeds = np.array([[wave.release_velocity[n]], [wave.impact_velocity[n]]])
     kinetic = 0.5 * inertia * ((after - before) / step * speeds) ** 2
     place = np.arange(shown)
-    # what a domino gives and what it has are not the same, as the contacts share it out
-    for off, energy, colour, label in (
-        (-0.2, given, BLUE, "potential, given off"),
+    # the two differ domino by domino, as the contacts share the energy out
+    for offset, energy, colour, label in (
+        (-0.2, released, BLUE, "potential, released"),
         (0.2, kinetic[1] - kinetic[0], RED, "kinetic, gained"),
     ):
-        axes.bar(place + off, 1e3 * energy[n - place], 0.4, color=colour, label=label)
-    axes.set(xlabel="dominoes behind the leader", ylabel="energy [mJ]")
+        axes.bar(place + offset, 1e3 * energy[n - place], 0.4, color=colour, label=label)
+    axes.set(xlabel="dominoes behind the leading one", ylabel="energy [mJ]")
 
 
 def kinetic_energy(axes: Axes) -> None:
-    """Kinetic energy of a chain (16 mm, no friction)."""
+    """Draw the kinetic energy of a chain over time."""
     wave = _wave(30)
     energy = energies(Motion(wave.layout, wave.physics))
     axes.plot(energy.time, 1e3 * energy.kinetic, color=BLUE)
@@ -143,46 +132,49 @@ def kinetic_energy(axes: Axes) -> None:
 
 
 def angular_velocity(axes: Axes) -> None:
-    """Angular velocity of the leading domino (16 mm, no friction)."""
+    """Draw the angular velocity of the leading domino over time."""
     wave = _wave(30)
     times = np.repeat(wave.arrival_times, 2)[1:-1]
     speeds = np.column_stack([wave.release_velocity[:-1], wave.impact_velocity]).ravel()
     average = np.arcsin((PITCHES[0] - THICKNESS) / HEIGHT) * _steady(PITCHES[0]).frequency
-    axes.plot(times, speeds, color=BLUE, label="leader")
+    axes.plot(times, speeds, color=BLUE, label="leading domino")
     axes.axhline(average, color=RED, linestyle="--", label=f"average {average:.3f} rad/s")
     axes.set(xlabel="time [s]", ylabel="angular velocity [rad/s]")
 
 
 def correction_factor(axes: Axes) -> None:
-    """Velocity correction factor, no friction."""
+    """Draw the speed over √(3gL) by d/λ for several d/L, by equation 13 and simulated."""
     for colour, ratio in zip(COLOURS, (0.02, 0.05, 0.1, 0.15625, 0.25, 0.35), strict=False):
         thick = ratio * HEIGHT
         low = max(ratio / (1.0 + ratio) * 1.05, 0.02)
-        dense = np.linspace(low, existence_limit(thick), 60)[:-1]
-        _beside_formula(axes, dense, thick, f"d/L = {ratio:g}", colour, colour, ":")
+        x, estimate, simulated = _speeds(np.linspace(low, existence_limit(thick), 60)[:-1], thick)
+        axes.plot(x, estimate, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
+        axes.plot(x, simulated, color=colour, linestyle=":")
     axes.set(xlabel="d/λ", ylabel="v / √(3gL)   (lines eq. 13, dots simulated)", ylim=(0.5, 3.0))
 
 
 def formula(axes: Axes) -> None:
-    """Eq. 13 beside simulation (d/L = 0.15625, no friction)."""
-    _beside_formula(axes, np.linspace(0.15, 0.9, 90), THICKNESS, "eq. 13", PINK, BLUE, "-")
+    """Draw the speed over √(3gL) by d/λ, by equation 13 and simulated."""
+    x, estimate, simulated = _speeds(np.linspace(0.15, 0.9, 90), THICKNESS)
+    axes.plot(x, estimate, color=PINK, linestyle="--", label="eq. 13")
+    axes.plot(x, simulated, color=BLUE, label="simulated")
     axes.set(xlabel="d/λ", ylabel="v / √(3gL)")
 
 
 def friction(axes: Axes) -> None:
-    """What friction costs.
+    """Draw the speed over that without friction by the friction.
 
     References
     ----------
     D. Cantor and K. Wojtacki, Effects of friction and spacing on the collaborative behavior of
     domino toppling, Physical Review Applied 17 (2022) 064021: (1+μ)^-0.4, which does not describe
-    this model; the legend says what exponent would at the friction of the article.
+    this model; the legend has the exponent that would at the friction of the article.
     """
     mu = np.linspace(0.0, 0.6, 31)
     for colour, pitch in zip(COLOURS, PITCHES, strict=False):
         speed = np.array([_steady(pitch, friction=float(m)).speed for m in mu])
-        part = _steady(pitch, friction=FRICTION).speed / speed[0]
-        power = np.log(part) / np.log(1.0 + FRICTION)
+        share = _steady(pitch, friction=FRICTION).speed / speed[0]
+        power = np.log(share) / np.log(1.0 + FRICTION)
         name = f"pitch {pitch * 1e3:.0f} mm, at μ = {FRICTION:g} as (1+μ)^{power:.2f}"
         axes.plot(mu, np.where(speed > 0.0, speed, np.nan) / speed[0], color=colour, label=name)
     name = "Cantor & Wojtacki: (1+μ)^−0.4, not this model"
@@ -190,22 +182,26 @@ def friction(axes: Axes) -> None:
     axes.set(xlabel="friction μ", ylabel="speed over that without friction", ylim=(0.0, 1.02))
 
 
-FIGURES: dict[str, Callable[[Axes], None]] = {
-    "one-fall": one_interval,
-    "kinetic-energy": kinetic_energy,
-    "angular-velocity": angular_velocity,
-    "correction-factor": correction_factor,
-    "formula": formula,
-    "friction": friction,
-}
+FIGURES: dict[str, tuple[str, Callable[[Axes], None]]] = {
+    "one-fall": ("One interval between hits, domino by domino (16 mm, no friction)", one_interval),
+    "kinetic-energy": ("Kinetic energy of a chain (16 mm, no friction)", kinetic_energy),
+    "angular-velocity": (
+        "Angular velocity of the leading domino (16 mm, no friction)", angular_velocity
+    ),
+    "correction-factor": ("Velocity correction factor, no friction", correction_factor),
+    "formula": ("Eq. 13 beside simulation (d/L = 0.15625, no friction)", formula),
+    "friction": ("Speed lost to friction", friction),
+}  # fmt: skip
+"""Title and drawing function of each figure, by the name of its file."""
 
 
 def draw(name: str, path: Path) -> None:
-    """Draw a figure of `FIGURES` under the first line of its docstring."""
+    """Draw a figure of `FIGURES` into a PNG file."""
+    title, plot = FIGURES[name]
     figure = new_figure(7.0, 4.2)
     axes = figure.add_subplot()
-    style(axes, (FIGURES[name].__doc__ or name).partition("\n")[0].rstrip("."))
-    FIGURES[name](axes)
+    style(axes, title)
+    plot(axes)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(**LEGEND)
     write_png(figure, path)
@@ -215,21 +211,15 @@ def _wave(count: int) -> Wave:
     return simulate(Layout.uniform(count, pitch=PITCHES[0]), Physics(0.0, GRAVITY, PUSH))
 
 
-def _beside_formula(
-    axes: Axes, dense: np.ndarray, thick: float, label: str, colour: str, simulated: str, line: str
-) -> None:
-    """Draw speed by d/λ, eq. 13 and simulated, where a chain of 100 completes."""
-    smooth, pitches = Physics(0.0, GRAVITY, PUSH), []
-    for pitch in thick / dense:
+def _speeds(ratios: Floats, thick: float) -> tuple[Floats, Floats, Floats]:
+    """Return d/λ where a chain of 100 completes, and speeds there: by eq. 13, and simulated."""
+    smooth, lines = Physics(0.0, GRAVITY, PUSH), []
+    for pitch in (thick / ratios).tolist():
         if thick < pitch < HEIGHT + thick:
             layout = Layout.uniform(100, pitch=pitch, thickness=thick)
-            pitches += [pitch] * (simulate(layout, smooth, rtol=1e-5).mean_speed > 0.0)
-    guess = [terminal_speed_estimate(pitch, thick, gravity=GRAVITY) / UNIT for pitch in pitches]
-    true = np.array([_steady(pitch, thick).speed / UNIT for pitch in pitches])
-    found = [thick / pitch for pitch in pitches]
-    if found:
-        solid = line == "-"
-        axes.plot(found, guess, color=colour, label=label, linestyle="--" if solid else "-")
-        true[true <= 0.0] = np.nan
-        name = "simulated" if solid else None
-        axes.plot(found, true, color=simulated, linestyle=line, label=name)
+            if simulate(layout, smooth, rtol=1e-5).mean_speed > 0.0:
+                estimate = terminal_speed_estimate(pitch, thick, gravity=GRAVITY)
+                speed = _steady(pitch, thick).speed or math.nan
+                lines.append((thick / pitch, estimate / UNIT, speed / UNIT))
+    x, estimates, speeds = np.array(lines).reshape(-1, 3).T
+    return x, estimates, speeds

@@ -1,11 +1,11 @@
-"""ODE solvers of the field on the equations of motion, with fixed and adaptive steps in time.
+"""General ODE solvers on the equations of motion, with fixed and adaptive steps in time.
 
 All of them solve the equations of `equations.py`: every state of contact, face impacts, friction,
-unequal dominoes. They differ in how they move through time:
+unequal dominoes. They differ in their steps:
 
-    euler      explicit Euler, hits at the end of the step that passed them
-    rk4-step   classic Runge-Kutta, the same; both are of order one for that
-    rk4        classic Runge-Kutta with hits located: order four
+    euler      explicit Euler, hits at the end of the step that passed them: order one
+    rk4-step   classic Runge-Kutta, the same
+    rk4        classic Runge-Kutta with located hits: order four
     RK45, DOP853, Radau, LSODA   SciPy's solve_ivp with events
 """
 
@@ -30,16 +30,16 @@ ADAPTIVE = ("RK45", "DOP853", "Radau", "LSODA")
 
 @dataclass(frozen=True, eq=False)
 class SteppedWave:
-    """A wave as an ODE solver computes it.
+    """A wave computed by an ODE solver.
 
     Attributes
     ----------
     outcome
-        As `Wave.outcome`; None where the evaluations allowed did not reach the end.
+        As `Wave.outcome`; None where the evaluations were used up before the end.
     arrival_times
-        (N,) [s], inf where the wave did not come.
+        Arrival times [s], shape (N,); inf for dominoes that are not hit.
     evaluations
-        How often the acceleration of the stack was computed.
+        Number of evaluations of the stack's acceleration.
     """
 
     outcome: Outcome | None
@@ -61,7 +61,7 @@ def integrate(
     setting
         The step [s] of a fixed method, the relative tolerance of an adaptive one.
     most
-        Evaluations of the stack's acceleration that are allowed.
+        Largest number of evaluations of the stack's acceleration.
 
     Raises
     ------
@@ -71,14 +71,14 @@ def integrate(
     require_choice("method", method, (*FIXED, *ADAPTIVE))
     require("setting", setting, above=0.0, hint="a step [s] or a tolerance")
     sizes = layout.spacing, layout.thickness, layout.height, layout.density
-    rows = eq.table(*sizes, layout.rise, layout.tilt)
+    table = eq.table_of(*sizes, layout.rise, layout.tilt)
+    stack = eq.Stack(table, 0, 0, physics.friction, physics.gravity)
     arrival = np.full(layout.count, np.inf)
     arrival[0] = 0.0
     if method in FIXED:
-        numbers = physics.friction, physics.gravity, physics.push, setting
-        code, used = eq.follow(rows, *numbers, FIXED[method], most, arrival)
+        code, used = eq.follow(stack, physics.push, setting, FIXED[method], most, arrival)
     else:
-        code, used = _adaptive(rows, physics, method, setting, most, arrival)
+        code, used = _adaptive(stack, physics.push, method, setting, most, arrival)
     outcome = None if code == eq.UNFINISHED else Outcome(code)
     return SteppedWave(outcome, arrival, used)
 
@@ -88,68 +88,63 @@ class _SpentError(Exception):
 
 
 def _adaptive(
-    rows: Floats, physics: Physics, method: str, rtol: float, most: int, arrival: Floats
+    stack: eq.Stack, push: float, method: str, rtol: float, most: int, arrival: Floats
 ) -> tuple[int, int]:
     """Simulate by solve_ivp, one call from event to event; return (outcome, evaluations).
 
-    Events end a call: the leader reaches the next domino (or tips), a link switches, the leader
+    Events end a call: the leader reaches the next domino (or tips), a contact changes, the leader
     stops.
     """
-    mu, gravity = physics.friction, physics.gravity
-    n = back = used = 0
-    end, strikes = eq.goal(rows, 0)
+    table, used = stack.table, 0
+    end, hits = eq.goal(table, 0)
 
     def rate(_: float, y: Floats) -> tuple[float, float]:
         nonlocal used
         used += 1
         if used > most:
             raise _SpentError
-        return y[1], eq.acceleration(rows, n, back, y[0], y[1] * y[1], mu, gravity)
+        return y[1], eq.acceleration(stack, y[0], y[1])
 
     def arrives(_: float, y: Floats) -> float:
         return float(y[0] - end)
 
-    def switches(_: float, y: Floats) -> float:
-        return min(float(eq.stack(rows, n, back, y[0], mu)[3]), 1.0)
+    def changes(_: float, y: Floats) -> float:
+        return min(float(eq.sums(stack, y[0])[3]), 1.0)
 
     def stops(_: float, y: Floats) -> float:
         return float(y[1])
 
-    events = (arrives, switches, stops)
+    events = (arrives, changes, stops)
     for event in events:
         event.terminal = True  # type: ignore[attr-defined]
-    angle, speed, now = float(rows[0, eq.TILT]), physics.push, 0.0
+    angle, speed, now = float(table[0, eq.TILT]), push, 0.0
     while True:
-        # a link may be due at once: flush together with a hit, or released by a flush
-        if switches(now, np.array([angle, speed])) <= 1e-14:
-            keep, back = eq.switch(rows, n, back, angle, mu, eq.TOGETHER)
+        # a change may be due at once: a face impact together with a hit, or a separation after it
+        if changes(now, np.array([angle, speed])) <= 1e-14:
+            keep, back = eq.change(stack, angle, eq.TOGETHER)
             if not 0.0 < keep < math.inf:
                 return eq.JAMMED, used
+            stack = stack._replace(back=back)
             speed *= keep
         if angle >= end:
-            sums = eq.stack(rows, n, back, angle, mu)
-            if not strikes:
-                return (eq.PROPAGATED if n + 1 == len(rows) else eq.OUT_OF_REACH), used
-            arrival[n + 1] = now
-            keep = eq.hit(rows, n, sums[0], mu)
+            if not hits:
+                return (eq.PROPAGATED if stack.n + 1 == len(table) else eq.OUT_OF_REACH), used
+            arrival[stack.n + 1] = now
+            keep = eq.hit(stack, eq.sums(stack, angle)[0])
             if not 0.0 < keep < math.inf:
                 return eq.JAMMED, used
-            n += 1
-            angle, speed = float(rows[n, eq.TILT]), speed * keep
-            end, strikes = eq.goal(rows, n)
-        if not eq.stack(rows, n, back, angle, mu)[0] > 0.0:
+            stack = stack._replace(n=stack.n + 1)
+            angle, speed = float(table[stack.n, eq.TILT]), speed * keep
+            end, hits = eq.goal(table, stack.n)
+        if not eq.sums(stack, angle)[0] > 0.0:
             return eq.NO_RIGID_ANSWER, used
-        swing = math.sqrt(rows[n, eq.HEIGHT] / gravity)
+        swing = math.sqrt(table[stack.n, eq.HEIGHT] / stack.gravity)
         try:
             done = solve_ivp(
-                rate,
-                (now, now + 1e4 * swing),
-                (angle, speed),
-                method=method,
+                rate, (now, now + 1e4 * swing), (angle, speed), method=method,
                 rtol=max(rtol, 2.3e-14),
-                atol=(rtol * (end - float(rows[n, eq.TILT])), rtol * 1.0 / swing),
-                events=events,
-            )
+                atol=(rtol * (end - float(table[stack.n, eq.TILT])), rtol / swing), events=events,
+            )  # fmt: skip
         except _SpentError:
             return eq.UNFINISHED, used
         if done.status != 1:  # the step size fell to nothing, or time ran out

@@ -38,6 +38,7 @@ except ImportError:  # stored reference times need no mpmath
 
 Number = Any  # mpmath's, which has no types
 Pair = tuple[Number, Number]
+Panel = tuple[Number, Number, Number]
 Angles = dict[int, Number]
 Floats = NDArray[np.float64]
 
@@ -199,52 +200,36 @@ class _Chain:
         return self.solve(n, lean, rate, weight, rate), self.solve(n, lean, rate, speed, rate)
 
     # one interval between hits ----------------------------------------------------------------
-    def panel(self, n: int, a: Number, b: Number, u: Number) -> tuple[list[Number], Number]:
-        """Find u at the nodes and at b, by collocation."""
+    def panel(self, n: int, a: Number, b: Number, u: Number) -> Panel:
+        """Return u at b, the time, and the lowest u at the nodes, by collocation."""
         x, w, running = _rule()
         h = b - a
         p, q = zip(*(self.forces(n, a + h * xi) for xi in x), strict=True)
         matrix = mp.eye(NODES) - 2 * h * running * mp.diag(q)
         at = mp.lu_solve(matrix, u * mp.ones(NODES, 1) + 2 * h * running * mp.matrix(p))
-        return list(at), u + 2 * h * sum(w[k] * (p[k] + q[k] * at[k]) for k in range(NODES))
+        end = u + 2 * h * sum(w[k] * (p[k] + q[k] * at[k]) for k in range(NODES))
+        if (low := min([*at, end])) <= 0:
+            return end, mp.inf, low
+        return end, h * sum(wk / mp.sqrt(v) for wk, v in zip(w, at, strict=True)), low
 
     def interval(
-        self, n: int, a: Number, b: Number, u: Number, depth: int = 0
+        self, n: int, a: Number, b: Number, u: Number, whole: Panel | None = None, depth: int = 0
     ) -> tuple[Number, Number]:
-        """Find u at b and the time, on halves where those do not agree with the whole."""
-        whole, end = self.panel(n, a, b, u)
+        """Return u at b and the time, on halves where those do not agree with the whole panel."""
+        end, time, _ = whole or self.panel(n, a, b, u)
         middle = (a + b) / 2
-        first, half = self.panel(n, a, middle, u)
-        second, last = self.panel(n, middle, b, half)
-        error = max(abs(last - end), abs(_interpolated(whole, mp.mpf("0.5")) - half))
-        if error <= U_ERROR * u or depth == DEPTH:
-            times = [
-                (middle - a) * self.time(part, mp.mpf(0), mp.mpf(1)) for part in (first, second)
-            ]
-            self.least = min(self.least, last)
-            if last <= 0:
+        first = self.panel(n, a, middle, u)
+        second = self.panel(n, middle, b, first[0])
+        if abs(second[0] - end) <= U_ERROR * u or depth == DEPTH:
+            self.least = min(self.least, first[2], second[2])
+            if self.least <= 0:
                 raise _StallsError
-            return last, sum(times)
-        half, early = self.interval(n, a, middle, u, depth + 1)
-        last, late = self.interval(n, middle, b, half, depth + 1)
+            halves = first[1] + second[1]
+            if abs(halves - time) <= TIME_ERROR * halves or depth == DEPTH:
+                return second[0], halves
+        half, early = self.interval(n, a, middle, u, first, depth + 1)
+        last, late = self.interval(n, middle, b, half, None, depth + 1)
         return last, early + late
-
-    def time(self, u: list[Number], a: Number, b: Number) -> Number:
-        """∫ dx/√u from a to b in [0, 1], for u given at the nodes."""
-        x, w, _ = _rule()
-
-        def integral(low: Number, high: Number) -> Number:
-            values = [_interpolated(u, low + (high - low) * xi) for xi in x]
-            if min(values) <= 0:
-                raise _StallsError
-            self.least = min(self.least, *values)
-            return (high - low) * sum(wi / mp.sqrt(v) for wi, v in zip(w, values, strict=True))
-
-        middle = (a + b) / 2
-        halves = integral(a, middle) + integral(middle, b)
-        if abs(halves - integral(a, b)) <= TIME_ERROR * halves:
-            return halves
-        return self.time(u, a, middle) + self.time(u, middle, b)
 
     # changes of contact -----------------------------------------------------------------------
     def due(self, i: int) -> tuple[Number, bool]:
@@ -375,20 +360,3 @@ def _rule() -> tuple[list[Number], list[Number], Number]:
         powers = mp.matrix([[x**m for m in range(NODES)] for x in nodes])
         areas = mp.matrix([[x ** (m + 1) / (m + 1) for m in range(NODES)] for x in nodes])
         return nodes, [w / 2 for w in weights], areas * mp.inverse(powers)
-
-
-@cache
-def _barycentric() -> list[Number]:
-    """Weights of the polynomial through values at the nodes."""
-    nodes = _rule()[0]
-    with mp.workdps(2 * DIGITS):
-        return [1 / mp.fprod(x - y for y in nodes if y != x) for x in nodes]
-
-
-def _interpolated(values: list[Number], x: Number) -> Number:
-    """Value at x of the polynomial through values at the nodes."""
-    nodes = _rule()[0]
-    if x in nodes:
-        return values[nodes.index(x)]
-    parts = [w / (x - node) for w, node in zip(_barycentric(), nodes, strict=True)]
-    return mp.fdot(parts, values) / mp.fsum(parts)
