@@ -1,12 +1,13 @@
-"""Builders that learn: reinforcement-learning baselines on the scenes of `domino_env`.
+"""Agents: reinforcement learning on the scenes of `domino_env`.
 
-    from agents import train, evaluate
+    from agents import design, evaluate, train
     run = train("sprint", algorithm="ppo", steps=2_000_000, seed=0, folder="runs/ppo")
     evaluate(run.folder).score
-    design(scene).layout  # of a new scene, in milliseconds, by a policy that ships
+    design(scene).layout  # for a new scene, in milliseconds, by a policy that ships
 
-They build with the environment DominoChain-v0; the scene's score counts, as in every search.
-Importing this loads no torch; learning needs the extra: pip install "domino-chains[rl]".
+Policies build layouts in the environment DominoChain-v0 and are evaluated by the score of the
+scene, as searches are. The import loads no torch; training needs the extra "rl":
+pip install "domino-chains[rl]".
 """
 
 import lazy_loader

@@ -1,3 +1,4 @@
+from .apg import torch_score as torch_score
 from .designer.policy import Design as Design
 from .designer.policy import design as design
 from .evaluation import evaluate as evaluate

@@ -1,11 +1,11 @@
-"""Algorithms that learn, and their hyperparameters.
+"""Learning algorithms and their default hyperparameters.
 
-PPO's were found by hand on `sprint`, `ideal` and `sprint-thickness`. The deviation of the actions
-falls on a schedule and is not learned: quickly at first, slowly from 0.1 on, where the noise of the
-gaps no longer decides which thicknesses are best. Means that have left the box are drawn back to
-it, and actions near the end of the row deviate further (`agents.sb3.RowPolicy`). The speed that
-single steps are rewarded against follows the best layout found, so that the sum of rewards and the
-ratio that is scored agree in the end (Dinkelbach's iteration).
+Those of PPO were found by hand on `sprint`, `ideal` and `sprint-thickness`. The standard deviation
+of the actions follows a schedule and is not learned: it falls quickly at first and slowly from 0.1
+on, where the noise of the gaps no longer decides which thicknesses are best. A term of the loss
+returns means from outside the box, and actions near the end of the chain deviate further
+(`agents.sb3.ScheduledPolicy`). The reference speed of the rewards follows the best layout so far,
+so that the sum of rewards and the ratio that is scored agree in the end (Dinkelbach's iteration).
 
 References
 ----------
@@ -25,7 +25,7 @@ REQUIRED = ("torch", "stable_baselines3", "sb3_contrib")
 
 
 def require_learning() -> None:
-    """Raise ImportError that says how to install it, where a package for learning is missing."""
+    """Raise ImportError with the command that installs it if a package for learning is missing."""
     missing = [name for name in REQUIRED if find_spec(name) is None]
     if missing:
         raise ImportError(
@@ -36,57 +36,56 @@ def require_learning() -> None:
 
 @dataclass(frozen=True)
 class Hyperparameters:
-    """Hyperparameters of an algorithm.
+    """Hyperparameters of a training.
 
     Attributes
     ----------
-    rows
-        Environments side by side.
+    num_envs
+        Number of environments that are stepped together.
     steps
-        In all, by default.
+        Dominoes placed in a whole training.
     width, depth
-        Of both networks.
-    rate
-        Learning rate at the start; it falls to `last_rate` of that.
+        Units of a layer, and layers, of each network.
+    learning_rate
+        Learning rate at the start; it falls linearly to `last_rate` times that.
     last_rate
-        Last learning rate, as a part of the first.
+        Last learning rate over the first.
     first_deviation, middle_deviation, last_deviation
         Standard deviation of the actions at the start, after `middle` of the steps, and at the end;
         geometric between (APG, PPO).
     middle
         Part of the steps, between 0 and 1.
-    end, pull
-        See `agents.sb3.RowPolicy` (APG, PPO).
-    follow
-        Whether the reference speed follows the best row found.
+    end_factor, penalty
+        See `agents.sb3.ScheduledPolicy` (APG, PPO).
     options
-        Arguments of the algorithm itself.
+        Further arguments of the algorithm's class, which has defaults of its own.
     """
 
-    rows: int
+    num_envs: int
     steps: int
     width: int = 64
     depth: int = 2
-    rate: float = 1e-3
+    learning_rate: float = 1e-3
     last_rate: float = 0.05
     first_deviation: float = 1.0
     middle_deviation: float = 0.03
     last_deviation: float = 0.01
     middle: float = 0.6
-    end: float = 8.0
-    pull: float = 1.0
-    follow: bool = True
+    end_factor: float = 8.0
+    penalty: float = 1.0
     options: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("rows", "steps", "width"):
+        for name in ("num_envs", "steps", "width"):
             require(name, getattr(self, name), 1, whole=True)
-        for name in ("first_deviation", "middle_deviation", "last_deviation", "end", "rate"):
+        for name in (
+            "first_deviation", "middle_deviation", "last_deviation", "end_factor", "learning_rate",
+        ):  # fmt: skip
             require(name, getattr(self, name), above=0.0)
         require("middle", self.middle, above=0.0, below=1.0, hint="a part of the steps")
 
     def deviation(self, done: float) -> float:
-        """Give that of the actions when `done` of the steps, 0 to 1, have been taken."""
+        """Return the standard deviation of the actions after a part of the steps, 0 to 1."""
         if done < self.middle:
             begin, end, part = self.first_deviation, self.middle_deviation, done / self.middle
         else:
@@ -95,8 +94,10 @@ class Hyperparameters:
         return float(begin * (end / begin) ** part)
 
 
-def hyperparameters(algorithm: str, episode: int, *, drawn: bool = False) -> Hyperparameters:
-    """Choose the hyperparameters of an algorithm.
+def default_hyperparameters(
+    algorithm: str, episode: int, *, sampled: bool = False
+) -> Hyperparameters:
+    """Return the default hyperparameters of an algorithm.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ def hyperparameters(algorithm: str, episode: int, *, drawn: bool = False) -> Hyp
         One of `ALGORITHMS`.
     episode
         Steps of an episode.
-    drawn
+    sampled
         Whether scenes are sampled; APG then takes more environments and more updates.
 
     Raises
@@ -116,7 +117,7 @@ def hyperparameters(algorithm: str, episode: int, *, drawn: bool = False) -> Hyp
     if algorithm == "ppo":
         length = 2 * episode if episode <= 120 else episode
         return Hyperparameters(
-            rows=256,
+            num_envs=256,
             steps=15_000_000,
             last_rate=0.1,
             middle_deviation=0.1,
@@ -127,30 +128,25 @@ def hyperparameters(algorithm: str, episode: int, *, drawn: bool = False) -> Hyp
                 "batch_size": max(256 * length // 4, 256),
                 "n_epochs": 8,
                 "gamma": 1.0,
-                "gae_lambda": 0.95,
-                "clip_range": 0.2,
-                "ent_coef": 0.0,
-                "vf_coef": 0.5,
-                "max_grad_norm": 0.5,
             },
         )
     if algorithm == "apg":
-        one_scene = Hyperparameters(
-            rows=16,
+        fixed = Hyperparameters(
+            num_envs=16,
             steps=400 * 16 * episode,
-            rate=2e-2,
+            learning_rate=2e-2,
             last_rate=0.02,
             first_deviation=0.5,
             middle_deviation=0.08,
             last_deviation=0.003,
             middle=0.5,
-            pull=0.1,
+            penalty=0.1,
         )
-        if not drawn:
-            return one_scene
+        if not sampled:
+            return fixed
         return replace(
-            one_scene,
-            rows=32,
+            fixed,
+            num_envs=32,
             steps=1500 * 32 * episode,
             width=128,
             first_deviation=0.2,
@@ -160,9 +156,9 @@ def hyperparameters(algorithm: str, episode: int, *, drawn: bool = False) -> Hyp
     # ARS: the best of three trials of a search on `sprint`, rounded; the other two came within
     # 0.00004.  Best layout built in 8 s of processor time: 0.8204, 0.8204, 0.8201
     return Hyperparameters(
-        rows=64,
+        num_envs=64,
         steps=4_000_000,
-        rate=0.2,
+        learning_rate=0.2,
         last_rate=0.02,
         options={"n_delta": 32, "n_top": 20, "delta_std": 0.05, "zero_policy": True},
     )

@@ -1,13 +1,11 @@
-"""Analytic policy gradient: the exact slope of the score, pulled back through the policy.
+"""Analytic policy gradient: the exact gradient of the score, propagated back through the policy.
 
-No other environment of this kind can tell the derivative of its return by the actions; here it is
-exact (`Scene.evaluate`). So the gradient of the expected return by the weights needs no
-critic and no likelihoods: rows are built with noise, which lets the policy see beyond the nearest
-slope and falls on a schedule, and each row's slope goes back through what its actions stand for
-and through the network. The policy goes by how far the row has come alone (and by the features of
-the scene, where scenes are drawn): the weights of all else that is observed are zero and stay so.
-What it has placed is a function of that too, so that nothing is lost as long as what is placed
-stands where it should.
+The derivative of the score with respect to the layout is exact (`Scene.evaluate`), so the gradient
+of the expected return needs no critic and no likelihood ratio. Layouts are built with noise, which
+smooths the score over nearby layouts and decreases on a schedule; the gradient of each score is
+propagated back through the placing of dominoes and through the network. The policy observes only
+its position in the chain, and the features of the scene where scenes are sampled: the weights of
+all other entries of an observation stay zero. So it cannot react to disturbances.
 
 References
 ----------
@@ -17,6 +15,7 @@ simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,20 +24,21 @@ from numpy.typing import NDArray
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from domino_env import Scene
-from domino_env.core.types import Floats
 from domino_env.envs.spaces import closeness
 
-RTOL = 1e-5  # of rows that are built while learning
+RTOL = 1e-5  # relative error allowed in the arrival times of layouts built while learning
 
 
 class APG(OnPolicyAlgorithm):
-    """Analytic policy gradient, as an algorithm of stable-baselines3.
+    """Analytic policy gradient, as an algorithm of Stable-Baselines3.
 
     Parameters
     ----------
     policy, env, learning_rate, policy_kwargs, verbose, seed, device
-        As of `stable_baselines3.PPO`; the environment is an `agents.vec_env.DominoVecEnv`, each
-        of whose rows is built once an update.
+        As of `stable_baselines3.PPO`; the environment is an `agents.DominoVecEnv`, in which each
+        update builds one layout per environment.
+    max_grad_norm
+        Largest norm of the gradient with respect to the weights.
     """
 
     def __init__(
@@ -56,21 +56,21 @@ class APG(OnPolicyAlgorithm):
         super().__init__(
             policy, env, learning_rate, policy_kwargs=policy_kwargs, verbose=verbose, seed=seed,
             device=device, _init_setup_model=_init_setup_model,
-            # of rollouts and critics, which there are none of
+            # without effect: there is neither a rollout buffer nor a critic
             n_steps=1, gamma=1.0, gae_lambda=1.0, ent_coef=0.0, vf_coef=0.0, use_sde=False,
             sde_sample_freq=-1, max_grad_norm=max_grad_norm,
         )  # fmt: skip
 
     def _setup_model(self) -> None:
-        """Begin as the best uniform row, with weights for what the policy may go by."""
+        """Begin with the uniform baseline, and with zero weights for what is not observed."""
         super()._setup_model()
         if self.env is None:
             return
         env: Any = self.env
-        env.reset()  # which draws scenes, if they are drawn
-        require_smooth(env.vector.scenes[0])  # which all scenes are like
-        seen = env.vector.observation_layout
-        first, last = seen["placed"].start, seen.get("features", seen["near_end"]).stop
+        env.reset()  # which samples scenes
+        require_smooth(env.vector.scenes[0])  # of the same kind as all others
+        parts = env.vector.observation_layout
+        first, last = parts["placed"].start, parts.get("features", parts["near_end"]).stop
         layouts = [scene.uniform().layout for scene in env.vector.scenes]
         env.vector.step(env.vector.actions_towards(layouts))  # later gaps may have other bounds
         start = env.vector.actions_towards(layouts).mean(axis=0)
@@ -87,37 +87,121 @@ class APG(OnPolicyAlgorithm):
     def collect_rollouts(
         self, env: Any, callback: Any, rollout_buffer: Any, n_rollout_steps: int
     ) -> bool:
-        """Build rows with noise, one in each place of the environment, and find their slopes."""
+        """Build a layout with noise in each environment, and compute the loss."""
         callback.on_rollout_start()
         number = env.num_envs
-        scenes, seen = _begin(env)
-        normal = self._actor.get_distribution(seen.flatten(0, 1)).distribution
+        scenes, observations = _begin(env)
+        normal = self._actor.get_distribution(observations.flatten(0, 1)).distribution
         mean, deviation = (
-            part.reshape(*seen.shape[:2], -1) for part in (normal.mean, normal.stddev)
+            part.reshape(*observations.shape[:2], -1) for part in (normal.mean, normal.stddev)
         )
         half = torch.randn((number + 1) // 2, *mean.shape[1:])
         noise = torch.cat([half, -half])[:number]  # antithetic
         actions = (mean + deviation * noise).double()
-        values = actions.detach().numpy()
-        infos, bars = _scored(scenes, *env.vector.place_all(values))
-        gradient = env.vector.place_all_back(values, bars)
-        gradient[(np.abs(values) > 1.0) & (values * gradient > 0.0)] = 0.0  # further outwards
-        self._loss = -(actions * torch.from_numpy(gradient)).sum()
+        scores, infos = _evaluate(scenes, *_Placing.apply(env.vector, actions))  # type: ignore[no-untyped-call]
+        units = [100.0 / (abs(scene.uniform().score) or 1.0) / number for scene in scenes]
+        self._loss = -(scores * torch.tensor(units, dtype=torch.double)).sum()  # mean return
         self.num_timesteps += sum(scene.count - 1 for scene in scenes)
         callback.update_locals({"infos": infos})
-        going_on = callback.on_step()
+        proceed = callback.on_step()
         callback.on_rollout_end()
-        return bool(going_on)
+        return bool(proceed)
 
     def train(self) -> None:
-        """Take a step up the slope of the mean return."""
+        """Take a step along the gradient of the mean return."""
         optimizer = self._actor.optimizer
         self._update_learning_rate(optimizer)
         optimizer.zero_grad()
-        self._loss.backward()
+        self._loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self._actor.parameters(), self.max_grad_norm)
         optimizer.step()
         self._n_updates += 1
+
+
+def torch_score(scene: Scene, rtol: float = RTOL) -> Callable[..., torch.Tensor]:
+    """Return the score of a scene as a function of tensors, with its exact gradient.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    rtol
+        Relative error allowed in the arrival times.
+
+    Returns
+    -------
+    callable
+        `score(spacing, thickness=None, height=None)` from the free gaps (B, N-1) [m] and, where
+        they are free, thicknesses and heights (B, N-1) of all dominoes but the first [m], to the
+        scores (B,).
+
+    Examples
+    --------
+    >>> import torch, domino_env
+    >>> from agents import torch_score
+    >>> score = torch_score(domino_env.load_scene("sprint"))
+    >>> spacing = torch.full((2, 39), 0.018, requires_grad=True)
+    >>> score(spacing).sum().backward()
+    >>> spacing.grad.shape
+    torch.Size([2, 39])
+    """
+
+    def score(
+        spacing: torch.Tensor,
+        thickness: torch.Tensor | None = None,
+        height: torch.Tensor | None = None,
+    ) -> torch.Tensor:
+        scores: torch.Tensor = _Score.apply(scene, rtol, spacing, thickness, height)[0]  # type: ignore[no-untyped-call]
+        return scores
+
+    return score
+
+
+class _Score(torch.autograd.Function):
+    """Scores and reaches (B,) of layouts."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, scene: Scene, rtol: float, *sizes: Any
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Simulate the layouts, and their gradient if it is needed."""
+        arrays: list[Any] = [
+            None if size is None else size.detach().double().numpy() for size in sizes
+        ]
+        batch = scene.batch(arrays[0], arrays[1], arrays[2], rtol)
+        result = scene.evaluate(batch, gradient=any(ctx.needs_input_grad))
+        if result.gradient is not None:
+            by = result.gradient
+            ctx.gradients = [
+                None if size is None else torch.as_tensor(value, dtype=size.dtype)
+                for size, value in zip(sizes, (by.spacing, by.thickness, by.height), strict=True)
+            ]
+        dtype = sizes[0].dtype if sizes[0] is not None else torch.double
+        scores, reach = (torch.tensor(part, dtype=dtype) for part in (result.score, result.reach))
+        ctx.mark_non_differentiable(reach)
+        return scores, reach
+
+    @staticmethod
+    def backward(ctx: Any, bars: torch.Tensor, _: torch.Tensor) -> Any:
+        """Multiply by the gradients (B, N-1)."""
+        return None, None, *(None if by is None else bars[:, None] * by for by in ctx.gradients)
+
+
+class _Placing(torch.autograd.Function):
+    """Gaps, thicknesses and heights (B, P) [m] that actions (B, P, A) stand for."""
+
+    @staticmethod
+    def forward(ctx: Any, vector: Any, actions: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Place all dominoes."""
+        ctx.vector, ctx.actions = vector, actions.detach().numpy()
+        return tuple(map(torch.from_numpy, vector.place_all(ctx.actions)))
+
+    @staticmethod
+    def backward(ctx: Any, *bars: torch.Tensor) -> Any:
+        """Propagate gradients back, but none of a descent that moves an action further outwards."""
+        gradient = ctx.vector.place_all_back(ctx.actions, torch.stack(bars, dim=-1).numpy())
+        gradient[(np.abs(ctx.actions) > 1.0) & (ctx.actions * gradient < 0.0)] = 0.0
+        return None, torch.from_numpy(gradient)
 
 
 def require_smooth(scene: Scene) -> None:
@@ -125,60 +209,52 @@ def require_smooth(scene: Scene) -> None:
     lists = (scene.spacing_values, scene.thickness_values, scene.stock)
     if any(rule is not None for rule in lists):
         raise ValueError(
-            f"scene '{scene.name}' has lists, steps or a stock, whose values jump: apg follows the "
-            "gradient by the actions, and there is none; leave them out, or choose ppo"
+            f"scene '{scene.name}' has a list of values, a step or a stock: its score has no "
+            "gradient with respect to actions, which apg needs; remove them, or use ppo"
         )
 
 
 def _begin(env: Any) -> tuple[list[Scene], torch.Tensor]:
-    """Scenes of R rows, and what the policy goes by while they are built.
+    """Return the scenes of B environments, and the observations of whole episodes.
 
-    That is (R, P, O) for P pairs of the longest row, or (1, P, O) where all rows have one scene.
+    Their shape is (B, P, O) for P pairs of the longest chain, or (1, P, O) with a single scene.
     """
-    size, layout = env.observation_space.shape[0], env.vector.observation_layout
-    progress = slice(layout["placed"].start, layout["near_end"].stop)
-    features = layout.get("features")
-    drawn = np.zeros((1, size), np.float32) if features is None else env.reset()
+    size, parts = env.observation_space.shape[0], env.vector.observation_layout
+    progress = slice(parts["placed"].start, parts["near_end"].stop)
+    features = parts.get("features")
+    first = np.zeros((1, size), np.float32) if features is None else env.reset()
     scenes = list(env.vector.scenes)
-    seen = np.zeros((len(drawn), max(scene.count for scene in scenes) - 1, size), np.float32)
-    for row, scene, observed in zip(seen, scenes, drawn, strict=False):
-        row[: scene.count - 1, progress] = progress_of_row(scene.count)
+    longest = max(scene.count for scene in scenes)
+    observations = np.zeros((len(first), longest - 1, size), np.float32)
+    for episode, scene, observed in zip(observations, scenes, first, strict=False):
+        episode[: scene.count - 1, progress] = progress_of(scene.count)
         if features is not None:
-            row[:, features] = observed[features]
-    return scenes, torch.from_numpy(seen)
+            episode[:, features] = observed[features]
+    return scenes, torch.from_numpy(observations)
 
 
-def progress_of_row(count: int) -> NDArray[np.float32]:
-    """Return what is observed of how far a row has come while it is built, (N-1, 1 + 2 S)."""
+def progress_of(count: int) -> NDArray[np.float32]:
+    """Return the observed position in a chain of N dominoes at each step, (N-1, 1 + 2 S)."""
     placed, near = np.arange(count - 1)[:, None] / (count - 1), closeness(count)
     return np.concatenate([placed.astype(np.float32), near[:-1], near[:0:-1]], axis=1)
 
 
-def _scored(
-    scenes: list[Scene], spacing: Floats, thickness: Floats, height: Floats
-) -> tuple[list[dict[str, Any]], Floats]:
-    """Infos of layouts, and the gradient of the mean return by gap, thickness and height.
-
-    The gradient (R, P, 3) counts in per cent of the uniform baseline's score, as returns do.
-    """
-    bars = np.zeros((*spacing.shape, 3))
+def _evaluate(
+    scenes: list[Scene], spacing: torch.Tensor, thickness: torch.Tensor, height: torch.Tensor
+) -> tuple[torch.Tensor, list[dict[str, Any]]]:
+    """Return the scores (B,) of layouts in their scenes, and infos with score, reach and layout."""
+    scores = list[torch.Tensor]()
     infos = list[dict[str, Any]]()
-    alike = len(set(scenes)) == 1
-    step = len(scenes) if alike else 1
+    step = len(scenes) if len(set(scenes)) == 1 else 1
     for chosen in (slice(b, b + step) for b in range(0, len(scenes), step)):
         scene = scenes[chosen][0]
-        pairs = slice(0, scene.count - 1)
         gaps, thick, tall = (
-            np.ascontiguousarray(part[chosen, pairs]) for part in (spacing, thickness, height)
+            part[chosen, : scene.count - 1].contiguous() for part in (spacing, thickness, height)
         )
-        grown = None if scene.growth is None else tall
-        found = scene.evaluate(scene.batch(gaps, thick, grown, RTOL), gradient=True)
-        by = found.gradient
-        assert by is not None
-        unit = 100.0 / (abs(scene.uniform().score) or 1.0) / len(scenes)
-        for k, exact in enumerate((by.spacing, by.thickness, by.height)):
-            bars[chosen, pairs, k] = unit * exact
-        for b, score in enumerate(found.score):
-            layout = scene.layout(gaps[b], thick[b], None if grown is None else grown[b])
-            infos.append({"score": float(score), "reach": float(found.reach[b]), "layout": layout})
-    return infos, bars
+        sizes = gaps, thick, None if scene.growth is None else tall
+        found, reach = _Score.apply(scene, RTOL, *sizes)  # type: ignore[no-untyped-call]
+        scores.append(found)
+        for b, score in enumerate(found.tolist()):
+            layout = scene.layout(*(size[b].detach().numpy() for size in sizes if size is not None))
+            infos.append({"score": score, "reach": float(reach[b]), "layout": layout})
+    return torch.cat(scores), infos

@@ -21,22 +21,32 @@ FILES = (
     "benchmark.md", "benchmark.csv", "benchmark-reached.png", "benchmark-seconds.png",
     "benchmark-steps.png",
 )  # fmt: skip
-MOMENTS = (1.0, 10.0, 60.0)  # [s] at which the curves are read
+MOMENTS = (1.0, 10.0, 60.0)  # [s] processor times of the columns "after"
 COLUMNS = (
-    "scene", "algorithm", "seed", "uniform", "score", "best_known", "share", "steps",
+    "scene", "algorithm", "seed", "uniform", "score", "best_known", "normalised_score", "steps",
     "processor_seconds", "seconds_past_uniform",
 )  # fmt: skip
-PAGE = Path(__file__).with_name("benchmark_page.md")  # with places for tables and numbers
+PAGE = Path(__file__).with_name("benchmark_page.md")  # template
 SAMPLED = (
-    "Every episode of a training is a new scene. A score is the median gain over the uniform "
-    "baselines of the scenes of the test set; that of searches of 2,500 layouts each, {}, counts "
-    "as best known. A search has each of these scenes to search, and its time is that of all "
-    "searches; the curve of a training is of other scenes than the test set's."
+    "Every episode of a training has a new scene. A score is the median gain over the uniform "
+    "baselines in the test set; that of searches with 2,500 evaluations each, {}, counts as best "
+    "known. A search searches each of these scenes, and its time is that of all together; the "
+    "curve of a training is of other scenes than the test set's."
 )
 
 
 def write(experiment: Experiment, folder: Path, command: str) -> None:
-    """Write all FILES, with the command that made them; other files in the folder stay."""
+    """Write all FILES; other files in the folder stay.
+
+    Parameters
+    ----------
+    experiment
+        Results of the benchmark.
+    folder
+        Folder of the files.
+    command
+        Command that repeats it, for the page.
+    """
     from optimize.experiments.pictures import draw_intervals, draw_over_clock
 
     lines = []
@@ -55,7 +65,7 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
 
 
 def page(experiment: Experiment, command: str) -> str:
-    """Write the page."""
+    """Return the page in Markdown."""
     sections = [["", f"## {scene}", "", *_of_scene(experiment, scene)]
                 for scene in experiment.problems]  # fmt: skip
     lines = [*chain(*sections)][1:] + failures_section(experiment)
@@ -69,18 +79,18 @@ def page(experiment: Experiment, command: str) -> str:
 
 
 def overview(experiment: Experiment) -> list[str]:
-    """Return the table over all scenes, lines of Markdown: what learns first, each best first."""
+    """Return the table over all scenes, learning algorithms first, the best of each first."""
     names = (
         "algorithm", "runs", "normalised score", "95 % interval",
         *(f"after {moment:g} s" for moment in MOMENTS), "runs past uniform", "processor time",
     )  # fmt: skip
     rows = []
     for name in experiment.ranked(ALGORITHMS):
-        runs, found = experiment.runs(name), experiment.mean_score(name)
+        runs, estimate = experiment.runs(name), experiment.mean_score(name)
         past = sum(r.score > r.uniform_score for r in runs)
         early = [experiment.score_after(name, moment) for moment in MOMENTS]
         rows.append((
-            f"`{name}`", len(runs), f"{float(found.value):.1%}", _interval(found),
+            f"`{name}`", len(runs), f"{float(estimate.value):.1%}", _interval(estimate),
             *(f"{part:.1%}" if np.isfinite(part) else "–" for part in early),
             f"{past} of {len(runs)}", _time(runs),
         ))  # fmt: skip
@@ -88,32 +98,32 @@ def overview(experiment: Experiment) -> list[str]:
 
 
 def _of_scene(experiment: Experiment, scene: str) -> list[str]:
-    """Return text and table of one scene, lines of Markdown."""
+    """Return text and table of one scene as lines of Markdown."""
     one = next(r for r in experiment.results if r.problem == scene)
-    plain = isinstance(problem_of_text(one.scene), Scene)
-    scores = "{:.5f}" if plain else "{:+.2%}"
+    fixed = isinstance(problem_of_text(one.scene), Scene)
+    scores = "{:.5f}" if fixed else "{:+.2%}"
     best = scores.format(experiment.best[scene])
     uniform = scores.format(one.uniform_score)
-    about = f"Uniform baseline {uniform}, best known {best}." if plain else SAMPLED.format(best)
+    about = f"Uniform baseline {uniform}, best known {best}." if fixed else SAMPLED.format(best)
     names = (
         "algorithm", "runs", "worst, best score", "normalised score", "95 % interval",
         "past uniform after, at worst", "processor time",
     )  # fmt: skip
     rows = []
     for name in experiment.ranked(ALGORITHMS, scene):
-        runs, found = experiment.runs(name, scene), experiment.mean_score(name, scene)
+        runs, estimate = experiment.runs(name, scene), experiment.mean_score(name, scene)
         ends = min(r.score for r in runs), max(r.score for r in runs)
         past = max(experiment.seconds_past_uniform(r) for r in runs)
         rows.append((
             f"`{name}`", len(runs), ", ".join(map(scores.format, ends)),
-            f"{float(found.value):.1%}", _interval(found),
+            f"{float(estimate.value):.1%}", _interval(estimate),
             _seconds(past) if np.isfinite(past) else "not all", _time(runs),
         ))  # fmt: skip
     return [about, "", *markdown_table(names, rows)]
 
 
-def _interval(found: Estimate) -> str:
-    low, high = float(found.low), float(found.high)
+def _interval(estimate: Estimate) -> str:
+    low, high = float(estimate.low), float(estimate.high)
     return f"{low:.1%} to {high:.1%}" if high > low else "–"
 
 

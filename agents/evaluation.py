@@ -1,4 +1,4 @@
-"""Evaluation: what a trained or scripted policy builds, in one scene or in many."""
+"""Evaluation: the layouts that a trained or scripted policy builds, in one scene or in many."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agents.designer.features import FEATURES, features_of
-from agents.designer.policy import ConditionedPolicy, shipped_policy
+from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, folder_of, summary_of
 from agents.rollout import Rollout
@@ -25,13 +25,13 @@ from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_distribution
 from domino_env.scenes.io.reading import distribution_names
 from domino_env.scenes.pool import load_test_set
-from optimize.searching import compile_for
+from optimize.searching import compile_for, search
 
 if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
 
-ROUNDING = 1e-9  # relative; a layout that is equal to the uniform one does not beat it
-NOTHING = 1e-4  # a search that gains less has found nothing to gain
+ROUNDING = 1e-9  # relative gain up to which a layout counts as the uniform one
+LEAST_GAIN = 1e-4  # of a search; a smaller one is no reference for others
 STOPPED = -1.0  # gain of a layout whose wave stops
 SEARCHED = Path(__file__).with_name("searched.csv")
 
@@ -39,43 +39,47 @@ SEARCHED = Path(__file__).with_name("searched.csv")
 def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool = False) -> Rollout:
     """Build a layout with the best policy of a training, deterministically.
 
-    NumPy alone is enough, but for an archive.
+    Only an archive needs the extra "rl".
 
     Parameters
     ----------
     run
-        The folder that a training wrote; the name of a policy that ships: "designer", which was
-        trained on many scenes, or one of `agents.policy.shipped`; "uniform", "greedy" or "ramp",
-        which are scripted; or, with `trust`, an archive of stable-baselines3 (.zip).
+        The folder of a training; the name of a policy that ships ("designer", or one of
+        `agents.policy.shipped`) or of a scripted one ("uniform", "greedy", "ramp"); or, with
+        `trust`, an archive of Stable-Baselines3 (.zip).
     scene
-        Another scene than it was trained on; its observations must have the same entries. A policy
-        that was trained on many scenes or on none needs one.
+        Another scene than the policy was trained on, with observations of the same size. A
+        scripted policy and one that was trained on sampled scenes need one.
     trust
-        Whether an archive may be loaded, which runs code that it holds.
+        Whether an archive may be loaded, which runs the code that it contains.
 
     Returns
     -------
     Rollout
-        The layout, beside the best uniform one.
+        The layout with its wave and score, beside the uniform baseline.
 
     Raises
     ------
     ValueError
-        Where the scene's observations differ from those of the training, and for what is no run.
+        If the observations of the scene have another size, and if `run` names no policy.
+
+    Examples
+    --------
+    >>> from agents import evaluate
+    >>> round(evaluate("sprint").score, 4)  # [m/s]
+    0.8284
     """
     target = scene if scene is None or isinstance(scene, Scene) else load_scene(scene)
     return load_policy(run, trust=trust).build(target)
 
 
-def load_policy(
-    run: str | Path, *, trust: bool = False
-) -> ScenePolicy | ConditionedPolicy | ScriptedPolicy:
+def load_policy(run: str | Path, *, trust: bool = False) -> ScenePolicy | Designer | ScriptedPolicy:
     """Load a policy, whose method `build` builds a layout for a scene; arguments as of `evaluate`.
 
     Raises
     ------
     ValueError
-        For what holds no policy.
+        If `run` names no policy.
     """
     if str(run) in SCRIPTED:
         return ScriptedPolicy(str(run))
@@ -83,14 +87,14 @@ def load_policy(
     if folder.suffix == ".zip":
         return ScenePolicy.from_archive(folder, trust)
     if folder == POLICIES / DESIGNER:
-        return shipped_policy()
+        return shipped_designer()
     return ScenePolicy.load(folder)
 
 
 def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
-    """Make the method `agent:RUN` of a search: it builds its layout at once.
+    """Return the method `agent:RUN` of a search, which evaluates the layout of a policy.
 
-    The time of the training counts as spent.
+    The time of its training counts as spent.
 
     Parameters
     ----------
@@ -100,7 +104,7 @@ def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
     Raises
     ------
     ValueError
-        For what is no agent.
+        If `run` names no policy.
     """
     try:
         policy = load_policy(run)
@@ -109,7 +113,7 @@ def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
     summary = summary_of(folder_of(run))
 
     def method(evaluator: Evaluator, rng: np.random.Generator) -> None:
-        evaluator.add_seconds(0.0 if summary is None else summary.seconds)
+        evaluator.add_seconds(summary.seconds)
         layout = policy.build(evaluator.problem.scene).layout
         evaluator.evaluate(evaluator.problem.design(layout))
 
@@ -117,16 +121,16 @@ def agent(run: str) -> Callable[[Evaluator, np.random.Generator], None]:
 
 
 def gains_of(policy: Policy, distribution: SceneDistribution, scenes: Sequence[Scene]) -> Floats:
-    """Build a layout for each scene, all side by side.
+    """Return the gains of the layouts that a policy builds in many scenes, side by side.
 
     Parameters
     ----------
     policy
-        Maps observations to actions.
+        Maps observations (S, O) to actions (S, A).
     distribution
         The distribution that it was trained on.
     scenes
-        Scenes of that kind.
+        S scenes of that kind.
 
     Returns
     -------
@@ -145,14 +149,14 @@ def gains_of(policy: Policy, distribution: SceneDistribution, scenes: Sequence[S
 
 
 def searched_scores(name: str, number: int) -> Floats | None:
-    """Return the scores that `auto` found in the first scenes of a test set, 2500 evaluations each.
+    """Return the scores of searches in the first scenes of a test set.
 
-    `agents.cards` searches them anew.
+    They are those of `evaluate_scenes(scenes_of(name, number), budget=2500, seed=1)`.
 
     Parameters
     ----------
     name
-        Name of the set.
+        Name of the test set.
     number
         Number of scenes.
 
@@ -163,116 +167,94 @@ def searched_scores(name: str, number: int) -> Floats | None:
     """
     scores = np.full(number, np.nan)
     with SEARCHED.open(newline="", encoding="utf-8") as lines:
-        for row in csv.DictReader(lines):
-            if row["set"] == name and int(row["scene"]) < number:
-                scores[int(row["scene"])] = float(row["score"])
+        for line in csv.DictReader(lines):
+            if line["set"] == name and int(line["scene"]) < number:
+                scores[int(line["scene"])] = float(line["score"])
     return scores if np.isfinite(scores).any() else None
 
 
 @dataclass(frozen=True, eq=False)
 class ScenesEvaluation:
-    """Evaluation of designs in S scenes.
+    """Evaluation of a policy in S scenes, beside the uniform baselines and, if known, a search.
 
     Attributes
     ----------
     scenes
         The scenes.
     uniform
-        (S,) score of the best uniform row.
-    designed, proposed
-        (S,) score of the design, and of what the networks proposed for it; nan where they propose
-        nothing, for the policy builds in the environment.
-    seconds, seconds_proposed
-        (S,) processor time that each took.
-    searched
-        (S,) score of what search found, nan where none was done; None where none was at all.
+        (S,) scores of the uniform baselines.
+    scores
+        (S,) scores by name: "policy", and where it is the designer "proposal", the layouts of its
+        networks without gradient steps, and where a search is known "search", with nan in scenes
+        that were not searched.
+    seconds
+        (S,) processor time by name [s], not of the search.
     """
 
     scenes: Sequence[Scene]
     uniform: Floats
-    designed: Floats
-    proposed: Floats
-    seconds: Floats
-    seconds_proposed: Floats
-    searched: Floats | None = None
+    scores: dict[str, Floats]
+    seconds: dict[str, Floats]
 
     def table(self) -> str:
-        """Make a table in Markdown, a line for each way to design."""
+        """Return a table in Markdown with a line for the policy, its proposal and the search."""
         names = (
-            "row", "beats the best uniform one", "gain: median", "tenth percentile", "worst",
-            "part of the search's gain: median", "tenth percentile", "time: median", "longest",
+            "layout", "beats the uniform baseline", "median gain", "10th percentile", "worst",
+            "median part of the search's gain", "10th percentile", "median time", "longest",
         )  # fmt: skip
-        rows = [self._row("design", self.designed, self.seconds)]
-        if np.isfinite(self.proposed).any():
-            rows.append(self._row("its proposal", self.proposed, self.seconds_proposed))
-        if self.searched is not None:
-            rows.append(self._row("search", self.searched, None))
-        return "\n".join(markdown_table(names, rows))
+        return "\n".join(markdown_table(names, map(self._line, self.scores)))
 
-    def _row(self, name: str, scores: Floats, seconds: Floats | None) -> tuple[str, ...]:
-        gain = self.gains(scores)
+    def _line(self, name: str) -> tuple[str, ...]:
+        scores = self.scores[name]
+        gain = self.gains(name)
         gain = gain[np.isfinite(gain)]
-        died = int(np.sum(scores <= 0.0))
-        worst = f"{died} died" if died else f"{gain.min():+.2%}"
-        times = ("", "") if seconds is None else (
-            f"{1e3 * np.median(seconds):.1f} ms", f"{1e3 * seconds.max():.1f} ms"
-        )  # fmt: skip
-        shares = ("", "") if self.searched is None else (
-            f"{self.share(scores):.1%}", f"{self.share(scores, 0.1):.1%}"
-        )  # fmt: skip
+        stopped = int(np.sum(scores <= 0.0))
+        parts, times = ["", ""], ["", ""]
+        if "search" in self.scores:
+            searched = self.gains("search")
+            some = searched > LEAST_GAIN  # False for nan
+            normalised = self.gains(name)[some] / searched[some]
+            parts = [f"{np.quantile(normalised, q):.1%}" for q in (0.5, 0.1)]
+        if name in self.seconds:
+            seconds = 1e3 * self.seconds[name]
+            times = [f"{np.median(seconds):.1f} ms", f"{seconds.max():.1f} ms"]
         return (
             name, f"{np.mean(gain > ROUNDING):.1%} of {len(gain)}", f"{np.median(gain):+.2%}",
-            f"{np.quantile(gain, 0.1):+.2%}", worst, *shares, *times,
+            f"{np.quantile(gain, 0.1):+.2%}",
+            f"{stopped} stop" if stopped else f"{gain.min():+.2%}", *parts, *times,
         )  # fmt: skip
 
-    def gains(self, scores: Floats) -> Floats:
-        """Compute gains over the best uniform rows; below -1 where a wave died."""
-        return scores / self.uniform - 1.0
-
-    def share(self, scores: Floats, quantile: float = 0.5) -> float:
-        """Compute a quantile of the part of search's gain, where search gains anything."""
-        assert self.searched is not None
-        found = self.gains(self.searched)
-        some = found > NOTHING  # and so no nan
-        return float(np.quantile(self.gains(scores)[some] / found[some], quantile))
-
-    def missed(self, scores: Floats) -> int:
-        """Count the scenes in which search beats the best uniform row and these rows do not."""
-        assert self.searched is not None
-        bar = self.uniform * (1.0 + ROUNDING)
-        return int(np.sum((self.searched > bar) & ~(scores > bar)))
+    def gains(self, name: str = "policy") -> Floats:
+        """Return the gains (S,) over the uniform baselines; below -1 where a wave stops."""
+        return self.scores[name] / self.uniform - 1.0
 
     def save(self, path: Path) -> None:
-        """Write a line for each scene, CSV."""
-        columns = [
-            *np.array([features_of(scene) for scene in self.scenes]).T, self.uniform,
-            self.designed, self.proposed, self.seconds, self.seconds_proposed,
-        ]  # fmt: skip
-        names = [name.replace(" ", "_") for name in FEATURES]
-        names += ["uniform", "designed", "proposed", "seconds", "seconds_proposed"]
-        if self.searched is not None:
-            columns, names = [*columns, self.searched], [*names, "searched"]
-        write_csv(path, names, ([f"{x:.10g}" for x in row] for row in np.array(columns).T))
+        """Write a CSV file with the features, scores and times [s] of each scene."""
+        columns = dict(zip(FEATURES, np.array([*map(features_of, self.scenes)]).T, strict=True))
+        columns |= {"uniform": self.uniform, **self.scores}
+        columns |= {f"{name} seconds": values for name, values in self.seconds.items()}
+        lines = ([f"{x:.10g}" for x in line] for line in zip(*columns.values(), strict=True))
+        write_csv(path, [name.replace(" ", "_") for name in columns], lines)
 
 
 def scenes_of(
     name: str | Path | SceneDistribution, number: int, seed: int | None = None
 ) -> list[Scene]:
-    """Give scenes to evaluate in: of a test set that ships, or drawn with a seed.
+    """Return scenes to evaluate in: those of a test set that ships, or sampled ones.
 
     Parameters
     ----------
     name
-        Of a distribution that ships, or the path of one's file, or a distribution itself.
+        A scene distribution, the name of one that ships, or the path of its file.
     number
-        How many; of a test set at most 200, its first.
+        Number of scenes; of a test set its first, at most 200.
     seed
-        That draws them; None for the test set.
+        Seed of the sampling; None for the test set.
 
     Raises
     ------
     ValueError
-        For numbers that make no sense, and as of `load_distribution` and `load_test_set`.
+        For numbers out of range, and as of `load_distribution` and `load_test_set`.
     """
     require("scenes", number, 1, whole=True)
     if seed is not None:
@@ -292,64 +274,66 @@ def scenes_of(
 
 def evaluate_scenes(
     scenes: Sequence[Scene],
-    policy: ConditionedPolicy | ScenePolicy | None = None,
+    policy: Designer | ScenePolicy | None = None,
     *,
     budget: int | None = None,
     seed: int = 0,
     searched: Floats | None = None,
     progress: bool | None = False,
 ) -> ScenesEvaluation:
-    """Design rows for scenes, and compare.
+    """Build a layout for each scene, and compare its score with the uniform baseline.
 
     Parameters
     ----------
     scenes
-        One or more.
+        One or more scenes.
     policy
-        What designs: a designer, or what was trained on drawn scenes; None for the designer that
+        The designer, or a policy that was trained on sampled scenes; None for the designer that
         ships.
     budget
-        Number of evaluations of a search in each scene, to compare with; None for no search.
+        Evaluations of a search in each scene, to compare with; None for no search.
     seed
-        Of the searches.
+        Seed of the searches.
     searched
-        (S,) scores of searches that were done before.
+        (S,) scores of searches that were done before, used where `budget` is None.
     progress
         Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
+
+    Returns
+    -------
+    ScenesEvaluation
+        Scores and processor times in each scene.
 
     Raises
     ------
     ValueError
         For no scenes.
     """
-    from optimize import search
-
     if not scenes:
         raise ValueError("no scenes to evaluate in: give 1 or more")
-    designer = policy or shipped_policy()
+    chosen = policy or shipped_designer()
+    scorers: dict[str, Callable[[Scene], float]] = {
+        "policy": lambda scene: chosen.build(scene).score
+    }
+    if isinstance(chosen, Designer):
+        scorers = {
+            "policy": lambda scene: chosen.design(scene).score,
+            "proposal": lambda scene: chosen.design(scene, steps=0).score,
+        }
     compile_for(scenes[0])
-    _score(designer, scenes[0])  # what is loaded once is no part of a design's time
-    proposes = isinstance(designer, ConditionedPolicy)
-    kinds = ((1, None), (2, 0)) if proposes else ((1, None),)
-    table = np.full((6, len(scenes)), np.nan)  # in the order of `ScenesEvaluation`, search last
+    scorers["policy"](scenes[0])  # what is loaded once is not timed
+    scores = {name: np.empty(len(scenes)) for name in scorers}
+    seconds = {name: np.empty(len(scenes)) for name in scorers}
+    if budget is not None:
+        searched = np.empty(len(scenes))
     for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):
-        for at, steps in kinds:
+        for name, score in scorers.items():
             began = time.process_time()
-            table[at, i] = _score(designer, scene, steps)
-            table[at + 2, i] = time.process_time() - began
-        if budget is not None:
-            table[5, i] = search(scene, budget=budget, seed=seed, progress=False).score
-        table[0, i] = scene.uniform().score
-    uniform, designed, proposed, seconds, seconds_proposed, fresh = table
-    return ScenesEvaluation(
-        scenes, uniform, designed, proposed, seconds, seconds_proposed,
-        searched if budget is None else fresh,
-    )  # fmt: skip
-
-
-def _score(
-    policy: ConditionedPolicy | ScenePolicy, scene: Scene, steps: int | None = None
-) -> float:
-    if isinstance(policy, ConditionedPolicy):
-        return float(policy.design(scene, steps=steps).score)
-    return policy.build(scene).score
+            scores[name][i] = score(scene)
+            seconds[name][i] = time.process_time() - began
+        if budget is not None and searched is not None:
+            searched[i] = search(scene, budget=budget, seed=seed, progress=False).score
+    if searched is not None:
+        scores["search"] = searched
+    uniform = np.array([scene.uniform().score for scene in scenes])
+    return ScenesEvaluation(scenes, uniform, scores, seconds)

@@ -1,9 +1,9 @@
-"""Learners as methods of a search, on its budget and clock.
+"""Learners as search methods, with the budget and clock of a search.
 
-Named in the entry-point group `domino.methods`. A learner begins anew in each search; every layout
-that it builds while it learns is an evaluation, and so is the one that it builds without noise now
-and then. Loading this takes the seconds that torch takes to load, before the clock of a search
-begins, and raises ImportError, with what to install, where the extra "rl" is missing.
+They are named in the entry-point group `domino.methods`. A learner begins anew in each search;
+every layout that it builds while it learns is an evaluation, and so are those that it builds
+regularly without noise. The import takes as long as that of torch, before the clock of a search
+starts, and raises ImportError with the command to install it if the extra "rl" is missing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from agents.algorithms import Hyperparameters, hyperparameters, require_learning
+from agents.algorithms import (
+    Hyperparameters,
+    default_hyperparameters,
+    require_learning,
+)
 
 require_learning()
 
@@ -65,49 +69,50 @@ def ars(evaluator: Evaluator, rng: np.random.Generator) -> None:
 def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
     """Train until the budget is spent.
 
-    Bitwise reproducible under a budget of evaluations. Layouts are built side by side, and all that
-    are under way could still be paid for; a rest smaller than that is left.
+    The result is bitwise reproducible under a budget of evaluations. As layouts are built together,
+    training ends when fewer evaluations remain than there are environments.
 
     Parameters
     ----------
     algorithm
         One of `agents.algorithms.ALGORITHMS`.
     evaluator
-        Of the search.
+        Evaluator of the search.
     rng
-        Of all randomness.
+        Source of all randomness.
     """
-    plan = _within(hyperparameters(algorithm, evaluator.problem.scene.count - 1), evaluator)
+    scene = evaluator.problem.scene
+    chosen = _within(default_hyperparameters(algorithm, scene.count - 1), evaluator)
     with random_state_restored(), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         seed = int(rng.integers(2**31))
-        _Learning(Learner(evaluator.problem.scene, algorithm, plan, seed), evaluator).run()
+        _Learning(Learner(scene, algorithm, chosen, seed), evaluator).run()
 
 
-def _within(plan: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
-    """Reduce the environments where a budget of evaluations would not last."""
+def _within(chosen: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
+    """Return hyperparameters with fewer environments where a budget of evaluations is small."""
     if evaluator.max_evaluations is None:
-        return plan
-    rows = int(min(plan.rows, max(evaluator.max_evaluations // GENERATIONS, 1)))
-    options = dict(plan.options)
+        return chosen
+    num_envs = int(min(chosen.num_envs, max(evaluator.max_evaluations // GENERATIONS, 1)))
+    options = dict(chosen.options)
     if "n_steps" in options:  # batches of the same part of a rollout
-        options["batch_size"] = max(options["batch_size"] * rows // plan.rows, 2)
+        options["batch_size"] = max(options["batch_size"] * num_envs // chosen.num_envs, 2)
     if "n_delta" in options:  # of ARS: two environments each
-        options["n_delta"] = max(min(options["n_delta"], rows // 2), 1)
+        options["n_delta"] = max(min(options["n_delta"], num_envs // 2), 1)
         options["n_top"] = min(options["n_top"], options["n_delta"])
-    return replace(plan, rows=rows, options=options)
+    return replace(chosen, num_envs=num_envs, options=options)
 
 
 class _Learning:
     """A learner while it spends the budget of a search."""
 
     def __init__(self, learner: Learner, evaluator: Evaluator) -> None:
-        self.learner, self.rows = learner, learner.hyperparameters.rows
+        self.learner, self.num_envs = learner, learner.hyperparameters.num_envs
         self.evaluator, self.problem = evaluator, evaluator.problem
         self.next_evaluation = 0.0
 
     def run(self) -> None:
-        """Learn, then evaluate the policy if that can be paid for."""
+        """Learn, then evaluate the policy if an evaluation remains."""
         model = self.learner.model
         # all schedules follow the part of the budget that is spent, not the steps taken
         model._update_current_progress_remaining = self._progress
@@ -122,20 +127,23 @@ class _Learning:
         self.learner.model._current_progress_remaining = 1.0 - self.evaluator.progress
 
     def between_updates(self) -> None:
-        """Evaluate now and then, and set what changes along the way."""
-        if self.evaluator.progress >= self.next_evaluation and self.evaluator.remaining > self.rows:
+        """Evaluate regularly, and follow the schedules."""
+        if (
+            self.evaluator.progress >= self.next_evaluation
+            and self.evaluator.remaining > self.num_envs
+        ):
             self._evaluate()
             self.next_evaluation += 1.0 / EVALUATIONS
         self.learner.adapt(self.evaluator.progress, self.evaluator.best_score)
 
     def after_step(self, infos: Any) -> None:
-        """Count the layouts that are complete; stop where those to come could not be paid for."""
+        """Count the layouts that are complete; stop where too few evaluations remain."""
         ended = [info for info in infos if "score" in info]
         if ended:
             scores = np.array([info["score"] for info in ended])
             reach = np.array([_reach(info) for info in ended])
             self._note([info["layout"] for info in ended], scores, reach)
-            if self.evaluator.remaining < self.rows:
+            if self.evaluator.remaining < self.num_envs:
                 raise BudgetSpent
         self.evaluator.require_more()
 
@@ -143,11 +151,12 @@ class _Learning:
         """Evaluate a layout that is built without noise."""
         if self.evaluator.remaining >= 1:
             learner = self.learner
-            built = build(learner.policy(), self.problem.scene, learner.reference_speed)
-            self._note([built.layout], np.array([built.score]), np.array([built.wave.reach]))
+            rollout = build(learner.policy(), self.problem.scene, learner.reference_speed)
+            score, reach = np.array([rollout.score]), np.array([rollout.wave.reach])
+            self._note([rollout.layout], score, reach)
 
     def _note(self, layouts: Any, scores: Floats, reach: Floats) -> None:
-        dominoes = self.problem.dominoes  # of all the layouts that a score takes, at most
+        dominoes = self.problem.dominoes  # of all layouts that a score takes, at most
         falls: Ints = np.ceil(reach * dominoes).astype(np.int64)
 
         def design(i: int) -> Floats:
@@ -158,7 +167,7 @@ class _Learning:
 
 
 def _reach(info: dict[str, Any]) -> float:
-    """Return how far the wave of a layout came, looked up where the info does not hold it."""
+    """Return the part of a layout that its wave reached, 0 to 1."""
     if "reach" in info:
         return float(info["reach"])
     return 1.0 if info["outcome"] == Outcome.PROPAGATED else float(info["wave"].reach)

@@ -1,12 +1,12 @@
 """Policies that build domino by domino, as the folder of a training holds them.
 
-config.json     what the training was begun with   progress.csv    the learning curve
-policy.npz      weights, as plain arrays           summary.json    its result
-checkpoint.pt   what a resumed training needs      scene.toml      the scene, or the distribution
+config.json     scene, seed, hyperparameters       progress.csv    learning curve
+policy.npz      weights, as plain arrays           summary.json    result of the training
+checkpoint.pt   state of a training to resume      scene.toml      the scene, or the distribution
 
 and for one scene
 
-policy.json     what the best policy built         result.png      learning curve and layout
+policy.json     result of the best policy          result.png      learning curve and layout
 layout.csv/json the layout that it builds          tensorboard/    losses, if that is installed
 """
 
@@ -30,9 +30,9 @@ from domino_env.scenes.distribution import load_any
 
 CONFIG, PROGRESS, POLICY = "config.json", "progress.csv", "policy.npz"
 SUMMARY, CHECKPOINT, SCENE = "summary.json", "checkpoint.pt", "scene.toml"
-BUILT = "policy.json"
+BEST = "policy.json"
 FILES = (
-    CONFIG, PROGRESS, POLICY, SUMMARY, CHECKPOINT, SCENE, BUILT, "layout.csv", "layout.json",
+    CONFIG, PROGRESS, POLICY, SUMMARY, CHECKPOINT, SCENE, BEST, "layout.csv", "layout.json",
     "result.png",
 )  # fmt: skip
 
@@ -41,22 +41,17 @@ DESIGNER = "designer"  # the scene-conditioned policy
 
 
 class SummaryDocument(Document):
-    """What is read of summary.json, and of the policy.json of a policy that ships."""
+    """Parts of summary.json and policy.json that are read again."""
 
     finished: bool = True
     seconds: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
-
-
-class BuiltDocument(Document):
-    """What is read of policy.json."""
-
     reference_over_uniform: Annotated[
         float, Meta(gt=0, le=1000, description="reference speed over that of the uniform baseline")
-    ]
+    ] = 1.0
 
 
 def shipped() -> list[str]:
-    """List the names of the policies for one scene that come with the package."""
+    """Return the names of the policies for one scene that come with the package."""
     return sorted(folder.parent.name for folder in POLICIES.glob(f"*/{SCENE}"))
 
 
@@ -67,13 +62,13 @@ def folder_of(run: str | Path) -> Path:
     return POLICIES / str(run) if ships else path
 
 
-def summary_of(folder: Path) -> SummaryDocument | None:
-    """Read the summary of a training, or the policy.json of a policy that ships, if any."""
-    for path in (folder / SUMMARY, folder / BUILT):
+def summary_of(folder: Path, names: tuple[str, ...] = (SUMMARY, BEST)) -> SummaryDocument:
+    """Read the first of some files in the folder of a training; defaults where there is none."""
+    for path in (folder / name for name in names):
         if path.exists():
             with naming(path):
                 return model_of(SummaryDocument, read_json(path))
-    return None
+    return SummaryDocument()
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,22 +78,22 @@ class ScenePolicy:
     Attributes
     ----------
     source
-        The folder or file that it is from.
+        The folder or file that it was loaded from.
     policy
         Maps an observation to an action.
     size
-        Entries of an observation.
+        Number of entries of an observation.
     scene
-        The scene or the distribution that it was trained on; None where nothing says so.
+        The scene or the distribution that it was trained on; None where it is not known.
     reference
-        Speed that it was rewarded against, over that of the uniform baseline.
+        Reference speed of its rewards, over that of the uniform baseline.
     """
 
     source: Path
     policy: Policy
     size: int
     scene: Scene | SceneDistribution | None = None
-    reference: float | None = None
+    reference: float = 1.0
 
     @classmethod
     def load(cls, folder: Path) -> ScenePolicy:
@@ -107,38 +102,34 @@ class ScenePolicy:
         Raises
         ------
         ValueError
-            Where the folder holds no such policy.
+            If the folder holds no such policy.
         """
         if not ((folder / SCENE).exists() and (folder / POLICY).exists()):
             raise ValueError(
                 f"{folder} holds no policy: name the folder of a finished training, or one that "
                 f"ships: {', '.join(shipped())}"
             )
-        scene, speed = load_any(folder / SCENE), None
+        scene = load_any(folder / SCENE)
         env = DominoChain(scene)
         (inputs,), (outputs,) = env.observation_space.shape, env.action_space.shape  # type: ignore[misc]
         actor = read_network(folder / POLICY, actor_of, inputs, outputs)
-        if isinstance(scene, Scene):
-            path = folder / BUILT
-            with naming(path):
-                speed = model_of(BuiltDocument, read_json(path)).reference_over_uniform
-        return cls(folder, acting(actor), inputs, scene, speed)
+        reference = summary_of(folder, (BEST,)).reference_over_uniform
+        return cls(folder, acting(actor), inputs, scene, reference)
 
     @classmethod
     def from_archive(cls, path: Path, trust: bool) -> ScenePolicy:
-        """Load an archive of stable-baselines3 (.zip), which runs code that it holds.
+        """Load an archive of Stable-Baselines3 (.zip), which runs the code that it contains.
 
         Raises
         ------
         ValueError
-            Where `trust` does not allow it, and for what is no such archive.
+            Without `trust`, and if the file is no such archive.
         ImportError
-            Where the extra "rl" is missing.
+            If the extra "rl" is missing.
         """
         if not trust:
             raise ValueError(
-                f"loading {path} runs code that it holds: say --trust if you know where it comes "
-                "from"
+                f"loading {path} runs the code that it contains: add --trust if you know its source"
             )
         require_learning()
         from agents.sb3 import CLASSES
@@ -148,7 +139,7 @@ class ScenePolicy:
                 model = kind.load(path, device="cpu")
             except OSError:
                 raise
-            except Exception:  # of the code that it holds, and of what it is not
+            except Exception:  # of the code in the archive, or because it is another algorithm's
                 continue
             assert model.observation_space.shape is not None
             (size,) = model.observation_space.shape
@@ -161,30 +152,30 @@ class ScenePolicy:
         Parameters
         ----------
         scene
-            Another scene than it was trained on; its observations must have the same entries.
+            Another scene than it was trained on, with observations of the same size.
 
         Raises
         ------
         ValueError
-            Where they differ, and where no scene is known.
+            If the size differs, and if no scene is known.
         """
         if isinstance(self.scene, SceneDistribution):
             if scene is None:
-                raise ValueError(f"{self.source} was trained on many scenes: name one to build for")
+                raise ValueError(
+                    f"{self.source} was trained on sampled scenes: name one to build for (--scene)"
+                )
             return build(self.policy, scene, distribution=self.scene)
         target = scene or self.scene
         if target is None:
-            raise ValueError(f"{self.source} does not say which scene it builds: name one")
+            raise ValueError(f"{self.source} names no scene: name one to build for (--scene)")
         shape = DominoChain(target).observation_space.shape
         if shape != (self.size,):
             raise ValueError(
-                f"scene '{target.name}' shows {shape} numbers, this policy was trained on "
-                f"({self.size},): choose a scene with the same things left free"
+                f"an observation of scene '{target.name}' has shape {shape}, this policy was "
+                f"trained on ({self.size},): choose a scene with the same free variables"
             )
-        speed = None
-        if self.reference is not None:
-            speed = self.reference * target.uniform().wave.mean_speed
-        return build(self.policy, target, speed)
+        speed = self.reference * target.uniform().wave.mean_speed
+        return build(self.policy, target, speed or None)
 
 
 def _predicted(model: Any, observation: Singles) -> Any:

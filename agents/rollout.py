@@ -1,4 +1,4 @@
-"""Rollouts: the layout that a policy builds for a scene, and its score."""
+"""Rollouts: layouts that policies build for scenes, and their scores."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from domino_env.scenes.uniform import gain
 from domino_env.view.notebook import MadeForScene
 from optimize.searching import compile_for
 
-EVALUATION_SEEDS = 64  # of placement noise: seeds 0, 1, …
+EVALUATION_SEEDS = 64  # number of seeds of placement noise: 0, 1, …
 
 
 @dataclass(frozen=True, eq=False)
 class Rollout(MadeForScene):
-    """A layout that a policy built, beside the best uniform one.
+    """A layout that a policy built, beside the uniform baseline.
 
     Attributes
     ----------
@@ -28,14 +28,14 @@ class Rollout(MadeForScene):
     layout
         The layout.
     wave
-        Its wave, simulated closely.
+        Its wave.
     score
         Its score; under placement noise the mean over `EVALUATION_SEEDS` rollouts, of which this
         is the first.
     uniform
         The uniform baseline; under placement noise with its mean score over the same seeds.
     seconds
-        Time that building took, without the simulation of the baseline.
+        Time that building took [s], without the simulation of the baseline.
     """
 
     scene: Scene
@@ -47,7 +47,7 @@ class Rollout(MadeForScene):
 
     @property
     def gain(self) -> float | None:
-        """Score over the uniform one, minus 1; None where one of the two waves stops."""
+        """Score over that of the uniform baseline, minus 1; None where one of the waves stops."""
         return gain(self.score, self.uniform.score)
 
     def __repr__(self) -> str:
@@ -61,10 +61,10 @@ def build(
     *,
     distribution: SceneDistribution | None = None,
 ) -> Rollout:
-    """Let a policy build one layout, domino by domino.
+    """Build a layout with a policy, domino by domino.
 
-    A layout whose wave stops on the way is completed with copies of the domino placed last; its
-    score is that of the wave that stopped.
+    A layout whose wave stops is completed with copies of the domino placed last; its score is that
+    of the wave that stops.
 
     Parameters
     ----------
@@ -73,10 +73,15 @@ def build(
     scene
         The scene to build for.
     reference_speed
-        Speed that single steps are rewarded against [m/s]; None for that of the uniform baseline.
+        Reference speed of the rewards [m/s]; None for that of the uniform baseline.
     distribution
         The scene distribution that the policy was trained on, if any: the policy then observes the
         features of the scene.
+
+    Returns
+    -------
+    Rollout
+        The layout with its wave and score.
     """
     uniform = scene.uniform()
     compile_for(scene, episodes=True)
@@ -105,7 +110,7 @@ def _last_info(
 
 
 def as_placed(rollout: Rollout) -> Rollout:
-    """Return a layout that was planned beforehand with its mean score under placement noise."""
+    """Return a rollout that did not observe placement noise with its mean score under it."""
     scene = rollout.scene
     if not scene.placement_deviation:
         return rollout
@@ -114,14 +119,13 @@ def as_placed(rollout: Rollout) -> Rollout:
 
 
 def _uniform_as_placed(scene: Scene) -> UniformBaseline:
-    mark = scene.uniform()
-    return replace(
-        mark, score=float(scene.score_placed(mark.layout, range(EVALUATION_SEEDS)).mean())
-    )
+    baseline = scene.uniform()
+    scores = scene.score_placed(baseline.layout, range(EVALUATION_SEEDS))
+    return replace(baseline, score=float(scores.mean()))
 
 
 def completed(layout: Layout, scene: Scene) -> Layout:
-    """Complete a layout to all dominoes with copies of the last one and its gap."""
+    """Return a layout completed to all dominoes with copies of the last one and its gap."""
     missing = scene.count - layout.count
     if missing == 0:
         return layout

@@ -1,4 +1,4 @@
-"""Learners: algorithms of stable-baselines3 and sb3-contrib, with what is scheduled along the way.
+"""Learners: algorithms of Stable-Baselines3 and sb3-contrib with the schedules of a training.
 
 References
 ----------
@@ -43,18 +43,18 @@ NEAR_END = SCALES.index(4.0)  # of the entries "near_end": exp(-(dominoes to com
 class Learner:
     """A learner with its environment; it leaves torch with one thread.
 
-    More threads only slow such small networks down.
+    More threads slow such small networks down.
 
     Parameters
     ----------
     target
-        The scene, or the distribution that scenes are drawn from.
+        The scene, or the distribution that scenes are sampled from.
     algorithm
         One of `CLASSES`.
     hyperparameters
-        Of the algorithm.
+        Hyperparameters of the algorithm.
     seed
-        Of all its randomness.
+        Seed of all its randomness.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Learner:
         seed: int,
     ) -> None:
         self.hyperparameters = hyperparameters
-        self.env = DominoVecEnv(target, hyperparameters.rows)
+        self.env = DominoVecEnv(target, hyperparameters.num_envs)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about batches that do not divide evenly
             self.model: Any = model_of(algorithm, hyperparameters, self.env, seed)
@@ -78,7 +78,7 @@ class Learner:
 
     @property
     def reference_speed(self) -> float:
-        """Speed that single steps are rewarded against [m/s]; 0 where scenes are sampled."""
+        """Reference speed of the rewards [m/s]; 0 where scenes are sampled."""
         fixed = self.env.vector.distribution is None
         return float(self.env.vector.reference_speed) if fixed else 0.0
 
@@ -115,22 +115,21 @@ class Learner:
             self.model.learn(steps, callback=Callback(), reset_num_timesteps=False)
 
     def adapt(self, done: float, best_score: float) -> None:
-        """Set what changes along the way: deviation of the actions, and reference speed.
+        """Set the standard deviation of the actions and the reference speed by their schedules.
 
         Parameters
         ----------
         done
             Part of the training that is done, 0 to 1.
         best_score
-            Of the best layout so far.
+            Score of the best layout so far.
         """
-        if isinstance(self.model.policy, RowPolicy):
+        if isinstance(self.model.policy, ScheduledPolicy):
             self.model.policy.deviation = self.hyperparameters.deviation(done)
-        if self.hyperparameters.follow:
-            self.env.follow(best_score)
+        self.env.follow(best_score)
 
     def policy(self) -> Policy:
-        """Return the policy as it is now, without noise."""
+        """Return the present policy without noise."""
         return acting(actor_of(weights(self.model.policy)))
 
     def save(self, path: Path) -> None:
@@ -139,7 +138,7 @@ class Learner:
         write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
 
     def write_checkpoint(self, path: Path, progress: dict[str, Any]) -> None:
-        """Write weights, optimiser and counters, with the progress of the training beside them."""
+        """Write weights, optimiser, counters, and the progress of the training."""
         state = {
             "parameters": self.model.get_parameters(),
             "steps": self.model.num_timesteps,
@@ -149,7 +148,7 @@ class Learner:
         write_bytes(path, lambda file: torch.save(state, file))
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Return to the weights, optimiser and counters of a checkpoint."""
+        """Restore the weights, optimiser and counters of a checkpoint."""
         self.model.set_parameters(state["parameters"], exact_match=True, device="cpu")
         self.model.num_timesteps = int(state["steps"])
         self.model._n_updates = int(state["updates"])
@@ -159,51 +158,53 @@ class Learner:
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """Read plain numbers and tensors; no pickled code is run.
+    """Read a checkpoint of plain numbers and tensors; no pickled code is run.
 
     Raises
     ------
     ValueError
-        Where the file is damaged or no checkpoint.
+        If the file is damaged or no checkpoint.
     """
     with naming(path):
         try:
             state: dict[str, Any] = torch.load(path, weights_only=True, map_location="cpu")
-        except Exception as error:  # the unpickler raises whatever the bytes lead it to
-            raise ValueError(f"not a checkpoint, or damaged: {error}") from None
+        except Exception:  # the unpickler raises errors of any kind; its advice is to run the code
+            raise ValueError(
+                "not a checkpoint, or damaged: resume from a copy, or train anew"
+            ) from None
     return state
 
 
 def model_of(
     algorithm: str, hyperparameters: Hyperparameters, env: VecEnv, seed: int
 ) -> BaseAlgorithm:
-    """Make the algorithm of stable-baselines3; arguments as of `Learner`."""
+    """Make an algorithm of Stable-Baselines3; arguments as of `Learner`."""
     torch.set_num_threads(1)
     options = dict(hyperparameters.options)
-    first, last = hyperparameters.rate, hyperparameters.last_rate
+    first, last = hyperparameters.learning_rate, hyperparameters.last_rate
 
-    def rate(left: float) -> float:
-        # the last rollout may go beyond the plan: a rate below the last would turn negative there
-        return first * (last + (1.0 - last) * max(left, 0.0))
+    def rate(remaining: float) -> float:
+        # the last rollout may exceed the steps asked for, where the rate would become negative
+        return first * (last + (1.0 - last) * max(remaining, 0.0))
 
+    policy_class: Any = "LinearPolicy"
     policy_options: dict[str, Any] = {}
-    kind: Any = "LinearPolicy"
-    if algorithm in OF_ROWS:
-        kind = RowPolicy
+    if algorithm == "ars":
+        spread = options.get("delta_std", 0.05)
+        options["delta_std"] = lambda remaining: spread * rate(remaining) / first
+    else:
+        policy_class = ScheduledPolicy
         net = [hyperparameters.width] * hyperparameters.depth
         policy_options = {"net_arch": net, "activation_fn": torch.nn.Tanh}
     if algorithm == "apg":
         policy_options["optimizer_kwargs"] = {"eps": 1e-8}  # gradients become small in the end
-    if algorithm == "ars":
-        spread = options.get("delta_std", 0.05)
-        options["delta_std"] = lambda left: spread * rate(left) / first
     model = CLASSES[algorithm](
-        kind, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed, device="cpu",
-        verbose=0, **options,
+        policy_class, env, learning_rate=rate, policy_kwargs=policy_options, seed=seed,
+        device="cpu", verbose=0, **options,
     )  # fmt: skip
-    if algorithm in OF_ROWS:
-        policy: Any = model.policy
-        policy.end, policy.pull = hyperparameters.end, hyperparameters.pull
+    policy: Any = model.policy
+    if isinstance(policy, ScheduledPolicy):
+        policy.end_factor, policy.penalty = hyperparameters.end_factor, hyperparameters.penalty
         layout = env.get_attr("observation_layout")[0]
         policy.near_end = layout["near_end"].start + NEAR_END
     return model
@@ -228,105 +229,100 @@ def random_state_restored() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-class RowPolicy(ActorCriticPolicy):
-    """Normal actions whose standard deviation is not learned but scheduled.
+class ScheduledPolicy(ActorCriticPolicy):
+    """Normal actions whose standard deviation follows a schedule.
 
     It is larger near the end of the chain, where the best layouts have a few tight gaps and thick
-    dominoes: which of them are wanted shows only once the rest of the layout is good, and must not
-    be decided before. Means that have left the box are drawn back to it: beyond it all samples are
-    cut off at the same end, and nothing is learned from them any more.
+    dominoes: which of them are best shows only once the rest of the layout is good, and must not
+    be decided before. A term of the loss returns means from outside the box, because all samples
+    beyond a bound are clipped to it, so that their rewards have no gradient.
 
     Attributes
     ----------
     deviation
         Standard deviation of the actions, far from the end.
-    end
-        So many times larger it is at the end, where it stays below 1.
-    pull
-        This times half the mean squared excess of the means over [-1, 1] is added to the loss.
+    end_factor
+        Standard deviation at the end over `deviation`; the standard deviation stays at most 1.
+    penalty
+        Factor of the additional loss, half the mean squared excess of the means over [-1, 1].
     near_end
         Index of the entry exp(-(dominoes to come) / 4) in an observation.
     """
 
-    deviation, end, pull, near_end = 1.0, 1.0, 0.0, 0
+    deviation, end_factor, penalty, near_end = 1.0, 1.0, 0.0, 0
 
     def extract_features(self, obs: Any, features_extractor: Any = None) -> Any:
-        """Note how near the end each row is; see `ActorCriticPolicy`."""
-        self._near = obs[:, [self.near_end]]
+        """Keep the nearness of the end; see `ActorCriticPolicy`."""
+        self._near_end = obs[:, [self.near_end]]
         return super().extract_features(obs, features_extractor)
 
     def get_distribution(self, obs: Any) -> Distribution:
-        """Note how near the end each row is; `extract_features` is not asked here."""
-        self._near = obs[:, [self.near_end]]
+        """Keep the nearness of the end: the base class does not call `extract_features` here."""
+        self._near_end = obs[:, [self.near_end]]
         return super().get_distribution(obs)
 
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
         means: Any = self.action_net(latent_pi)
-        if self.pull > 0.0 and means.requires_grad:
-            excess = (means - means.clamp(-1.0, 1.0)).detach() * (self.pull / len(means))
-            means.register_hook(lambda slope: slope + excess)
-        wider = math.log(self.end) * self._near
-        log_deviations = torch.clamp(math.log(self.deviation) + wider, max=0.0)
+        if self.penalty > 0.0 and means.requires_grad:
+            excess = (means - means.clamp(-1.0, 1.0)).detach() * (self.penalty / len(means))
+            means.register_hook(lambda gradient: gradient + excess)
+        factor = math.log(self.end_factor) * self._near_end
+        log_deviations = torch.clamp(math.log(self.deviation) + factor, max=0.0)
         assert isinstance(self.action_dist, DiagGaussianDistribution)
         return self.action_dist.proba_distribution(means, log_deviations)
 
 
-class SideBySideARS(ARS):
-    """ARS of sb3-contrib that tries candidates side by side, each in its own environment."""
-
-    @property
-    def _rows(self) -> Any:
-        return self.env
+class VectorARS(ARS):
+    """ARS of sb3-contrib that evaluates candidates together, each in its own environment."""
 
     def evaluate_candidates(
         self, candidate_weights: torch.Tensor, callback: Any, async_eval: Any
     ) -> torch.Tensor:
-        """Build a row with each candidate; the (P,) returns of their episodes.
+        """Build a layout with each candidate; the (P,) returns of their episodes.
 
         Raises
         ------
         ValueError
-            Where `async_eval` is given.
+            If `async_eval` is given.
         """
         if async_eval is not None:
-            raise ValueError("candidates are tried side by side here: leave async_eval out")
+            raise ValueError("candidates are evaluated in one vector environment: omit async_eval")
         callback.on_rollout_start()
         self.ep_info_buffer = deque()
-        rows = self._rows.num_envs
-        parts = torch.split(candidate_weights, rows)
-        returns = torch.cat([self._tried(part, callback) for part in parts])
+        env: Any = self.env
+        parts = torch.split(candidate_weights, env.num_envs)
+        returns = torch.cat([self._returns(env, part, callback) for part in parts])
         callback.on_rollout_end()
         return returns
 
-    def _tried(self, weights: torch.Tensor, callback: Any) -> torch.Tensor:
-        """(P,) returns of at most as many candidates as there are rows; the last stands in."""
-        rows, many = self._rows.num_envs, len(weights)
-        filled = torch.cat([weights, weights[-1:].expand(rows - many, -1)])
+    def _returns(self, env: Any, weights: torch.Tensor, callback: Any) -> torch.Tensor:
+        """Return the returns (P,) of P candidates; the last one fills the other environments."""
+        num_envs, number = env.num_envs, len(weights)
+        filled = torch.cat([weights, weights[-1:].expand(num_envs - number, -1)])
         policy: Any = self.policy
-        net, at, named = policy.action_net, 0, {}
+        net, at, parameters = policy.action_net, 0, {}
         for name, value in net.named_parameters():
             size = value.numel()
-            named[name] = filled[:, at : at + size].reshape(rows, *value.shape)
+            parameters[name] = filled[:, at : at + size].reshape(num_envs, *value.shape)
             at += size
         act = vmap(lambda own, observations: functional_call(net, own, (observations,)))
-        observations = torch.from_numpy(self._rows.reset())
-        running = torch.ones(rows, dtype=torch.bool)
-        returns = torch.zeros(rows)
-        while running[:many].any():
-            actions = act(named, observations).clamp(-1.0, 1.0)
-            after, rewards, ended, infos = self._rows.step(actions.numpy())
+        observations = torch.from_numpy(env.reset())
+        running = torch.ones(num_envs, dtype=torch.bool)
+        returns = torch.zeros(num_envs)
+        while running[:number].any():
+            actions = act(parameters, observations).clamp(-1.0, 1.0)
+            after, rewards, ended, infos = env.step(actions.numpy())
             returns += torch.from_numpy(rewards) * running
             running &= ~torch.from_numpy(ended)
-            self.num_timesteps += rows
+            self.num_timesteps += num_envs
             callback.update_locals({"infos": infos})
             callback.on_step()
             observations = torch.from_numpy(after)
-        return returns[:many] + 0.0
+        return returns[:number]
 
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "apg": APG,
     "ppo": PPO,
-    "ars": SideBySideARS,
+    "ars": VectorARS,
 }
-OF_ROWS = ("apg", "ppo")  # with a `RowPolicy`, whose deviation is a hyperparameter

@@ -1,4 +1,4 @@
-"""Training: an algorithm of stable-baselines3, for one scene or for a scene distribution.
+"""Training: an algorithm of Stable-Baselines3, on one scene or on a scene distribution.
 
 The files in the folder of a training are listed in `agents.policy`.
 """
@@ -15,8 +15,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from msgspec import Meta
 
-from agents.algorithms import ALGORITHMS, Hyperparameters, hyperparameters, require_learning
+from agents.algorithms import (
+    ALGORITHMS,
+    Hyperparameters,
+    default_hyperparameters,
+    require_learning,
+)
+from agents.evaluation import gains_of
 from agents.policy import (
+    BEST,
     CHECKPOINT,
     CONFIG,
     FILES,
@@ -26,8 +33,7 @@ from agents.policy import (
     SUMMARY,
     ScenePolicy,
 )
-from agents.rollout import Rollout
-from agents.scores import PoolScore, SceneScore
+from agents.rollout import Rollout, build
 from domino_env import Scene, SceneDistribution
 from domino_env.core.checks import require, require_choice
 from domino_env.core.files import naming, read_json, require_unused, write_text
@@ -37,28 +43,27 @@ from domino_env.core.results import draw, versions
 from domino_env.core.tables import write_csv
 from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import COUNT
+from domino_env.scenes.pool import ScenePool
 
 if TYPE_CHECKING:
     from agents.sb3 import Learner
-    from optimize.result import SearchResult
 
 COLUMNS = (
     "steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference",
     "processor_seconds",
 )  # fmt: skip
 EVALUATIONS, CHECKPOINTS = 200, 40  # in a whole training
-EPISODE = 32  # steps of an episode that hyperparameters are chosen for where lengths vary
-COMPARED = 0.1  # of the training's time is what CMA-ES gets, for the line in the picture
-LONGEST_COMPARED = 20.0  # [s]
+POOL_SCENES = 50  # sampled scenes in which a policy is evaluated while it is trained
+EPISODE = 32  # steps of an episode for default hyperparameters where their number varies
 
 
 class ConfigDocument(Document):
-    """What a training was begun with: config.json."""
+    """Arguments of a training: config.json."""
 
     algorithm: Literal["apg", "ppo", "ars"]
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
     steps: Annotated[int, Meta(ge=1)]
-    preset: Hyperparameters
+    hyperparameters: Hyperparameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +81,12 @@ class Run:
     steps
         Dominoes placed.
     seconds
-        Time that it took.
+        Wall-clock time [s].
     curve
-        A tuple for each evaluation, as in progress.csv. Where scenes are sampled, scores are median
-        gains over the uniform baselines.
+        A tuple for each evaluation, with the columns of progress.csv. Where scenes are sampled,
+        scores are median gains over the uniform baselines.
     interrupted
-        Whether it was ended by hand.
+        Whether it was interrupted by Ctrl-C.
     rollout
         The layout of the best policy; None where scenes are sampled.
     """
@@ -106,12 +111,17 @@ class Run:
         return None if self.rollout is None else self.rollout._repr_html_()
 
     def plot(self) -> Any:
-        """Draw both layouts and the training; returns a Matplotlib figure.
+        """Draw the layout, the uniform baseline and the learning curve.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
 
         Raises
         ------
         ValueError
-            Where scenes are sampled: there is no single layout.
+            If scenes are sampled: there is no single layout.
         """
         return draw("training", self)
 
@@ -125,12 +135,11 @@ def train(
     *,
     resume: bool = False,
     progress: bool | None = False,
-    plan: Hyperparameters | None = None,
+    hyperparameters: Hyperparameters | None = None,
 ) -> Run:
-    """Train an agent to build layouts for a scene, or for all scenes of a distribution.
+    """Train a policy that builds layouts for a scene, or for all scenes of a distribution.
 
-    Ctrl-C ends it with the best policy so far. A training that was stopped continues from its last
-    checkpoint.
+    Ctrl-C ends the training with the best policy so far.
 
     Parameters
     ----------
@@ -139,17 +148,17 @@ def train(
     algorithm
         "apg", "ppo" or "ars".
     steps
-        Dominoes to place in all; None for the default of the hyperparameters.
+        Dominoes to place in all; None for the number in the hyperparameters.
     seed
-        The same seed on the same machine gives the same weights.
+        Seed of all randomness; it gives the same weights again on the same machine.
     folder
         Folder of the training; None for runs/SCENE-ALGORITHM.
     resume
         Continue from the checkpoint in the folder, with its scene, seed and steps.
     progress
         Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
-    plan
-        Hyperparameters; None for those of the algorithm.
+    hyperparameters
+        Hyperparameters; None for the defaults of the algorithm.
 
     Returns
     -------
@@ -159,10 +168,16 @@ def train(
     Raises
     ------
     ImportError
-        Where the extra "rl" is missing.
+        If the extra "rl" is missing.
     ValueError
-        For an unknown algorithm or scene, for a folder that holds another training, and for nothing
-        to continue from.
+        For an unknown algorithm or scene, for a folder that holds another training, and with
+        `resume` for a folder without one.
+
+    Examples
+    --------
+    >>> from agents import train
+    >>> run = train("sprint", algorithm="apg", folder="runs/apg")  # doctest: +SKIP
+    >>> run.rollout.score  # doctest: +SKIP
     """
     require_choice("algorithm", algorithm, ALGORITHMS)
     if steps is not None:
@@ -172,33 +187,35 @@ def train(
     target = load_any(scene) if isinstance(scene, str | Path) else scene
     home = Path(folder or f"runs/{target.name}-{algorithm}")
     if resume:
-        begun = _config_of(home)
-        target = load_any(home / SCENE)
-        algorithm, seed, steps, plan = begun.algorithm, begun.seed, begun.steps, begun.preset
+        config = _read_config(home)
+        target, hyperparameters = load_any(home / SCENE), config.hyperparameters
+        algorithm, seed, steps = config.algorithm, config.seed, config.steps
     else:
         require_unused(home, FILES)
-    drawn = isinstance(target, SceneDistribution)
-    plan = plan or hyperparameters(algorithm, episode_of(target), drawn=drawn)
+    sampled = isinstance(target, SceneDistribution)
+    chosen = hyperparameters or default_hyperparameters(
+        algorithm, episode_of(target), sampled=sampled
+    )
     from agents.sb3 import random_state_restored
 
     with random_state_restored():
-        training = Training(target, algorithm, plan, steps or plan.steps, seed, home, progress)
+        training = Training(target, algorithm, chosen, steps or chosen.steps, seed, home, progress)
         return training.run(resume)
 
 
 def episode_of(target: Scene | SceneDistribution) -> int:
-    """Return the steps of a typical episode, for hyperparameters."""
+    """Return the steps of a typical episode, for default hyperparameters."""
     if isinstance(target, Scene):
         return target.count - 1
     return EPISODE if COUNT in target.ranges else target.first.count - 1
 
 
-def _config_of(folder: Path) -> ConfigDocument:
+def _read_config(folder: Path) -> ConfigDocument:
     path = folder / CONFIG
     if not path.exists():
         raise ValueError(
-            f"{folder} holds no training that had begun, so there is nothing to go on from: train "
-            "without --resume, into another folder if this one holds files of a run"
+            f"{folder} holds no training to resume: leave out --resume, and name another folder if "
+            "this one holds other files of a run"
         )
     with naming(path):
         return model_of(ConfigDocument, read_json(path))
@@ -209,7 +226,7 @@ class Training:
 
     Parameters
     ----------
-    target, algorithm, plan, total, seed, folder, progress
+    target, algorithm, hyperparameters, total, seed, folder, progress
         As of `train`, where `total` is `steps`.
     """
 
@@ -217,18 +234,20 @@ class Training:
         self,
         target: Scene | SceneDistribution,
         algorithm: str,
-        plan: Hyperparameters,
+        hyperparameters: Hyperparameters,
         total: int,
         seed: int,
         folder: Path,
-        progress: bool | None = False,
+        progress: bool | None,
     ) -> None:
-        self.target, self.algorithm, self.plan = target, algorithm, plan
+        self.target, self.algorithm, self.hyperparameters = target, algorithm, hyperparameters
         self.total, self.seed, self.folder = total, seed, folder
-        self.score: SceneScore | PoolScore
-        self.score = SceneScore(target, folder) if isinstance(target, Scene) else PoolScore(target)
+        self.scenes: list[Scene] = []
+        if isinstance(target, SceneDistribution):
+            pool = ScenePool(target)
+            self.scenes = [pool.scene(len(pool) - 1 - i) for i in range(POOL_SCENES)]
         self.curve: list[tuple[float, ...]] = []
-        self.best = self.sampled = -np.inf
+        self.best = self.sampled_best = -np.inf
         self.next_evaluation = self.next_checkpoint = 0
         self.began = time.perf_counter(), time.process_time()
         self.bar = progress_bar(progress, total=total, unit=" dominoes", unit_scale=True)
@@ -241,18 +260,22 @@ class Training:
     def run(self, resume: bool) -> Run:
         """Train from the beginning, or from the checkpoint in the folder.
 
-        Ctrl-C ends it: half an update is nothing to continue from, so the last checkpoint stays.
+        An update cannot be resumed halfway, so Ctrl-C leaves the last checkpoint as it is.
         """
         from agents.sb3 import Learner
 
         if resume and (self.folder / CHECKPOINT).exists():
             self.learner = self._resumed()
         else:
-            self.learner = Learner(self.target, self.algorithm, self.plan, self.seed)
-            self._begin()
+            self.learner = Learner(self.target, self.algorithm, self.hyperparameters, self.seed)
+            write_text(self.folder / SCENE, self.target.to_toml())
+            self._write_json(
+                CONFIG, algorithm=self.algorithm, seed=self.seed, steps=self.total,
+                hyperparameters=asdict(self.hyperparameters), versions=versions(),
+            )  # fmt: skip
         interrupted = False
         if self.learner.steps < self.total:
-            self._log()
+            self._log_to_tensorboard()
             try:
                 left = self.total - self.learner.steps
                 self.learner.learn(left, self.between_updates, self.after_step)
@@ -268,33 +291,22 @@ class Training:
         self.bar.close()
         return self._finish(interrupted)
 
-    def _begin(self) -> None:
-        write_text(self.folder / SCENE, self.target.to_toml())
-        document = {
-            "algorithm": self.algorithm,
-            "seed": self.seed,
-            "steps": self.total,
-            "preset": asdict(self.plan),
-            "versions": versions(),
-        }
-        write_text(self.folder / CONFIG, json.dumps(document, indent=1) + "\n")
+    def _write_json(self, name: str, **document: Any) -> None:
+        write_text(self.folder / name, json.dumps(document, indent=1) + "\n")
 
     def _resumed(self) -> Learner:
-        """Return a learner as the checkpoint in the folder has it.
-
-        Its random numbers are others than those of an undisturbed training.
-        """
+        """Return a learner in the state of the checkpoint, with new random numbers."""
         from agents.sb3 import Learner, read_checkpoint
 
         path = self.folder / CHECKPOINT
         state = read_checkpoint(path)
         try:
-            seed = (self.seed + int(state["steps"])) % 2**32  # no noise is drawn twice
-            learner = Learner(self.target, self.algorithm, self.plan, seed)
+            seed = (self.seed + int(state["steps"])) % 2**32  # no noise is sampled twice
+            learner = Learner(self.target, self.algorithm, self.hyperparameters, seed)
             learner.restore(state)
             progress = state["progress"]
-            self.curve = [tuple(row) for row in progress["curve"]]
-            self.best, self.sampled = progress["best"], progress["sampled"]
+            self.curve = [tuple(line) for line in progress["curve"]]
+            self.best, self.sampled_best = progress["best"], progress["sampled_best"]
             learner.reference_speed = progress["reference"]
             now = time.perf_counter(), time.process_time()
             self.began = now[0] - progress["seconds"], now[1] - progress["processor_seconds"]
@@ -305,8 +317,7 @@ class Training:
         self.bar.update(learner.steps)
         return learner
 
-    def _log(self) -> None:
-        """Write scalars for TensorBoard if it is installed."""
+    def _log_to_tensorboard(self) -> None:
         if find_spec("tensorboard") is not None:
             from stable_baselines3.common.logger import configure
 
@@ -314,7 +325,7 @@ class Training:
             self.learner.model.set_logger(configure(home, ["tensorboard"]))
 
     def between_updates(self) -> None:
-        """Evaluate and write a checkpoint where it is time, and set what changes along the way."""
+        """Evaluate and write a checkpoint where due, and follow the schedules."""
         steps = self.learner.steps
         if steps >= self.next_evaluation:
             self.evaluate()
@@ -323,26 +334,38 @@ class Training:
             self.checkpoint()
             self.next_checkpoint = steps + self.total // CHECKPOINTS
         self.bar.update(steps - self.bar.n)
-        self.learner.adapt(min(steps / self.total, 1.0), float(max(self.best, self.sampled)))
+        self.learner.adapt(min(steps / self.total, 1.0), float(max(self.best, self.sampled_best)))
 
     def after_step(self, infos: Any) -> None:
         """Note the best score of the layouts that were built with noise."""
         for info in infos:
             if "score" in info:
-                self.sampled = max(self.sampled, float(info["score"]))
+                self.sampled_best = max(self.sampled_best, float(info["score"]))
 
     def evaluate(self) -> None:
-        """Evaluate the policy without noise; keep it if it is the best so far."""
+        """Evaluate the policy without noise; write it if it is the best so far."""
         learner, (seconds, processor_seconds) = self.learner, self.seconds
-        score = self.score(learner.policy(), learner.reference_speed)
+        policy, reference, rollout = learner.policy(), learner.reference_speed, None
+        if isinstance(self.target, Scene):
+            rollout = build(policy, self.target, reference)
+            score = rollout.score
+        else:
+            score = float(np.median(gains_of(policy, self.target, self.scenes)))
         if score > self.best:
             self.best = score
             learner.save(self.folder / POLICY)
-            self.score.keep(learner.steps, seconds)
-        deviation = self.plan.deviation(min(learner.steps / self.total, 1.0))
+            if rollout is not None:
+                uniform_speed = rollout.scene.uniform().wave.mean_speed
+                self._write_json(
+                    BEST, score=score, gain=rollout.gain, steps=learner.steps, seconds=seconds,
+                    reference_over_uniform=reference / uniform_speed if uniform_speed else 1.0,
+                )  # fmt: skip
+                rollout.layout.to_csv(self.folder / "layout.csv")
+                rollout.layout.to_json(self.folder / "layout.json")
+        deviation = self.hyperparameters.deviation(min(learner.steps / self.total, 1.0))
         self.curve.append((
-            float(learner.steps), seconds, score, self.best, self.sampled, deviation,
-            learner.reference_speed, processor_seconds,
+            float(learner.steps), seconds, score, self.best, self.sampled_best, deviation,
+            reference, processor_seconds,
         ))  # fmt: skip
         learner.model.logger.record("design/score", score)
         learner.model.logger.record("design/best_score", self.best)
@@ -352,19 +375,19 @@ class Training:
         """Write the checkpoint and the learning curve."""
         seconds, processor_seconds = self.seconds
         progress = {
-            "curve": [list(row) for row in self.curve],
+            "curve": [list(line) for line in self.curve],
             "seconds": seconds,
             "processor_seconds": processor_seconds,
             "best": float(self.best),
-            "sampled": float(self.sampled),
+            "sampled_best": float(self.sampled_best),
             "reference": self.learner.reference_speed,
         }
         self.learner.write_checkpoint(self.folder / CHECKPOINT, progress)
         self._write_curve()
 
     def _write_curve(self) -> None:
-        rows = ([f"{x:.10g}" for x in row] for row in self.curve)
-        write_csv(self.folder / PROGRESS, COLUMNS, rows)
+        lines = ([f"{x:.10g}" for x in line] for line in self.curve)
+        write_csv(self.folder / PROGRESS, COLUMNS, lines)
 
     def _finish(self, interrupted: bool) -> Run:
         """Write the summary, and the picture where there is one layout."""
@@ -376,36 +399,18 @@ class Training:
             self.folder, self.target.name, self.algorithm, self.learner.steps, seconds,
             tuple(self.curve), interrupted, rollout,
         )  # fmt: skip
-        document: dict[str, Any] = {
-            "finished": not interrupted,
-            "scene": self.target.name,
-            "algorithm": self.algorithm,
-            "seed": self.seed,
-        }
-        if rollout is None:
-            document["median_gain"] = self.best
-        else:
-            document |= {
+        result: dict[str, Any] = {"median_gain": self.best}
+        if rollout is not None:
+            result = {
                 "score": rollout.score,
                 "uniform_score": rollout.uniform.score,
                 "gain": rollout.gain,
                 "last_score": self.curve[-1][2],
             }
-            baseline = None if interrupted else _baseline(rollout.scene, COMPARED * seconds)
-            if baseline is not None:
-                document |= {"cma_score": baseline.score, "cma_seconds": baseline.seconds}
-            write_png(draw("training", run, baseline), self.folder / "result.png")
-        document |= {
-            "steps": run.steps, "seconds": seconds, "processor_seconds": processor_seconds,
-        }  # fmt: skip
-        write_text(self.folder / SUMMARY, json.dumps(document, indent=1) + "\n")
+            write_png(draw("training", run), self.folder / "result.png")
+        self._write_json(
+            SUMMARY, finished=not interrupted, scene=run.scene, algorithm=run.algorithm,
+            seed=self.seed, **result, steps=run.steps, seconds=seconds,
+            processor_seconds=processor_seconds,
+        )  # fmt: skip
         return run
-
-
-def _baseline(scene: Scene, seconds: float) -> SearchResult | None:
-    """Search with CMA-ES, to compare; None where the training was too short for that."""
-    from optimize import search
-
-    if seconds < 1.0:
-        return None
-    return search(scene, "cma", seconds=min(seconds, LONGEST_COMPARED), progress=False)

@@ -1,4 +1,4 @@
-"""The native vector environment as stable-baselines3 wants it."""
+"""The native vector environment with the interface of Stable-Baselines3."""
 
 from __future__ import annotations
 
@@ -17,38 +17,39 @@ NOTHING: dict[str, Any] = {}
 
 
 class DominoVecEnv(VecEnv):
-    """Rows that are built side by side in one compiled call a step.
+    """B environments that are stepped together by one compiled call.
 
-    An episode that ends begins anew in the same step; its info holds `terminal_observation`,
-    `TimeLimit.truncated` (never), `episode` (return, length, seconds), and what the environment
-    reports at the end: score, gain, outcome, layout, wave, and the scene where one is drawn.
+    The next episode begins in the step in which one ends, whose info then has
+    `terminal_observation`, `TimeLimit.truncated` (always False), `episode` (return, length,
+    seconds), and the infos of the environment: score, gain, outcome, layout, wave, and the scene
+    where one is sampled.
 
     Parameters
     ----------
     scene
-        What is built: a scene, or what one is drawn from for every episode, such as "varied".
-    number
-        Of rows.
+        A scene, or a scene distribution from which every episode samples one, such as "varied".
+    num_envs
+        B, the number of environments.
 
     Attributes
     ----------
-    rows
+    vector
         The native vector environment.
     """
 
-    def __init__(self, scene: str | Path | Scene | SceneDistribution, number: int) -> None:
-        self.vector = DominoChainVector(number, scene, autoreset_mode="SameStep")
+    def __init__(self, scene: str | Path | Scene | SceneDistribution, num_envs: int) -> None:
+        self.vector = DominoChainVector(num_envs, scene, autoreset_mode="SameStep")
         self.render_mode = None
         super().__init__(
-            number, self.vector.single_observation_space, self.vector.single_action_space
+            num_envs, self.vector.single_observation_space, self.vector.single_action_space
         )
-        self._actions: NDArray[Any] = np.zeros((number, 1))
-        self._returns = np.zeros(number)
-        self._lengths = np.zeros(number, dtype=np.int64)
+        self._actions: NDArray[Any] = np.zeros((num_envs, 1))
+        self._returns = np.zeros(num_envs)
+        self._lengths = np.zeros(num_envs, dtype=np.int64)
         self._began = time.perf_counter()
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin anew in every row."""
+        """Begin an episode in every environment; returns the observations (B, O)."""
         self._returns[:] = 0.0
         self._lengths[:] = 0
         seeds: Any = self._seeds if any(s is not None for s in self._seeds) else None
@@ -58,13 +59,13 @@ class DominoVecEnv(VecEnv):
         return observations
 
     def follow(self, score: float) -> None:
-        """Reward single steps against the best row so far (Dinkelbach 1967), or the uniform one.
+        """Set the reference speed of the rewards to the best score so far (Dinkelbach 1967).
 
         Parameters
         ----------
         score
-            Of that row; nothing changes where its wave died, where the score is no speed, or where
-            every episode has a scene of its own.
+            The best score; the reference is at least the uniform baseline. Nothing changes where
+            its wave stops, where the score is no speed, and where scenes are sampled.
         """
         if self.vector.distribution is not None:
             return
@@ -73,11 +74,17 @@ class DominoVecEnv(VecEnv):
             self.vector.reference_speed = max(score, scene.uniform().wave.mean_speed)
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions (R, A) for `step_wait`."""
+        """Keep the actions (B, A) for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> Any:
-        """Place a domino in every row."""
+        """Place a domino in every environment.
+
+        Returns
+        -------
+        tuple
+            Observations (B, O), rewards (B,), ends of episodes (B,) and a list of B infos.
+        """
         observations, rewards, ended, _, info = self.vector.step(self._actions)
         self._returns += rewards
         self._lengths += 1
@@ -105,22 +112,22 @@ class DominoVecEnv(VecEnv):
         self.vector.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Get an attribute of the native environment, once for each row."""
+        """Return an attribute of the native environment, once for each environment."""
         return [getattr(self.vector, attr_name)] * len(self._chosen(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of the native environment, for all rows."""
+        """Set an attribute of the native environment, for all environments."""
         setattr(self.vector, attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of the native environment; its result, once for each row."""
-        found = getattr(self.vector, method_name)(*method_args, **method_kwargs)
-        return [found] * len(self._chosen(indices))
+        """Call a method of the native environment; its result, once for each environment."""
+        result = getattr(self.vector, method_name)(*method_args, **method_kwargs)
+        return [result] * len(self._chosen(indices))
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Say that no row is wrapped."""
+        """Return False for each environment: none is wrapped."""
         return [False] * len(self._chosen(indices))
 
     def _chosen(self, indices: int | Sequence[int] | None) -> list[int]:

@@ -18,7 +18,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import domino_env as de
-from agents.algorithms import Hyperparameters, hyperparameters
+from agents.algorithms import Hyperparameters, default_hyperparameters
 from domino_env.cli.main import main, parser
 from domino_env.view.sound import clicks, write_wav
 from optimize.experiments.best_known import best_known
@@ -71,10 +71,10 @@ CHEAPER = {
 TOO_LONG = {"domino accuracy --stability"}  # minutes
 
 
-def few_steps(algorithm: str, episode: int, *, drawn: bool = False) -> Hyperparameters:
+def few_steps(algorithm: str, episode: int, *, sampled: bool = False) -> Hyperparameters:
     """Hyperparameters that learn for a second."""
-    plan = hyperparameters(algorithm, episode, drawn=drawn)
-    return replace(plan, rows=2, steps=4 * episode)
+    chosen = default_hyperparameters(algorithm, episode, sampled=sampled)
+    return replace(chosen, num_envs=2, steps=4 * episode)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("desk")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("agents.training.hyperparameters", few_steps)
+        patch.setattr("agents.training.default_hyperparameters", few_steps)
         assert run("domino optimize sprint --budget 50") == 0
         assert run("domino train sprint --algorithm apg") == 0
     shutil.copy(ROOT / "domino_env" / "scenes" / "shipped" / "gentle.toml", folder / "my-row.toml")
@@ -137,7 +137,7 @@ def test_every_optimiser_beats_equal_gaps_as_it_is_written(section: str) -> None
 @pytest.mark.parametrize("line", LINES)
 def test_commands_run_as_typed(line: str, desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(desk)
-    monkeypatch.setattr("agents.training.hyperparameters", few_steps)
+    monkeypatch.setattr("agents.training.default_hyperparameters", few_steps)
     if line not in TOO_LONG:
         assert run(f"{line} {CHEAPER.get(line, '')}") == 0
 

@@ -1,9 +1,9 @@
 """Train algorithms on scenes with many seeds, compare them with searches, and write a page.
 
 An algorithm is one of `domino train`, a scripted policy (ramp) or a search method (cma, auto).
-Every run is stored at once and a training keeps a folder of its own: the same command runs what is
-missing, continues trainings that were stopped, and writes the page anew. Ctrl-C ends it with the
-page of what is complete. Times are processor times.
+Every run is stored at once and each training has a folder in runs/benchmark: the same command runs
+what is missing, continues trainings that were stopped, and writes the page anew. Ctrl-C ends it
+with the page of what is complete. Times are processor times.
 
 The default scenes are sprint, course, sprint-thickness, ideal and varied; in varied every episode
 is a new scene, and scores are those of the scenes of its test set.
@@ -20,7 +20,7 @@ from optimize.cli.options import add_study_options, exit_code, names_in
 from optimize.executors import executor_from
 
 SUMMARY = "benchmark learning algorithms over scenes and seeds"
-DEFAULT_HOME = "runs/benchmark"
+DEFAULT_FOLDER = "runs/benchmark"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,17 +31,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--seeds", type=int, metavar="N", default=10,
-        help="number of seeds (10), five of what takes longer",
+        help="number of seeds (10)",
     )  # fmt: skip
     parser.add_argument("--steps", type=int, metavar="N", help="actions of a training at most")
     parser.add_argument(
         "--seconds", type=float, metavar="S", help="processor time of a search at most [s]"
     )
-    add_out_option(parser, DEFAULT_HOME)
-    parser.add_argument(
-        "--trainings", metavar="FOLDER", default=DEFAULT_HOME,
-        help="folder of the trainings (%(default)s)",
-    )  # fmt: skip
+    add_out_option(parser, DEFAULT_FOLDER)
     parser.add_argument(
         "--page", action="store_true", help="write the page of the stored results, run nothing"
     )
@@ -51,28 +47,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run what is missing, write the page, print its summary."""
     from agents.algorithms import ALGORITHMS
-    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in, run_benchmark
+    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in
     from agents.benchmark_report import FILES, overview, write
     from domino_env.core.files import require_writable
     from optimize.experiments.experiment import gather_results
+    from optimize.experiments.runner import run_experiment
     from optimize.experiments.store import open_store
 
     chosen = [*ALGORITHMS, *BASELINES]
     if arguments.algorithms is not None:
         chosen = arguments.algorithms
     tasks = benchmark_tasks(
-        arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds,
-        arguments.trainings,
-    )  # fmt: skip
+        arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds
+    )
     folder = Path(arguments.out)
     if arguments.page:
-        found = open_store(arguments.store, create=False).study(arguments.name).done()
-        done = gather_results(tasks, found, known_score=known_in)
+        results = open_store(arguments.store, create=False).study(arguments.name).done()
+        done = gather_results(tasks, results, known_score=known_in)
     else:
         with executor_from(arguments) as executor:
             require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
-            done = run_benchmark(tasks, executor, study, progress=None)
+            done = run_experiment(
+                tasks, executor, study, known_score=known_in, name="benchmark", progress=None
+            )
     write(done, folder, _command(arguments))
     print("\n".join(overview(done)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")
@@ -84,7 +82,7 @@ def _command(arguments: argparse.Namespace) -> str:
     words = ["domino", "benchmark", *arguments.scenes]
     for name in ("algorithms", "seeds", "steps", "seconds", "out", "workers"):
         value = getattr(arguments, name)
-        if value is not None and value != DEFAULT_HOME:
+        if value is not None and value != DEFAULT_FOLDER:
             text = {list: ",".join, float: "{:g}".format}.get(type(value), str)
             words += [f"--{name}", text(value)]
     return shlex.join(words)

@@ -1,6 +1,6 @@
 """Write data to learn from: scenes, the layouts a search finds for them, episodes that build these.
 
-The folder receives rows.parquet, episodes/ in Minari's format (uniform, noisy, searched) and
+The folder receives layouts.parquet, episodes/ in Minari's format (uniform, noisy, searched) and
 README.md, which describes them. 5000 scenes take some tens of minutes of one core; --workers
 distributes them, and the same command continues where it was stopped. Needs the extra "minari".
 """
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Make it, and say where it is."""
+    """Make the dataset, and print its card."""
     from agents.dataset import make_dataset
 
     with executor_from(arguments) as executor:

@@ -1,7 +1,7 @@
 """Compare the layout that an agent builds with the best uniform and the best known layout.
 
 RUN is the folder of a training, the name of a policy that ships (sprint, designer), or a scripted
-policy: uniform, greedy, ramp. A .zip archive of stable-baselines3 runs code when it is loaded and
+policy: uniform, greedy, ramp. A .zip archive of Stable-Baselines3 runs code when it is loaded and
 needs --trust. `designer` designs a layout for a new --scene in milliseconds; --scenes evaluates it
 on many scenes that it was not trained on, as it does policies trained on `varied`.
 """
@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 from optimize.cli.options import write_layout
 
 if TYPE_CHECKING:
-    from agents.designer.policy import ConditionedPolicy
+    from agents.designer.policy import Designer
     from agents.policy import ScenePolicy
     from agents.rollout import Rollout
+    from domino_env import SceneDistribution
 
 SUMMARY = "evaluate a trained agent or a scripted policy"
 
@@ -46,70 +47,73 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Build, and say what came of it."""
+    """Build one layout or many, and print their scores."""
     from agents.designer.features import outside
-    from agents.designer.policy import ConditionedPolicy
+    from agents.designer.policy import Designer
     from agents.evaluation import load_policy
-    from agents.policy import ScenePolicy
     from agents.scripted import ScriptedPolicy
     from domino_env import SceneDistribution, load_scene
 
     policy = load_policy(arguments.agent, trust=arguments.trust)
-    conditioned = isinstance(policy, ConditionedPolicy)
     if arguments.scenes is not None:
-        drawn = isinstance(policy, ScenePolicy) and isinstance(policy.scene, SceneDistribution)
-        if isinstance(policy, ScriptedPolicy) or not (conditioned or drawn):
+        trained_on = getattr(policy, "scene", None)
+        if isinstance(policy, ScriptedPolicy) or not (
+            isinstance(policy, Designer) or isinstance(trained_on, SceneDistribution)
+        ):
             raise ValueError(
-                "--scenes evaluates a policy that was trained on many scenes: "
-                f"{arguments.agent} is none"
+                f"--scenes: {arguments.agent} was not trained on sampled scenes; give one --scene"
             )
-        return _evaluate_scenes(policy, arguments)
+        return _evaluate_scenes(policy, trained_on, arguments)
     name = arguments.scene
-    if name is None and (conditioned or isinstance(policy, ScriptedPolicy)):
+    if name is None and isinstance(policy, Designer | ScriptedPolicy):
         name = "sprint"
-    scene = None if name is None else load_scene(name)
-    built = policy.build(scene)
-    if conditioned:
-        for difference in outside(built.scene):
-            print(f"beyond what it was trained on: {difference}")
-    print(sentence(built))
+    rollout = policy.build(None if name is None else load_scene(name))
+    if isinstance(policy, Designer):
+        for difference in outside(rollout.scene):
+            print(f"outside the scenes of its training: {difference}")
+    print(sentence(rollout))
     if arguments.layout:
-        write_layout(built.layout, arguments.layout)
-        print(f"row written to {arguments.layout}")
+        write_layout(rollout.layout, arguments.layout)
+        print(f"layout written to {arguments.layout}")
     return 0
 
 
-def _evaluate_scenes(policy: ConditionedPolicy | ScenePolicy, arguments: argparse.Namespace) -> int:
-    """Its rows in many random scenes, as a table."""
+def _evaluate_scenes(
+    policy: Designer | ScenePolicy,
+    trained_on: SceneDistribution | None,
+    arguments: argparse.Namespace,
+) -> int:
+    """Print a table of the scores in many scenes."""
     from agents.evaluation import evaluate_scenes, scenes_of, searched_scores
 
     number, seed = arguments.scenes, arguments.seed
-    given = arguments.distribution or getattr(policy, "scene", None) or "varied"
-    name = str(getattr(given, "name", given))
-    found = evaluate_scenes(
-        scenes_of(given, number, seed),
+    source = arguments.distribution or trained_on or "varied"
+    name = source if isinstance(source, str) else source.name
+    done = evaluate_scenes(
+        scenes_of(source, number, seed),
         policy,
         budget=arguments.budget,
         searched=searched_scores(name, number) if seed is None else None,
         progress=None,
     )
-    print(found.table())
+    print(done.table())
     if arguments.csv:
-        found.save(Path(arguments.csv))
+        done.save(Path(arguments.csv))
         print(f"scenes written to {arguments.csv}")
     return 0
 
 
-def sentence(built: Rollout) -> str:
-    """Say score, gain over uniform, gap to the best known."""
+def sentence(rollout: Rollout) -> str:
+    """Return a score, its gain over the uniform baseline and its distance to the best known."""
     from domino_env.scenes.uniform import gain, gain_in_words
     from optimize.experiments.best_known import best_known
 
-    words = f"{built.scene.name}: score {built.score:.6f} ({built.wave.outcome.name})"
-    if built.gain is not None:
-        words += f", {gain_in_words(built.gain)} the best uniform row ({built.uniform.score:.6f})"
-    known = best_known().get(built.scene.name)
-    gap = None if known is None else gain(built.score, known.score)
+    scene, score, uniform = rollout.scene, rollout.score, rollout.uniform.score
+    words = f"{scene.name}: score {score:.6f} ({rollout.wave.outcome.name})"
+    if rollout.gain is not None:
+        words += f", {gain_in_words(rollout.gain)} the uniform baseline ({uniform:.6f})"
+    known = best_known().get(scene.name)
+    gap = None if known is None else gain(score, known.score)
     if known is not None and gap is not None:
         words += f", {gain_in_words(gap, 3)} the best known ({known.score:.6f})"
-    return f"{words}; built in {built.seconds * 1e3:.1f} ms"
+    return f"{words}; built in {rollout.seconds * 1e3:.1f} ms"

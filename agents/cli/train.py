@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Train, and describe the result."""
+    """Train, and print the result."""
     from agents.cli.evaluate import sentence
     from agents.training import train
 
@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
         resume=arguments.resume, progress=None,
     )  # fmt: skip
     if done.rollout is None:
-        print(f"median gain over the best uniform rows of some scenes: {done.curve[-1][3]:+.2%}")
+        print(f"median gain over the uniform baselines of some scenes: {done.curve[-1][3]:+.2%}")
     else:
         print(sentence(done.rollout))
     print(

@@ -1,1 +1,1 @@
-"""The designer: a policy that reads the scene and proposes a layout at once."""
+"""Designer: a scene-conditioned policy that designs a layout at once."""

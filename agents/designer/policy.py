@@ -1,10 +1,10 @@
-"""The designer: a scene-conditioned policy, a layout for a new scene in milliseconds.
+"""Designer: a scene-conditioned policy, which designs a layout for a new scene in milliseconds.
 
-It first plans how many gaps at the end will be as tight as the rules allow (the one thing in which
-good layouts differ by whole numbers), then places domino after domino. It observes the scene (its
-features), the plan, and the position in the chain; the wave itself follows from these, so that it
-need not be observed. The layouts of all plans are simulated together, and the best is improved by a
-few exact-gradient steps. NumPy alone is enough to use it.
+A first network ranks the numbers of gaps at the end that are as tight as the rules allow, the only
+whole number in which good layouts differ. A second one gives gap and thickness of each domino from
+the features of the scene, this number, and the position in the chain; the state of the wave follows
+from these, so it is not observed. The layouts of all numbers are simulated together, and the best
+is improved by a few exact-gradient steps. NumPy alone is enough to use it.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from threadpoolctl import ThreadpoolController
 
 from agents.designer.decoding import decoded
 from agents.designer.features import (
-    PLANS,
     SCENE,
     SIZE,
+    TIGHT,
     features_of,
     observations,
     outside,
-    plans_of,
     require_kind,
     scaled,
+    tight_of,
 )
 from agents.network import Network, read_network
 from agents.policy import DESIGNER, POLICIES, POLICY
@@ -44,10 +44,9 @@ from optimize.methods.gradient.local_search import LocalSearch
 from optimize.problem import Problem
 from optimize.searching import compile_for
 
-TRIES = PLANS  # that are simulated
-AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of a layout's shape where more is free than gaps
-LEAST, MOST, DOMINOES = 4, 12, 320  # steps, and dominoes in all of them that take some 4 ms
-BEND = 1.0  # second derivative of ln(score) by the logarithm of a gap, times how many there are
+AMPLITUDES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.4)  # of the logarithms of the gaps around their mean
+LEAST, MOST, DOMINOES = 4, 12, 320  # gradient steps, and dominoes in all of them: some 4 ms
+CURVATURE = 1.0  # N-1 times the second derivative of ln(score) by the logarithm of a gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,22 +60,22 @@ class Design(MadeForScene):
     layout
         The layout.
     wave
-        Its wave, simulated closely.
+        Its wave.
     score
         Its score.
-    plan
-        Tight gaps planned at the end.
+    tight_gaps
+        Number of tight gaps at the end, as the first network chose it.
     seconds
-        Time that the design took, its simulation included.
+        Time that the design took, its simulation included [s].
     outside
-        In what the scene lies beyond those of the training; empty if in nothing.
+        Features of the scene that are outside the ranges of the training, in words.
     """
 
     scene: Scene
     layout: Layout
     wave: Wave
     score: float
-    plan: int
+    tight_gaps: int
     seconds: float
     outside: tuple[str, ...]
 
@@ -85,113 +84,101 @@ class Design(MadeForScene):
 
 
 @dataclass(frozen=True, eq=False)
-class ConditionedPolicy:
-    """The networks of a policy.
+class Designer:
+    """A scene-conditioned policy.
 
     Attributes
     ----------
-    row
-        From the observation at a domino to the logarithm of the gap over the height.
-    plan
-        From the scene to a preference for each plan.
+    layout
+        Network from the observation at a domino to the logarithms of gap and thickness.
+    tight
+        Network from the scene to a preference for each number of tight gaps.
     """
 
-    row: Network
-    plan: Network
+    layout: Network
+    tight: Network
 
     __repr__ = brief
 
     def ranked(self, scene: Scene) -> NDArray[np.intp]:
-        """Rank the plans for a scene, the preferred one first."""
-        values = _outputs(self.plan, scaled(features_of(scene))[None])[0]
-        return np.argsort(-values[: plans_of(scene.count)], kind="stable")
+        """Return the numbers of tight gaps for a scene, the preferred one first."""
+        values = _outputs(self.tight, scaled(features_of(scene))[None])[0]
+        return np.argsort(-values[: tight_of(scene.count)], kind="stable")
 
-    def propose(self, scene: Scene, tries: int = TRIES) -> tuple[Layout, int]:
-        """Return the best layout of the preferred plans, simulated together, and its plan.
+    def propose(self, scene: Scene, tries: int = TIGHT) -> tuple[Layout, int]:
+        """Return the best layout for the preferred numbers of tight gaps, and its number.
 
         Parameters
         ----------
         scene
             The scene to design for.
         tries
-            Plans; 1 for the preferred one, untried.
+            How many numbers of tight gaps are simulated; 1 for the preferred one, not simulated.
         """
-        plans = self.ranked(scene)[:tries].astype(np.float64)
-        outputs = _outputs(self.row, observations(features_of(scene), plans))
-        outputs = outputs.reshape(len(plans), scene.count - 1, 2)
-        gaps, thickness = decoded(scene, outputs, plans)
+        tight = self.ranked(scene)[:tries].astype(np.float64)
+        outputs = _outputs(self.layout, observations(features_of(scene), tight))
+        outputs = outputs.reshape(len(tight), scene.count - 1, 2)
+        gaps, thickness = decoded(scene, outputs, tight)
         best = 0
-        if len(plans) > 1:
+        if len(tight) > 1:
             best = int(np.argmax(scene.evaluate(scene.batch(gaps, thickness)).score))
-        plan = plans[best]
-        if len(plans) > 1 and (scene.free_thickness or scene.length is not None):
-            rows = np.repeat(outputs[best : best + 1], len(AMPLITUDES), axis=0)
-            mean = rows[..., 0].mean(axis=1, keepdims=True)
-            rows[..., 0] = mean + np.array(AMPLITUDES)[:, None] * (rows[..., 0] - mean)
-            gaps, thickness = decoded(scene, rows, np.full(len(rows), plan))
+        number = tight[best]
+        if len(tight) > 1 and (scene.free_thickness or scene.length is not None):
+            shapes = np.repeat(outputs[best : best + 1], len(AMPLITUDES), axis=0)
+            mean = shapes[..., 0].mean(axis=1, keepdims=True)
+            shapes[..., 0] = mean + np.array(AMPLITUDES)[:, None] * (shapes[..., 0] - mean)
+            gaps, thickness = decoded(scene, shapes, np.full(len(shapes), number))
             best = int(np.argmax(scene.evaluate(scene.batch(gaps, thickness)).score))
         free = thickness[best] if scene.free_thickness else None
-        return scene.layout(gaps[best], free), int(plan)
+        return scene.layout(gaps[best], free), int(number)
 
-    def design(self, scene: Scene, tries: int = TRIES, steps: int | None = None) -> Design:
-        """Design a layout: the best of the preferred plans, improved by exact-gradient steps.
-
-        Parameters
-        ----------
-        scene
-            The scene to design for.
-        tries
-            Plans; 1 for the preferred one, untried.
-        steps
-            Evaluations with gradient; 0 for the networks' own layout, None for as many as take
-            some milliseconds, see `steps_of`.
-
-        Raises
-        ------
-        ValueError
-            For a scene that asks for something else than fast layouts.
-        """
+    def design(self, scene: Scene, tries: int = TIGHT, steps: int | None = None) -> Design:
+        """Design a layout; see `agents.design`."""
         require("tries", tries, 1, whole=True)
         if steps is not None:
             require("steps", steps, 0, whole=True)
         require_kind(scene)
-        _threads()  # what it looks up once is no part of a design's time
+        _threads()  # its first call is not timed
         began = time.perf_counter()
-        layout, plan = self.propose(scene, tries)
+        layout, number = self.propose(scene, tries)
         layout = refined(scene, layout, steps_of(scene.count) if steps is None else steps)
         wave = scene.simulate(layout)
         score = scene.score(wave)
         seconds = time.perf_counter() - began
-        return Design(scene, layout, wave, score, plan, seconds, outside(scene))
+        return Design(scene, layout, wave, score, number, seconds, outside(scene))
 
     def build(self, scene: Scene | None) -> Rollout:
-        """Design a layout, beside the best uniform one.
+        """Design a layout, beside the uniform baseline.
 
         Raises
         ------
         ValueError
-            Where no scene is named, and as of `design`.
+            If no scene is given, and as of `design`.
         """
         if scene is None:
-            raise ValueError("this policy was trained on many scenes: name one to design for")
+            raise ValueError(
+                "designer was trained on sampled scenes: name one to design for (--scene)"
+            )
         require_kind(scene)
         compile_for(scene)
-        made, uniform = self.design(scene), scene.uniform()
-        return as_placed(Rollout(scene, made.layout, made.wave, made.score, uniform, made.seconds))
+        design, uniform = self.design(scene), scene.uniform()
+        return as_placed(
+            Rollout(scene, design.layout, design.wave, design.score, uniform, design.seconds)
+        )
 
     @classmethod
-    def load(cls, folder: Path) -> ConditionedPolicy:
+    def load(cls, folder: Path) -> Designer:
         """Read the weights in a folder; no code in the file is run.
 
         Raises
         ------
         ValueError
-            Where they are no such weights: names, shapes, or values that are not finite.
+            For other names or shapes, and for values that are not finite.
         """
         path = folder / POLICY
         return cls(
-            read_network(path, lambda arrays: _part(arrays, "row"), SIZE, 2),
-            read_network(path, lambda arrays: _part(arrays, "plan"), SCENE, PLANS),
+            read_network(path, lambda arrays: _part(arrays, "layout"), SIZE, 2),
+            read_network(path, lambda arrays: _part(arrays, "tight"), SCENE, TIGHT),
         )
 
 
@@ -201,46 +188,46 @@ def _part(arrays: Mapping[str, Any], part: str) -> Network:
 
 
 def steps_of(count: int) -> int:
-    """Return the steps that are worth their time for a layout of `count` dominoes."""
+    """Return the default number of gradient steps for a layout of `count` dominoes."""
     return int(np.clip(DOMINOES // count, LEAST, MOST))
 
 
 def refined(scene: Scene, layout: Layout, steps: int) -> Layout:
     """Improve a layout by quasi-Newton steps with the exact gradient of the score.
 
-    Near good layouts the curvature of the score is much the same in all scenes, so that the first
-    step can rely on it; what face contacts change of it is learned on the way.
+    Near good layouts the curvature of the score is similar in all scenes, so the first step uses
+    it; the later ones use the curvature observed, which face contacts change.
 
     Parameters
     ----------
     scene
-        Whose score counts, and whose rules are kept.
+        The scene.
     layout
-        Where to begin.
+        The first layout.
     steps
         Evaluations with gradient; 0 for none.
 
     Returns
     -------
     Layout
-        The best layout met.
+        The best layout.
     """
     if steps < 1:
         return layout
     problem = Problem(scene)
     start, span = problem.design(layout), problem.high - problem.low
-    inverse = ((problem.low + start * span) / span) ** 2 * (scene.count - 1) / BEND
-    unit = float(np.sqrt(scene.physics.gravity * scene.height))  # of which scores are about one
+    inverse = ((problem.low + start * span) / span) ** 2 * (scene.count - 1) / CURVATURE
+    unit = float(np.sqrt(scene.physics.gravity * scene.height))  # scores are about one unit
     project = problem.project if problem.coupled else None
     local = LocalSearch(start, project, inverse / unit)
     while local.evaluations < steps and not local.done:
-        found = problem.evaluate(local.wanted, gradient=True, differences=False)
-        local.update(found.score, found.gradient)
+        scores = problem.evaluate(local.wanted, gradient=True, differences=False)
+        local.update(scores.score, scores.gradient)
     return problem.layout(local.design)
 
 
 def _outputs(network: Network, values: Floats) -> Floats:
-    with _threads().limit(limits=1, user_api="blas"):  # so small products only wait for threads
+    with _threads().limit(limits=1, user_api="blas"):  # threads slow such small products down
         return network(values.astype(np.float32)).astype(np.float64)
 
 
@@ -250,34 +237,27 @@ def _threads() -> ThreadpoolController:
 
 
 @lru_cache(maxsize=1)
-def shipped_policy() -> ConditionedPolicy:
-    """Load the policy that comes with the package."""
-    return ConditionedPolicy.load(POLICIES / DESIGNER)
+def shipped_designer() -> Designer:
+    """Load the designer that comes with the package."""
+    return Designer.load(POLICIES / DESIGNER)
 
 
-def design(
-    scene: str | Path | Scene,
-    *,
-    tries: int = TRIES,
-    steps: int | None = None,
-    designer: ConditionedPolicy | None = None,
-) -> Design:
-    """Design a layout for a scene in some milliseconds: a proposal and a few exact-gradient steps.
+def design(scene: str | Path | Scene, *, tries: int = TIGHT, steps: int | None = None) -> Design:
+    """Design a layout for a scene in milliseconds: a proposal and a few exact-gradient steps.
 
-    The policy proposes a layout for each of a few plans, these are simulated together, and the best
-    is improved.
+    The networks propose a layout for each of a few numbers of tight gaps at the end, these are
+    simulated together, and the best is improved.
 
     Parameters
     ----------
     scene
         A scene, its name, or the path of its file.
     tries
-        Plans that are simulated, those that it prefers; 1 for the preferred one, untried.
+        How many numbers of tight gaps are simulated, the preferred ones; 1 for the preferred one,
+        not simulated.
     steps
-        Evaluations with gradient that improve it; 0 for the networks' own layout, None for as many
-        as take some milliseconds.
-    designer
-        The policy; None for the one that ships.
+        Evaluations with gradient that improve it; 0 for the proposal of the networks, None for as
+        many as take some milliseconds.
 
     Returns
     -------
@@ -287,7 +267,13 @@ def design(
     Raises
     ------
     ValueError
-        For a scene that asks for something else than fast layouts.
+        For a scene of another kind than those of the training.
+
+    Examples
+    --------
+    >>> from agents import design
+    >>> round(design("sprint").score, 3)  # [m/s]
+    0.828
     """
     target = scene if isinstance(scene, Scene) else load_scene(scene)
-    return (designer or shipped_policy()).design(target, tries, steps)
+    return shipped_designer().design(target, tries, steps)

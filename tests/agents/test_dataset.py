@@ -1,4 +1,4 @@
-"""Datasets: what is written is what was searched and built, and goes on where it was stopped."""
+"""Datasets: layouts and episodes of the scenes, continuation after an interruption."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from domino_env.cli.main import main
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "dataset.md"
 
 
-def test_rows_and_episodes_are_those_of_the_scenes_and_a_stopped_one_goes_on(
+def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_continues(
     tmp_path: Path, monkeypatch, capsys
 ) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     minari = pytest.importorskip("minari")
-    searched = dataset.search_rows
+    search_layouts = dataset.search_layouts
 
     def stops(scenes: list[de.Scene], *given: object, **options: object) -> None:
-        searched(scenes[:2], *given, **options)
+        search_layouts(scenes[:2], *given, **options)
         raise KeyboardInterrupt
 
     words = f"dataset {tmp_path} --distribution varied-course --scenes 3 --budget 30".split()
     with monkeypatch.context() as patched:
-        patched.setattr(dataset, "search_rows", stops)
+        patched.setattr(dataset, "search_layouts", stops)
         assert main(words) != 0
     assert main(words) == 0
     assert "3 scenes of `varied-course`" in capsys.readouterr().out
-    table = parquet.read_table(tmp_path / dataset.ROWS).to_pylist()
-    assert [row["label.scene"] for row in table] == [0, 1, 2]
+    table = parquet.read_table(tmp_path / dataset.LAYOUTS).to_pylist()
+    assert [line["label.scene"] for line in table] == [0, 1, 2]
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / dataset.EPISODES))
     returns = {}
     for quality in ("uniform", "noisy", "searched"):
         data = minari.load_dataset(f"varied-course/{quality}-v0")
         assert data.recover_environment().spec.kwargs == {"scene": "varied-course"}
         returns[quality] = [np.sum(one.rewards) for one in data.iterate_episodes()]
-    for i, row in enumerate(table):
-        gain = 100.0 * (row["score"] / row["uniform_score"] - 1.0)
+    for i, line in enumerate(table):
+        gain = 100.0 * (line["score"] / line["uniform_score"] - 1.0)
         assert returns["searched"][i] == pytest.approx(gain, abs=1e-2)
         assert returns["uniform"][i] == pytest.approx(0.0, abs=1e-2)
         assert returns["noisy"][i] != pytest.approx(gain, abs=1e-3)
-    assert main(words) != 0  # another one is not written over it
+    assert main(words) != 0  # an existing dataset is not overwritten
     assert "README.md already" in capsys.readouterr().err
 
 
@@ -56,6 +56,6 @@ def test_behaviour_cloning_runs_as_the_page_has_it(tmp_path: Path, monkeypatch, 
     monkeypatch.setenv("MINARI_DATASETS_PATH", "")
     (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     exec(compile(code, PAGE.name, "exec"), {})
-    told = capsys.readouterr().out
-    assert told.count("% over the best uniform row") == 3
-    assert "nan" not in told
+    output = capsys.readouterr().out
+    assert output.count("% over the uniform baseline") == 3
+    assert "nan" not in output

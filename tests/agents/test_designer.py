@@ -1,4 +1,4 @@
-"""The scene-conditioned policy: what it designs, what it needs, what it refuses."""
+"""The designer: its layouts, and the scenes that it rejects."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import pytest
 import domino_env as de
 import domino_env.scenes.scene
 from agents import design, evaluate
-from agents.cards import SETS
 from agents.designer.decoding import decoded
-from agents.designer.features import plans_of
+from agents.designer.features import tight_of
 from agents.evaluation import evaluate_scenes, scenes_of
 from domino_env.cli.main import main
+
+SETS = ("varied", "varied-thickness", "varied-course")
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def sprint():
 # scenes -------------------------------------------------------------------------------------------
 
 
-def test_a_scene_beyond_the_training_is_told(sprint) -> None:
+def test_features_outside_the_training_are_reported(sprint) -> None:
     assert all(design(name).outside == () for name in ("sprint", "course", "sprint-thickness"))
     long = design(replace(sprint, count=100))
     assert long.outside == ("count 100 is outside 15 to 80",)
@@ -44,10 +45,10 @@ def test_a_scene_beyond_the_training_is_told(sprint) -> None:
         ("stock", "from a stock"),
         ("magnify", "or grow"),
         ("jitter", "its objective is robust"),
-        ("table", "rows stand on a floor"),
+        ("table", "dominoes stand on a floor"),
     ],
 )
-def test_another_kind_of_scene_is_refused(name: str, reason: str) -> None:
+def test_another_kind_of_scene_is_rejected(name: str, reason: str) -> None:
     with pytest.raises(ValueError, match=f"{reason}.*domino optimize"):
         design(name)
 
@@ -56,25 +57,25 @@ def test_another_kind_of_scene_is_refused(name: str, reason: str) -> None:
 
 
 @pytest.mark.parametrize("kind", SETS)
-def test_designs_keep_the_rules_and_beat_uniform_in_scenes_they_have_not_seen(kind: str) -> None:
-    found = evaluate_scenes(scenes_of(kind, 12))
-    gains = found.gains(found.designed)
+def test_designs_keep_the_rules_and_beat_the_uniform_baseline_in_test_scenes(kind: str) -> None:
+    done = evaluate_scenes(scenes_of(kind, 12))
+    gains = done.gains()
     assert np.mean(gains > 0.0) >= 0.9
     assert np.median(gains) > 0.015
-    assert np.all(found.designed >= found.proposed - 1e-6)
-    for scene in found.scenes:
+    assert np.all(done.scores["policy"] >= done.scores["proposal"] - 1e-6)
+    for scene in done.scenes:
         made = design(scene)
         assert scene.violations(made.layout) == []
         assert made.score == scene.score(made.layout)
-        assert made.plan < plans_of(scene.count)
+        assert made.tight_gaps < tight_of(scene.count)
 
 
 @pytest.mark.parametrize("pitch", [1.02, 1.5, 3.0, 4.9])
-def test_rows_have_their_length_whatever_the_networks_say(pitch: float) -> None:
+def test_layouts_have_their_length_for_any_outputs_of_the_networks(pitch: float) -> None:
     rng = np.random.default_rng(3)
     scene = replace(de.load_scene("sprint-thickness"), length=39 * pitch * 0.0103)
-    outputs, plans = 3.0 * rng.standard_normal((5, 39, 2)), np.array([0.0, 2.0, 5.0, 9.0, 12.0])
-    gaps, thickness = decoded(scene, outputs, plans)
+    outputs, tight = 3.0 * rng.standard_normal((5, 39, 2)), np.array([0.0, 2.0, 5.0, 9.0, 12.0])
+    gaps, thickness = decoded(scene, outputs, tight)
     assert gaps.sum(axis=1) + thickness.sum(axis=1) == pytest.approx(scene.length, abs=1e-12)
     for i in range(5):
         assert scene.violations(scene.layout(gaps[i], thickness[i])) == []
@@ -93,7 +94,7 @@ def test_a_design_scales_with_the_dominoes(sprint) -> None:
         density=500.0,
     )
     small, big = design(sprint), design(large)
-    assert big.plan == small.plan
+    assert big.tight_gaps == small.tight_gaps
     assert big.layout.spacing == pytest.approx(k * small.layout.spacing, rel=1e-5)
     assert big.score == pytest.approx(np.sqrt(k) * small.score, rel=1e-5)
     strong = replace(
@@ -102,22 +103,22 @@ def test_a_design_scales_with_the_dominoes(sprint) -> None:
     assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-5)
 
 
-def test_a_design_does_not_ask_for_the_best_uniform_row(sprint, monkeypatch) -> None:
-    def refused(*asked: object) -> None:
-        raise AssertionError("the search of the mark takes longer than a design")
+def test_a_design_does_not_search_the_uniform_baseline(sprint, monkeypatch) -> None:
+    def refused(*_: object) -> None:
+        raise AssertionError("the search of the uniform baseline takes longer than a design")
 
     monkeypatch.setattr(domino_env.scenes.scene, "best_uniform", refused)
-    unseen = replace(sprint, count=33)
-    assert design(unseen).score > 0.0
+    other = replace(sprint, count=33)
+    assert design(other).score > 0.0
     with pytest.raises(AssertionError, match="takes longer"):
-        unseen.uniform()
+        other.uniform()
 
 
-def test_trying_plans_never_loses_and_polishing_gains(sprint) -> None:
+def test_more_tries_never_lose_and_gradient_steps_gain(sprint) -> None:
     scores = [design(sprint, tries=n, steps=0).score for n in (1, 4, 13)]
     assert scores[0] <= scores[1] + 1e-9 <= scores[2] + 2e-9
-    polished = [design("course", steps=k).score for k in (0, 6, 30)]
-    assert polished[0] < polished[1] < polished[2]
+    refined = [design("course", steps=k).score for k in (0, 6, 30)]
+    assert refined[0] < refined[1] < refined[2]
     for given in ({"tries": 0}, {"steps": -1}):
         with pytest.raises(ValueError, match=r"(tries = 0|steps = -1): give a whole number"):
             design(sprint, **given)
@@ -134,13 +135,13 @@ def test_it_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path: Path, capsys
     words = ["evaluate", "designer", "--scenes", "3", "--seed", "5", "--csv", str(file)]
     assert main([*words, "--distribution", "varied-course", "--budget", "40"]) == 0
     table = capsys.readouterr().out
-    assert "| its proposal | " in table
+    assert "| proposal | " in table
     assert "| search | " in table
     with file.open(newline="") as lines:
-        rows = list(csv.DictReader(lines))
-    assert len(rows) == 3
-    assert all(float(row["designed"]) > 0.0 < float(row["uniform"]) for row in rows)
+        scenes = list(csv.DictReader(lines))
+    assert len(scenes) == 3
+    assert all(float(scene["policy"]) > 0.0 < float(scene["uniform"]) for scene in scenes)
     assert main(["evaluate", "greedy", "--scenes", "3"]) != 0
-    assert "greedy is none" in capsys.readouterr().err
+    assert "greedy was not trained on sampled scenes" in capsys.readouterr().err
     assert main(["evaluate", "designer", "--scenes", "201"]) != 0
     assert "has 200 scenes" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Learners and trained agents as methods of a search: budgets, clocks, repeatability."""
+"""Learners and trained policies as search methods: budgets, clocks, repeatability."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import torch
 import domino_env as de
 from agents import evaluate
 from agents.policy import POLICIES
-from agents.sb3 import SideBySideARS
+from agents.sb3 import VectorARS
 from agents.vec_env import DominoVecEnv
 from optimize import METHODS, search
 from optimize.methods.registry import load, of_others
@@ -34,22 +34,24 @@ def small():
 
 
 @pytest.mark.parametrize("method", LEARNED)
-def test_a_learner_keeps_a_budget_and_repeats_to_the_bit(small, method: str) -> None:
+def test_a_learner_keeps_a_budget_and_is_reproducible(small, method: str) -> None:
     budget = 400
     random.seed(1)
     np.random.seed(2)  # noqa: NPY002
     torch.manual_seed(3)
     before = random.getstate(), np.random.get_state()[1].tolist(), torch.get_rng_state()  # noqa: NPY002
-    counted = []
+    remaining = []
     one, two = (
-        search(small, method, budget=budget, seed=5, callback=lambda m: counted.append(m.remaining))
+        search(
+            small, method, budget=budget, seed=5, callback=lambda m: remaining.append(m.remaining)
+        )
         for _ in range(2)
     )
     assert before[0] == random.getstate()
     assert before[1] == np.random.get_state()[1].tolist()  # noqa: NPY002
     assert torch.equal(before[2], torch.get_rng_state())
     assert 0.7 * budget < one.evaluations <= budget
-    assert min(counted) >= 0
+    assert min(remaining) >= 0
     assert one.evaluations == two.evaluations
     assert np.array_equal(one.layout.spacing, two.layout.spacing)
     assert [t[3] for t in one.trace] == [t[3] for t in two.trace]
@@ -61,26 +63,26 @@ def test_a_learner_keeps_a_budget_and_repeats_to_the_bit(small, method: str) -> 
 def test_a_budget_may_be_one_layout_or_a_clock(small) -> None:
     assert search(small, "ppo", budget=1).evaluations == 1
     assert search(small, "ars", seconds=1e-9).evaluations >= 1
-    assert search(small, "ppo", seconds=1.0).seconds < 30.0  # its preset would take minutes
+    assert search(small, "ppo", seconds=1.0).seconds < 30.0  # its default steps take minutes
 
 
-def test_a_trained_agent_builds_at_once_and_its_training_counts(tmp_path: Path) -> None:
+def test_a_trained_policy_takes_one_evaluation_and_the_time_of_its_training(tmp_path: Path) -> None:
     scene = de.load_scene("sprint")
-    built = evaluate("sprint", scene)
-    found = search(scene, "agent:sprint", seconds=5.0)
-    assert found.evaluations == 1
-    assert found.score == built.score
+    rollout = evaluate("sprint", scene)
+    result = search(scene, "agent:sprint", seconds=5.0)
+    assert result.evaluations == 1
+    assert result.score == rollout.score
     assert search(scene, "agent:designer", seconds=5.0).score == evaluate("designer", scene).score
     home = POLICIES / "sprint"
     for name in ("scene.toml", "config.json", "policy.npz", "policy.json"):
         (tmp_path / name).write_bytes((home / name).read_bytes())
     (tmp_path / "summary.json").write_text(json.dumps({"seconds": 321.0}))
-    found = search(scene, f"agent:{tmp_path}", seconds=5.0)
-    assert found.score == built.score
-    assert all(seconds > 321.0 for _, _, seconds, _ in found.trace)
+    result = search(scene, f"agent:{tmp_path}", seconds=5.0)
+    assert result.score == rollout.score
+    assert all(seconds > 321.0 for _, _, seconds, _ in result.trace)
 
 
-def test_what_is_no_method_is_told(tmp_path: Path) -> None:
+def test_unknown_methods_are_rejected(tmp_path: Path) -> None:
     for name in ("agent:", "agent:nowhere", f"agent:{tmp_path}"):
         with pytest.raises(ValueError, match="holds no policy"):
             load(name)
@@ -91,7 +93,7 @@ def test_what_is_no_method_is_told(tmp_path: Path) -> None:
     assert not set(LEARNED) & set(METHODS)
 
 
-def test_without_the_extra_it_is_said_what_to_install() -> None:
+def test_without_the_extra_the_error_has_the_command_that_installs_it() -> None:
     code = (
         "import sys; sys.modules['sb3_contrib'] = None\n"
         "import importlib.util as u; find = u.find_spec\n"
@@ -105,9 +107,9 @@ def test_without_the_extra_it_is_said_what_to_install() -> None:
     assert 'pip install "domino-chains[rl]"' in done.stdout
 
 
-def test_candidates_side_by_side_return_what_each_does_alone(small) -> None:
+def test_candidates_together_have_the_returns_that_each_has_alone(small) -> None:
     env = DominoVecEnv(small, 4)
-    model = SideBySideARS("LinearPolicy", env, n_delta=3, n_top=2, seed=0)
+    model = VectorARS("LinearPolicy", env, n_delta=3, n_top=2, seed=0)
     weights = 0.3 * torch.randn(6, model.n_params, generator=torch.Generator().manual_seed(1))
     model._setup_learn(100)
 
@@ -115,12 +117,13 @@ def test_candidates_side_by_side_return_what_each_does_alone(small) -> None:
         def __getattr__(self, name):
             return lambda *_: True
 
-    found = model.evaluate_candidates(weights, Quiet(), None).numpy()
+    returns = model.evaluate_candidates(weights, Quiet(), None).numpy()
     single = DominoVecEnv(small, 1)
     for i in range(6):
         model.policy.load_from_vector(weights[i])
-        seen, total, over = single.reset(), 0.0, False
+        observation, total, over = single.reset(), 0.0, False
         while not over:
-            seen, paid, (over,), _ = single.step(model.predict(seen, deterministic=True)[0])
-            total += float(paid[0])
-        assert found[i] == pytest.approx(total, rel=1e-4, abs=1e-4)
+            action = model.predict(observation, deterministic=True)[0]
+            observation, reward, (over,), _ = single.step(action)
+            total += float(reward[0])
+        assert returns[i] == pytest.approx(total, rel=1e-4, abs=1e-4)

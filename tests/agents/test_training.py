@@ -1,4 +1,4 @@
-"""Agents that learn: the vector environment that they learn in, tiny trainings, resumption."""
+"""Training: the vector environment, the policy of APG and PPO, short trainings, resumption."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import domino_env as de
 from agents import evaluate, train
-from agents.algorithms import ALGORITHMS, Hyperparameters, hyperparameters
+from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
 from agents.evaluation import evaluate_scenes, load_policy, scenes_of
 from agents.sb3 import Learner
 from agents.training import Training
@@ -40,29 +40,30 @@ TINY = {  # environments, steps, options
 
 
 def tiny(algorithm: str, **changes: object) -> Hyperparameters:
-    """Hyperparameters that learn for a moment."""
-    plan, (rows, steps, options) = hyperparameters(algorithm, 6), TINY[algorithm]
-    tiny = replace(plan, rows=rows, steps=steps, width=16, options=plan.options | options)
+    """Return hyperparameters of a training that takes a second."""
+    chosen, (num_envs, steps, options) = default_hyperparameters(algorithm, 6), TINY[algorithm]
+    options = chosen.options | options
+    tiny = replace(chosen, num_envs=num_envs, steps=steps, width=16, options=options)
     return replace(tiny, **changes)
 
 
 # the vector environment ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("drawn", [False, True], ids=["one scene", "sampled scenes"])
-def test_it_is_the_single_environments_step_for_step(drawn: bool) -> None:
-    scene = small_scenes() if drawn else SMALL
+@pytest.mark.parametrize("sampled", [False, True], ids=["one scene", "sampled scenes"])
+def test_it_agrees_with_single_environments_in_every_step(sampled: bool) -> None:
+    scene = small_scenes() if sampled else SMALL
     ours = DominoVecEnv(scene, 5)
     theirs = DummyVecEnv([lambda: DominoChain(scene)] * 5)
-    if drawn:
-        ours.follow(9.0)  # the best score so far is of one scene, and no reference for others
+    if sampled:
+        ours.follow(9.0)  # the score of one scene is no reference for others
     ours.seed(2)
     theirs.seed(2)
     assert np.array_equal(ours.reset(), theirs.reset())
     rng = np.random.default_rng(0)
     ended = 0
     for _ in range(40):
-        actions = rng.uniform(-1.2, 1.2, (5, 1 + drawn)).astype(np.float32)
+        actions = rng.uniform(-1.2, 1.2, (5, 1 + sampled)).astype(np.float32)
         one, two = ours.step(actions), theirs.step(actions)
         assert all(map(np.array_equal, one[:3], two[:3]))
         for mine, yours in zip(one[3], two[3], strict=True):
@@ -80,38 +81,37 @@ def test_it_is_the_single_environments_step_for_step(drawn: bool) -> None:
 # the policy of APG and PPO ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("bias", "slope"), [(-1.5, -0.5), (0.9, 0.0), (3.0, 2.0)])
-def test_means_outside_the_box_are_drawn_back(bias: float, slope: float) -> None:
-    """Beyond it all samples are cut off alike: the reward has no slope there."""
-    for pull in (0.0, 1.0):
-        learner = Learner(SMALL, "ppo", tiny("ppo", pull=pull), 0)
+@pytest.mark.parametrize(("bias", "gradient"), [(-1.5, -0.5), (0.9, 0.0), (3.0, 2.0)])
+def test_means_outside_the_box_are_penalised(bias: float, gradient: float) -> None:
+    for penalty in (0.0, 1.0):
+        learner = Learner(SMALL, "ppo", tiny("ppo", penalty=penalty), 0)
         policy = learner.model.policy
         with torch.no_grad():
             policy.action_net.weight.zero_()
             policy.action_net.bias.fill_(bias)
         means = policy.get_distribution(torch.from_numpy(learner.env.reset())).mode()
         (0.0 * means.sum()).backward()
-        assert float(policy.action_net.bias.grad) == pytest.approx(pull * slope)
+        assert float(policy.action_net.bias.grad) == pytest.approx(penalty * gradient)
 
 
 def test_actions_deviate_further_near_the_end_of_the_chain() -> None:
-    plan = tiny("ppo", rows=1, first_deviation=0.02)
-    learner = Learner(replace(SMALL, count=40), "ppo", plan, 0)
-    policy, widths = learner.model.policy, []
+    chosen = tiny("ppo", num_envs=1, first_deviation=0.02)
+    learner = Learner(replace(SMALL, count=40), "ppo", chosen, 0)
+    policy, deviation = learner.model.policy, []
 
-    def deviations(observed: np.ndarray) -> torch.Tensor:
-        return policy.get_distribution(torch.from_numpy(observed)).distribution.stddev.detach()
+    def deviations(observations: np.ndarray) -> torch.Tensor:
+        return policy.get_distribution(torch.from_numpy(observations)).distribution.stddev.detach()
 
     learner.adapt(0.0, 0.0)
-    observed = learner.env.reset()
+    observations = learner.env.reset()
     for _ in range(39):
-        widths.append(float(deviations(observed)[0, 0]))
-        observed = learner.env.step(np.zeros((1, 1), np.float32))[0]
-    assert widths[0] == pytest.approx(0.02, rel=1e-3)
-    assert widths[-1] == pytest.approx(0.02 * plan.end ** np.exp(-0.25))
-    assert np.all(np.diff(widths) > 0.0)
+        deviation.append(float(deviations(observations)[0, 0]))
+        observations = learner.env.step(np.zeros((1, 1), np.float32))[0]
+    assert deviation[0] == pytest.approx(0.02, rel=1e-3)
+    assert deviation[-1] == pytest.approx(0.02 * chosen.end_factor ** np.exp(-0.25))
+    assert np.all(np.diff(deviation) > 0.0)
     policy.deviation = 0.9
-    assert float(deviations(observed).max()) <= 1.0
+    assert float(deviations(observations).max()) <= 1.0
 
 
 # trainings ----------------------------------------------------------------------------------------
@@ -121,8 +121,8 @@ def test_actions_deviate_further_near_the_end_of_the_chain() -> None:
 def test_a_training_learns_repeats_and_continues_after_a_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, algorithm: str
 ) -> None:
-    plan = tiny(algorithm)
-    run = train(SMALL, algorithm, seed=3, folder=tmp_path / "run", plan=plan)
+    chosen = tiny(algorithm)
+    run = train(SMALL, algorithm, seed=3, folder=tmp_path / "run", hyperparameters=chosen)
     assert {file.name for file in run.folder.iterdir()} >= {
         "scene.toml", "config.json", "progress.csv", "policy.npz", "policy.json", "layout.csv",
         "layout.json", "summary.json", "result.png", "checkpoint.pt",
@@ -135,47 +135,47 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(
     summary = json.loads((run.folder / "summary.json").read_text())
     assert (summary["finished"], summary["score"]) == (True, run.rollout.score)
 
-    kept, count = Training.checkpoint, [0]
+    checkpoint, count = Training.checkpoint, [0]
 
     def failing(self: Training) -> None:
-        kept(self)
+        checkpoint(self)
         count[0] += 1
         if count[0] == 4:
-            raise RuntimeError("the power fails")
+            raise RuntimeError("failure")
 
     with monkeypatch.context() as patch:
         patch.setattr(Training, "checkpoint", failing)
-        with pytest.raises(RuntimeError, match="the power fails"):
-            train(SMALL, algorithm, seed=3, folder=tmp_path / "cut", plan=plan)
+        with pytest.raises(RuntimeError, match="failure"):
+            train(SMALL, algorithm, seed=3, folder=tmp_path / "cut", hyperparameters=chosen)
     before = _curve(tmp_path / "cut")
     whole = _curve(run.folder)
     assert before == whole[: len(before)]  # the same seed gives the same results
     with pytest.raises(ValueError, match=r"holds .* already: go on with --resume"):
-        train(SMALL, algorithm, folder=tmp_path / "cut", plan=plan)
+        train(SMALL, algorithm, folder=tmp_path / "cut", hyperparameters=chosen)
     resumed = train("sprint", folder=tmp_path / "cut", resume=True)
     assert (resumed.scene, resumed.algorithm) == ("small", algorithm)
-    assert resumed.steps >= plan.steps
+    assert resumed.steps >= chosen.steps
     after = _curve(resumed.folder)
     assert after[: len(before)] == before
-    assert [row[0] for row in after] == sorted({row[0] for row in after})
+    assert [line[0] for line in after] == sorted({line[0] for line in after})
     again = train(SMALL, folder=tmp_path / "cut", resume=True)  # there is nothing left to do
     assert (again.steps, len(again.curve)) == (resumed.steps, len(after))
 
 
 def _curve(folder: Path) -> list[tuple[float, ...]]:
-    """Steps, score and best score at each evaluation."""
+    """Return steps, score and best score at each evaluation."""
     with (folder / "progress.csv").open(newline="") as file:
-        rows = csv.DictReader(file)
-        return [tuple(float(row[k]) for k in ("steps", "score", "best_score")) for row in rows]
+        names = ("steps", "score", "best_score")
+        return [tuple(float(line[name]) for name in names) for line in csv.DictReader(file)]
 
 
 @pytest.mark.parametrize("algorithm", ["apg", "ppo"])
 def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, algorithm: str
 ) -> None:
-    monkeypatch.setattr("agents.scores.POOL_SCENES", 4)
-    plan = tiny(algorithm, steps=200)
-    run = train(small_scenes(), algorithm, folder=tmp_path / "run", plan=plan)
+    monkeypatch.setattr("agents.training.POOL_SCENES", 4)
+    chosen = tiny(algorithm, steps=200)
+    run = train(small_scenes(), algorithm, folder=tmp_path / "run", hyperparameters=chosen)
     assert run.rollout is None
     assert "median gain" in repr(run)
     with pytest.raises(ValueError, match="no single layout"):
@@ -183,15 +183,15 @@ def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
     resumed = train("varied", folder=run.folder, resume=True)
     assert (resumed.scene, resumed.steps) == ("small", run.steps)
     policy, scenes = load_policy(run.folder), scenes_of(small_scenes(), 3, seed=1)
-    found = evaluate_scenes(scenes, policy)
-    assert "its proposal" not in found.table()
-    for score, scene in zip(found.designed, scenes, strict=True):
+    done = evaluate_scenes(scenes, policy)
+    assert "proposal" not in done.table()
+    for score, scene in zip(done.scores["policy"], scenes, strict=True):
         rollout = evaluate(run.folder, scene)
         assert rollout.score == score
         assert scene.violations(rollout.layout) == []
     with pytest.raises(ValueError, match="no test scenes ship for 'small': give a seed"):
         scenes_of(policy.scene, 3)
-    with pytest.raises(ValueError, match="was trained on many scenes: name one"):
+    with pytest.raises(ValueError, match="was trained on sampled scenes: name one"):
         evaluate(run.folder)
 
 
@@ -211,34 +211,39 @@ def test_a_killed_training_continues_from_its_checkpoint(tmp_path: Path) -> None
     assert json.loads((folder / "summary.json").read_text())["finished"]
 
 
-def test_scalars_go_to_tensorboard_only_where_it_is(tmp_path: Path, monkeypatch) -> None:
+def test_scalars_are_logged_if_tensorboard_is_installed(tmp_path: Path, monkeypatch) -> None:
     events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
-    train(SMALL, "ppo", folder=tmp_path / "with", plan=tiny("ppo"), steps=800)
-    seen = events.EventAccumulator(str(tmp_path / "with" / "tensorboard")).Reload()
-    assert {"design/score", "train/value_loss"} <= set(seen.Tags()["scalars"])
+    train(SMALL, "ppo", folder=tmp_path / "with", hyperparameters=tiny("ppo"), steps=800)
+    log = events.EventAccumulator(str(tmp_path / "with" / "tensorboard")).Reload()
+    assert {"design/score", "train/value_loss"} <= set(log.Tags()["scalars"])
     monkeypatch.setattr("agents.training.find_spec", lambda name: None)
-    train(SMALL, "apg", folder=tmp_path / "without", plan=tiny("apg"), steps=100)
+    train(SMALL, "apg", folder=tmp_path / "without", hyperparameters=tiny("apg"), steps=100)
     assert not (tmp_path / "without" / "tensorboard").exists()
 
 
-def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
+def test_invalid_arguments_are_rejected(tmp_path: Path) -> None:
     for changes, reason in (
         ({"algorithm": "dqn"}, "algorithm = 'dqn': .*apg, ppo, ars"),
         ({"steps": 0}, "steps = 0: give a whole number"),
         ({"seed": -1}, "seed = -1: give a whole number"),
-        ({"folder": tmp_path, "resume": True}, "nothing to go on from"),
+        ({"folder": tmp_path, "resume": True}, "holds no training to resume"),
     ):
         with pytest.raises(ValueError, match=reason):
             train(SMALL, **changes)
-    for name, value in (("first_deviation", 0.0), ("end", -1.0), ("middle", 1.0), ("rows", 0)):
+    for name, value in (
+        ("first_deviation", 0.0),
+        ("end_factor", -1.0),
+        ("middle", 1.0),
+        ("num_envs", 0),
+    ):
         with pytest.raises(ValueError, match=f"{name} = "):
-            replace(hyperparameters("ppo", 39), **{name: value})
+            replace(default_hyperparameters("ppo", 39), **{name: value})
 
 
-def test_a_damaged_or_foreign_checkpoint_is_refused_and_its_code_not_run(
+def test_a_damaged_or_foreign_checkpoint_is_rejected_and_its_code_not_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = train(SMALL, "apg", folder=tmp_path / "run", plan=tiny("apg"), steps=24)
+    run = train(SMALL, "apg", folder=tmp_path / "run", hyperparameters=tiny("apg"), steps=24)
     path = run.folder / "checkpoint.pt"
     whole = torch.load(path, weights_only=True)
     data = path.read_bytes()
@@ -251,8 +256,10 @@ def test_a_damaged_or_foreign_checkpoint_is_refused_and_its_code_not_run(
         _Code(),
     ):
         torch.save(state, path)
-        with pytest.raises(ValueError, match=r"checkpoint\.pt: (it does not fit|not a checkpoint)"):
+        message = r"checkpoint\.pt: (it does not fit|not a checkpoint)"
+        with pytest.raises(ValueError, match=message) as caught:
             train(SMALL, folder=run.folder, resume=True)
+        assert "weights_only" not in str(caught.value)
     assert not Path("ran").exists()
     for torn in (b"", data[:3000], data[3000:]):
         path.write_bytes(torn)
@@ -261,7 +268,7 @@ def test_a_damaged_or_foreign_checkpoint_is_refused_and_its_code_not_run(
 
 
 class _Code:
-    """Shows that a pickle was run."""
+    """Object whose pickle leaves a file when it is loaded."""
 
     def __reduce__(self) -> object:
         return Path.touch, (Path("ran"),)
