@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, write; 1 where an edge case is not answered as it should be."""
+    """Measure, print and write; 1 where an edge case has a fault."""
     from pathlib import Path
     from typing import Any
 
@@ -44,8 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.out)
     folder.mkdir(parents=True, exist_ok=True)
     table, picture = folder / f"{name}.csv", folder / f"{name}.png"
-    wrong = 0
-    records: list[Any] = []
+    wrong, records = 0, list[Any]()
     # one line of the terminal, cleared at the end; disable=None: only on a terminal
     with tqdm(disable=None, bar_format="{desc}", leave=False, dynamic_ncols=True) as line:
         progress = line.set_description_str
@@ -54,11 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
                 progress(str(case))
                 records.append(edge_cases.examine(case))
             wrong = sum(bool(one.faults) for one in records)
-            lines = edge_cases.stability_table(records)
-            lines += [
-                "",
-                f"{len(records)} edge cases: {wrong or 'none'} not answered as they should be",
-            ]
+            summary = f"{len(records)} edge cases: {wrong or 'none'} with a fault"
+            lines = [*edge_cases.stability_table(records), "", summary]
             accuracy_plots.draw_stability(records, picture)
         else:
             progress("compiling")
@@ -67,7 +63,6 @@ def run(arguments: argparse.Namespace) -> int:
             records += accuracy.measure(examples, arguments.seconds, arguments.quick, progress)
             lines = accuracy.compare(records)
             accuracy_plots.draw_accuracy(examples, records, picture)
-    print("\n".join(lines))
     write_text(table, accuracy.as_csv(records))
-    print(f"\n{table}, {picture}")
+    print("\n".join(lines) + f"\n\n{table}, {picture}")
     return 1 if wrong else 0

@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate, write."""
+    """Simulate the layout and write its sound."""
     from pathlib import Path
 
     from domino_env.physics.wave import simulate

@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Draw, write, print the tables."""
+    """Draw the figures, write and print the tables."""
     from pathlib import Path
 
     from domino_env.core.files import write_text

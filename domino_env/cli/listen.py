@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Listen to each."""
+    """Estimate and print the frequency of each recording."""
     from pathlib import Path
 
     from domino_env.view.sound import listen, read_wav
@@ -24,14 +24,14 @@ def run(arguments: argparse.Namespace) -> int:
     for name in arguments.files:
         samples, rate = read_wav(Path(name))
         try:
-            heard = listen(samples, rate)
+            hits = listen(samples, rate)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
-        line = f"{name}: {heard.frequency:.2f} ± {heard.uncertainty:.2f} hits a second"
+        line = f"{name}: {hits.frequency:.2f} ± {hits.uncertainty:.2f} hits per second"
         if arguments.pitch:
             metres = arguments.pitch * 1e-3
-            line += f", {heard.frequency * metres:.4f} ± {heard.uncertainty * metres:.4f} m/s"
-        print(f"{line} (clarity {heard.clarity:.2f}, {heard.seconds:.2f} s listened to)")
-        if heard.clarity < 0.3:
-            print("  the hits hardly repeat: a row of unequal gaps, or a noisy recording")
+            line += f", {hits.frequency * metres:.4f} ± {hits.uncertainty * metres:.4f} m/s"
+        print(f"{line} (clarity {hits.clarity:.2f}, {hits.seconds:.2f} s evaluated)")
+        if hits.clarity < 0.3:
+            print("  the hits hardly repeat: gaps are unequal, or the recording is noisy")
     return 0

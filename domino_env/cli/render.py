@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate, draw, write."""
+    """Simulate the layouts and write the pictures."""
     from pathlib import Path
 
     from domino_env.core.files import layout_name, one_line

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate, write the page."""
+    """Simulate the layouts and write the page."""
     from pathlib import Path
 
     from domino_env.view.race import headline
@@ -37,7 +37,6 @@ def run(arguments: argparse.Namespace) -> int:
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
     size = write_report(racers, title, target)
-    said = headline(racers)
-    print(chosen.line)
-    print(f"{said['who']}: {said['why']}\n{target}: {size / 1e3:.0f} kB")
+    result = headline(racers)
+    print(f"{chosen.line}\n{result['who']}: {result['why']}\n{target}: {size / 1e3:.0f} kB")
     return 0

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import add_physics_options, chosen_physics
+from domino_env.cli.options import add_physics_options, chosen_physics, write_json
 
 if TYPE_CHECKING:
     from domino_env.physics.wave import Wave
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
 
 SUMMARY = "simulate one layout: arrival times, speed and outcome"
-CSV_NAMES = (
+CSV_COLUMNS = (
     "number", "position", "arrival_time", "release_velocity", "impact_velocity", "stall_margin",
 )  # fmt: skip
 WAVE = (
@@ -27,12 +27,12 @@ WAVE = (
     "largest_flush_loss"
 )
 DOMINOES = "arrival_times release_velocity impact_velocity stall_margin"
-STANDING = (
+RIGID = (
     "floor_friction mean_speed hit toppled error_estimate converged arrival_times slid opened "
     "opened_at"
 )
-MOST_LINES = 60  # of a table that is printed whole unasked
-ENDS = 10  # lines at both ends of a longer one
+MOST_LINES = 60  # of a table that is printed whole without --all
+ENDS = 10  # lines at each end of a longer one
 OPEN = 1e-5  # [m] contacts that open by less are not worth a line
 
 
@@ -56,7 +56,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, print, and write the table if chosen to."""
-    import json
     from pathlib import Path
 
     from domino_env.core.results import document
@@ -67,32 +66,30 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = chosen_physics(arguments, arguments.layout)
     scene = chosen.scene
     wave = simulate(chosen.read(arguments.layout), chosen.physics, rtol=arguments.rtol)
-    judged = _judged(wave, scene) if scene else {}
+    evaluation = _evaluation(wave, scene) if scene else {}
     if arguments.csv:
-        write_csv(Path(arguments.csv), CSV_NAMES, _csv_rows(wave))
-    standing = None
+        write_csv(Path(arguments.csv), CSV_COLUMNS, _csv_lines(wave))
+    rigid = None
     if arguments.floor is not None:
-        standing = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
+        rigid = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
     if arguments.json:
-        told = document(wave, WAVE) | document(wave.physics, "friction gravity push")
-        told |= document(wave.layout, "positions") | document(wave, DOMINOES)
-        told |= {"physics_from": chosen.origin} | judged
-        if standing:
-            told["standing"] = document(standing, STANDING)
-        print(json.dumps(told, indent=1, allow_nan=False))
+        result = document(wave, WAVE) | document(wave.physics, "friction gravity push")
+        result |= document(wave.layout, "positions") | document(wave, DOMINOES)
+        result |= {"physics_from": chosen.origin} | evaluation
+        if rigid:
+            result["free_standing"] = document(rigid, RIGID)
+        write_json(result, "-")
         return 0
-    print("\n".join(_table(wave, whole=arguments.all) + _verdict(wave) + [chosen.line]))
-    if scene:
-        print("\n".join(_judgement(judged)))
-    if standing:
-        print("\n".join(_standing(standing, wave)))
-    if arguments.csv:
-        print(f"table written to {arguments.csv}")
+    lines = [*_table(wave, whole=arguments.all), *_summary(wave), chosen.line]
+    lines += _evaluation_lines(evaluation) if scene else []
+    lines += _rigid_summary(rigid, wave) if rigid else []
+    lines += [f"table written to {arguments.csv}"] * bool(arguments.csv)
+    print("\n".join(lines))
     return 0
 
 
 def _table(wave: Wave, *, whole: bool) -> list[str]:
-    """A line a domino, up to the last one that was struck; of a long row its two ends."""
+    """Return one line per domino that is hit; of a long layout its two ends."""
     from domino_env.core.tables import text_table
 
     layout = wave.layout
@@ -108,98 +105,89 @@ def _table(wave: Wave, *, whole: bool) -> list[str]:
     }  # fmt: skip
     lines = text_table([*columns], zip(*columns.values(), strict=False), right=columns)
     if not whole and wave.hit > MOST_LINES:
-        left_out = f"{wave.hit - 2 * ENDS:,} lines left out: --all prints, --csv writes them"
-        lines[1 + ENDS : -ENDS] = [f"   ...  {left_out}"]
+        omitted = f"{wave.hit - 2 * ENDS:,} lines left out: --all prints, --csv writes them"
+        lines[1 + ENDS : -ENDS] = [f"   ...  {omitted}"]
     return lines
 
 
-def _verdict(wave: Wave) -> list[str]:
+def _summary(wave: Wave) -> list[str]:
+    """Return outcome, speed, events and error of a wave."""
     lines = ["", f"{wave.outcome.name}: {wave.explanation}"]
     if wave.mean_speed > 0.0:
         lines.append(
             f"mean speed {wave.mean_speed:.6f} m/s over {wave.layout.length:.4f} m, "
             f"last domino hit after {wave.arrival_times[-1]:.6f} s"
         )
-    lines.append(_events(wave) + f"relative error of the times below {wave.error_estimate:.1e}")
+    loss = f" (largest loss of speed {wave.largest_flush_loss:.2%})"
+    words = [f"face impacts: {wave.flushes}{loss}"] * bool(wave.flushes)
+    words += [f"separations: {wave.releases}"] * bool(wave.releases)
+    words += [f"relative error of the times below {wave.error_estimate:.1e}"]
+    lines.append("; ".join(words))
     if not wave.converged:
         lines.append(
-            f"the row is so close to a stall that rounding keeps the tolerance {wave.rtol:g} out "
-            "of reach; the error estimate holds"
+            f"so close to a stall that rounding prevents the tolerance {wave.rtol:g}; the error "
+            "estimate holds"
         )
     return lines
 
 
-def _events(wave: Wave) -> str:
-    """Say what else happened, where it did."""
-    words = []
-    if wave.flushes:
-        number = "1 flush" if wave.flushes == 1 else f"{wave.flushes} flushes"
-        words.append(f"{number} (largest loss of speed {wave.largest_flush_loss:.2%})")
-    if wave.releases:
-        words.append("1 release" if wave.releases == 1 else f"{wave.releases} releases")
-    return ", ".join(words) + ("; " if words else "")
-
-
-def _judged(wave: Wave, scene: Scene) -> dict[str, object]:
-    """What the scene says of the wave: the rules it breaks, or its score and the mark's."""
+def _evaluation(wave: Wave, scene: Scene) -> dict[str, object]:
+    """Return the rules of a scene that the wave violates, or its score and the baseline's."""
     from domino_env.scenes.uniform import gain
 
-    broken = scene.violations(wave.layout)
+    violations = scene.violations(wave.layout)
     if wave.physics != scene.physics:
-        broken.append(f"friction, gravity or push differ: the scene has {scene.physics}")
-    if broken:
-        return {"scene": scene.name, "violations": broken}
-    score, mark = scene.score(wave), scene.uniform().score
-    lead = gain(score, mark)
-    return {"scene": scene.name, "violations": [], "score": score, "uniform_score": mark} | (
-        {} if lead is None else {"gain": lead}
-    )
+        violations.append(f"friction, gravity or push differ: the scene has {scene.physics}")
+    result: dict[str, object] = {"scene": scene.name, "violations": violations}
+    if not violations:
+        score, uniform = scene.score(wave), scene.uniform().score
+        result |= {"score": score, "uniform_score": uniform}
+        if (relative := gain(score, uniform)) is not None:
+            result["gain"] = relative
+    return result
 
 
-def _judgement(judged: dict[str, object]) -> list[str]:
-    name, broken = judged["scene"], judged["violations"]
-    if isinstance(broken, list) and broken:
-        return [f"not a layout of scene '{name}': {sentence}" for sentence in broken]
-    if "gain" in judged:
-        against = f"{judged['gain']:+.2%} against the best uniform pitch"
-    else:
-        against = "below zero for a wave that dies; the best uniform pitch"
-    return [f"score {judged['score']:.6f} on '{name}', {against} ({judged['uniform_score']:.6f})"]
+def _evaluation_lines(result: dict[str, object]) -> list[str]:
+    name, violations = result["scene"], result["violations"]
+    if isinstance(violations, list) and violations:
+        return [f"not a layout of scene '{name}': {sentence}" for sentence in violations]
+    uniform = f"the best uniform layout ({result['uniform_score']:.6f})"
+    against = f"below zero for a wave that stops; {uniform}"
+    if "gain" in result:
+        against = f"{result['gain']:+.2%} against {uniform}"
+    return [f"score {result['score']:.6f} on '{name}', {against}"]
 
 
-def _standing(row: RigidWave, wave: Wave) -> list[str]:
-    """What the same dominoes did as rigid bodies on a floor."""
-    count = row.layout.count
-    lines = ["", f"as rigid bodies that stand free on a floor of friction {row.floor_friction:g}:"]
-    if row.mean_speed > 0.0:
+def _rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
+    """Return speed, sliding and separations of the same dominoes free-standing on a floor."""
+    count = rigid.layout.count
+    lines = ["", f"free-standing rigid bodies on a floor of friction {rigid.floor_friction:g}:"]
+    if rigid.mean_speed > 0.0:
         against = ""
         if wave.mean_speed > 0.0:
-            against = f", {row.mean_speed / wave.mean_speed - 1.0:+.2%} against the model"
+            against = f", {rigid.mean_speed / wave.mean_speed - 1.0:+.2%} against the model"
         lines.append(
-            f"mean speed {row.mean_speed:.5f} m/s{against}, last domino hit after "
-            f"{row.arrival_times[-1]:.5f} s"
+            f"mean speed {rigid.mean_speed:.5f} m/s{against}, last domino hit after "
+            f"{rigid.arrival_times[-1]:.5f} s"
         )
     else:
-        lines.append(f"the wave ends after {row.hit} of {count} dominoes were struck")
+        lines.append(f"the wave stops after {rigid.hit} of {count} dominoes were hit")
     lines.append(
-        f"{row.toppled} of {count} toppled; the foot of domino {row.slid.argmax()} slid furthest, "
-        f"{row.slid.max() * 1e3:.2f} mm"
+        f"{rigid.toppled} of {count} toppled; the foot of domino {rigid.slid.argmax()} slid "
+        f"furthest, {rigid.slid.max() * 1e3:.2f} mm"
     )
-    if count > 1 and row.opened.max() > OPEN:
-        link = int(row.opened.argmax())
+    if count > 1 and rigid.opened.max() > OPEN:
+        i = int(rigid.opened.argmax())
         lines.append(
-            f"the contact of {link} and {link + 1} opened furthest, by {row.opened[link] * 1e3:.2f}"
-            f" mm after {row.opened_at[link]:.4f} s"
+            f"the contact of {i} and {i + 1} opened furthest, by {rigid.opened[i] * 1e3:.2f} mm "
+            f"after {rigid.opened_at[i]:.4f} s"
         )
-    lines.append(
-        f"relative error of these times below {row.error_estimate:.1e}"
-        + ("" if row.converged else f", though {row.rtol:g} was asked for: the row is too delicate")
-    )
-    return lines
+    unmet = "" if rigid.converged else f", more than the tolerance {rigid.rtol:g}"
+    return [*lines, f"relative error of these times below {rigid.error_estimate:.1e}{unmet}"]
 
 
-def _csv_rows(wave: Wave) -> Iterator[list[float | None]]:
-    """A line for each domino that was struck; an empty cell for what did not come."""
+def _csv_lines(wave: Wave) -> Iterator[list[float | None]]:
+    """Yield one line per domino that is hit, with empty cells for missing numbers."""
     columns = (
         wave.layout.positions, wave.arrival_times, wave.release_velocity,
         [*wave.impact_velocity, math.nan], wave.stall_margin,

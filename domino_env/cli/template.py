@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write, and say what to do with it."""
+    """Write the template and print how to use it."""
     from pathlib import Path
 
     from domino_env.core.files import layout_name
@@ -25,6 +25,6 @@ def run(arguments: argparse.Namespace) -> int:
     source = Path(arguments.layout)
     layout = read_layout(source, scene_beside(source))
     target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
-    told = write_template(layout, target, arguments.paper, f"Domino row {layout_name(source)}")
-    print(f"{target}: {told}")
+    title = f"Domino row {layout_name(source)}"
+    print(f"{target}: {write_template(layout, target, arguments.paper, title)}")
     return 0

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare, print, write."""
+    """Compare the sources, print and write the results."""
     from pathlib import Path
 
     from domino_env.core.files import write_text
@@ -54,9 +54,9 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.json == "-":
             return 0
     print("\n\n".join("\n".join(text(one)) for one in validations))
-    held = sum(one.explained for one in validations)
+    explained = sum(one.explained for one in validations)
     if len(validations) > 1:
-        print(f"\n{held} of {len(validations)} sources explained")
+        print(f"\n{explained} of {len(validations)} sources explained")
     if arguments.out:
         folder = Path(arguments.out)
         page = folder / PAGE

@@ -93,7 +93,7 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
     wrong = sum(bool(one.faults) for one in answers)
     figure, (axes,) = new_panels(
         1, 1, (13.0, 5.8),
-        headline=f"{len(answers)} edge cases: {wrong or 'none'} not answered as they should be",
+        headline=f"{len(answers)} edge cases: {wrong or 'none'} with a fault",
         subtitle="dots: true error; bars: error estimate",
     )  # fmt: skip
     places: list[float] = []

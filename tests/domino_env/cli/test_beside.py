@@ -25,7 +25,7 @@ def mars(tmp_path: Path) -> Path:
     return folder / "layout.csv"
 
 
-def test_simulate_takes_the_scene_beside_unless_told_otherwise(capsys, mars: Path) -> None:
+def test_simulate_takes_the_scene_beside_the_layout_by_default(capsys, mars: Path) -> None:
     def answer(*words: str) -> dict[str, object]:
         assert main(["simulate", str(mars), "--json", *words]) == 0
         return json.loads(capsys.readouterr().out)
@@ -64,7 +64,7 @@ def test_a_template_has_the_width_of_the_scene_beside(mars: Path, monkeypatch) -
     assert drawn[0].width == 0.04
 
 
-def test_rows_of_different_scenes_are_not_shown_together(capsys, mars: Path, tmp_path) -> None:
+def test_layouts_of_different_scenes_are_not_drawn_together(capsys, mars: Path, tmp_path) -> None:
     (tmp_path / "scene.toml").write_text(de.load_scene("gentle").to_toml())
     (tmp_path / "row.csv").write_text(GAPS)
     race = ["render", str(mars), str(tmp_path / "row.csv"), "--gif", str(tmp_path / "race.gif")]

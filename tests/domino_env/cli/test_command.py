@@ -1,4 +1,4 @@
-"""The `domino` command: what a person types, sees, and is told when something is wrong."""
+"""The `domino` command: its input, output and error messages."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def row(tmp_path: Path) -> Path:
     return path
 
 
-def said(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    """What a command that succeeds prints."""
+def output_of(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """Return the output of a command that succeeds."""
     assert main([str(w) for w in words]) == 0
     output = capsys.readouterr()
     assert output.err == ""
@@ -36,7 +36,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: object) -> str:
 
 
 def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, row: Path) -> None:
-    text = said(capsys, "simulate", row)
+    text = output_of(capsys, "simulate", row)
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics())
     table = [line.split() for line in text.splitlines()[1:6]]
     assert [int(cells[0]) for cells in table] == [0, 1, 2, 3, 4]
@@ -51,21 +51,21 @@ def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, row:
     assert "relative error of the times below" in text
 
 
-def test_simulate_shows_the_row_on_a_floor_too(capsys, row: Path) -> None:
-    text = said(capsys, "simulate", row, "--floor", 0.4)
+def test_simulate_shows_free_standing_dominoes_too(capsys, row: Path) -> None:
+    text = output_of(capsys, "simulate", row, "--floor", 0.4)
     standing = de.simulate_standing(de.Layout(GAPS, THICKNESS), de.Physics(), 0.4)
     assert f"mean speed {standing.mean_speed:.5f} m/s, " in text
     assert "5 of 5 toppled" in text
-    document = json.loads(said(capsys, "simulate", row, "--floor", 0.4, "--json"))
-    assert document["standing"]["arrival_times"] == standing.arrival_times.tolist()
+    document = json.loads(output_of(capsys, "simulate", row, "--floor", 0.4, "--json"))
+    assert document["free_standing"]["arrival_times"] == standing.arrival_times.tolist()
 
 
-def test_of_a_long_row_the_two_ends_are_printed(capsys, tmp_path: Path) -> None:
+def test_the_two_ends_of_a_long_layout_are_printed(capsys, tmp_path: Path) -> None:
     path = tmp_path / "long.csv"
     layout = de.Layout.uniform(5000, pitch=0.024)
     layout.to_csv(path)
-    whole = said(capsys, "simulate", path, "--all").splitlines()
-    short = said(capsys, "simulate", path).splitlines()
+    whole = output_of(capsys, "simulate", path, "--all").splitlines()
+    short = output_of(capsys, "simulate", path).splitlines()
     assert "4,980 lines left out: --all prints, --csv writes them" in short[11]
     assert short[:11] + short[12:] == whole[:11] + whole[-15:]
     assert len(whole) == 1 + 5000 + 5
@@ -75,10 +75,10 @@ def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(capsys, row, tmp_p
     scene = de.load_scene("sprint")
     layout = scene.layout(0.012)
     layout.to_csv(tmp_path / "own.csv")
-    text = said(capsys, "simulate", tmp_path / "own.csv", "--scene", "sprint")
-    score, mark = scene.score(layout), scene.uniform().score
-    assert f"score {score:.6f} on 'sprint', {score / mark - 1:+.2%} against the best" in text
-    text = said(capsys, "simulate", row, "--scene", "sprint", "--push", 9)
+    text = output_of(capsys, "simulate", tmp_path / "own.csv", "--scene", "sprint")
+    score, uniform = scene.score(layout), scene.uniform().score
+    assert f"score {score:.6f} on 'sprint', {score / uniform - 1:+.2%} against the best" in text
+    text = output_of(capsys, "simulate", row, "--scene", "sprint", "--push", 9)
     assert "not a layout of scene 'sprint': the layout has 5 dominoes, and the scene 40" in text
     assert "not a layout of scene 'sprint': friction, gravity or push differ" in text
     assert "score" not in text
@@ -86,7 +86,7 @@ def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(capsys, row, tmp_p
 
 def test_the_table_for_other_programs(capsys, row: Path, tmp_path: Path) -> None:
     path = tmp_path / "new" / "table.csv"
-    text = said(capsys, "simulate", row, "--csv", path)
+    text = output_of(capsys, "simulate", row, "--csv", path)
     assert f"table written to {path}" in text
     with path.open(newline="") as file:
         table = list(csv.DictReader(file))
@@ -97,7 +97,7 @@ def test_the_table_for_other_programs(capsys, row: Path, tmp_path: Path) -> None
 
 
 def test_json_for_other_programs(capsys, row: Path) -> None:
-    document = json.loads(said(capsys, "simulate", row, "--json", "--push", 1.5))
+    document = json.loads(output_of(capsys, "simulate", row, "--json", "--push", 1.5))
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(push=1.5))
     assert document["outcome"] == "STALLED"
     assert "push harder" in document["explanation"]
@@ -113,7 +113,7 @@ def test_json_for_other_programs(capsys, row: Path) -> None:
     (["ROW", "--scene", "sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
     (["BAD"], "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
 ])  # fmt: skip
-def test_what_is_wrong_is_said_in_one_line(capsys, row: Path, words, message: str) -> None:
+def test_an_error_is_one_line(capsys, row: Path, words, message: str) -> None:
     bad = row.with_name("bad.csv")
     bad.write_text("spacing_mm,thickness_mm\n18,7.5\n18,thin\n,7.5\n")
     places = {"ROW": str(row), "BAD": str(bad)}

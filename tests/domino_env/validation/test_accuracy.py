@@ -131,7 +131,7 @@ def test_a_scene_gives_its_uniform_baseline_and_a_random_layout() -> None:
     ("options", "said", "table", "lines"),
     [
         ("--scene gentle --seconds 0.02", "uniform: seconds to an error", "accuracy", 20),
-        ("--stability", "edge cases: none not answered as they should be", "stability", 200),
+        ("--stability", "edge cases: none with a fault", "stability", 200),
     ],
 )
 def test_domino_accuracy_writes_table_and_picture(
