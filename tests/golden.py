@@ -1,10 +1,10 @@
-"""Golden digests: whether a change keeps every bit of every result.
+"""Golden digests: a check that a change keeps every bit of every result.
 
 python tests/golden.py --write FILE    before the change
 python tests/golden.py --check FILE    after it, with the same three files and on the same machine
 
-The inputs (golden_layouts.py) are made here and the results (golden_results.py) are reached by
-public names, so that the same files run on both sides of a restructuring.  A digest covers a bundle
+The inputs (golden_layouts.py) are generated, and the results (golden_results.py) use public names
+only, so that the same files run before and after a restructuring.  A digest covers a bundle
 of results, and its name says which.  Bits differ from processor to processor and from one Numba to
 the next: this is no test.
 """
@@ -27,7 +27,7 @@ from golden_results import GROUPS, Digests  # noqa: E402
 
 
 def machine() -> dict[str, str]:
-    """What the bits depend on besides the code."""
+    """Return the software and hardware on which the bits depend besides the code."""
     import llvmlite.binding
     import numba
 
@@ -41,7 +41,7 @@ def machine() -> dict[str, str]:
 
 
 def digests_of(groups: list[str]) -> dict[str, str]:
-    """All digests of the groups, as GROUP: NAME."""
+    """Return all digests of the groups, as GROUP: NAME."""
     digests: dict[str, str] = {}
     for group in groups:
         began, found = time.perf_counter(), Digests()
@@ -54,7 +54,7 @@ def digests_of(groups: list[str]) -> dict[str, str]:
 
 
 def check(file: Path, groups: list[str]) -> int:
-    """Compare with a file; 1 where anything differs."""
+    """Compare with a file; return 1 where anything differs."""
     written = json.loads(file.read_text("utf-8"))
     for name, value in machine().items():
         if written["machine"].get(name) != value:
@@ -83,8 +83,8 @@ def main() -> int:
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--write", type=Path, metavar="FILE", help="write the digests of this code")
     what.add_argument("--check", type=Path, metavar="FILE", help="compare this code with FILE")
-    what.add_argument("--list", action="store_true", help="the groups, and what is in them")
-    parser.add_argument("--only", metavar="GROUP[,GROUP]", help="these groups alone")
+    what.add_argument("--list", action="store_true", help="list the groups and their contents")
+    parser.add_argument("--only", metavar="GROUP[,GROUP]", help="compute only these groups")
     given = parser.parse_args()
     if given.list:
         for name, group in GROUPS.items():

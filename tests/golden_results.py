@@ -1,4 +1,4 @@
-"""Groups of golden digests: what is computed, with public names alone, and put into them."""
+"""Groups of golden digests: results, computed with public names only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from golden_layouts import Block, H, blocks, drawn_scene, scene_row
+from golden_layouts import Block, H, blocks, random_scene, scene_layout
 
 import domino_env as de
 from domino_env.physics.motion import Motion
@@ -28,7 +28,7 @@ class Digests:
         self._open: defaultdict[str, Any] = defaultdict(hashlib.sha256)
 
     def add(self, name: str, *values: object) -> None:
-        """Take results into the digest of that name: numbers, arrays, containers of them."""
+        """Add results to the digest of that name: numbers, arrays, containers of them."""
         for value in values:
             self._feed(self._open[name], value)
 
@@ -46,7 +46,7 @@ class Digests:
         elif value is None:
             digest.update(b"none")
         else:
-            # what is no number is refused; a nan has many bit patterns and one meaning
+            # other types raise; a nan has many bit patterns and one meaning
             array = np.array(value).astype(np.float64, casting="same_kind")
             array[np.isnan(array)] = np.nan
             digest.update(f"{array.shape}".encode() + array.tobytes())
@@ -56,7 +56,7 @@ class Digests:
         return {name: digest.hexdigest()[:16] for name, digest in self._open.items()}
 
 
-# what is digested of each kind of result ----------------------------------------------------------
+# fields of each kind of result ------------------------------------------------------------------
 
 WAVE = (
     "outcome", "hit", "toppled", "reach", "arrival_times", "release_velocity", "impact_velocity",
@@ -73,38 +73,38 @@ DIAGNOSIS = (
 )  # fmt: skip
 
 
-def parts(result: object, names: tuple[str, ...]) -> list[Any]:
-    """The numbers of a result; how long it took is not among them."""
+def select(result: object, names: tuple[str, ...]) -> list[Any]:
+    """Return the named fields of a result."""
     return [getattr(result, name) for name in names]
 
 
 # groups -------------------------------------------------------------------------------------------
 
 
-def waves(found: Digests) -> None:
-    """Every row alone, at four tolerances."""
+def waves(digests: Digests) -> None:
+    """Single simulations, at four tolerances."""
     for kind, physics, layouts in blocks():
         for rtol, layout in product(TOLERANCES, layouts):
             wave = de.simulate(layout, physics, rtol=rtol)
-            found.add(f"{rtol:g}, {kind}", *parts(wave, WAVE))
+            digests.add(f"{rtol:g}, {kind}", *select(wave, WAVE))
 
 
 def batched(layouts: list[de.Layout], physics: de.Physics, rtol: float, **given: bool) -> Any:
-    """Simulate rows of one length as one batch."""
-    rows = {name: np.array([getattr(row, name) for row in layouts]) for name in LAYOUT[:4]}
-    return de.simulate_batch(**rows, physics=physics, rtol=rtol, **given)
+    """Simulate layouts of one length as a batch."""
+    arrays = {name: np.array([getattr(one, name) for one in layouts]) for name in LAYOUT[:4]}
+    return de.simulate_batch(**arrays, physics=physics, rtol=rtol, **given)
 
 
-def batches(found: Digests) -> None:
-    """The same rows in batches, with and without records."""
+def batches(digests: Digests) -> None:
+    """Batches of the same layouts, with and without records."""
     for (kind, physics, layouts), rtol in product(blocks(), TOLERANCES):
         for record, words in ((True, ""), (False, ", no record")):
             batch = batched(layouts, physics, rtol, record=record)
-            found.add(f"{rtol:g}, {kind}{words}", *parts(batch, BATCH))
+            digests.add(f"{rtol:g}, {kind}{words}", *select(batch, BATCH))
 
 
-def gradients(found: Digests) -> None:
-    """Gradients of every row at the edge and of a third of the others, alone and in batches."""
+def gradients(digests: Digests) -> None:
+    """Gradients of every edge case and of a third of the others, single and in batches."""
     rng = np.random.default_rng(16)
     for i, (kind, physics, layouts) in enumerate(blocks()):
         if len(layouts) > 1 and i % 3:
@@ -114,117 +114,118 @@ def gradients(found: Digests) -> None:
                 wave = de.simulate(layout, physics, rtol=rtol, gradient=True)
                 bar = rng.standard_normal(layout.count)
                 bar[~np.isfinite(wave.arrival_times)] = 0.0
-                pulled = parts(wave.pullback(bar), GRADIENT)
-                found.add(f"{rtol:g}, {kind}", *parts(wave, WAVE), pulled)
+                pulled = select(wave.pullback(bar), GRADIENT)
+                digests.add(f"{rtol:g}, {kind}", *select(wave, WAVE), pulled)
                 if layout.count > 1 and wave.outcome == de.Outcome.PROPAGATED:
                     for of in ("time", "speed"):
-                        found.add(f"{rtol:g}, {kind}, {of}", parts(wave.gradient(of), GRADIENT))
+                        digests.add(f"{rtol:g}, {kind}, {of}", select(wave.gradient(of), GRADIENT))
             batch = batched(layouts, physics, rtol, gradient=True)
-            pulled = parts(batch.gradient, GRADIENT)
-            found.add(f"{rtol:g}, {kind}, batch", parts(batch, BATCH), pulled)
+            pulled = select(batch.gradient, GRADIENT)
+            digests.add(f"{rtol:g}, {kind}, batch", select(batch, BATCH), pulled)
 
 
 def few_blocks(each: int) -> Iterator[Block]:
-    """Every block, of no more than so many rows, none of them longer than 150 dominoes."""
+    """Yield every block with layouts of at most 150 dominoes, of at most `each` layouts."""
     for kind, physics, layouts in blocks():
         if layouts[0].count <= 150:
             yield kind, physics, layouts[:each]
 
 
-def steady(found: Digests) -> None:
-    """Endless rows, equal and of patterns, and closed forms."""
+def steady(digests: Digests) -> None:
+    """Steady waves of equal dominoes and of patterns, and closed forms."""
     rng = np.random.default_rng(17)
     for i in range(300):
         physics = de.Physics(0.0 if i % 3 == 0 else float(rng.uniform(0.0, 0.8)))
         thick = float(rng.uniform(0.0005, 0.02))
         pitch = thick + float(rng.uniform(0.0005, 0.05))
         kind = "no friction" if i % 3 == 0 else "friction"
-        found.add(f"equal, {kind}", parts(de.steady_wave(pitch, thick, H, physics), STEADY))
+        digests.add(f"equal, {kind}", select(de.steady_wave(pitch, thick, H, physics), STEADY))
         if thick < 0.9 * pitch:
-            found.add("limits", de.existence_limit(thick, H))
+            digests.add("limits", de.existence_limit(thick, H))
             try:
-                found.add("limits", de.terminal_speed_estimate(pitch, thick, H))
+                digests.add("limits", de.terminal_speed_estimate(pitch, thick, H))
             except ValueError:
-                found.add("limits", None)
+                digests.add("limits", None)
         period = int(rng.integers(2, 9))
         thicks, gaps = rng.uniform(0.003, 0.012, period), rng.uniform(0.008, 0.032, period)
         density = rng.uniform(500.0, 2000.0, period)
         wave = de.steady_wave(gaps + np.roll(thicks, -1), thicks, H, physics, density=density)
-        found.add(f"pattern, {kind}", parts(wave, STEADY))
+        digests.add(f"pattern, {kind}", select(wave, STEADY))
 
 
-def pushes(found: Digests) -> None:
-    """The smallest push of each row."""
+def pushes(digests: Digests) -> None:
+    """Smallest pushes."""
     for kind, physics, layouts in few_blocks(5):
         for layout in layouts:
-            found.add(kind, de.smallest_push(layout, physics))
+            digests.add(kind, de.smallest_push(layout, physics))
 
 
-def diagnoses(found: Digests) -> None:
+def diagnoses(digests: Digests) -> None:
     """Forces between dominoes."""
     for kind, physics, layouts in few_blocks(3):
         for layout in layouts:
-            found.add(kind, parts(de.diagnose(layout, physics), DIAGNOSIS))
+            digests.add(kind, select(de.diagnose(layout, physics), DIAGNOSIS))
 
 
-def motions(found: Digests) -> None:
-    """Where every domino is, over time."""
+def motions(digests: Digests) -> None:
+    """Angles of all dominoes over time."""
     for kind, physics, layouts in few_blocks(1):
         moving = Motion(layouts[0], physics)
         times = np.linspace(0.0, 1.1 * moving.end, 60)
-        found.add(kind, moving.end, moving.leader(times), moving.angles(times))
+        digests.add(kind, moving.end, moving.leader(times), moving.angles(times))
 
 
-def told(info: dict[str, Any]) -> dict[str, Any]:
-    """The numbers of an info, of a single environment or of many."""
-    known: dict[str, Any] = {}
+def info_results(info: dict[str, Any]) -> dict[str, Any]:
+    """Return the results in an info, of a single environment or of several."""
+    numbers: dict[str, Any] = {}
     for key, value in info.items():
         if key == "final_info":
-            known[key] = told(value)
+            numbers[key] = info_results(value)
         elif names := {"layout": LAYOUT, "wave": WAVE}.get(key):
             several = value if isinstance(value, np.ndarray) else [value]
-            known[key] = [None if one is None else parts(one, names) for one in several]
+            numbers[key] = [None if one is None else select(one, names) for one in several]
         elif key.lstrip("_") in ("score", "gain", "outcome", "final_obs") or key[:1] == "_":
-            known[key] = value
-    return known
+            numbers[key] = value
+    return numbers
 
 
 class Actions:
-    """Random actions, every row about its own middle and with its own spread."""
+    """Random actions, for every environment about its own middle and with its own spread."""
 
-    def __init__(self, seed: int, rows: int, size: int) -> None:
+    def __init__(self, seed: int, layouts: int, size: int) -> None:
         self.rng = np.random.default_rng(seed)
-        self.middle = self.rng.uniform(-0.9, 0.6, (rows, size))
-        self.spread = self.rng.choice([0.05, 0.3, 1.2], (rows, 1))
+        self.middle = self.rng.uniform(-0.9, 0.6, (layouts, size))
+        self.spread = self.rng.choice([0.05, 0.3, 1.2], (layouts, 1))
 
     def draw(self) -> Any:
         noise = self.rng.uniform(-1.0, 1.0, self.middle.shape)
         return (self.middle + self.spread * noise).astype(np.float32)
 
 
-def single_episodes(found: Digests, scene: str) -> None:
+def single_episodes(digests: Digests, scene: str) -> None:
     env = gymnasium.make("DominoChain-v0", scene=scene)
-    begin = None
+    start = None
     for episode in range(EPISODES + 1):
-        options = {"layout": begin} if episode == EPISODES else None
-        if episode == EPISODES and begin is None:
-            break  # no episode came far enough to begin another from its first dominoes
+        options = {"layout": start} if episode == EPISODES else None
+        if episode == EPISODES and start is None:
+            break  # no episode was long enough to begin another with its first dominoes
         actions = Actions(episode, 1, env.action_space.shape[0])  # type: ignore[index]
-        found.add(f"{scene}, single", env.reset(seed=episode, options=options)[0])
-        over = False
-        while not over:
-            seen, reward, over, cut, info = env.step(actions.draw()[0])
-            found.add(f"{scene}, single", seen, reward, over, cut)
-        found.add(f"{scene}, single, info", told(info))
-        row = info["layout"]
-        if row.count > 6:
-            begin = de.Layout(
-                row.spacing[:3], row.thickness[:4], row.height[:4], row.width, row.density[:4],
-                row.rise[:3], row.tilt[:4],
+        digests.add(f"{scene}, single", env.reset(seed=episode, options=options)[0])
+        ended = False
+        while not ended:
+            observation, reward, ended, cut, info = env.step(actions.draw()[0])
+            digests.add(f"{scene}, single", observation, reward, ended, cut)
+        digests.add(f"{scene}, single, info", info_results(info))
+        layout = info["layout"]
+        if layout.count > 6:
+            start = de.Layout(
+                layout.spacing[:3], layout.thickness[:4], layout.height[:4],
+                layout.width, layout.density[:4],
+                layout.rise[:3], layout.tilt[:4],
             )  # fmt: skip
 
 
-def vector_episodes(found: Digests, scene: str, mode: str) -> None:
+def vector_episodes(digests: Digests, scene: str, mode: str) -> None:
     count = de.load_scene(scene).count
     env = gymnasium.make_vec(
         "DominoChain-v0", num_envs=EPISODES, scene=scene,
@@ -232,42 +233,44 @@ def vector_episodes(found: Digests, scene: str, mode: str) -> None:
     )  # fmt: skip
     actions = Actions(20, EPISODES, env.single_action_space.shape[0])  # type: ignore[index]
     name = f"{scene}, vector, {mode}"
-    found.add(name, env.reset(seed=0)[0])
+    digests.add(name, env.reset(seed=0)[0])
     for _ in range(count + 5):
-        seen, rewards, over, cut, infos = env.step(actions.draw())
-        found.add(name, seen, rewards, over, cut)
-        found.add(f"{name}, info", told(infos))
-        if mode == "Disabled" and over.any():
-            found.add(name, env.reset(options={"reset_mask": over})[0])
+        observation, rewards, ended, cut, infos = env.step(actions.draw())
+        digests.add(name, observation, rewards, ended, cut)
+        digests.add(f"{name}, info", info_results(infos))
+        if mode == "Disabled" and ended.any():
+            digests.add(name, env.reset(options={"reset_mask": ended})[0])
 
 
-def episodes(found: Digests) -> None:
-    """Ten random episodes of every scene, alone and side by side, however they begin anew."""
+def episodes(digests: Digests) -> None:
+    """Ten random episodes of every scene, single and in a vector, with every autoreset mode."""
     for scene in de.scene_names():
-        single_episodes(found, scene)
+        single_episodes(digests, scene)
         for mode in ("NextStep", "SameStep", "Disabled"):
-            vector_episodes(found, scene, mode)
+            vector_episodes(digests, scene, mode)
         env = gymnasium.make("DominoLayout-v0", scene=scene)
         actions = Actions(21, EPISODES, env.action_space.shape[0])  # type: ignore[index]
         for values in actions.draw():
-            found.add(f"{scene}, whole rows", env.reset(seed=0)[0])
+            digests.add(f"{scene}, whole rows", env.reset(seed=0)[0])
             *step, info = env.step(values)
-            found.add(f"{scene}, whole rows", step, told(info))
+            digests.add(f"{scene}, whole rows", step, info_results(info))
 
 
-def scores(found: Digests) -> None:
-    """Scores of random rows."""
+def scores(digests: Digests) -> None:
+    """Scores of random layouts."""
     for name in de.scene_names():
         scene, rng = de.load_scene(name), np.random.default_rng(18)
         for _ in range(20):
-            found.add(name, scene.score(scene_row(rng, scene)))
+            digests.add(name, scene.score(scene_layout(rng, scene)))
 
 
-def uniform(found: Digests) -> None:
-    """The best uniform row of every scene."""
+def uniform(digests: Digests) -> None:
+    """The uniform baseline of every scene."""
     for name in de.scene_names():
-        mark = de.load_scene(name).uniform()
-        found.add(name, mark.score, parts(mark.layout, LAYOUT), parts(mark.wave, WAVE))
+        baseline = de.load_scene(name).uniform()
+        digests.add(
+            name, baseline.score, select(baseline.layout, LAYOUT), select(baseline.wave, WAVE)
+        )
 
 
 BY_DEFAULT = {"sprint": 150, "course": 100}  # evaluations on each scene
@@ -278,28 +281,30 @@ SEARCHED = {
 }
 
 
-def searches(found: Digests) -> None:
-    """Every method of the core."""
+def searches(digests: Digests) -> None:
+    """Short searches with every method."""
     from optimize import METHODS, search
 
     for method in METHODS:
         for scene, budget in SEARCHED.get(method, BY_DEFAULT).items():
             result = search(scene, method=method, budget=budget, seed=0, progress=False)
             name = f"{method}, {scene}"
-            found.add(name, parts(result.layout, LAYOUT), result.score, result.evaluations)
+            digests.add(name, select(result.layout, LAYOUT), result.score, result.evaluations)
 
 
-def designs(found: Digests) -> None:
-    """Rows designed for fifty scenes."""
+def designs(digests: Digests) -> None:
+    """Layouts designed for fifty scenes."""
     from agents import design
 
     rng = np.random.default_rng(19)
     for i in range(50):
-        scene = drawn_scene(rng, f"drawn-{i}", int(rng.integers(15, 81)))
+        scene = random_scene(rng, f"drawn-{i}", int(rng.integers(15, 81)))
         name = f"scenes {i - i % 5} to {i - i % 5 + 4}"
         for tries in (13, 1):
-            row = design(scene, tries=tries)
-            found.add(name, parts(row.layout, LAYOUT), row.score, parts(row.wave, WAVE))
+            result = design(scene, tries=tries)
+            digests.add(
+                name, select(result.layout, LAYOUT), result.score, select(result.wave, WAVE)
+            )
 
 
 TRAINED = {"apg": 3_000, "ppo": 7_000, "ars": 4_000}  # steps
@@ -315,25 +320,25 @@ def tensors(state: Any) -> Iterator[Any]:
             yield from tensors(one)
 
 
-def trainings(found: Digests) -> None:
-    """Tiny trainings: the best policy, the last state of the learner, and what was built."""
+def trainings(digests: Digests) -> None:
+    """Tiny trainings: the best policy, its layout, and the last state of the learner."""
     import torch
 
     from agents import train
 
     with tempfile.TemporaryDirectory() as folder:
-        scene = drawn_scene(np.random.default_rng(20), "small", 9)
+        scene = random_scene(np.random.default_rng(20), "small", 9)
         for algorithm, steps in TRAINED.items():
-            home = Path(folder) / algorithm
-            run = train(scene, algorithm, steps=steps, seed=0, folder=home)
-            found.add(f"{algorithm}, row", parts(run.rollout.layout, LAYOUT), run.rollout.score)
-            with np.load(home / "policy.npz") as weights:
-                found.add(f"{algorithm}, best weights", dict(weights))
-            state = torch.load(home / "checkpoint.pt", weights_only=True)
+            folder_of = Path(folder) / algorithm
+            run = train(scene, algorithm, steps=steps, seed=0, folder=folder_of)
+            digests.add(f"{algorithm}, row", select(run.rollout.layout, LAYOUT), run.rollout.score)
+            with np.load(folder_of / "policy.npz") as weights:
+                digests.add(f"{algorithm}, best weights", dict(weights))
+            state = torch.load(folder_of / "checkpoint.pt", weights_only=True)
             # by content, so that other names for the same tensors make no difference
             words = sorted(hashlib.sha256(t.tobytes()).hexdigest() for t in tensors(state))
             numbers = [[int(word[i : i + 8], 16) for i in range(0, 64, 8)] for word in words]
-            found.add(f"{algorithm}, last state", numbers)
+            digests.add(f"{algorithm}, last state", numbers)
 
 
 GROUPS: dict[str, Callable[[Digests], None]] = {

@@ -1,7 +1,7 @@
-"""Dominoes and links in the ring; where the domino behind is, how it turns, what it passes on.
+"""Dominoes and contacts in the ring: lean and rate of the domino behind, and its contact force.
 
-A link starts at its tip, may turn to the corner, and may be released.  For the symbols see `slots`.
-With a rise e and a turn β of zero these are the formulas of flat ground, to the last bit.
+A contact starts at the tip, may move to the corner, and may separate.  For the symbols see
+`arrays`.  With a rise e and a turn β of zero these are the formulas of flat ground, bit for bit.
 
 Sources: van Leeuwen 2004 (arXiv physics/0401018); Chapman, "The physics of toppling dominoes",
 eqs. 1-3 and 7, restated for unequal dominoes.
@@ -22,8 +22,8 @@ from domino_env.kernels.arrays import (
     TIP,
     UNEVEN_CONTACT,
     Shape,
+    flush_rate_of,
     is_uneven,
-    pace_of,
     rise_of,
     turn_s_of,
     turn_v_of,
@@ -36,14 +36,14 @@ _TYPES = {flat: numba.from_dtype(CONTACT if flat else UNEVEN_CONTACT) for flat i
 
 @numba.extending.intrinsic
 def _contact_type(_, tilt):
-    """Return the record type of the links of a row, by the type of its tilt."""
+    """Return the record type of the contacts of a layout, by the type of its tilt."""
     kind = types.DType(_TYPES[isinstance(tilt, types.NoneType)])
     return kind(tilt), lambda context, *_: context.get_dummy_value()
 
 
 @internal
 def new_ring(layout, size):
-    """Return an empty ring for the dominoes of a row."""
+    """Return an empty ring for the dominoes of a layout."""
     return np.zeros(size, _contact_type(layout.tilt))
 
 
@@ -57,11 +57,10 @@ def at_or_zero(values, i):
 
 @always_inline
 def place_domino(ring, mask, i, layout, j):
-    """Write domino j of a row into the ring as domino i.
+    """Write domino j of a layout into the ring as domino i, per unit of width.
 
-    Per unit of width; its link forward comes with the next.  Counted from its stand, its weight
-    turns it like that of a domino of another weight and slenderness on flat ground:
-    ½ m g (L sin(θ + α) - d cos(θ + α)).
+    On a slope α its weight acts like that of a domino of another weight and slenderness on flat
+    ground: ½ m g (L sin(θ + α) - d cos(θ + α)).
     """
     domino, height, thickness = ring[i & mask], layout.height[j], layout.thickness[j]
     mass = layout.density[j] * height * thickness
@@ -79,13 +78,9 @@ def place_domino(ring, mask, i, layout, j):
 
 @always_inline
 def place_contact(ring, mask, i, layout, j, ahead):
-    """Write the link from i to i+1, which are dominoes j and `ahead` of the row."""
-    contact, height, gap, thickness_next = (
-        ring[i & mask],
-        layout.height[j],
-        layout.spacing[j],
-        layout.thickness[ahead],
-    )
+    """Write the contact of i with i+1, which are dominoes j and `ahead` of the layout."""
+    contact, height = ring[i & mask], layout.height[j]
+    gap, thickness_next = layout.spacing[j], layout.thickness[ahead]
     pitch = gap + thickness_next
     contact.p_l = pitch / height
     contact.s_l = gap / height
@@ -100,7 +95,7 @@ def place_contact(ring, mask, i, layout, j, ahead):
 
 @internal
 def _place_contact_on_ground(contact, layout, tilt, j, ahead):
-    """Write what uneven ground adds to a link."""
+    """Write the terms that uneven ground adds to a contact."""
     if tilt is None:
         return
     e, p, d = contact_rise(layout, j, ahead) / layout.height[j], contact.p_l, contact.d_l
@@ -108,12 +103,12 @@ def _place_contact_on_ground(contact, layout, tilt, j, ahead):
     contact.turn = tilt[j] - tilt[ahead]
     contact.turn_s = math.sin(contact.turn)
     contact.turn_v = 2.0 * math.sin(0.5 * contact.turn) ** 2
-    contact.pace = 0.0
+    contact.flush_rate = 0.0
     if e != 0.0:
         contact.v_flush = first_lean(p, e, d, contact.s_l)
         v = contact.v_flush
         if 0.0 < v < 2.0:
-            contact.pace = e * (1.0 - v) / math.sqrt(v * (2.0 - v))
+            contact.flush_rate = e * (1.0 - v) / math.sqrt(v * (2.0 - v))
         # p cos θ - e sin θ = (p² + e² + d² - L²) / 2d, for the tip and for the corner
         short = contact.rest * (1.0 + contact.s_l) - e * e
         contact.v_separation = first_lean(p, e, d, short / (2.0 * d))
@@ -121,7 +116,7 @@ def _place_contact_on_ground(contact, layout, tilt, j, ahead):
 
 @internal
 def contact_rise(layout, j, ahead):
-    """Return e of the link between dominoes j and `ahead` [m]; 0 where it is all rounding."""
+    """Return e of the contact of dominoes j and `ahead` [m]; 0 where it is only rounding."""
     tilt = at_or_zero(layout.tilt, ahead)
     along = (layout.spacing[j] + layout.thickness[ahead]) * math.tan(tilt)
     up = at_or_zero(layout.rise, j) / math.cos(tilt)
@@ -144,13 +139,13 @@ def first_lean(p, e, d, drop):
 
 @always_inline
 def span2(contact):
-    """p² + e² - d², between the pivots."""
+    """Return p² + e² - d² of a contact."""
     return contact.s_l * (contact.p_l + contact.d_l) + rise_of(contact) * rise_of(contact)
 
 
 @always_inline
 def ratio_bound(contact):
-    """Bound on Ω and |B/A| of a link at its tip: both only fall from what they are at the hit."""
+    """Return a bound on Ω and |B/A| at the tip: both only fall from their values at the hit."""
     if not is_uneven(contact):
         return 1.0
     return max(1.0, 1.0 - rise_of(contact) / math.sqrt(contact.rest * (1.0 + contact.s_l)))
@@ -158,19 +153,19 @@ def ratio_bound(contact):
 
 @always_inline
 def past_flush(contact, over):
-    """By what Δ [rad] the faces are past flush where 1 - cos θ_{i+1} is past its due by `over`."""
-    return over * (contact.p_l + pace_of(contact))
+    """Return the angle Δ [rad] past face contact where 1 - cos θ_{i+1} is past it by `over`."""
+    return over * (contact.p_l + flush_rate_of(contact))
 
 
 @always_inline
 def can_flush(contact):
-    """Whether the link is to go from tip to corner, rather than be released."""
+    """Return whether the contact goes from tip to corner rather than separates."""
     return contact.kind == TIP and contact.v_flush < contact.v_separation
 
 
 @always_inline
 def flush(contact, state):
-    """From tip to corner."""
+    """Move a contact from tip to corner: face contact."""
     contact.kind = CORNER
     contact.v_switch = contact.v_separation
     state.flushes += 1
@@ -178,7 +173,7 @@ def flush(contact, state):
 
 @internal
 def separate(contact, i, state):
-    """Domino i loses i+1: it and all behind it leave the stack."""
+    """Separate domino i from i+1: it and all behind it leave the stack."""
     contact.kind = SEPARATED
     state.back = i + 1
     state.releases += 1
@@ -186,7 +181,7 @@ def separate(contact, i, state):
 
 @always_inline
 def catch_up(contact, i, v, state):
-    """Make up for switches beyond an earlier cut: they had no weight then, and need no impact."""
+    """Make up for changes behind an earlier cut, which had no weight and need no impact."""
     if can_flush(contact):
         flush(contact, state)
     if v > contact.v_separation * (1.0 + 1e-9):
@@ -195,7 +190,7 @@ def catch_up(contact, i, v, state):
 
 @internal
 def sin_versine(angle):
-    """sin and 1 - cos of one angle."""
+    """Return sin and 1 - cos of an angle."""
     half = 0.5 * angle
     s, c = math.sin(half), math.cos(half)
     return 2.0 * s * c, 2.0 * s * s
@@ -203,7 +198,7 @@ def sin_versine(angle):
 
 @always_inline
 def shape_of(contact):
-    """Return what the contacts below need of a link."""
+    """Return the geometry of a contact."""
     e, turn_s, turn_v = rise_of(contact), turn_s_of(contact), turn_v_of(contact)
     return Shape(
         contact.p_l, contact.s_l, contact.rest, contact.d_l, e, turn_s, turn_v, is_uneven(contact)
@@ -212,14 +207,14 @@ def shape_of(contact):
 
 @leaf
 def tip(s, v, shape, mu):
-    """The top edge of i slides down the back of i+1: sin θ_i, 1 - cos θ_i, Ω, Ψ, B/A."""
+    """Return sin θ_i, 1 - cos θ_i, Ω, Ψ, B/A where the top edge of i slides down i+1."""
     p_l, s_l, rest, d_l, e, turn_s, turn_v, uneven = shape
     lost = p_l * v + e * s
-    sd = s_l - lost  # sin Δ, eq. 1; on uneven ground Δ is the lean seen from the stand of i+1
+    sd = s_l - lost  # sin Δ, eq. 1; on uneven ground Δ is the lean in the frame of i+1
     cd2 = (1.0 + sd) * (rest + lost)
     cd = math.sqrt(cd2 if cd2 > TINY else TINY)
     arm = cd + mu * sd
-    vd = sd * sd / (1.0 + cd)  # 1 - cos Δ; the next link waits for it, so it has its own division
+    vd = sd * sd / (1.0 + cd)  # 1 - cos Δ; the next change of contact depends on it
     r = 1.0 / (cd * arm)
     inv_cd = r * arm
     c = 1.0 - v
@@ -239,7 +234,7 @@ def tip(s, v, shape, mu):
 
 @leaf
 def corner(s, v, shape, mu):
-    """The front face of i rests on the rear bottom edge of i+1; the same five numbers."""
+    """Return the same five where the front face of i rests on the rear bottom edge of i+1."""
     p_l, s_l, _, d_l, e, turn_s, turn_v, uneven = shape
     # squared distance from pivot i to that edge
     r2 = s_l * s_l + 2.0 * p_l * d_l * v + e * (e + 2.0 * d_l * s)
@@ -265,7 +260,7 @@ def corner(s, v, shape, mu):
 
 @internal
 def contact_at(contact, s, v, mu):
-    """One link in its present contact, for a single angle; the same five numbers."""
+    """Return the same five of a contact of either kind, at a single angle."""
     if contact.kind == TIP:
         return tip(s, v, shape_of(contact), mu)
     return corner(s, v, shape_of(contact), mu)

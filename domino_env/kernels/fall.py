@@ -1,11 +1,15 @@
-"""One fall: from the moment the leader is hit until it hits the next, interval by interval."""
+"""One fall: from the hit on the leading domino until it hits the next, interval by interval."""
 
 import math
 
 from domino_env.kernels.arrays import (
+    ALL_KEPT,
     EPS,
+    INTERVAL_SHARE,
     JAMMED,
     NO_RIGID_ANSWER,
+    ONE_FOR_ALL,
+    OUT_OF_REACH,
     PROPAGATED,
     STALLED,
     SUM_M,
@@ -25,7 +29,13 @@ from domino_env.kernels.interval import (
 )
 from domino_env.kernels.jit import always_inline, internal, leaf, noinline
 from domino_env.kernels.quadrature import ORDERS
-from domino_env.kernels.records import record_flips, record_hit, record_interval, record_switch
+from domino_env.kernels.records import (
+    has_tape,
+    record_flips,
+    record_hit,
+    record_interval,
+    record_switch,
+)
 from domino_env.kernels.stack import (
     END_AT_HIT,
     END_AT_SWITCH,
@@ -37,16 +47,30 @@ from domino_env.kernels.stack import (
     switch_guess,
 )
 
+TORQUE_ROUNDING = 8.0  # in EPS, relative: of a leader's torque, per contact
+HIT_ROUNDING = 4.0  # in EPS, relative: of u in a hit
+FIRST_RULE = 3  # 14 nodes, where no decay is known or the stack is short
+SHALLOW = 3  # leaders before it have short stacks, whose P and Q vary most
+DEEP = 6  # leaders after it may use panels with any rule, those before only with the finest
+LEAST_DECAY = 0.35  # of the logarithm of Legendre coefficients, per order
+LONGER = 4.0  # times the last interval: one from which its decay says little
+MOST_INTERVALS = 4000  # of a fall; a few are used, some hundred near a paradox
+REMAINDER = 1e-3  # of an interval: a shorter rest of the fall is added to it
+GROWTH = 3.0  # of the length of intervals after one that was halved
+# Lengths of an interval over the angle of the fall: errors are accepted below the first, and no
+# answer exists below the second.
+SHORT, SHORTEST = 1e-9, 1e-14
+
 
 @always_inline
 def torque_bound(height, thickness):
-    """Largest gravity torque of a domino over its inertia and g (for the bound on the tail)."""
+    """Return the largest gravity torque of a domino over its inertia and g [1/m]."""
     return 1.5 / math.sqrt(height * height + thickness * thickness)
 
 
 @internal
 def initialise(state, push):
-    """The state of a chain whose first domino has just been pushed."""
+    """Set the state of a chain whose first domino has just been pushed."""
     state.u = push * push
     state.u_error = state.u_round = state.u_impact = 0.0
     state.time = state.time_low = state.time_error = state.time_round = 0.0
@@ -62,44 +86,35 @@ def initialise(state, push):
 
 @internal
 def start_chain(layout, push, ring, state):
-    """The first domino stands and has been pushed."""
+    """Place the first domino and push it."""
     initialise(state, push)
-    place_domino(ring, 0, 0, layout, 0)
+    place_domino(ring, ALL_KEPT, 0, layout, 0)
     state.kappa = torque_bound(layout.height[0], layout.thickness[0])
 
 
 @always_inline
-def add_next_domino(layout, ring, mask, n, state):
-    """Stand domino n+1, if there is one, in front of leader n."""
+def add_next_domino(layout, run, n):
+    """Place domino n+1, if there is one, in front of leader n, and bound the tail behind n."""
+    ring, mask, state = run.ring, run.mask, run.states[0]
     if n + 1 < len(layout.thickness):
         place_domino(ring, mask, n + 1, layout, n + 1)
         place_contact(ring, mask, n, layout, n, n + 1)
         torque = torque_bound(layout.height[n + 1], layout.thickness[n + 1])
         state.kappa = max(state.kappa, torque)
-
-
-@always_inline
-def extend_tail(ring, mask, n):
-    """A bound on what lies behind leader n, from that of the one before."""
     if n > 0:
         behind = ring[(n - 1) & mask]
         ring[n & mask].tail = ring[n & mask].inertia + ratio_bound(behind) * behind.tail
 
 
 @always_inline
-def rounding_units(leader, mu, depth):
-    """By how many roundings of a leader's torque an interval may be off.
-
-    Without friction u is a difference of energies.  On uneven ground a lean is not small where a
-    gap is, and each link passes its rounding to all behind it.
-    """
-    return 8.0 + 8.0 * depth if is_uneven(leader) and mu == 0.0 else 8.0
-
-
-@always_inline
-def begin_fall(leader, mu, gravity, state):
-    """Nothing of the fall is done; returns u at release."""
-    state.noise = rounding_units(leader, mu, state.depth) * EPS * gravity * state.kappa
+def begin_fall(run, n):
+    """Reset the quantities of a single fall; return u at its start."""
+    state, units = run.states[0], TORQUE_ROUNDING
+    if is_uneven(run.ring[n & run.mask]) and run.mu == 0.0:
+        # u is a difference of energies there.  A lean is not small where a gap is, and each
+        # contact passes its rounding on to all behind it.
+        units = TORQUE_ROUNDING + TORQUE_ROUNDING * state.depth
+    state.noise = units * EPS * run.gravity * state.kappa
     state.fall_time = 0.0
     state.margin = state.u
     return state.u
@@ -107,7 +122,7 @@ def begin_fall(leader, mu, gravity, state):
 
 @always_inline
 def slow_down(state, keep):
-    """An impact leaves the leader the part `keep` of its angular velocity."""
+    """Multiply the leader's angular velocity by `keep`."""
     k2 = keep * keep
     state.u *= k2
     state.u_error *= k2
@@ -129,95 +144,95 @@ def add_time(state):
 
 @always_inline
 def choose_rule(state, h, tol):
-    """The rule expected to meet `tol` on an interval of length h, from the last one's decay."""
+    """Return the rule expected to meet `tol` on an interval of length h, from the last decay."""
     if state.log_rho <= 0.0:
-        return 3
-    rho = max(state.log_rho + math.log(state.last_h / h), 0.35)
-    least_start = 0.5 * math.log(1.0 / tol) / rho
-    # A short interval tells little of what a much longer one holds: look with more than six nodes.
-    for k in range(2 if h > 4.0 * state.last_h else 1, len(ORDERS)):
-        if ORDERS[k] >= least_start:
+        return FIRST_RULE
+    rho = max(state.log_rho + math.log(state.last_h / h), LEAST_DECAY)
+    nodes = 0.5 * math.log(1.0 / tol) / rho  # the error of a Gauss rule is a square
+    # the decay on a short interval says little about a much longer one
+    for k in range(2 if h > LONGER * state.last_h else 1, len(ORDERS)):
+        if ORDERS[k] >= nodes:
             return k
     return len(ORDERS) - 1
 
 
 @internal
-def stack_at(lanes, ring, mask, n, angle, mu, tol, detect, state):
-    """M of the stack at one angle of the leader; returns the lowest domino included."""
-    count = set_angles(lanes, 0, angle, 0.0)
-    low, _, _ = sweep(lanes, count, ring, mask, n, state, mu, 0.0, 0.0, 0.3 * tol, detect)
-    state.m_end = lanes[SUM_M]
-    state.depth = n - low
+def stack_at(run, n, angle, detect):
+    """Compute M of the stack at one angle of the leader; return the lowest domino included."""
+    count = set_angles(run.lanes, 0, angle, 0.0)
+    low, _, _ = sweep(run, count, n, 0.0, 0.0, detect)
+    run.states[0].m_end = run.lanes[SUM_M]
+    run.states[0].depth = n - low
     return low
 
 
 @noinline
-def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, exact_minimum, tape):
-    """Let leader n fall from angle a to b: u, time and their errors move on in `state`."""
-    step, end, located, floor_order = b, b, False, 0
+def fall(run, n, a, b):
+    """Advance leader n from angle a to b: u, time and their errors in `run.states[0]`."""
+    lanes, ring, mask, mu, gravity, state = (
+        run.lanes, run.ring, run.mask, run.mu, run.gravity, run.states[0],
+    )  # fmt: skip
+    step, end, located, least_rule = b, b, False, 0
     due_contact = n
-    tol = 0.3 * rtol
-    for _ in range(4000):
+    for _ in range(MOST_INTERVALS):
         if a >= b:
             break
         if not located:
             end = min(b, a + step)
-            if b - end < 1e-3 * (end - a):
+            if b - end < REMAINDER * (end - a):
                 end = b
         h = end - a
-        k = max(choose_rule(state, h, tol), floor_order, 3 if n < 3 else 0)
+        k = choose_rule(state, h, INTERVAL_SHARE * run.rtol)
+        k = max(k, least_rule, FIRST_RULE if n < SHALLOW else 0)
         count = set_angles(lanes, k, a, h)
         force = 2.0 * h * gravity * state.kappa / state.u
-        detect = IGNORE_SWITCHES if mask == 0 else (END_AT_SWITCH if located else END_AT_HIT)
-        low, tail, flagged = sweep(
-            lanes, count, ring, mask, n, state, mu, force, h, 0.3 * tol, detect
-        )
+        detect = IGNORE_SWITCHES
+        if mask != ONE_FOR_ALL:
+            detect = END_AT_SWITCH if located else END_AT_HIT
+        low, tail, flagged = sweep(run, count, n, force, h, detect)
         if flagged:
             guess = switch_guess(lanes, k, a, h, ring[low & mask].v_switch)
-            end = switch_angle(ring, mask, n, low, a, end, guess, mu)
+            end = switch_angle(run, n, low, a, end, guess)
             located, due_contact = True, low
             if end - a > 4.0 * EPS * b:
                 continue
-            low = stack_at(lanes, ring, mask, n, a, mu, tol, END_AT_SWITCH, state)
+            low = stack_at(run, n, a, END_AT_SWITCH)
         else:
             status, u_start = UNRESOLVED, state.u
-            ok, e_error, u_error, q_mismatch, r_mismatch = affine_map(lanes, k, h, mu, gravity)
+            ok, error = affine_map(lanes, k, h, mu, gravity)
             if ok and state.composing:
-                status = compose(
-                    lanes, k, h, e_error, u_error, q_mismatch, r_mismatch, tail, tol, state
-                )
+                status = compose(run, k, h, error, tail)
             elif ok:
-                effort = NEAR_STALL if k == len(ORDERS) - 1 or n > 6 else NORMAL
-                if h <= 1e-9 * b:
+                effort = NEAR_STALL if k == len(ORDERS) - 1 or n > DEEP else NORMAL
+                if h <= SHORT * b:
                     effort = LAST_RESORT
-                errors = (e_error, u_error, q_mismatch, r_mismatch)
-                status = propagate(lanes, k, a, h, errors, tail, tol, state, exact_minimum, effort)
+                status = propagate(run, k, a, h, error, tail, effort)
             if status == STALLED:
                 return STALLED
             if status == UNRESOLVED:
                 if ok and k < len(ORDERS) - 1:
-                    floor_order = k + 1
+                    least_rule = k + 1
                     continue
-                floor_order = 0
-                if h <= 1e-14 * b:
+                least_rule = 0
+                if h <= SHORTEST * b:
                     state.angle = a
                     return NO_RIGID_ANSWER
                 step = 0.5 * h
                 located = False
                 continue
-            if len(tape) > 0:
-                record_flips(tape, ring, mask, n, low, state)
-                record_interval(tape, state, n, a, h, k, low, u_start)
-            floor_order = 0
+            if has_tape(run):
+                record_flips(run, n, low)
+                record_interval(run, n, a, h, k, low, u_start)
+            least_rule = 0
             state.depth = n - low
             a = end
-            step = max(step, 3.0 * h)
+            step = max(step, GROWTH * h)
         if located:
             located, step = False, b
             flushes = can_flush(ring[due_contact & mask])
-            keep = switch(ring, mask, n, due_contact, low, end, mu, state)
-            if len(tape) > 0:
-                record_switch(tape, ring, mask, n, due_contact, low, end, flushes, state)
+            keep = switch(run, n, due_contact, low, end)
+            if has_tape(run):
+                record_switch(run, n, due_contact, low, end, flushes)
             if not keep > 0.0:
                 state.angle = end
                 return JAMMED
@@ -225,8 +240,8 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, exact_minimum, ta
             state.switched, state.w_before = end, math.sqrt(state.u)
             slow_down(state, keep)
             state.w_after = math.sqrt(state.u)
-            if a >= b:  # the hit follows at once: its M is that of the new states
-                stack_at(lanes, ring, mask, n, b, mu, tol, IGNORE_SWITCHES, state)
+            if a >= b:  # the hit follows at once, with M of the new contacts
+                stack_at(run, n, b, IGNORE_SWITCHES)
     if a < b:
         state.angle = a
         return NO_RIGID_ANSWER
@@ -235,30 +250,27 @@ def fall(lanes, ring, mask, n, a, b, mu, gravity, rtol, state, exact_minimum, ta
 
 @leaf
 def hit_ratio(leader):
-    """Ω of the leader at the instant at which it hits the next: how its J continues."""
+    """Return Ω of the leader when it hits the next domino, the ratio of the new J to the old."""
     return 1.0 - rise_of(leader) / math.sqrt(leader.rest * (1.0 + leader.s_l))
 
 
 @always_inline
 def hit(leader, struck, mu, state):
-    """The leader, at its hitting angle, strikes the next: Chapman, eqs. 8-9, with friction.
-
-    It turns on Ω_n times as fast as the next.
-    """
+    """Apply the impact of the leader on the next domino: Chapman, eqs. 8-9, with friction."""
     s_l, d_l = leader.s_l, leader.d_l
     cd = math.sqrt(leader.rest * (1.0 + s_l))
     m = state.m_end * (cd - rise_of(leader) - mu * d_l) / (cd + mu * s_l)
     if not m > 0.0:
         return JAMMED
     slow_down(state, m / (m * hit_ratio(leader) + struck.inertia))
-    state.u_error += (4.0 * EPS + 2.0 * state.cut) * state.u
-    state.u_round += 4.0 * EPS * state.u
+    state.u_error += (HIT_ROUNDING * EPS + 2.0 * state.cut) * state.u
+    state.u_round += HIT_ROUNDING * EPS * state.u
     return PROPAGATED
 
 
 @always_inline
 def fall_angle(leader, strikes):
-    """Angle at which the leader hits the next, or, where there is none in reach, tips over."""
+    """Return the angle at which the leader hits the next or, with none in reach, tips over."""
     if strikes:
         s_l = leader.s_l
         return math.atan2(s_l, math.sqrt(leader.rest * (1.0 + s_l))) - turn_of(leader)
@@ -266,9 +278,16 @@ def fall_angle(leader, strikes):
 
 
 @always_inline
-def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
-    """Account for a fall that has come to its end, then hit the next domino."""
-    state.margin = 0.0 if outcome == STALLED else state.margin / released
+def strikes_next(layout, n):
+    """Return whether domino n has another in reach."""
+    return n + 1 < len(layout.thickness) and layout.spacing[n] < layout.height[n]
+
+
+@always_inline
+def close_fall(run, n, b, u_start, strikes, outcome):
+    """Complete the results of a fall to angle b, and hit the next domino; return the outcome."""
+    state = run.states[0]
+    state.margin = 0.0 if outcome == STALLED else state.margin / u_start
     state.lowest_margin = min(state.lowest_margin, state.margin)
     if outcome != PROPAGATED:
         state.fraction = state.angle / b
@@ -279,19 +298,21 @@ def close_fall(ring, mask, n, b, released, strikes, mu, state, outcome):
         if not state.composing:
             add_time(state)
         state.u_impact = state.u
-        return hit(ring[n & mask], ring[(n + 1) & mask], mu, state)
+        return hit(run.ring[n & run.mask], run.ring[(n + 1) & run.mask], run.mu, state)
     return PROPAGATED
 
 
 @always_inline
-def fall_and_hit(lanes, ring, mask, n, strikes, mu, gravity, rtol, state, exact_minimum, tape):
-    """One fall of a chain and the hit that ends it; dominoes up to n+1 stand in the ring."""
+def fall_and_hit(run, n, strikes, is_last):
+    """Advance a chain by one fall and the hit that ends it; return the outcome."""
+    state = run.states[0]
     if state.composing:
-        state.u = gravity * state.kappa  # something of its size: it weighs what may be cut
-    released = begin_fall(ring[n & mask], mu, gravity, state)
-    b = fall_angle(ring[n & mask], strikes)
-    outcome = fall(lanes, ring, mask, n, 0.0, b, mu, gravity, rtol, state, exact_minimum, tape)
-    outcome = close_fall(ring, mask, n, b, released, strikes, mu, state, outcome)
-    if len(tape) > 0 and strikes and outcome == PROPAGATED:
-        record_hit(tape, state, n)
+        state.u = run.gravity * state.kappa  # of its order of magnitude, for the bound on the tail
+    u_start = begin_fall(run, n)
+    b = fall_angle(run.ring[n & run.mask], strikes)
+    outcome = close_fall(run, n, b, u_start, strikes, fall(run, n, 0.0, b))
+    if outcome == PROPAGATED and not strikes and not is_last:
+        return OUT_OF_REACH
+    if has_tape(run) and strikes and outcome == PROPAGATED:
+        record_hit(run, n)
     return outcome

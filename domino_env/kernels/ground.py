@@ -1,9 +1,9 @@
-"""Dominoes placed one after another along a curved ground, and gradients that follow it back.
+"""Placement of dominoes one after another along curved ground, and its reverse mode.
 
-A domino stands with both bottom edges on the curve y(x). From pivot P the gap s is laid along the
-direction (cos α, -sin α) in which the next one's base slopes; its back edge then lies q higher,
-perpendicular to it, and its own pivot, the front edge, d further. Both edges on the curve: two
-equations for α and q, solved by Newton's method. q is 0 on an even slope.
+A domino stands with both bottom edges on the curve y(x). From pivot P the gap s extends along the
+slope of the next base, (cos α, -sin α); its back edge then is q higher, perpendicular to it, and
+its own pivot, the front edge, d further. That both edges lie on the curve gives two equations for
+α and q, solved by Newton's method. q is 0 on an even slope.
 """
 
 import math
@@ -12,13 +12,13 @@ import numpy as np
 
 from domino_env.kernels.jit import always_inline, entry_point, internal
 
-MOST_STEPS = 40  # of Newton's method; some four are used
-CLOSE = 1e-9  # [rad] a last step so small leaves its square
+MOST_STEPS = 40  # of Newton's method; about four are used
+CLOSE = 1e-9  # [rad] last step, whose square is the error
 
 
 @internal
 def piece_at(curve, x, k):
-    """The piece that x lies on, looked for from piece k."""
+    """Return the piece that contains x, searching from piece k."""
     while k < len(curve.knots) and x > curve.knots[k]:
         k += 1
     while k > 0 and x <= curve.knots[k - 1]:
@@ -28,14 +28,14 @@ def piece_at(curve, x, k):
 
 @always_inline
 def height_and_slope(curve, x, k):
-    """Height and slope of piece k at x."""
+    """Return height and slope of piece k at x."""
     t, c = x - curve.starts[k], curve.pieces[k]
     return ((c[0] * t + c[1]) * t + c[2]) * t + c[3], (3.0 * c[0] * t + 2.0 * c[1]) * t + c[2]
 
 
 @internal
 def first_tilt(curve, thickness):
-    """α of the domino whose pivot is at x = 0; nan where it finds no place."""
+    """Return α of the domino whose pivot is at x = 0; nan where it cannot stand."""
     k = piece_at(curve, 0.0, 0)
     height, slope = height_and_slope(curve, 0.0, k)
     tilt = -math.atan(slope)
@@ -53,9 +53,9 @@ def first_tilt(curve, thickness):
 
 @internal
 def next_place(curve, x, k, gap, thickness, tilt):
-    """α and q of the next domino after the pivot at x on piece k; nan where it finds no place.
+    """Return α and q of the next domino after the pivot at x on piece k; nan where it cannot stand.
 
-    tilt: where to begin, that of the domino before.
+    tilt: first guess, that of the domino before.
     """
     height, _ = height_and_slope(curve, x, k)
     reach, up = gap + thickness, 0.0
@@ -68,7 +68,7 @@ def next_place(curve, x, k, gap, thickness, tilt):
         ground_f, slope_f = height_and_slope(curve, front, k)
         over_b = ground_b - (height - gap * s + up * c)
         over_f = ground_f - (height - reach * s + up * c)
-        # how both change with α and with q
+        # derivatives of both by α and q
         by_tilt_b = slope_b * (up * c - gap * s) + gap * c + up * s
         by_tilt_f = slope_f * (up * c - reach * s) + reach * c + up * s
         by_up_b, by_up_f = slope_b * s - c, slope_f * s - c
@@ -83,7 +83,7 @@ def next_place(curve, x, k, gap, thickness, tilt):
 
 @entry_point
 def place_on_ground(first, last, curve, spacing, thickness, rise, tilt):
-    """Write rise and tilt of rows first … last-1."""
+    """Write rise and tilt of layouts first … last-1."""
     for b in range(first, last):
         x, k = 0.0, piece_at(curve, 0.0, 0)
         tilt[b, 0] = first_tilt(curve, thickness[b, 0])
@@ -100,7 +100,7 @@ def place_on_ground(first, last, curve, spacing, thickness, rise, tilt):
 def place_on_ground_vjp(
     first, last, curve, spacing, thickness, rise, tilt, by_rise, by_tilt, by_spacing, by_thickness
 ):
-    """Add to the slopes by gaps and thicknesses what they do through rise and tilt, backwards."""
+    """Add to the derivatives by gaps and thicknesses those through rise and tilt."""
     pairs = spacing.shape[1]
     places = np.empty(pairs + 1)
     for b in range(first, last):

@@ -1,16 +1,18 @@
-"""One interval of a fall, between two switches: its affine map u → E (u + U), and its time.
+"""Interval of a fall between two changes of contact: its affine map u → E (u + U), and its time.
 
-Between switches u obeys the linear equation u′ = 2P(θ_n) + 2Q(θ_n) u, so the interval is an affine
-map, found by Gauss-Legendre quadrature of P and Q, and its time is the integral of 1/√u.  Nothing
-is stepped in time.
+Between them u obeys the linear equation u′ = 2P(θ_n) + 2Q(θ_n) u, so the interval is an affine
+map, computed by Gauss-Legendre quadrature of P and Q, and its time is the integral of 1/√u.  No
+ODE solver is involved.
 """
 
 import math
+from typing import NamedTuple
 
 from domino_env.kernels.arrays import (
     COEF,
     EPS,
     EXPO,
+    INTERVAL_SHARE,
     MAP_E,
     MAP_U,
     RATE,
@@ -37,15 +39,34 @@ from domino_env.kernels.quadrature import (
     slow_time,
 )
 
-ACCEPTED, UNRESOLVED = 0, 2  # outcomes of `propagate`, besides STALLED
-NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # how hard it tries
+ACCEPTED, UNRESOLVED = 0, 2  # results of `propagate` and `compose`, besides STALLED
+NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # effort of `propagate`
+
+DEEP_DIP = 0.3  # of the largest term of u: where a node is lower, the minimum of u is located
+SURE_STALL = 1e-6  # of the depth below zero: an error of u that leaves no doubt of a stall
+SHARP = 1e-3  # mismatch from which 1/√u may have a narrow feature between the nodes of rule 3
+LEAST_MISMATCH, MOST_MISMATCH = 1e-15, 0.5  # between rounding and no decay at all
+# Bounds on rounding errors: of u at the end of an interval, and of the polynomial through up to 32
+# lanes, in EPS times the largest term of u; of that polynomial in noises of the torques; of a time
+# by panels, relative.
+U_ROUNDING, LANE_ROUNDING, LANE_NOISE, PANEL_ROUNDING = 16.0, 64.0, 8.0, 1e-14
+
+
+class MapError(NamedTuple):
+    """Error of the affine map of an interval."""
+
+    log_e: float  # error of log E and of U at the end
+    u: float
+    q: float  # mismatch at the ends of the polynomials through the nodes of 2 Q h and 2 P h / E
+    r: float
 
 
 @always_inline
 def integrals(lanes, values, k):
-    """Integrals of a row of lanes up to every node, in COEF, and up to the end.
+    """Integrate lanes up to every node, into COEF, and up to the end.
 
-    Returns the last, what the nodes predict at both ends, and the largest size at a node.
+    Returns the integral to the end, the values that the nodes predict at both ends, and the
+    largest size at a node.
     """
     m = ORDERS[k]
     total, low, high, size = 0.0, 0.0, 0.0, 0.0
@@ -64,15 +85,12 @@ def integrals(lanes, values, k):
 
 @internal
 def affine_map(lanes, k, h, mu, gravity):
-    """E and U of the interval at all lanes, and how far they are resolved.
-
-    Returns (M positive on all lanes, error of log E and of U at the end, and at the nodes).
-    """
+    """Compute E and U of an interval at all lanes; return whether M is positive, and the error."""
     m = ORDERS[k]
     end = m + 1
     for j in range(m + 2):
         if not lanes[SUM_M + j] > 0.0:
-            return False, 0.0, 0.0, 0.0, 0.0
+            return False, MapError(0.0, 0.0, 0.0, 0.0)
     lanes[MAP_E] = 1.0
     lanes[MAP_U] = 0.0
     if mu == 0.0:
@@ -81,7 +99,7 @@ def affine_map(lanes, k, h, mu, gravity):
         for j in range(1, m + 2):
             lanes[MAP_E + j] = m0 / lanes[SUM_M + j]
             lanes[MAP_U + j] = -scale * lanes[SUM_G + j]
-        return True, 0.0, 0.0, 0.0, 0.0
+        return True, MapError(0.0, 0.0, 0.0, 0.0)
     g2 = 2.0 * gravity * h
     for j in range(m + 2):
         inv = 1.0 / lanes[SUM_M + j]
@@ -99,26 +117,34 @@ def affine_map(lanes, k, h, mu, gravity):
     for j in range(m):
         lanes[MAP_U + 1 + j] = lanes[COEF + j]
     lanes[MAP_U + end] = r_end
-    # What the nodes predict at the two ends against what is there: the size of the first neglected
-    # Legendre coefficients.  Gauss rules err by its square.
-    q_mismatch = max(abs(q_lo - lanes[EXPO]), abs(q_hi - lanes[EXPO + end]))
-    r_mismatch = max(abs(r_lo - lanes[RATE]), abs(r_hi - lanes[RATE + end]))
-    e_error = q_mismatch * q_mismatch / max(q_size, TINY)
-    u_error = r_mismatch * r_mismatch / max(r_size, TINY) + r_mismatch * q_mismatch
-    return True, e_error, u_error, q_mismatch, r_mismatch
+    # The mismatch between the values that the nodes predict at the two ends and those there is the
+    # size of the first neglected Legendre coefficients.  Gauss rules err by its square.
+    q = max(abs(q_lo - lanes[EXPO]), abs(q_hi - lanes[EXPO + end]))
+    r = max(abs(r_lo - lanes[RATE]), abs(r_hi - lanes[RATE + end]))
+    return True, MapError(q * q / max(q_size, TINY), r * r / max(r_size, TINY) + r * q, q, r)
+
+
+@always_inline
+def end_interval(run, k, h, mismatch, tail):
+    """Store the properties of an accepted interval on which the next depends."""
+    state = run.states[0]
+    decay = min(max(mismatch, LEAST_MISMATCH), MOST_MISMATCH)
+    state.log_rho = math.log(1.0 / decay) / ORDERS[k]
+    state.last_h = h
+    state.cut = tail
+    state.m_end = run.lanes[SUM_M + ORDERS[k] + 1]
 
 
 @noinline
-def propagate(lanes, k, a, h, errors, tail, tol, state, exact_minimum, effort):
-    """Carry u and the time over the interval [a, a + h], whose map is in the lanes.
+def propagate(run, k, a, h, error, tail, effort):
+    """Advance u and the time over the interval [a, a + h], whose map is in the lanes.
 
-    FINE: done, errors booked.  ROUGH: the rule does not resolve it, nothing is changed.  DEAD: u
-    reaches zero, at state.angle.
-    deep: find the true minimum of u always, not only where a stall is near.
-    creep: CREEP where only the root of u is unresolved: integrate the polynomial of u in small
-        panels; LAST_RESORT: book the error, however large.
+    ACCEPTED: done, errors added up.  UNRESOLVED: the rule is too coarse, nothing has changed.
+    STALLED: u reaches zero, at state.angle.
+    effort: NEAR_STALL, where only the root of u is unresolved: integrate the polynomial of u in
+        small panels; LAST_RESORT: accept the error, however large.
     """
-    e_error, u_error, q_mismatch, r_mismatch = errors
+    lanes, state, tol = run.lanes, run.states[0], INTERVAL_SHARE * run.rtol
     last_resort = effort == LAST_RESORT
     last = ORDERS[k] + 1
     u0 = state.u
@@ -130,15 +156,15 @@ def propagate(lanes, k, a, h, errors, tail, tol, state, exact_minimum, effort):
         u_low = min(u_low, u)
         lanes[SPEED2 + j] = u
     e_end, u_end = lanes[MAP_E + last], lanes[SPEED2 + last]
-    local = (u0 + abs(lanes[MAP_U + last])) * e_error + u_error
-    map_error = r_mismatch + q_mismatch * size
-    known = exact_minimum or u_low < 0.3 * size
+    local = (u0 + abs(lanes[MAP_U + last])) * error.log_e + error.u
+    map_error = error.r + error.q * size
+    known = run.exact_minimum or u_low < DEEP_DIP * size
     x_low = 0.0
     if known:
         series(lanes, SPEED2, k)
         x_low, u_low = lowest_point(lanes, SPEED2, k)
     if u_low <= 0.0:
-        if local > max(tol * size, 1e-6 * abs(u_low)) and not last_resort:
+        if local > max(tol * size, SURE_STALL * abs(u_low)) and not last_resort:
             return UNRESOLVED
         state.angle = a + h * first_zero(lanes, SPEED2, k, x_low)
         return STALLED
@@ -157,14 +183,14 @@ def propagate(lanes, k, a, h, errors, tail, tol, state, exact_minimum, effort):
     mismatch = max(abs(f_lo - lanes[SLOWNESS]), abs(f_hi - lanes[SLOWNESS + last])) / t
     high, top = 0.0, 0.0
     if k > 0:
-        # What is seen at the ends may be zero by chance; then the last two coefficients tell how
-        # large the first neglected ones are, if all decay like a power series.
+        # The mismatch at the ends may be zero by chance.  The last two coefficients then bound the
+        # first neglected ones, if all decay like a power series.
         high, top = abs(f_high) / t, abs(f_top) / t
         root = math.sqrt(high) if k == 1 else math.sqrt(math.sqrt(high))
         mismatch = max(mismatch, high * root, top * math.sqrt(math.sqrt(top)))
     node_error = mismatch * t / math.sqrt(math.sqrt(math.sqrt(max(mismatch, TINY))))
-    if k == 3 and mismatch > 1e-3:
-        # A small sharp feature beside a smooth rest decays slowly from a low level: go by its pace.
+    if k == 3 and mismatch > SHARP:
+        # The coefficients of a small sharp feature decay slowly from a low level: use their decay.
         node_error = max(
             node_error, t * min(mismatch / max(high, top, TINY), 1.0) ** (ORDERS[k] // 2)
         )
@@ -180,56 +206,44 @@ def propagate(lanes, k, a, h, errors, tail, tol, state, exact_minimum, effort):
             x_low, u_low = lowest_point(lanes, SPEED2, k)
         left = abs(lanes[COEF + last]) + 0.25 * abs(lanes[COEF + last - 1]) + map_error / ORDERS[k]
         t_slow, sens_slow = slow_time(lanes, last + 1, x_low, lanes[:0])
-        limit = left <= 64.0 * EPS * size + 8.0 * state.noise  # no rule sees u more sharply
+        limit = left <= LANE_ROUNDING * EPS * size + LANE_NOISE * state.noise
         if not (left * sens_slow <= tol * t_slow or limit or last_resort):
             return UNRESOLVED
-        t, sens, t_error = t_slow, sens_slow, left * sens_slow + 1e-14 * t_slow
+        t, sens, t_error = t_slow, sens_slow, left * sens_slow + PANEL_ROUNDING * t_slow
         state.slowest_at = x_low
         if limit:
             state.time_round += h * t_error
-    mismatch = max(mismatch, map_error / size, 1e-15)
-    state.log_rho = math.log(1.0 / min(mismatch, 0.5)) / ORDERS[k]
-    state.last_h = h
-    noise = 16.0 * EPS * size + state.noise
+    noise = U_ROUNDING * EPS * size + state.noise
     cut = tail * u0
     state.time_error += h * (sens * (state.u_error + local + cut + noise) + t_error)
     state.time_round += h * (sens * (state.u_round + noise) + EPS * t)
     state.u_error = e_end * (state.u_error + local + cut) + noise * max(e_end, 1.0)
     state.u_round = e_end * state.u_round + noise * max(e_end, 1.0)
     state.u = u_end
-    state.cut = tail
-    state.m_end = lanes[SUM_M + last]
     state.fall_time += h * t
     state.margin = min(state.margin, u_low)
+    end_interval(run, k, h, max(mismatch, map_error / size), tail)
     return ACCEPTED
 
 
 @internal
-def compose(lanes, k, h, e_error, u_error, q_mismatch, r_mismatch, tail, tol, state):
-    """Take the map of an interval into that of all falls so far, instead of riding a wave on it.
-
-    u = GAIN u_0 + OFFSET; the wave does not stall as long as u_0 > NEED.
-    """
+def compose(run, k, h, error, tail):
+    """Add the map of an interval to the composed map of all falls so far, for any start u_0."""
+    lanes, state, tol = run.lanes, run.states[0], INTERVAL_SHARE * run.rtol
     last = ORDERS[k] + 1
     size = TINY
     for j in range(1, last + 1):
         size = max(size, abs(lanes[MAP_U + j]))
     series(lanes, MAP_U, k)
-    mismatch = (
-        abs(lanes[COEF + last])
-        + abs(lanes[COEF + last - 1])
-        + (r_mismatch + q_mismatch * size) / ORDERS[k]
-    )
-    mismatch -= 8.0 * state.noise  # no rule sees U more sharply
-    if not (e_error <= tol and u_error <= tol * size and mismatch <= tol * size):
+    mismatch = abs(lanes[COEF + last]) + abs(lanes[COEF + last - 1])
+    mismatch += (error.r + error.q * size) / ORDERS[k]
+    mismatch -= LANE_NOISE * state.noise
+    if not (error.log_e <= tol and error.u <= tol * size and mismatch <= tol * size):
         return UNRESOLVED
     _, u_low = lowest_point(lanes, MAP_U, k)
     gain = max(state.gain, TINY)
     state.least_start = max(state.least_start, -(state.offset + u_low) / gain)
     state.offset = lanes[MAP_E + last] * (state.offset + lanes[MAP_U + last])
     state.gain *= lanes[MAP_E + last]
-    state.log_rho = math.log(1.0 / min(max(mismatch / size, 1e-15), 0.5)) / ORDERS[k]
-    state.last_h = h
-    state.cut = tail
-    state.m_end = lanes[SUM_M + last]
+    end_interval(run, k, h, mismatch / size, tail)
     return ACCEPTED

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from domino_env.kernels.arrays import COEF, TINY
-from domino_env.kernels.jit import always_inline, internal
+from domino_env.kernels.jit import internal
 
 ORDERS = np.array([2, 6, 10, 14, 22, 30])
 _ROOM = 32
@@ -14,7 +14,7 @@ _ROOM = 32
 
 def _rules() -> tuple[np.ndarray, ...]:
     shape = (len(ORDERS), _ROOM)
-    nodes, weights, to_start, to_end, places, high, top = (np.zeros(shape) for _ in range(7))
+    nodes, weights, to_start, to_end, positions, high, top = (np.zeros(shape) for _ in range(7))
     running = np.zeros((len(ORDERS), _ROOM, _ROOM))
     closed = np.zeros((len(ORDERS), _ROOM, _ROOM))
     for k, m in enumerate(ORDERS):
@@ -23,25 +23,25 @@ def _rules() -> tuple[np.ndarray, ...]:
         n = np.arange(m)
         # Discrete orthogonality: the Lagrange polynomial of node j is Σ_n scale[j, n] P_n.
         scale = w[:, None] * values[:, :m] * (n + 0.5)
-        integral = np.empty((m, m))  # [n, row] = ∫ from -1 to x_row of P_n
+        integral = np.empty((m, m))  # [n, j] = ∫ from -1 to x_j of P_n
         integral[0] = x + 1.0
         for i in range(1, m):
             integral[i] = (values[:, i + 1] - values[:, i - 1]) / (2 * i + 1)
         points = np.concatenate(([-1.0], x, [1.0]))
         nodes[k, :m], weights[k, :m] = (x + 1.0) / 2.0, w / 2.0
-        places[k, : m + 2] = (points + 1.0) / 2.0
+        positions[k, : m + 2] = (points + 1.0) / 2.0
         running[k, :m, :m] = scale @ integral / 2.0
         to_start[k, :m] = scale @ (-1.0) ** n
         to_end[k, :m] = scale.sum(axis=1)
         high[k, :m], top[k, :m] = scale[:, m - 2], scale[:, m - 1]
         closed[k, : m + 2, : m + 2] = np.linalg.inv(legendre.legvander(points, int(m) + 1)).T
-    return nodes, weights, places, running, to_start, to_end, high, top, closed
+    return nodes, weights, positions, running, to_start, to_end, high, top, closed
 
 
 NODES, WEIGHTS, POSITIONS, RUNNING, TO_START, TO_END, HIGH, TOP, CLOSED = _rules()
-"""NODES, WEIGHTS, TO_START, TO_END: (rule, node); PLACES: (rule, lane), the nodes with both ends;
-HIGH, TOP: (rule, node), the last two Legendre coefficients of the polynomial through the nodes;
-RUNNING: (rule, node, row), ∫ from 0 to x_row of the node's Lagrange polynomial; CLOSED: (rule,
+"""NODES, WEIGHTS, TO_START, TO_END: (rule, node); PLACES: (rule, lane), both ends and the nodes;
+HIGH, TOP: (rule, node), last two Legendre coefficients of the polynomial through the nodes;
+RUNNING: (rule, node, j), ∫ from 0 to x_j of the node's Lagrange polynomial; CLOSED: (rule,
 point, n), Legendre coefficients of the polynomial through start, nodes and end."""
 
 _n = np.arange(_ROOM)
@@ -51,7 +51,7 @@ RECUR_Z, RECUR_0 = (2.0 * _n + 1.0) / (_n + 1.0), _n / (_n + 1.0)
 
 @internal
 def series(lanes, values, k):
-    """Legendre coefficients of the polynomial through a row of lanes (start, nodes, end)."""
+    """Compute the Legendre coefficients (COEF) of the polynomial through some lanes."""
     count = ORDERS[k] + 2
     for j in range(count):
         lanes[COEF + j] = 0.0
@@ -63,7 +63,7 @@ def series(lanes, values, k):
 
 @internal
 def series_at(lanes, count, x):
-    """Value and first two derivatives of that polynomial at x in [0, 1]."""
+    """Return the value and two derivatives of that polynomial at x in [0, 1]."""
     z = 2.0 * x - 1.0
     p0, p1, d0, d1, c0, c1 = 1.0, z, 0.0, 1.0, 0.0, 0.0
     y = lanes[COEF] + lanes[COEF + 1] * z
@@ -82,31 +82,15 @@ def series_at(lanes, count, x):
 
 
 @internal
-def lowest_lane(lanes, values, count):
-    best = 0
-    for j in range(1, count):
-        if lanes[values + j] < lanes[values + best]:
-            best = j
-    return best
-
-
-@always_inline
-def lane_position(k, j):
-    """Position of lane j in [0, 1]."""
-    if j == 0:
-        return 0.0
-    if j == ORDERS[k] + 1:
-        return 1.0
-    return NODES[k, j - 1]
-
-
-@internal
 def lowest_point(lanes, values, k):
-    """Place and value of the minimum over [0, 1] of the polynomial through a row (COEF is set)."""
+    """Return position and value of the minimum over [0, 1] of the polynomial in COEF."""
     count = ORDERS[k] + 2
-    j = lowest_lane(lanes, values, count)
-    lo, hi = lane_position(k, max(j - 1, 0)), lane_position(k, min(j + 1, count - 1))
-    x = lane_position(k, j)
+    j = 0
+    for i in range(1, count):
+        if lanes[values + i] < lanes[values + j]:
+            j = i
+    lo, hi = POSITIONS[k, max(j - 1, 0)], POSITIONS[k, min(j + 1, count - 1)]
+    x = POSITIONS[k, j]
     _, dy, _ = series_at(lanes, count, lo)
     if dy >= 0.0 and j == 0:
         return 0.0, lanes[values]
@@ -122,7 +106,7 @@ def lowest_point(lanes, values, k):
         new = x - dy / ddy if ddy > 0.0 else 0.5 * (lo + hi)
         if not (lo <= new <= hi):
             new = 0.5 * (lo + hi)
-        done = abs(new - x) <= 1e-9  # u is flat there: its error is the square of that
+        done = abs(new - x) <= 1e-9  # the error of u at its minimum is the square
         x = new
         if done:
             break
@@ -132,12 +116,12 @@ def lowest_point(lanes, values, k):
 
 @internal
 def first_zero(lanes, values, k, x_low):
-    """Where the falling polynomial (COEF) first reaches zero before its minimum at x_low."""
+    """Return where the polynomial in COEF first reaches zero before its minimum at x_low."""
     count = ORDERS[k] + 2
     lo, hi = 0.0, x_low
     for j in range(count):  # the first lane that is not positive bounds the first zero
-        if lanes[values + j] <= 0.0 and lane_position(k, j) < hi:
-            hi = lane_position(k, j)
+        if lanes[values + j] <= 0.0 and POSITIONS[k, j] < hi:
+            hi = POSITIONS[k, j]
             break
     for _ in range(80):
         x = 0.5 * (lo + hi)
@@ -153,9 +137,9 @@ def first_zero(lanes, values, k, x_low):
 
 @internal
 def slow_panel(lanes, count, x0, x1, moments):
-    """∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u (COEF), ten nodes.
+    """Return ∫ dx/√u and ½∫ dx/u^(3/2) over [x0, x1] of the polynomial u in COEF, by ten nodes.
 
-    moments, unless empty: gains ½∫ P_n(2x - 1) dx/u^(3/2).
+    moments: ½∫ P_n(2x - 1) dx/u^(3/2) are added; empty where they are not wanted.
     """
     time, sens = 0.0, 0.0
     for j in range(10):
@@ -177,10 +161,10 @@ def slow_panel(lanes, count, x0, x1, moments):
 
 @internal
 def slow_time(lanes, count, x_low, moments):
-    """The two integrals over [0, 1] when u nearly vanishes: panels that grow away from x_low.
+    """Return the two integrals over [0, 1] where u nearly vanishes, by panels away from x_low.
 
-    A panel spans the distance over which u changes by its own size, so each is easy and their
-    number grows like the logarithm of the depth of the dip.
+    A panel spans most of the distance over which u changes by its own size, so ten nodes suffice
+    and the number of panels is proportional to the logarithm of the depth of the dip.
     """
     time, sens = 0.0, 0.0
     for side in range(2):

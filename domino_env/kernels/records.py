@@ -1,6 +1,6 @@
-"""What is kept of a chain: of each domino, of the whole, and the tape for gradients.
+"""Records of a chain: its arrival times, its summary, and the event tape for gradients.
 
-Where the tape is full, events are only counted, so that a longer one can be made.
+A full tape only counts further events, so that a longer one can be made.
 """
 
 import math
@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from domino_env.kernels.arrays import CORNER, FLIP, HIT, INTERVAL, JAMMED, PROPAGATED, SWITCH
-from domino_env.kernels.jit import internal
+from domino_env.kernels.jit import always_inline, internal
 
 
 @internal
 def clear_arrivals(arrivals, push):
-    """No domino has been reached but the first."""
+    """Reset all arrivals but that of the first domino."""
     for i in range(len(arrivals)):
         arrival = arrivals[i]
         arrival.time = np.inf
@@ -25,7 +25,7 @@ def clear_arrivals(arrivals, push):
 
 @internal
 def record_fall(arrivals, n, outcome, state):
-    """Write what fall n has shown: margin, and where it struck, both speeds and the arrival."""
+    """Record the margin of fall n and, if it ended in a hit, both speeds and the arrival time."""
     if len(arrivals) == 0:
         return
     arrivals[n].margin = state.margin
@@ -38,7 +38,7 @@ def record_fall(arrivals, n, outcome, state):
 
 @internal
 def summarise(summary, count, outcome, leader, struck, toppled, state):
-    """Write what became of a chain of `count` dominoes."""
+    """Write the summary of a chain of `count` dominoes."""
     summary.outcome, summary.hit, summary.toppled = outcome, struck, toppled
     summary.reach = 1.0 if outcome == PROPAGATED else (leader + state.fraction) / count
     summary.total_time = state.time if outcome == PROPAGATED else np.inf
@@ -48,51 +48,63 @@ def summarise(summary, count, outcome, leader, struck, toppled, state):
     summary.taped = state.taped
 
 
+@always_inline
+def has_tape(run):
+    """Return whether events are recorded."""
+    return len(run.tape) > 0
+
+
+@always_inline
+def next_event(run):
+    """Return the index of the next event, and whether the tape has room for it."""
+    at = run.states[0].taped
+    run.states[0].taped += 1
+    return at, at < len(run.tape)
+
+
 @internal
-def record_interval(tape, state, n, a, h, rule, low, u):
-    """Leader n rode over the interval [a, a + h], with u at its start."""
-    if state.taped < len(tape):
-        event = tape[state.taped]
+def record_interval(run, n, a, h, rule, low, u):
+    """Record the interval [a, a + h] of leader n, with u at its start."""
+    at, has_room = next_event(run)
+    if has_room:
+        event = run.tape[at]
         event.kind, event.leader, event.low = INTERVAL, n, low
         event.angle, event.length, event.rule = a, h, rule
-        event.u, event.slowest_at = u, state.slowest_at
-    state.taped += 1
+        event.u, event.slowest_at = u, run.states[0].slowest_at
 
 
 @internal
-def record_hit(tape, state, n):
-    """Leader n has struck the next."""
-    if state.taped < len(tape):
-        event = tape[state.taped]
+def record_hit(run, n):
+    """Record that leader n struck the next domino."""
+    at, has_room = next_event(run)
+    if has_room:
+        event, state = run.tape[at], run.states[0]
         event.kind, event.leader, event.low = HIT, n, n - state.depth
         event.u, event.m = state.u_impact, state.m_end
-    state.taped += 1
 
 
 @internal
-def record_flips(tape, ring, mask, n, low, state):
-    """The links that have turned corner unseen; returns how many."""
+def record_flips(run, n, low):
+    """Record the contacts that went to the corner since the last event; return their number."""
     flips = 0
     for i in range(low, n):
-        contact = ring[i & mask]
+        contact = run.ring[i & run.mask]
         if contact.kind == CORNER and contact.on_tape == 0:
             contact.on_tape = 1
-            if state.taped < len(tape):
-                event = tape[state.taped]
-                event.kind, event.leader = FLIP, i
-            state.taped += 1
+            at, has_room = next_event(run)
+            if has_room:
+                run.tape[at].kind, run.tape[at].leader = FLIP, i
             flips += 1
     return flips
 
 
 @internal
-def record_switch(tape, ring, mask, n, due_contact, low, angle, flushes, state):
-    """A switch at the leader's angle, and the links that it has turned."""
-    at = state.taped
-    state.taped += 1
-    flips = record_flips(tape, ring, mask, n, low, state)
-    if at < len(tape):
-        event = tape[at]
+def record_switch(run, n, due_contact, low, angle, flushes):
+    """Record a change of contact at the leader's angle, and the contacts that it concerns."""
+    at, has_room = next_event(run)
+    flips = record_flips(run, n, low)
+    if has_room:
+        event = run.tape[at]
         event.kind, event.leader, event.low = SWITCH, n, low
         event.contact, event.flushed, event.flips = due_contact, flushes, flips
-        event.angle, event.u = angle, state.u
+        event.angle, event.u = angle, run.states[0].u

@@ -1,7 +1,7 @@
 """The stack: all dominoes that lean on the leader, and its changes of contact.
 
-It is walked down in lanes, one link at a time; a link goes flush or is lost at an angle of the
-leader that Newton's method finds.
+All lanes go down it together, one contact at a time; Newton's method locates the leader's angle at
+which faces meet or a contact separates.
 """
 
 import math
@@ -9,12 +9,15 @@ import math
 from domino_env.kernels.arrays import (
     DRV,
     EXPO,
+    INTERVAL_SHARE,
     JAC,
+    ONE_FOR_ALL,
     SEPARATED,
     SIN,
     SUM_D,
     SUM_G,
     SUM_M,
+    TAIL_SHARE,
     TINY,
     TIP,
     TOGETHER,
@@ -38,11 +41,14 @@ from domino_env.kernels.contact import (
 from domino_env.kernels.jit import always_inline, internal, noinline
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
 
-IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = (
-    0,
-    1,
-    2,
-)  # how an interval ends, for the watch on switches
+IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = 0, 1, 2  # changes of contact that `sweep` detects
+# Margins of a change of contact, relative to 1 - cos θ: from the first on it is examined, past the
+# second it was missed behind an earlier cut.
+NEAR, PAST = 1e-6, 1e-9
+LOCATED = 1e-12  # relative error of 1 - cos θ at an angle found by `switch_angle`
+AT_HIT = 1e-12  # [rad] after a hit within which a face impact still comes before it
+NEWTON = 1e-10  # of the bracket: the step after one so small would be its square
+VANISHED = 1e-4  # of the new weight: an old weight below it has no reliable ratio to the new
 
 _ODD = [(-1.0) ** n / math.factorial(2 * n + 1) for n in range(10)]
 S3, S5, S7, S9, S11, S13, S15, S17 = _ODD[1:9]
@@ -52,7 +58,7 @@ C2, C4, C6, C8, C10, C12, C14, C16, C18 = _EVEN[1:10]
 
 @always_inline
 def half_angle(x):
-    """sin and cos of x in [0, π/4] by their series, to rounding; unlike the library's, in lanes."""
+    """Return sin and cos of x in [0, π/4] by their series; unlike the library's, they vectorise."""
     q = x * x
     s = S3 + q * (S5 + q * (S7 + q * (S9 + q * (S11 + q * (S13 + q * (S15 + q * S17))))))
     c = C4 + q * (C6 + q * (C8 + q * (C10 + q * (C12 + q * (C14 + q * (C16 + q * C18))))))
@@ -61,7 +67,7 @@ def half_angle(x):
 
 @always_inline
 def set_angles(lanes, k, a, h):
-    """Lay the lanes over the interval [a, a + h] of the leader's angle; returns their number."""
+    """Set the lanes to the angles of the interval [a, a + h]; return their number."""
     count = ORDERS[k] + 2
     for j in range(count):
         lanes[EXPO + j] = 0.5 * (a + h * POSITIONS[k, j])
@@ -74,7 +80,7 @@ def set_angles(lanes, k, a, h):
 
 @always_inline
 def add_leader(lanes, count, leader, mu):
-    """Begin the sums with the leading domino."""
+    """Start the sums with the leading domino."""
     inertia, half, slender = leader.inertia, leader.half_weight, leader.slender
     for j in range(count):
         s, v = lanes[SIN + j], lanes[VER + j]
@@ -91,19 +97,12 @@ def add_leader(lanes, count, leader, mu):
 
 
 @always_inline
-def add_domino_at(lanes, count, contact, mu, at_tip):
-    """`lean` in one contact: a constant in the call makes a loop for each."""
-    shape, inertia, half, slender = (
-        shape_of(contact),
-        contact.inertia,
-        contact.half_weight,
-        contact.slender,
-    )
+def add_with_friction(lanes, count, contact, mu, kind):
+    """Add the domino behind a contact of one kind, `tip` or `corner`: a loop for each."""
+    shape, inertia = shape_of(contact), contact.inertia
+    half, slender = contact.half_weight, contact.slender
     for j in range(count):
-        if at_tip:
-            s, v, omega, psi, ratio = tip(lanes[SIN + j], lanes[VER + j], shape, mu)
-        else:
-            s, v, omega, psi, ratio = corner(lanes[SIN + j], lanes[VER + j], shape, mu)
+        s, v, omega, psi, ratio = kind(lanes[SIN + j], lanes[VER + j], shape, mu)
         jac = lanes[JAC + j]
         drv = omega * lanes[DRV + j] + psi * jac * jac
         jac = omega * jac
@@ -118,24 +117,12 @@ def add_domino_at(lanes, count, contact, mu, at_tip):
         lanes[SUM_D + j] += w * inertia * drv
 
 
-@internal
-def add_domino(lanes, count, contact, mu):
-    """Lead all lanes over one link and add the domino behind it to the sums."""
-    if contact.kind == TIP:
-        add_domino_at(lanes, count, contact, mu, True)
-    else:
-        add_domino_at(lanes, count, contact, mu, False)
-
-
 @always_inline
-def add_domino_frictionless_at(lanes, count, contact, at_tip):
-    """`lean_free` in one contact."""
+def add_without_friction(lanes, count, contact, kind):
+    """Add the domino behind a contact: w = J, and potential energy instead of forces."""
     shape, inertia = shape_of(contact), contact.inertia
     for j in range(count):
-        if at_tip:
-            s, v, omega, _, _ = tip(lanes[SIN + j], lanes[VER + j], shape, 0.0)
-        else:
-            s, v, omega, _, _ = corner(lanes[SIN + j], lanes[VER + j], shape, 0.0)
+        s, v, omega, _, _ = kind(lanes[SIN + j], lanes[VER + j], shape, 0.0)
         jac = omega * lanes[JAC + j]
         lanes[SIN + j] = s
         lanes[VER + j] = v
@@ -144,13 +131,19 @@ def add_domino_frictionless_at(lanes, count, contact, at_tip):
 
 
 @internal
-def add_domino_frictionless(lanes, count, contact):
-    """`lean` without friction: w = J, and the potential energy instead of forces."""
+def add_domino(lanes, count, contact, mu):
+    """Advance all lanes over a contact and add the domino behind it to the sums."""
+    if mu > 0.0:
+        if contact.kind == TIP:
+            add_with_friction(lanes, count, contact, mu, tip)
+        else:
+            add_with_friction(lanes, count, contact, mu, corner)
+        return
     if contact.kind == TIP:
-        add_domino_frictionless_at(lanes, count, contact, True)
+        add_without_friction(lanes, count, contact, tip)
     else:
-        add_domino_frictionless_at(lanes, count, contact, False)
-    # only what changed since the start of the interval: its small differences stay exact
+        add_without_friction(lanes, count, contact, corner)
+    # the change since the start of the interval, whose small differences stay exact
     half, slender = contact.half_weight, contact.slender
     at_start = slender * lanes[SIN] - lanes[VER]
     for j in range(count):
@@ -158,8 +151,14 @@ def add_domino_frictionless(lanes, count, contact):
 
 
 @always_inline
+def weights(mu):
+    """Return the lanes of w, which is J without friction."""
+    return WGT if mu > 0.0 else JAC
+
+
+@always_inline
 def tail_size(lanes, count, mu, force, h, behind):
-    """What dominoes behind the cut can still do, relative to u: bound over all lanes."""
+    """Return a bound on the effect of the dominoes behind the cut, over all lanes, over u."""
     worst = 0.0
     lightest = lanes[SUM_M]
     for j in range(count):
@@ -176,59 +175,56 @@ def tail_size(lanes, count, mu, force, h, behind):
 
 
 @noinline
-def sweep(lanes, count, ring, mask, n, state, mu, force, h, tol, detect):
-    """Walk all lanes down the stack of leader n until the rest cannot matter.
+def sweep(run, count, n, force, h, detect):
+    """Add the dominoes behind leader n to the sums until the rest is negligible.
 
-    Returns (lowest domino included, bound on the tail, whether some link switches on the way).
-    state.last_due is the lowest link that is due at the very end of the interval, n if none.
+    Returns the lowest domino included, the bound on the tail, and whether a contact changes on the
+    way.  state.last_due is the lowest contact that changes at the very end of the interval, or n.
     """
+    lanes, ring, mask, mu, state = run.lanes, run.ring, run.mask, run.mu, run.states[0]
+    tol = TAIL_SHARE * (INTERVAL_SHARE * run.rtol)
     end = count - 1
     add_leader(lanes, count, ring[n & mask], mu)
     back = state.back
     first_check = max(4, state.depth - 2)
-    oldest = max(back, n - mask) if mask > 0 else back
+    oldest = back if mask == ONE_FOR_ALL else max(back, n - mask)
     state.last_due = n
     i = n
     while i > oldest:
         i -= 1
         contact = ring[i & mask]
-        if lanes[VER + end] >= contact.v_switch * (1.0 - 1e-6) and detect != IGNORE_SWITCHES:
-            if lanes[VER] > contact.v_switch * (1.0 + 1e-9):
+        if lanes[VER + end] >= contact.v_switch * (1.0 - NEAR) and detect != IGNORE_SWITCHES:
+            if lanes[VER] > contact.v_switch * (1.0 + PAST):
                 catch_up(contact, i, lanes[VER], state)
                 if contact.kind == SEPARATED:
                     return i + 1, 0.0, False
-            # A flush within 1e-12 rad behind a hit still comes before it; where the interval ends
-            # at a switch, one that is due at the same instant is no news.
+            # Where the interval ends at a change, one at the same instant belongs to it.
             over = lanes[VER + end] - contact.v_switch
-            if detect == END_AT_HIT and over + 1e-12 * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
+            if detect == END_AT_HIT and over + AT_HIT * lanes[SIN + end] * lanes[JAC + end] >= 0.0:
                 return i, 0.0, True
             if detect == END_AT_SWITCH:
                 if past_flush(contact, over) >= 1e-3 * TOGETHER:
                     return i, 0.0, True
                 if past_flush(contact, over) >= -TOGETHER:
                     state.last_due = i
-        if mu > 0.0:
-            add_domino(lanes, count, contact, mu)
-            contact.end_weight = lanes[WGT + end]
-        else:
-            add_domino_frictionless(lanes, count, contact)
-            contact.end_weight = lanes[JAC + end]
+        add_domino(lanes, count, contact, mu)
+        contact.end_weight = lanes[weights(mu) + end]
         reached = n - i
         if reached >= first_check and reached % 2 == 0 and i > back:
             tail = tail_size(lanes, count, mu, force, h, contact.tail - contact.inertia)
             if tail <= tol:
                 return i, tail, False
-    if i > back:  # the ring ends before the row does
+    if i > back:  # the ring is shorter than the chain
         return i, tail_size(lanes, count, mu, force, h, ring[i & mask].tail), False
     return i, 0.0, False
 
 
 @internal
 def renew_tails(ring, mask, low, n):
-    """Renew the bound T_i on Σ_{k ≤ i} I_k w_k / w_i from the cut up to the leader.
+    """Update the bound T_i on Σ_{k ≤ i} I_k w_k / w_i from the cut up to the leader.
 
-    T_i = I_i + |B/A| T_{i-1}.  As θ only grows, |B/A| of a link only falls until it turns corner,
-    where Ω ≤ (1 - p² - e² + d²)/2 takes over; an old bound stays a bound.
+    T_i = I_i + |B/A| T_{i-1}.  As θ only grows, |B/A| of a contact only falls until its faces meet;
+    then Ω ≤ (1 - p² - e² + d²)/2 bounds it.  An old bound remains valid.
     """
     for i in range(low + 1, n + 1):
         below, domino = ring[(i - 1) & mask], ring[i & mask]
@@ -244,10 +240,7 @@ def renew_tails(ring, mask, low, n):
 
 @internal
 def switch_guess(lanes, k, a, h, due):
-    """Leader's angle at which 1 - cos θ_{i+1} comes to `due`, as the lanes at link i tell.
-
-    A cubic between the two lanes around it.
-    """
+    """Return the leader's angle at which 1 - cos θ_{i+1} is `due`, by a cubic between lanes."""
     last = ORDERS[k] + 1
     j = 1
     while j < last and lanes[VER + j] < due:
@@ -265,15 +258,16 @@ def switch_guess(lanes, k, a, h, due):
 
 
 @internal
-def switch_angle(ring, mask, n, i, a, b, guess, mu):
-    """Leader's angle in [a, b] at which link i switches: Newton from a guess, kept in a bracket."""
+def switch_angle(run, n, i, a, b, guess):
+    """Return the leader's angle in [a, b] at which contact i changes, by Newton's method."""
+    ring, mask = run.ring, run.mask
     due = ring[i & mask].v_switch
     lo, hi, x = a, b, guess
     for _ in range(100):
         s, v = sin_versine(x)
         jac = 1.0
         for j in range(n - 1, i, -1):
-            s, v, omega, _, _ = contact_at(ring[j & mask], s, v, mu)
+            s, v, omega, _, _ = contact_at(ring[j & mask], s, v, run.mu)
             jac *= omega
         over = v - due
         if over >= 0.0:
@@ -281,7 +275,7 @@ def switch_angle(ring, mask, n, i, a, b, guess, mu):
         else:
             lo = x
         new = x - over / max(s * jac, TINY)
-        if abs(new - x) <= 1e-10 * (b - a):  # the next step would be its square
+        if abs(new - x) <= NEWTON * (b - a):
             return min(max(new, a), b)
         if not (lo < new < hi):
             new = 0.5 * (lo + hi)
@@ -292,39 +286,39 @@ def switch_angle(ring, mask, n, i, a, b, guess, mu):
 
 
 @internal
-def count_toppled(ring, mask, n, back, s, v, mu, state):
-    """Catch up with all switches behind domino n, leaning by (s, v); count who is past tipping.
+def count_toppled(run, n, s, v):
+    """Update all contacts behind domino n, which leans by (s, v); count dominoes past tipping.
 
-    Dominoes behind a release, or gone from the ring, count as past it.
+    Dominoes behind a separated contact, or no longer in the ring, count as past it.
     """
-    fallen = 0
-    i = n
+    ring, mask, state = run.ring, run.mask, run.states[0]
+    fallen, i, back = 0, n, state.back
     while True:
         if s > ring[i & mask].slender * (1.0 - v):
             fallen += 1
         if i == back:
             return fallen + i
         i -= 1
-        if mask > 0 and n - i > mask:
+        if mask != ONE_FOR_ALL and n - i > mask:
             return fallen + i + 1
         contact = ring[i & mask]
-        if mask > 0 and v > contact.v_switch * (1.0 + 1e-9):
+        if mask != ONE_FOR_ALL and v > contact.v_switch * (1.0 + PAST):
             catch_up(contact, i, v, state)
             if contact.kind == SEPARATED:
                 return fallen + i + 1
-        s, v, _, _, _ = contact_at(contact, s, v, mu)
+        s, v, _, _, _ = contact_at(contact, s, v, run.mu)
 
 
 @noinline
-def switch(ring, mask, n, due_contact, low, angle, mu, state):
-    """Switch every link that is due at the leader's `angle`; returns ω⁺/ω⁻ of the impact.
+def switch(run, n, due_contact, low, angle):
+    """Change every contact that is due at the leader's angle; return ω⁺/ω⁻ of the impact.
 
-    due_link is the one that the angle was found for; those due with it reach down to
-    state.last_due.
-    Links flush at the same instant switch together: Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the new
-    states, J⁺ = 0 behind the first of them.  state.m_end holds Σ w I J⁻ with the old w down to
-    domino `low`; behind the last link that switches, w changes by a common factor.
+    The angle was located for due_contact; those that change with it reach down to state.last_due.
+    Faces that meet at the same instant do so in one impact: Σ w I J⁺ω⁺ = Σ w I J⁻ω⁻ with w of the
+    new contacts, J⁺ = 0 behind the first of them.  state.m_end holds Σ w I J⁻ with the old w down
+    to domino `low`; behind the last contact that changes, w changes by a common factor.
     """
+    ring, mask, mu, state = run.ring, run.mask, run.mu, run.states[0]
     s, v = sin_versine(angle)
     jac, w_old, w_new = 1.0, 1.0, 1.0
     momentum = ring[n & mask].inertia  # Σ w_old I J⁻ so far
@@ -337,9 +331,9 @@ def switch(ring, mask, n, due_contact, low, angle, mu, state):
         contact = ring[i & mask]
         over = v - contact.v_switch
         due = past_flush(contact, over) >= -TOGETHER
-        if not can_flush(contact) and over >= -1e-12 * contact.v_switch:
+        if not can_flush(contact) and over >= -LOCATED * contact.v_switch:
             s, v, _, _, _ = contact_at(contact, s, v, mu)
-            count_toppled(ring, mask, i, state.back, s, v, mu, state)
+            count_toppled(run, i, s, v)
             separate(contact, i, state)
             break
         s_i, v_i, omega, _, ratio = contact_at(contact, s, v, mu)
@@ -356,8 +350,8 @@ def switch(ring, mask, n, due_contact, low, angle, mu, state):
         if not flushed:
             after += w_new * term
         s, v = s_i, v_i
-        if i == stop and i > low and abs(w_old) < 1e-4 * abs(w_new):
-            stop = low  # no common factor to go by
+        if i == stop and i > low and abs(w_old) < VANISHED * abs(w_new):
+            stop = low  # the common factor is not reliable
     if not flushed or mu == 0.0:
         return 1.0
     if i > low and ring[i & mask].kind != SEPARATED:

@@ -135,9 +135,7 @@ def pull(
     whole = np.zeros(1, kernels.PHYSICS_BAR)[0]
     row = arrays_of(layout)
     slopes = adjoint_arrays(row)
-    kernels.vjp(
-        row, physics.friction, physics.gravity, physics.push, tape, len(tape), bar, slopes, whole
-    )
+    kernels.vjp(row, physics.friction, physics.gravity, physics.push, tape, bar, slopes, whole)
     return gradient_of(slopes, float(whole.friction), float(whole.gravity), float(whole.push))
 
 

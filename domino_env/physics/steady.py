@@ -125,7 +125,7 @@ def _fixed_point(
     ring_rows = 512
     while True:
         setting = (pattern, physics.friction, physics.gravity, rtol, ring_rows)
-        outcome, leader, tail, gain, offset, need = kernels.period_falls(*setting, 0.0, falls)
+        outcome, leader, tail, gain, offset, need = kernels.period_falls(*setting, 0.0, True, falls)
         if tail <= rtol or ring_rows == kernels.RING_SIZE:
             break
         ring_rows *= 2
@@ -140,7 +140,7 @@ def _fixed_point(
             scalar,
             len(thick),
         )
-    outcome, leader, *_ = kernels.period_falls(*setting, u, falls)
+    outcome, leader, *_ = kernels.period_falls(*setting, u, False, falls)
     if outcome != Outcome.PROPAGATED:
         return _none(
             f"a hair from a stall under domino {leader} of the pattern", scalar, len(thick)

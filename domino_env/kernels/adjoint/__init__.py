@@ -1,7 +1,6 @@
-"""The same physics backwards: how arrival times depend on everything a chain is made of.
+"""The same physics in reverse mode: derivatives of arrival times by layout and physics.
 
-Reverse mode, by hand: the tape is walked from its end, and every interval, hit and switch hands the
-derivative of one number (the pulled one) with respect to what came out of it on to what went in.
-`x_bar` is the derivative with respect to x.  What an interval did is computed again rather than
-kept, so memory is linear in the length of the row.
+The tape is walked from its end; every interval, hit and change of contact propagates the derivative
+x_bar of one number from its results to its inputs.  An interval is computed again rather than
+stored, so memory is linear in the length of the chain.
 """

@@ -1,4 +1,4 @@
-"""A whole chain, backwards, and batches of them."""
+"""A whole chain in reverse, and batches."""
 
 import math
 
@@ -16,6 +16,7 @@ from domino_env.kernels.adjoint.contact import (
     PARAM_THICK,
     PARAM_TURN,
     PARAMS,
+    Reverse,
     flush_back,
     hit_angle_back,
     hit_back,
@@ -30,6 +31,7 @@ from domino_env.kernels.adjoint.interval import (
 )
 from domino_env.kernels.adjoint.stack import mass_back
 from domino_env.kernels.arrays import (
+    ALL_KEPT,
     ARRIVAL,
     CORNER,
     EVENT,
@@ -39,114 +41,93 @@ from domino_env.kernels.arrays import (
     LANES,
     PITCH,
     PROPAGATED,
-    STATE,
     SWITCH,
     TIP,
     is_uneven,
     turn_of,
 )
-from domino_env.kernels.chain import is_uniform, layout_of, ring_length, solve
+from domino_env.kernels.chain import is_uniform, layout_of, new_arrays, new_run, ring_length, solve
 from domino_env.kernels.contact import at_or_zero, new_ring, place_contact, place_domino
 from domino_env.kernels.fall import fall_angle
 from domino_env.kernels.jit import entry_point, internal, keep_alive, noinline
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 
-AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # what an interval ends at
+AT_SPLIT, AT_HIT, AT_SWITCH = 0, 1, 2  # end of an interval
 
 
 @internal
-def backward(
-    tape, used, ring, mu, gravity, arrival_bar, lanes, bars, saved, table, param_bars, physics_bar
-):
-    """Walk the tape back, gathering bars in `parts` and `whole`; returns the bar of the first u.
+def backward(tape, reverse, arrival_bar, table):
+    """Walk the tape back, adding bars to those of all parameters; return the bar of the first u.
 
-    ring: all dominoes and links, in the contacts of the end.
-    table: room for what the falls of a uniform row share; empty for others.
+    The contacts of the ring are those at the end.  table: room for the stack that all falls of a
+    uniform layout share; empty for others.
     """
+    ring, param_bars = reverse.ring, reverse.param_bars
     u_bar, m_bar, t_bar = 0.0, 0.0, 0.0
     own_shared = np.empty(1, SHARED_STACK)
     shared = own_shared[0]
     reset_shared(shared)
     edge, edge_bar, edge_event = AT_SPLIT, 0.0, 0
     counted = len(arrival_bar)
-    last_hit = used - 1
+    last_hit = len(tape) - 1
     while last_hit >= 0 and tape[last_hit].kind != HIT:
         last_hit -= 1
-    for at in range(used - 1, -1, -1):
+    for at in range(len(tape) - 1, -1, -1):
         event = tape[at]
         kind, n = event.kind, event.leader
         if edge == AT_HIT and at < last_hit and kind != INTERVAL:
-            # a switch at the very instant of the hit: M there is that of the new states
+            # a change at the very instant of the hit: M there is that of the new contacts
             struck, low = tape[edge_event].leader, tape[edge_event].low
             b = fall_angle(ring[struck], True)
-            x_bar = mass_back(
-                lanes, bars, saved, ring, struck, low, b, m_bar, mu, param_bars, physics_bar
-            )
-            hit_angle_back(
-                ring[struck], math.cos(b + turn_of(ring[struck])), x_bar, param_bars[struck]
-            )
+            x_bar = mass_back(reverse, struck, low, b, m_bar)
+            cosine = math.cos(b + turn_of(ring[struck]))
+            hit_angle_back(ring[struck], cosine, x_bar, param_bars[struck])
             m_bar, edge, edge_bar = 0.0, AT_SPLIT, 0.0
         if kind == FLIP:
             ring[n].kind = TIP
         elif at > last_hit:
-            continue  # what no arrival has seen
+            continue  # no arrival depends on it
         elif kind == HIT:
             while counted > n + 1:  # the time of a fall is part of all later arrivals
                 counted -= 1
                 t_bar += arrival_bar[counted]
-            u_bar, m_bar = hit_back(ring, event, u_bar, mu, param_bars, physics_bar)
+            u_bar, m_bar = hit_back(reverse, event, u_bar)
             edge, edge_bar, edge_event = AT_HIT, 0.0, at
         elif kind == SWITCH:
-            if event.flushed and mu > 0.0:
+            if event.flushed and reverse.mu > 0.0:
                 for i in range(at + 1, at + 1 + event.flips):
                     ring[tape[i].leader].kind = FLUSHING
-                u_bar, x_bar = flush_back(saved, ring, event, u_bar, mu, param_bars, physics_bar)
+                u_bar, x_bar = flush_back(reverse, event, u_bar)
                 edge_bar += x_bar
                 for i in range(at + 1, at + 1 + event.flips):
                     ring[tape[i].leader].kind = TIP
             edge, edge_event = AT_SWITCH, at
             if at == 0 or tape[at - 1].kind != INTERVAL or tape[at - 1].leader != n:
-                switch_back(saved, ring, event, edge_bar, mu, param_bars)
+                switch_back(reverse, event, edge_bar)
                 edge, edge_bar = AT_SPLIT, 0.0
         else:
             if len(table) > 0 and edge == AT_HIT and event.angle == 0.0:
-                u_bar, end_bar = fall_back(
-                    shared, lanes, bars, saved, table, ring, event, u_bar, t_bar, m_bar, mu,
-                    gravity, param_bars, physics_bar,
-                )  # fmt: skip
-                start_bar = 0.0  # a fall starts upright, always
+                u_bar, end_bar = fall_back(reverse, shared, table, event, u_bar, t_bar, m_bar)
+                start_bar = 0.0  # a fall always starts upright
             else:
                 reset_shared(shared)
-                u_bar, start_bar, end_bar = interval_back(
-                    lanes,
-                    bars,
-                    saved,
-                    ring,
-                    event,
-                    u_bar,
-                    t_bar,
-                    m_bar,
-                    mu,
-                    gravity,
-                    param_bars,
-                    physics_bar,
-                )
+                u_bar, start_bar, end_bar = interval_back(reverse, event, u_bar, t_bar, m_bar)
             edge_bar += end_bar
             if edge == AT_HIT:
                 leader = ring[n]
                 cosine = math.sqrt(leader.rest * (1.0 + leader.s_l))
                 hit_angle_back(leader, cosine, edge_bar, param_bars[n])
             elif edge == AT_SWITCH:
-                switch_back(saved, ring, tape[edge_event], edge_bar, mu, param_bars)
+                switch_back(reverse, tape[edge_event], edge_bar)
             edge, edge_bar, m_bar = AT_SPLIT, start_bar, 0.0
     keep_alive(own_shared)
     return u_bar
 
 
 @internal
-def stands_back(layout, ring, param_bars, bar, tilt):
-    """From the bars of bodies on their slopes to those of the slopes and of upright bodies."""
+def tilt_back(layout, ring, param_bars, bar, tilt):
+    """Convert the bars of dominoes on slopes to those of the slopes and of upright dominoes."""
     if tilt is None:
         return
     count = len(tilt)
@@ -173,9 +154,9 @@ def stands_back(layout, ring, param_bars, bar, tilt):
 
 
 @internal
-def bodies_back(layout, ring, param_bars, bar):
-    """From the bars of links and bodies to those of all that the row is made of."""
-    stands_back(layout, ring, param_bars, bar, layout.tilt)
+def layout_back(layout, ring, param_bars, bar):
+    """Convert the bars of contacts and dominoes to those of the layout."""
+    tilt_back(layout, ring, param_bars, bar, layout.tilt)
     count = len(layout.thickness)
     bar.thickness[:] = 0.0
     bar.height[:] = 0.0
@@ -197,11 +178,8 @@ def bodies_back(layout, ring, param_bars, bar):
         bar.density[i] = length * d * (square * inertia_bar + 0.5 * length * half_bar)
         if i + 1 < count:
             contact = ring[i]
-            p_bar, s_bar, d_bar = (
-                param_bars[i, PARAM_PITCH],
-                param_bars[i, PARAM_GAP],
-                param_bars[i, PARAM_THICK],
-            )
+            p_bar, s_bar = param_bars[i, PARAM_PITCH], param_bars[i, PARAM_GAP]
+            d_bar = param_bars[i, PARAM_THICK]
             bar.spacing[i] = (p_bar + s_bar) / length
             bar.thickness[i + 1] += (p_bar + d_bar) / length
             bar.height[i] -= (
@@ -213,19 +191,19 @@ def bodies_back(layout, ring, param_bars, bar):
 
 
 @noinline
-def chain_vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_bar):
-    """Pull bars of the arrival times back to all that a chain is made of.
+def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
+    """Write the derivatives of Σ arrival_bar · arrival times by the layout and the physics.
 
-    bar: a `Row` that is written, as is `whole`.
+    tape: of the simulation.  bar: `Arrays`.
     """
     count = len(layout.thickness)
     ring = new_ring(layout, count)
     for i in range(count):
-        place_domino(ring, -1, i, layout, i)
+        place_domino(ring, ALL_KEPT, i, layout, i)
         if i + 1 < count:
-            place_contact(ring, -1, i, layout, i, i + 1)
+            place_contact(ring, ALL_KEPT, i, layout, i, i + 1)
     depth, count_lanes = 0, 0
-    for at in range(used):
+    for at in range(len(tape)):
         event = tape[at]
         if event.kind == FLIP:
             ring[event.leader].kind = CORNER
@@ -233,34 +211,23 @@ def chain_vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_b
             depth = max(depth, event.leader - event.low)
             if event.kind == INTERVAL:
                 count_lanes = max(count_lanes, ORDERS[event.rule] + 2)
-    lanes, bars = np.zeros(LANES), np.zeros(BARS)
-    saved, param_bars = np.empty((depth + 2, 8 * PITCH)), np.zeros((count, PARAMS))
     physics_bar.friction = physics_bar.gravity = 0.0
     table = np.empty((0, 0))
     if count > 3 and is_uniform(layout):
         table = room_for_table(depth, count_lanes)
-    u_bar = backward(
-        tape,
-        used,
-        ring,
-        mu,
-        gravity,
-        arrival_bar,
-        lanes,
-        bars,
-        saved,
-        table,
-        param_bars,
-        physics_bar,
-    )
-    physics_bar.push = 2.0 * push * u_bar
-    bodies_back(layout, ring, param_bars, bar)
+    param_bars = np.zeros((count, PARAMS))
+    reverse = Reverse(
+        ring, mu, gravity, np.zeros(LANES), np.zeros(BARS),
+        np.empty((depth + 2, 8 * PITCH)), param_bars, physics_bar,
+    )  # fmt: skip
+    physics_bar.push = 2.0 * push * backward(tape, reverse, arrival_bar, table)
+    layout_back(layout, ring, param_bars, bar)
     keep_alive(ring)
 
 
 @internal
 def clear(bar, tilt):
-    """Set all bars of a row to zero."""
+    """Set all bars of a layout to zero."""
     bar.spacing[:] = bar.thickness[:] = bar.height[:] = bar.density[:] = 0.0
     if tilt is not None:
         bar.rise[:] = 0.0
@@ -268,38 +235,37 @@ def clear(bar, tilt):
 
 
 @entry_point
-def vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_bar):
-    """`pull_bars`, for Python."""
-    chain_vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_bar)
+def vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
+    """Write the derivatives of Σ arrival_bar · arrival times, from the tape of a simulation."""
+    chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar)
 
 
 @entry_point
 def vjp_batch(first, last, layouts, mu, gravity, push, rtol, summaries, bars, physics_bars):
-    """`solve_rows` with the gradient of the last arrival time; zeros where it never comes.
+    """Do what `solve_batch` does, with the gradient of the last arrival time; zeros if it is inf.
 
-    bars: a `Row` of (B, N-1) and thrice (B, N).  wholes: (B,).
+    bars: `Arrays` of (B, N-1) and thrice (B, N).  physics_bars: (B,).
     """
     count = layouts.thickness.shape[1]
-    ring, lanes = new_ring(layouts, ring_length(count)), np.zeros(LANES)
-    own_state, unrecorded = np.zeros(1, STATE), np.empty(0, ARRIVAL)
-    tape, arrival_bar, state = np.empty(4 * count + 16, EVENT), np.zeros(count), own_state[0]
+    arrays, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, ARRIVAL)
+    tape, arrival_bar = np.empty(4 * count + 16, EVENT), np.zeros(count)
     arrival_bar[count - 1] = 1.0
     for b in range(first, last):
-        layout = layout_of(layouts, b)
-        bar = layout_of(bars, b)
+        layout, bar = layout_of(layouts, b), layout_of(bars, b)
         while True:
-            outcome, leader, struck, toppled = solve(
-                layout, mu, gravity, push, rtol, lanes, ring, state, True, unrecorded, tape
-            )
-            if state.taped <= len(tape):
+            run = new_run(arrays, mu, gravity, rtol, True, tape)
+            outcome, leader, struck, toppled = solve(layout, push, run, unrecorded)
+            used = run.states[0].taped
+            if used <= len(tape):
                 break
-            tape = np.empty(int(1.5 * state.taped), EVENT)  # the same run writes as many again
-        summarise(summaries[b], count, outcome, leader, struck, toppled, state)
+            tape = np.empty(int(1.5 * used), EVENT)  # the same run writes as many again
+        summarise(summaries[b], count, outcome, leader, struck, toppled, run.states[0])
         if outcome == PROPAGATED:
-            used = state.taped
-            chain_vjp(layout, mu, gravity, push, tape, used, arrival_bar, bar, physics_bars[b])
+            events = tape[:used]
+            chain_vjp(layout, mu, gravity, push, events, arrival_bar, bar, physics_bars[b])
         else:
             clear(bar, bar.tilt)
-            physics_bars[b].friction = physics_bars[b].gravity = physics_bars[b].push = 0.0
-    keep_alive(own_state)
-    keep_alive(ring)
+            bar_b = physics_bars[b]
+            bar_b.friction = bar_b.gravity = bar_b.push = 0.0
+    keep_alive(tape)
+    keep_alive(arrays)

@@ -1,7 +1,7 @@
-"""Working arrays of the way back; contacts, hits and switches of one link, backwards."""
+"""Working arrays of reverse mode; contacts, hits and changes of contact, in reverse."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from domino_env.kernels.arrays import (
     JAC,
@@ -19,24 +19,23 @@ from domino_env.kernels.contact import contact_at, shape_of, sin_versine, tip
 from domino_env.kernels.jit import always_inline, internal, leaf
 
 # Lanes of bars: of the five numbers that go down the stack; seeds, the bars of the three sums; of
-# friction; and of what one domino and its link are made of, in the order of the parts below.
+# friction; and of the parameters of one domino and its contact, in the order of the next table.
 B_SIN, B_VER, B_WGT, B_JAC, B_DRV = 0 * PITCH, 1 * PITCH, 2 * PITCH, 3 * PITCH, 4 * PITCH
 SEED_M, SEED_G, SEED_D, B_MU = 5 * PITCH, 6 * PITCH, 7 * PITCH, 8 * PITCH
-B_PITCH, B_GAP, B_THICK = 9 * PITCH, 10 * PITCH, 11 * PITCH  # of p, s, d of the link
+B_PITCH, B_GAP, B_THICK = 9 * PITCH, 10 * PITCH, 11 * PITCH  # of p, s, d
 B_INERTIA, B_HALF, B_SLENDER = 12 * PITCH, 13 * PITCH, 14 * PITCH
 B_RISE, B_TURN = 15 * PITCH, 16 * PITCH  # of e and β, on uneven ground
 BARS = 17 * PITCH
 
-# What is gathered of each domino: bars of p, s, d of its link (units of L_i), of its inertia, half
-# weight and slenderness; on uneven ground of e and β too. A plain array, so that sums over many
-# dominoes vectorise.
+# Parameters of each domino: p, s, d of its contact (in L_i), its inertia, half weight and
+# slenderness; on uneven ground e and β too. Their bars are a plain array, so that sums vectorise.
 PARAM_PITCH, PARAM_GAP, PARAM_THICK, PARAM_INERTIA, PARAM_HALF, PARAM_SLENDER = range(6)
 PARAM_RISE, PARAM_TURN = 6, 7
 PARAMS = 8  # on flat ground two are unused
 
 
 class ShapeBar(NamedTuple):
-    """Bars of what a contact needs of its link."""
+    """Bars of the geometry of a contact."""
 
     pitch: float
     gap: float
@@ -45,16 +44,27 @@ class ShapeBar(NamedTuple):
     turn: float
 
 
-PHYSICS_BAR = record_type(
-    friction=float, gravity=float, push=float
-)  # bars of what the chain shares
+PHYSICS_BAR = record_type(friction=float, gravity=float, push=float)
 
-FLUSHING = 3  # a link at the instant of its flush: tip contact before, corner contact after
+FLUSHING = 3  # a contact in its face impact: tip contact before, corner contact after
+
+
+class Reverse(NamedTuple):
+    """Arrays and settings of one pass in reverse, which the kernels pass on together."""
+
+    ring: Any  # all dominoes of the chain
+    mu: float
+    gravity: float  # [m/s²]
+    lanes: Any
+    bars: Any  # lanes of bars
+    saved: Any  # lanes at every domino of a stack
+    param_bars: Any  # (N, PARAMS)
+    physics_bar: Any  # a PHYSICS_BAR
 
 
 @leaf
 def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """`tip` in reverse: bars of s, v, the link, μ; and Ω, Ψ, B/A again."""
+    """Return bars of s, v, the shape and μ from those of `tip`; and Ω, Ψ, B/A again."""
     p_l, s_l, rest, d_l, e, turn_s, turn_v, _ = shape
     lost = p_l * v + e * s
     sd = s_l - lost
@@ -116,7 +126,7 @@ def tip_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
 
 @leaf
 def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """`corner` in reverse; the same seven."""
+    """Return the same seven of `corner`."""
     p_l, s_l, _, d_l, e, turn_s, turn_v, _ = shape
     r2 = s_l * s_l + 2.0 * p_l * d_l * v + e * (e + 2.0 * d_l * s)
     inv_r2 = 1.0 / r2
@@ -176,7 +186,7 @@ def corner_back(s, v, shape, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
 
 @internal
 def contact_back_at(contact, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar):
-    """`link_at` in reverse, for a single angle; the same seven."""
+    """Return the same seven of a contact of either kind, at a single angle."""
     if contact.kind == TIP:
         return tip_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
     return corner_back(s, v, shape_of(contact), mu, s_bar, v_bar, omega_bar, psi_bar, ratio_bar)
@@ -184,7 +194,7 @@ def contact_back_at(contact, s, v, mu, s_bar, v_bar, omega_bar, psi_bar, ratio_b
 
 @always_inline
 def add_shape(param_bars, shape_bar):
-    """Add the bars of a link to those of its parts."""
+    """Add the bars of a shape to those of the parameters."""
     param_bars[PARAM_PITCH] += shape_bar.pitch
     param_bars[PARAM_GAP] += shape_bar.gap
     param_bars[PARAM_THICK] += shape_bar.thick
@@ -194,7 +204,7 @@ def add_shape(param_bars, shape_bar):
 
 @always_inline
 def due_back(contact, flushed, due_bar, param_bars):
-    """What a link waits for, in reverse: s = p v + e sin θ, or √R = L."""
+    """Add the bars by the angle of a change of contact: s = p v + e sin θ, or √R = L."""
     v, p, e, d = (
         contact.v_flush if flushed else contact.v_separation,
         contact.p_l,
@@ -230,15 +240,16 @@ def due_back(contact, flushed, due_bar, param_bars):
 
 @always_inline
 def hit_angle_back(contact, cosine, x_bar, param_bars):
-    """The angle of a hit in reverse: sin(θ + β) = s, with its cosine."""
+    """Add the bars by the angle of a hit: sin(θ + β) = s, with its cosine."""
     param_bars[PARAM_GAP] += x_bar / cosine
     param_bars[PARAM_TURN] -= x_bar
 
 
 @leaf
-def hit_back(ring, hit, u_bar, mu, param_bars, physics_bar):
-    """`hit` in reverse: bars of u before it and of M."""
-    n, u, m_end = hit.leader, hit.u, hit.m
+def hit_back(reverse, event, u_bar):
+    """Return bars of u before a hit and of M."""
+    ring, mu, param_bars = reverse.ring, reverse.mu, reverse.param_bars
+    n, u, m_end = event.leader, event.u, event.m
     leader, other = ring[n], ring[n + 1].inertia
     s_l, d_l, e = leader.s_l, leader.d_l, rise_of(leader)
     cd = math.sqrt(leader.rest * (1.0 + s_l))
@@ -257,18 +268,16 @@ def hit_back(ring, hit, u_bar, mu, param_bars, physics_bar):
     if is_uneven(leader):
         param_bars[n, PARAM_RISE] -= up_bar + omega_bar / cd
     param_bars[n, PARAM_GAP] += mu * down_bar - s_l / cd * cd_bar
-    physics_bar.friction += s_l * down_bar - d_l * up_bar
+    reverse.physics_bar.friction += s_l * down_bar - d_l * up_bar
     return keep * keep * u_bar, f * m_bar
 
 
 @internal
-def flush_back(saved, ring, switch, u_bar, mu, param_bars, physics_bar):
-    """The impact of a flush in reverse, links that flush being FLUSHING.
-
-    Returns bars of u before it and of the angle.
-    """
-    n, low, u = switch.leader, switch.low, switch.u
-    s, v = sin_versine(switch.angle)
+def flush_back(reverse, event, u_bar):
+    """Return bars of u before a face impact and of its angle; its contacts are FLUSHING."""
+    ring, mu, saved, param_bars = reverse.ring, reverse.mu, reverse.saved, reverse.param_bars
+    n, low, u = event.leader, event.low, event.u
+    s, v = sin_versine(event.angle)
     w, jac = 1.0, 1.0
     saved[0, SIN], saved[0, VER], saved[0, WGT], saved[0, JAC] = s, v, w, jac
     before, after, first = ring[n].inertia, ring[n].inertia, low
@@ -287,7 +296,7 @@ def flush_back(saved, ring, switch, u_bar, mu, param_bars, physics_bar):
     keep_bar = 2.0 * keep * u * u_bar
     before_bar, after_bar = keep_bar / after, -keep_bar * keep / after
     s_bar, v_bar, w_bar, jac_bar = 0.0, 0.0, 0.0, 0.0
-    sums = saved[n - low + 1, :PARAMS]  # of one link; the trail is one longer than the stack
+    sums = saved[n - low + 1, :PARAMS]  # of one contact; `saved` is one longer than the stack
     for i in range(low, n):
         contact, here, above = ring[i], saved[n - i], saved[n - i - 1]
         seed = before_bar + (after_bar if i >= first else 0.0)
@@ -312,17 +321,17 @@ def flush_back(saved, ring, switch, u_bar, mu, param_bars, physics_bar):
         w_bar, jac_bar = w_bar * ratio, jac_bar * omega
         for c in range(PARAMS):
             param_bars[i, c] += sums[c]
-        physics_bar.friction += mu_bar
+        reverse.physics_bar.friction += mu_bar
     param_bars[n, PARAM_INERTIA] += before_bar + after_bar
     return keep * keep * u_bar, (1.0 - saved[0, VER]) * s_bar + saved[0, SIN] * v_bar
 
 
 @internal
-def switch_back(saved, ring, switch, x_bar, mu, param_bars):
-    """The angle of a switch in reverse, by the implicit function theorem: at that angle 1 - cos
-    θ_{i+1} is what the link waits for."""
-    n, due_contact = switch.leader, switch.contact
-    s, v = sin_versine(switch.angle)
+def switch_back(reverse, event, x_bar):
+    """Add the bars by the angle of a change of contact, by the implicit function theorem."""
+    ring, mu, saved, param_bars = reverse.ring, reverse.mu, reverse.saved, reverse.param_bars
+    n, due_contact = event.leader, event.contact
+    s, v = sin_versine(event.angle)
     jac = 1.0
     saved[0, SIN], saved[0, VER] = s, v
     for i in range(n - 1, due_contact, -1):
@@ -331,9 +340,9 @@ def switch_back(saved, ring, switch, x_bar, mu, param_bars):
         jac *= omega
     rate = s * jac
     if abs(rate) < TINY:
-        return  # the link stands still: no angle is the answer, and this one is kept
+        return  # the contact is at rest: its angle is not determined
     due_bar = x_bar / rate
-    due_back(ring[due_contact], switch.flushed, due_bar, param_bars[due_contact])
+    due_back(ring[due_contact], event.flushed, due_bar, param_bars[due_contact])
     s_bar, v_bar = 0.0, -due_bar
     for i in range(due_contact + 1, n):
         above = saved[n - i - 1]

@@ -1,6 +1,6 @@
-"""One interval of a fall, backwards: its time, its map, and the stack below.
+"""One interval of a fall in reverse: its time, its map, and the stack.
 
-Falls of a row of equal dominoes share one stack, cut at different depths.
+All falls of a uniform layout share one stack, cut at different depths.
 """
 
 import math
@@ -43,11 +43,13 @@ from domino_env.kernels.stack import set_angles
 
 
 @internal
-def interval_seeds(lanes, bars, interval, u_bar, t_bar, m_bar, mu, gravity, physics_bar):
-    """The time and the map of one interval in reverse: seeds of M, G and D, from lanes that hold
-    its map.  Returns bars of u at its start and of its length.
+def interval_seeds(reverse, event, u_bar, t_bar, m_bar):
+    """Reverse the time and the map of an interval, which the lanes hold: seeds of M, G and D.
+
+    Returns bars of u at its start and of its length.
     """
-    h, k, u0, x_low = interval.length, interval.rule, interval.u, interval.slowest_at
+    lanes, bars, gravity = reverse.lanes, reverse.bars, reverse.gravity
+    h, k, u0, x_low = event.length, event.rule, event.u, event.slowest_at
     end = ORDERS[k] + 1
     count = end + 1
     lanes[SPEED2] = u0
@@ -82,14 +84,14 @@ def interval_seeds(lanes, bars, interval, u_bar, t_bar, m_bar, mu, gravity, phys
         u0_bar += lanes[SLOWNESS + j]
     for j in range(count):
         bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
-    if mu > 0.0:
+    if reverse.mu > 0.0:
         for i in range(1, end):
             r_bar = WEIGHTS[k, i - 1] * lanes[SLOWNESS + end]
             for j in range(1, end):
                 r_bar += RUNNING[k, i - 1, j - 1] * lanes[SLOWNESS + j]
             inv, rate = 1.0 / lanes[SUM_M + i], lanes[RATE + i]
             bars[SEED_G + i] = r_bar * 2.0 * gravity * h * inv / lanes[MAP_E + i]
-            physics_bar.gravity += r_bar * rate / gravity
+            reverse.physics_bar.gravity += r_bar * rate / gravity
             h_bar += r_bar * rate / h
             bars[SEED_M + i] = -r_bar * rate * inv
             lanes[COEF + i] = lanes[MAP_E + i] * lanes[SPEED2 + i] - r_bar * rate
@@ -109,110 +111,85 @@ def interval_seeds(lanes, bars, interval, u_bar, t_bar, m_bar, mu, gravity, phys
             bars[SEED_G + j] = -2.0 * gravity / m0 * x
             bars[SEED_M] += (e_bar / lanes[SUM_M + j]) - lanes[MAP_U + j] / m0 * x
             bars[SEED_G] -= bars[SEED_G + j]
-            physics_bar.gravity += lanes[MAP_U + j] / gravity * x
+            reverse.physics_bar.gravity += lanes[MAP_U + j] / gravity * x
     bars[SEED_M + end] += m_bar
     return u0_bar, h_bar
 
 
 @internal
-def interval_stack_back(bars, k, ring, n, low, end_bar, mu, saved, param_bars, physics_bar):
-    """The stack of an interval in reverse, from its seeds; bars of its first and last angle.
+def interval_stack_back(reverse, k, n, low, end_bar):
+    """Reverse the stack of an interval from its seeds; return bars of its first and last angle.
 
-    end_bar: what is known of the last one already.
+    end_bar: of the last angle, from the events after it.
     """
+    bars, first = reverse.bars, reverse.saved[0]
     count, first_bar = ORDERS[k] + 2, 0.0
-    stack_back(bars, count, ring, n, low, mu, saved, param_bars)
+    stack_back(reverse, count, n, low)
     for j in range(count):  # the angles a + h x_j of the lanes
-        x = angle_bar(bars, saved[0], j)
+        x = angle_bar(bars, first, j)
         first_bar += x
         end_bar += POSITIONS[k, j] * x
-        if mu > 0.0:
-            physics_bar.friction += bars[B_MU + j]
+        if reverse.mu > 0.0:
+            reverse.physics_bar.friction += bars[B_MU + j]
     return first_bar - end_bar, end_bar
 
 
 @internal
-def interval_back(
-    lanes, bars, saved, ring, interval, u_bar, t_bar, m_bar, mu, gravity, param_bars, physics_bar
-):
-    """One interval in reverse.
+def interval_back(reverse, event, u_bar, t_bar, m_bar):
+    """Reverse one interval.
 
     u_bar, t_bar, m_bar: of u and M at its end, and of its time.
     Returns bars of u at its start, of its first and of its last angle.
     """
-    n, k, low = interval.leader, interval.rule, interval.low
-    count = set_angles(lanes, k, interval.angle, interval.length)
-    retrace(lanes, count, ring, n, low, mu, saved, False)
-    affine_map(lanes, k, interval.length, mu, gravity)
-    u0_bar, end_bar = interval_seeds(
-        lanes, bars, interval, u_bar, t_bar, m_bar, mu, gravity, physics_bar
-    )
-    first_bar, end_bar = interval_stack_back(
-        bars, k, ring, n, low, end_bar, mu, saved, param_bars, physics_bar
-    )
+    n, k, low = event.leader, event.rule, event.low
+    count = set_angles(reverse.lanes, k, event.angle, event.length)
+    retrace(reverse, count, n, low, False)
+    affine_map(reverse.lanes, k, event.length, reverse.mu, reverse.gravity)
+    u0_bar, end_bar = interval_seeds(reverse, event, u_bar, t_bar, m_bar)
+    first_bar, end_bar = interval_stack_back(reverse, k, n, low, end_bar)
     return u0_bar, first_bar, end_bar
 
 
-SHARED_STACK = record_type(  # which stack the trail, the lanes and the table hold; -1 for none
+SHARED_STACK = record_type(  # the stack that `saved`, the lanes and the table hold; -1 for none
     rule=int,
-    depth=int,  # of the trail, which serves all stacks that are not deeper
+    depth=int,  # of `saved`, which serves all stacks that are not deeper
     mapped=int,  # depth of the stack whose map the lanes hold
-    tabled=int,  # and of the one that the table speaks of
+    tabled=int,  # depth of the stack in the table
 )
 
 
 @internal
 def reset_shared(shared):
-    """Nothing is shared any longer: the lanes have been used for something else."""
+    """Mark the shared stack as lost: the lanes have been used for another."""
     shared.rule = shared.depth = shared.mapped = shared.tabled = -1
 
 
 @internal
 def room_for_table(depth, count):
-    """Room for the table of a stack in `count` lanes, and for a row of sums over it."""
+    """Return room for the table of a stack in `count` lanes, and for one entry of sums over it."""
     return np.empty((3 * count + 1, (depth + 2) * PARAMS))
 
 
 @internal
-def fall_back(
-    shared,
-    lanes,
-    bars,
-    saved,
-    table,
-    ring,
-    interval,
-    u_bar,
-    t_bar,
-    m_bar,
-    mu,
-    gravity,
-    param_bars,
-    physics_bar,
-):
-    """A whole fall in reverse, upright to its hit; bars of u at its start and of its last angle."""
-    n, k, low = interval.leader, interval.rule, interval.low
+def fall_back(reverse, shared, table, event, u_bar, t_bar, m_bar):
+    """Reverse a whole fall, upright to its hit; return bars of u at its start and of its end."""
+    lanes, n, k, low = reverse.lanes, event.leader, event.rule, event.low
     depth, count = n - low, ORDERS[k] + 2
     if k != shared.rule or depth > shared.depth:
         reset_shared(shared)
-        set_angles(lanes, k, interval.angle, interval.length)
-        retrace(lanes, count, ring, n, low, mu, saved, True)
+        set_angles(lanes, k, event.angle, event.length)
+        retrace(reverse, count, n, low, True)
         shared.rule, shared.depth = k, depth
     if depth != shared.mapped:
-        copy_sums(saved[depth], lanes, count)
-        affine_map(lanes, k, interval.length, mu, gravity)
+        copy_sums(reverse.saved[depth], lanes, count)
+        affine_map(lanes, k, event.length, reverse.mu, reverse.gravity)
         shared.mapped = depth
-    if low > 0 and depth != shared.tabled:  # many falls are cut there, and a table pays
-        tabulate_stack(bars, k, ring, n, low, mu, saved, table)
+    if low > 0 and depth != shared.tabled:  # many falls are cut there and use the table
+        tabulate_stack(reverse, k, n, low, table)
         shared.tabled = depth
-    u_bar, end_bar = interval_seeds(
-        lanes, bars, interval, u_bar, t_bar, m_bar, mu, gravity, physics_bar
-    )
+    u_bar, end_bar = interval_seeds(reverse, event, u_bar, t_bar, m_bar)
     if low > 0:
-        sums = table[len(table) - 1]
-        end_bar += stack_back_from_table(bars, count, n, low, table, sums, param_bars, physics_bar)
+        end_bar += stack_back_from_table(reverse, count, n, low, table)
     else:
-        _, end_bar = interval_stack_back(
-            bars, k, ring, n, low, end_bar, mu, saved, param_bars, physics_bar
-        )
+        _, end_bar = interval_stack_back(reverse, k, n, low, end_bar)
     return u_bar, end_bar

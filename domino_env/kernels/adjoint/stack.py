@@ -1,4 +1,4 @@
-"""The stack, backwards: bars are led up it, from the cut to the leader."""
+"""The stack in reverse: bars go up it, from the cut to the leader."""
 
 from domino_env.kernels.adjoint.contact import (
     B_DRV,
@@ -41,12 +41,12 @@ from domino_env.kernels.arrays import (
 from domino_env.kernels.contact import shape_of, sin_versine
 from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
-from domino_env.kernels.stack import add_domino, add_domino_frictionless, add_leader
+from domino_env.kernels.stack import add_domino, add_leader
 
 
 @always_inline
 def keep_shape(bars, j, contact, shape_bar):
-    """Write the bars of a link into its lane."""
+    """Write the bars of a shape into a lane."""
     bars[B_PITCH + j] = shape_bar.pitch
     bars[B_GAP + j] = shape_bar.gap
     bars[B_THICK + j] = shape_bar.thick
@@ -57,19 +57,15 @@ def keep_shape(bars, j, contact, shape_bar):
 
 @always_inline
 def param_count(contact):
-    """How many parts there are bars of."""
+    """Return the number of parameters of a domino."""
     return PARAMS if is_uneven(contact) else PARAMS - 2
 
 
 @always_inline
-def add_domino_back(bars, above, here, count, contact, mu, at_tip):
-    """`lean` in reverse; `above` and `here` are the lanes before and after it."""
-    shape, inertia, half, slender = (
-        shape_of(contact),
-        contact.inertia,
-        contact.half_weight,
-        contact.slender,
-    )
+def friction_back(bars, above, here, count, contact, mu, kind_back):
+    """Reverse `add_with_friction`; `above` and `here` are the lanes before and after it."""
+    shape, inertia = shape_of(contact), contact.inertia
+    half, slender = contact.half_weight, contact.slender
     for j in range(count):
         s, v, w, jac, drv = above[SIN + j], above[VER + j], above[WGT + j], above[JAC + j], above[DRV + j]  # noqa: E501  # fmt: skip
         s_i, c_i, w_i, jac_i, drv_i = here[SIN + j], 1.0 - here[VER + j], here[WGT + j], here[JAC + j], here[DRV + j]  # noqa: E501  # fmt: skip
@@ -84,14 +80,9 @@ def add_domino_back(bars, above, here, count, contact, mu, at_tip):
         bars[B_HALF + j] = g * w_i * arm
         bars[B_SLENDER + j] = -g * w_i * half * c_i
         o_bar, psi_bar, ratio_bar = drv_bar * drv + jac_bar * jac, drv_bar * jac * jac, w_bar * w
-        if at_tip:
-            s_bar, v_bar, shape_bar, mu_bar, omega, psi, ratio = tip_back(
-                s, v, shape, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
-            )
-        else:
-            s_bar, v_bar, shape_bar, mu_bar, omega, psi, ratio = corner_back(
-                s, v, shape, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
-            )
+        s_bar, v_bar, shape_bar, mu_bar, omega, psi, ratio = kind_back(
+            s, v, shape, mu, s_bar, v_bar, o_bar, psi_bar, ratio_bar
+        )
         bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
         bars[B_WGT + j] = w_bar * ratio
         bars[B_JAC + j] = jac_bar * omega + 2.0 * drv_bar * psi * jac
@@ -101,14 +92,10 @@ def add_domino_back(bars, above, here, count, contact, mu, at_tip):
 
 
 @always_inline
-def add_domino_frictionless_back(bars, above, here, count, contact, at_tip):
-    """`lean_free` in reverse."""
-    shape, inertia, half, slender = (
-        shape_of(contact),
-        contact.inertia,
-        contact.half_weight,
-        contact.slender,
-    )
+def frictionless_back(bars, above, here, count, contact, kind_back):
+    """Reverse `add_without_friction`."""
+    shape, inertia = shape_of(contact), contact.inertia
+    half, slender = contact.half_weight, contact.slender
     for j in range(count):
         s, v, jac = above[SIN + j], above[VER + j], above[JAC + j]
         s_i, v_i, jac_i = here[SIN + j], here[VER + j], here[JAC + j]
@@ -119,14 +106,9 @@ def add_domino_frictionless_back(bars, above, here, count, contact, at_tip):
         bars[B_INERTIA + j] = m * jac_i * jac_i
         bars[B_HALF + j] = g * (slender * s_i - v_i)
         bars[B_SLENDER + j] = g * half * s_i
-        if at_tip:
-            s_bar, v_bar, shape_bar, _, omega, _, _ = tip_back(
-                s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
-            )
-        else:
-            s_bar, v_bar, shape_bar, _, omega, _, _ = corner_back(
-                s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
-            )
+        s_bar, v_bar, shape_bar, _, omega, _, _ = kind_back(
+            s, v, shape, 0.0, s_bar, v_bar, jac_bar * jac, 0.0, 0.0
+        )
         bars[B_SIN + j], bars[B_VER + j] = s_bar, v_bar
         bars[B_JAC + j] = jac_bar * omega
         keep_shape(bars, j, contact, shape_bar)
@@ -134,7 +116,7 @@ def add_domino_frictionless_back(bars, above, here, count, contact, at_tip):
 
 @internal
 def gather(bars, count, domino, param_bars):
-    """Add what all lanes say of one domino and its link."""
+    """Add the bars of all lanes to those of one domino."""
     for k in range(2):  # three sums at a time, each of which waits for its last addition
         a, b, c = 0.0, 0.0, 0.0
         at = B_PITCH + 3 * k * PITCH
@@ -155,36 +137,35 @@ def gather(bars, count, domino, param_bars):
 
 
 @internal
-def retrace(lanes, count, ring, n, low, mu, saved, shared):
-    """Lead the lanes down the stack once more, keeping what they were at every domino.
+def retrace(reverse, count, n, low, with_sums):
+    """Advance the lanes down the stack again, saving them at every domino.
 
-    shared: keep the sums down to there too, for stacks that end at any of them.
+    with_sums: save the sums down to there too, for stacks that end at any of them.
     """
+    lanes, ring, mu, saved = reverse.lanes, reverse.ring, reverse.mu, reverse.saved
     add_leader(lanes, count, ring[n], mu)
     here = saved[0]
     for j in range(count):
         here[SIN + j], here[VER + j] = lanes[SIN + j], lanes[VER + j]
         here[WGT + j], here[JAC + j], here[DRV + j] = 1.0, 1.0, 0.0
-    if shared:
+    if with_sums:
         copy_sums(lanes, here, count)
     for i in range(n - 1, low - 1, -1):
         here = saved[n - i]
+        add_domino(lanes, count, ring[i], mu)
         if mu > 0.0:
-            add_domino(lanes, count, ring[i], mu)
             for j in range(count):
                 here[WGT + j], here[DRV + j] = lanes[WGT + j], lanes[DRV + j]
-        else:
-            add_domino_frictionless(lanes, count, ring[i])
         for j in range(count):
             here[SIN + j], here[VER + j] = lanes[SIN + j], lanes[VER + j]
             here[JAC + j] = lanes[JAC + j]
-        if shared:
+        if with_sums:
             copy_sums(lanes, here, count)
 
 
 @always_inline
 def copy_sums(source, target, count):
-    """The three sums of all lanes."""
+    """Copy the three sums of all lanes."""
     for j in range(count):
         target[SUM_M + j], target[SUM_G + j] = source[SUM_M + j], source[SUM_G + j]
         target[SUM_D + j] = source[SUM_D + j]
@@ -192,25 +173,25 @@ def copy_sums(source, target, count):
 
 @internal
 def contact_back(bars, above, here, count, contact, mu):
-    """Lead all bars up over one link, whatever its contact."""
-    if mu > 0.0:  # a constant in the call lets the compiler make a loop for each contact
+    """Advance all bars up over one contact of either kind."""
+    if mu > 0.0:
         if contact.kind == TIP:
-            add_domino_back(bars, above, here, count, contact, mu, True)
+            friction_back(bars, above, here, count, contact, mu, tip_back)
         else:
-            add_domino_back(bars, above, here, count, contact, mu, False)
+            friction_back(bars, above, here, count, contact, mu, corner_back)
     elif contact.kind == TIP:
-        add_domino_frictionless_back(bars, above, here, count, contact, True)
+        frictionless_back(bars, above, here, count, contact, tip_back)
     else:
-        add_domino_frictionless_back(bars, above, here, count, contact, False)
+        frictionless_back(bars, above, here, count, contact, corner_back)
 
 
 @always_inline
 def add_leader_back(bars, first, count, leader, mu):
-    """`lead` in reverse; `first` are the lanes at the leader."""
+    """Reverse `add_leader`; `first` are the lanes at the leader."""
     half, slender = leader.half_weight, leader.slender
     for j in range(count):
         s, v, g = first[SIN + j], first[VER + j], bars[SEED_G + j]
-        keep_shape(bars, j, leader, ShapeBar(0.0, 0.0, 0.0, 0.0, 0.0))  # it has no link
+        keep_shape(bars, j, leader, ShapeBar(0.0, 0.0, 0.0, 0.0, 0.0))  # it has no contact
         bars[B_INERTIA + j] = bars[SEED_M + j]
         if mu > 0.0:
             bars[B_SIN + j] += g * half
@@ -225,7 +206,8 @@ def add_leader_back(bars, first, count, leader, mu):
 
 
 @internal
-def no_bars(bars, count):
+def clear_bars(bars, count):
+    """Set the bars of the numbers that go down the stack to zero."""
     for j in range(count):
         bars[B_SIN + j], bars[B_VER + j] = 0.0, 0.0
         bars[B_WGT + j], bars[B_JAC + j], bars[B_DRV + j] = 0.0, 0.0, 0.0
@@ -234,35 +216,37 @@ def no_bars(bars, count):
 
 @internal
 def angle_bar(bars, first, j):
-    """Bar of the angle of a lane."""
+    """Return the bar of the angle of a lane."""
     return (1.0 - first[VER + j]) * bars[B_SIN + j] + first[SIN + j] * bars[B_VER + j]
 
 
 @internal
-def stack_back(bars, count, ring, n, low, mu, saved, param_bars):
-    """Pull the seeds of the three sums back through the stack."""
-    no_bars(bars, count)
+def stack_back(reverse, count, n, low):
+    """Propagate the seeds of the three sums back through the stack."""
+    ring, bars, mu, saved = reverse.ring, reverse.bars, reverse.mu, reverse.saved
+    clear_bars(bars, count)
     for i in range(low, n):
         contact_back(bars, saved[n - i - 1], saved[n - i], count, ring[i], mu)
-        gather(bars, count, ring[i], param_bars[i])
+        gather(bars, count, ring[i], reverse.param_bars[i])
     add_leader_back(bars, saved[0], count, ring[n], mu)
-    gather(bars, count, ring[n], param_bars[n])
+    gather(bars, count, ring[n], reverse.param_bars[n])
 
 
 @internal
-def tabulate_stack(bars, k, ring, n, low, mu, saved, table):
-    """What one unit of each seed adds to each part: for stacks that many falls share.
+def tabulate_stack(reverse, k, n, low, table):
+    """Tabulate the bars that one unit of each seed yields, for a stack that many falls share.
 
-    table[sum and lane, depth and part]; one depth more holds what it adds to the bars of the last
-    angle and of the friction.
+    table[sum and lane, depth and parameter]; one depth more holds the bars of the last angle and
+    of friction.
     """
+    ring, bars, mu, saved = reverse.ring, reverse.bars, reverse.mu, reverse.saved
     count, depth = ORDERS[k] + 2, n - low
     table[: 3 * count] = 0.0
     for q in range(3):
         for j in range(count):
             bars[SEED_M + j], bars[SEED_G + j], bars[SEED_D + j] = 0.0, 0.0, 0.0
             bars[SEED_M + q * PITCH + j] = 1.0
-        no_bars(bars, count)
+        clear_bars(bars, count)
         for i in range(low, n + 1):
             if i < n:
                 contact_back(bars, saved[n - i - 1], saved[n - i], count, ring[i], mu)
@@ -278,32 +262,33 @@ def tabulate_stack(bars, k, ring, n, low, mu, saved, table):
 
 
 @internal
-def stack_back_from_table(bars, count, n, low, table, sums, param_bars, physics_bar):
-    """`stack_back` by the table; returns the bar of the last angle."""
-    depth = n - low
+def stack_back_from_table(reverse, count, n, low, table):
+    """Do what `stack_back` does by the table; return the bar of the last angle."""
+    depth, sums = n - low, table[len(table) - 1]
     size = (depth + 2) * PARAMS
     for x in range(size):
         sums[x] = 0.0
     for q in range(3):
         for j in range(count):
-            seed, entries = bars[SEED_M + q * PITCH + j], table[q * count + j]
+            seed, entries = reverse.bars[SEED_M + q * PITCH + j], table[q * count + j]
             if seed != 0.0:
                 for x in range(size):
                     sums[x] += seed * entries[x]
     for level in range(depth + 1):
         for c in range(PARAMS):
-            param_bars[n - level, c] += sums[level * PARAMS + c]
+            reverse.param_bars[n - level, c] += sums[level * PARAMS + c]
     at = (depth + 1) * PARAMS
-    physics_bar.friction += sums[at + 1]
+    reverse.physics_bar.friction += sums[at + 1]
     return sums[at]
 
 
 @internal
-def mass_back(lanes, bars, saved, ring, n, low, angle, m_bar, mu, param_bars, physics_bar):
-    """M of the stack at one angle in reverse; returns the bar of the angle."""
+def mass_back(reverse, n, low, angle, m_bar):
+    """Propagate the bar of M of the stack at one angle back; return the bar of the angle."""
+    lanes, bars = reverse.lanes, reverse.bars
     lanes[SIN], lanes[VER] = sin_versine(angle)
-    retrace(lanes, 1, ring, n, low, mu, saved, False)
+    retrace(reverse, 1, n, low, False)
     bars[SEED_M], bars[SEED_G], bars[SEED_D] = m_bar, 0.0, 0.0
-    stack_back(bars, 1, ring, n, low, mu, saved, param_bars)
-    physics_bar.friction += bars[B_MU]
-    return angle_bar(bars, saved[0], 0)
+    stack_back(reverse, 1, n, low)
+    reverse.physics_bar.friction += bars[B_MU]
+    return angle_bar(bars, reverse.saved[0], 0)

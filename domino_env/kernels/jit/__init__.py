@@ -1,24 +1,23 @@
-"""How everything in this folder is compiled.
+"""Compilation of all functions in this folder.
 
-Left alone, Numba links the machine-independent code of every function into each of its callers and
-optimises the whole again, layer by layer, gives each function wrappers for Python and C and a cache
-file, and compiles it anew for every literal (`True`, 0) that it is called with: the first wave then
-waits three times as long.  Here a function is one of
+By default, Numba links the machine-independent code of every function into each of its callers and
+optimises the result again at every level, gives each function wrappers for Python and C and a cache
+file, and compiles it anew for every literal (`True`, 0) among its arguments: the first simulation
+then takes three times as long.  Here a function is one of
 
     internal       translated once, optimised and turned into machine code only in its callers
-    always_inline  an internal function that its callers never call
-    noinline       machine code of its own, once, which its callers call
+    always_inline  an internal function that is always inlined
+    noinline       compiled to machine code once, and called
     leaf           an internal function of arithmetic only, in which constant zeros vanish
-    entry_point    what Python calls
+    entry_point    a function that Python calls
 
-Flat ground is uneven ground whose rise and turn are zeros that are known at compile time: fields
-that its records do not have are read by `optional_field`, and arrays that its rows do not have are
-None.  So what runs on flat ground holds nothing of uneven ground, and who stays there does not wait
-for its machine code.
+Flat ground is uneven ground whose rise and turn are zeros known at compile time: `optional_field`
+reads fields that its records do not have, and arrays that its layouts do not have are None.  So
+machine code for flat ground contains no terms of uneven ground.
 
-Only entry points can be called from Python, and only from there.
+Only Python calls entry points, and it can call nothing else.
 
-All this rests on parts of Numba that are not public (`internals`).  Where Numba is newer than
+This depends on parts of Numba that are not public (`internals`).  Where Numba is newer than
 `NEWEST_TESTED`, or lacks one of them, functions are compiled as usual (`plain`).
 """
 
@@ -31,26 +30,11 @@ from numba.core import types
 from domino_env.core.progress import advise
 from domino_env.kernels.jit.plain import compile_plainly
 
-__all__ = [
-    "always_inline",
-    "borrowed",
-    "compile_alone",
-    "entry_point",
-    "has_field",
-    "internal",
-    "keep_alive",
-    "leaf",
-    "noinline",
-    "optional_field",
-    "select",
-]
-
-
 NEWEST_TESTED = (0, 68)  # version of Numba
 
 
 def _internals() -> Any:
-    """Import the fast compilation; None, with a notice, where this Numba may not have it."""
+    """Import the fast compilation; None, with a notice, where this Numba may lack it."""
     why = f"newer than {NEWEST_TESTED[0]}.{NEWEST_TESTED[1]}, the newest tested"
     if tuple(numba.version_info[:2]) <= NEWEST_TESTED:
         try:
@@ -82,16 +66,16 @@ def internal(function: Callable[..., Any]) -> Any:
 def always_inline(function: Callable[..., Any]) -> Any:
     """Compile a function into its callers, always inlined.
 
-    Handing a dozen arrays from function to function costs more than small functions do themselves.
+    Passing a dozen arrays costs more than a small function itself.
     """
     return _compiled(function, "Internal", forceinline=True)
 
 
 def leaf(function: Callable[..., Any]) -> Any:
-    """Compile arithmetic that calls nothing of ours into its callers.
+    """Compile a function of arithmetic only into its callers.
 
-    0.0 times x is 0.0 there, and x plus 0.0 is x, at compile time: no such function may rely on NaN
-    or on the sign of zero.
+    0.0 times x is 0.0, and x plus 0.0 is x, at compile time: it must not rely on NaN or on the sign
+    of zero.
     """
     return _compiled(function, "Internal", fastmath={"nnan", "nsz"})
 
@@ -114,9 +98,9 @@ def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any
 
 @numba.extending.intrinsic
 def borrow(_: Any, value: Any) -> Any:
-    """Return an array, or a tuple of arrays, without reference counts; the owners must outlive it.
+    """Return an array or tuple of arrays without reference counts; the owners must outlive it.
 
-    Counting is atomic, and was an eighth of a step's time.
+    Atomic counting took an eighth of the time of a step.
     """
 
     def without_owner(context: Any, builder: Any, kind: Any, held: Any) -> Any:
@@ -155,7 +139,7 @@ def optional_field(name: str) -> Any:
 
 
 def has_field(name: str) -> Any:
-    """Return a function that tells, at compile time, whether a record has a field."""
+    """Return a function for whether a record has a field, at compile time."""
 
     @numba.extending.intrinsic
     def has(_: Any, record: Any) -> Any:
@@ -180,4 +164,4 @@ def _(array: Any, index: Any) -> Any:
 
 @always_inline
 def keep_alive(array: Any) -> None:
-    """Hold an array up to here: what was borrowed from it, and its records, are not counted."""
+    """Keep an array alive up to this call: borrowed views and its records are not counted."""

@@ -1,11 +1,11 @@
-"""Fast compilation, and its cache, by parts of Numba that are not public.
+"""Fast compilation and its cache, by parts of Numba that are not public.
 
-This rests on `numba.core.codegen`, `compiler` and `caching`. With a version that it was not tested
-with, `plain` compiles instead.
+This depends on `numba.core.codegen`, `compiler` and `caching`. With an untested version of Numba,
+`plain` compiles instead.
 
-Numba caches machine code under the state of the one file that a function stands in.  A kernel
-stands on functions and tables of its neighbours, so ours are cached under a stamp of all files of
-the folder: whatever is edited, everything that could have read it is compiled anew.
+Numba caches machine code under the state of the file that contains the function.  A kernel depends
+on functions and tables of other files, so kernels are cached under a stamp of all files of the
+folder: after an edit of any of them, all are compiled anew.
 """
 
 import contextlib
@@ -25,12 +25,12 @@ _BY_NAME: dict[str, Any] = {}  # functions that are not inlined
 _BY_SYMBOL: dict[str, tuple[str, tuple[Any, ...]]] = {}  # their compiled symbols: name, types
 
 
-_ADVISED: list[str] = []  # of folders that cannot be written; one line is enough
+_ADVISED: list[str] = []  # folders that cannot be written, for a single warning
 _NOTICED: list[str] = []
 
 
 def use_cache(dispatcher: Any) -> None:
-    """Cache what is compiled; where no folder can be written, compile in memory and say so."""
+    """Cache machine code; where no folder can be written, compile in memory with a warning."""
     dispatcher._cache = _Cache(dispatcher.py_func)
 
 
@@ -48,22 +48,22 @@ def register_noinline(dispatcher: Any) -> None:
 
 
 def _provide(symbol: str, name: str, arguments: tuple[Any, ...]) -> None:
-    """Define the symbol by which cached callers know a function that is not inlined.
+    """Define the symbol by which cached callers call a function that is not inlined.
 
-    It has another where it has been compiled anew since.
+    The function has another symbol if it was compiled anew since.
     """
     if symbol in _BY_SYMBOL:
         return
     dispatcher = _BY_NAME[name]
     dispatcher.compile(arguments)
-    found = dispatcher.overloads[arguments]
-    engine = found.library._codegen._engine
-    llvm.add_symbol(symbol, engine.get_function_address(found.fndesc.llvm_func_name))
+    result = dispatcher.overloads[arguments]
+    engine = result.library._codegen._engine
+    llvm.add_symbol(symbol, engine.get_function_address(result.fndesc.llvm_func_name))
     _BY_SYMBOL[symbol] = name, arguments
 
 
 class _Stamped:
-    """Before one of Numba's locators: the stamp of the folder instead of that of a file."""
+    """Mixin for Numba's locators: the stamp of the folder instead of that of a file."""
 
     def get_source_stamp(self) -> bytes:
         return STAMP
@@ -76,9 +76,9 @@ _LOCATORS: Any = [
 
 
 class _ReadOnly(next(one for one in _LOCATORS if "InTree" in one.__name__)):  # type: ignore[misc]
-    """The folder of the source, though it cannot be written: what is there already is used.
+    """The folder of the source where it cannot be written: its machine code is used.
 
-    In a container, say, whose image was built by another user.
+    This happens in a container whose image another user built.
     """
 
     @classmethod
@@ -87,7 +87,7 @@ class _ReadOnly(next(one for one in _LOCATORS if "InTree" in one.__name__)):  # 
 
 
 class _Implementation(caching.CompileResultCacheImpl):
-    """Implementation that keeps with machine code the functions it calls, and loads them first."""
+    """Implementation that stores the functions that machine code calls, and loads them first."""
 
     _locator_classes: Any = [*_LOCATORS, _ReadOnly]  # noqa: RUF012 - Numba's own attribute
 
@@ -111,22 +111,22 @@ class _Cache(caching.FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
-            found = super().load_overload(sig, target_context)
-        except OSError:  # somebody else's file, or none where a folder should be
-            found = None
-        except (AttributeError, ImportError):  # of types that the package no longer has
-            found = None
+            result = super().load_overload(sig, target_context)
+        except OSError:  # a file of another user, or a file in place of a folder
+            result = None
+        except (AttributeError, ImportError):  # written by a version with other types
+            result = None
             with contextlib.suppress(OSError):
                 self._cache_file.flush()
-        if found is None and not _NOTICED:
+        if result is None and not _NOTICED:
             _NOTICED.append(self.cache_path)
             notice("compiling the simulator, once: some ten seconds ...")
-        return found
+        return result
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
-        except OSError as error:  # what is compiled serves this process all the same
+        except OSError as error:  # this process uses its machine code in memory
             self.disable()
             if not _ADVISED:
                 _ADVISED.append(self.cache_path)
@@ -139,18 +139,18 @@ class _Cache(caching.FunctionCache):
                 )
 
 
-# --- What becomes of the code of a function, once Numba has translated it
+# --- Libraries of translated code
 
 Library = codegen.JITCodeLibrary
 
 
 class Internal(Library):
-    """Code that is only ever linked into others: neither optimised nor emitted."""
+    """Code that is only linked into other libraries: neither optimised nor emitted."""
 
     def finalize(self) -> None:
-        """Offer the code to those who link it."""
+        """Declare the variables of the code."""
         self._raise_if_finalized()
-        # Numba writes into this variable of each function; the rest is left to those who link it
+        # Numba writes into this variable of each function; the code itself is linked later
         variables = [
             str(variable)
             for variable in self._final_module.global_variables
@@ -163,16 +163,16 @@ class Internal(Library):
         return self._final_module.clone()
 
     def get_pointer_to_function(self, name: str) -> int:
-        """There is no machine code."""
+        """Return a null pointer: there is no machine code."""
         self._ensure_finalized()
         return 0
 
 
 class EntryPoint(Library):
-    """Machine code, with all internal functions below it inside."""
+    """Machine code that contains all internal functions below it."""
 
     def add_linking_library(self, library: Any) -> None:
-        """Add a library, and where it is internal, those that it links."""
+        """Add a library and, if it is internal, those that it links."""
         if library in self._linking_libraries:
             return
         super().add_linking_library(library)
@@ -186,14 +186,14 @@ class EntryPoint(Library):
         super().finalize()
 
     def _optimize_final_module(self) -> None:
-        for function in self._final_module.functions:  # who sees all callers may inline more
+        for function in self._final_module.functions:  # with all callers in view more is inlined
             if not function.is_declaration and function.name not in self._own:
                 function.linkage = "internal"
         super()._optimize_final_module()
 
 
 class NoInline(EntryPoint):
-    """Machine code that callers find by its symbol: they link an empty module."""
+    """Machine code that callers call by its symbol; they link an empty module."""
 
     def _get_module_for_linking(self) -> Any:
         self._ensure_finalized()
@@ -206,7 +206,7 @@ class NoInline(EntryPoint):
 
 @cache
 def compiler_into(library: type) -> type:
-    """Numba's compiler, putting its code into a library of ours."""
+    """Return Numba's compiler, with a library of this module for its code."""
 
     class Compiler(compiler.Compiler):
         def compile_extra(self, func: Any) -> Any:
@@ -219,7 +219,7 @@ def compiler_into(library: type) -> type:
 
 
 def compile_fast(function: Callable[..., Any], library: type[Library], **options: Any) -> Any:
-    """Compile a function into a library of ours."""
+    """Compile a function into a library of this module."""
     njit: Any = numba.njit
     dispatcher = njit(
         nogil=True,
@@ -243,7 +243,7 @@ def compile_fast(function: Callable[..., Any], library: type[Library], **options
 
 
 def _refuse_python(dispatcher: Any) -> None:
-    """Let a function without a wrapper for Python raise, instead of calling what is not there."""
+    """Make a function without a wrapper for Python raise when Python calls it."""
 
     def refuse(*arguments: Any, **named: Any) -> None:
         raise TypeError(
@@ -251,7 +251,7 @@ def _refuse_python(dispatcher: Any) -> None:
             "point of domino_env.kernels, or compile one around it"
         )
 
-    def add_overload(result: Any) -> None:  # known to compiled callers, not to Python's
+    def add_overload(result: Any) -> None:  # for compiled callers only
         dispatcher.overloads[tuple(result.signature.args)] = result
 
     dispatcher._compile_for_args = refuse

@@ -1,4 +1,4 @@
-"""Compilation by Numba's public means only: the same results, first calls three times as long."""
+"""Compilation by public parts of Numba only: same results, first calls take three times as long."""
 
 import hashlib
 from collections.abc import Callable
@@ -22,8 +22,8 @@ def compile_plainly(function: Callable[..., Any], *, kept: bool, **options: Any)
     function
         The Python function.
     kept
-        Whether its machine code is cached, in a folder that is named after the state of all files
-        of the package: Numba looks at the one file that the function stands in.
+        Whether its machine code is cached, in a folder named after the state of all files of the
+        package: Numba checks only the file that contains the function.
     **options
         Of `numba.njit`.
     """
@@ -36,7 +36,7 @@ def compile_plainly(function: Callable[..., Any], *, kept: bool, **options: Any)
         try:
             config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
             dispatcher.enable_caching()
-        except (OSError, RuntimeError):  # the folder cannot be written: it is compiled every time
+        except (OSError, RuntimeError):  # not writable: compiled in every process
             pass
         finally:
             config.CACHE_DIR = chosen  # type: ignore[attr-defined]

@@ -1,7 +1,7 @@
-"""Actions: numbers in [-1, 1] and the gap, thickness and growth of the next domino.
+"""Actions: numbers in [-1, 1] for the gap, thickness and growth of the next domino.
 
-An action stands for values between the bounds that the rules still leave. The mapping exists
-forwards (`choose`), inverted (`aim`) and backwards (`choose_back`, for gradients).
+An action is scaled to the bounds that the rules still leave: `decode`, its inverse `encode`, and
+its reverse mode `decode_back`.
 """
 
 import numpy as np
@@ -11,14 +11,14 @@ from domino_env.kernels.jit import always_inline, internal
 
 @always_inline
 def between(action, low, high):
-    """Return the value that an action in [-1, 1] stands for; beyond them, the nearer bound."""
+    """Return the value of an action, scaled from [-1, 1] to [low, high] and clipped."""
     value = low + 0.5 * (min(max(action, -1.0), 1.0) + 1.0) * (high - low)
     return min(max(value, low), high)
 
 
 @always_inline
 def action_for(value, low, high):
-    """Return the action that stands for a value or the nearer bound; 0 for equal bounds."""
+    """Return the action of a value or the nearer bound; 0 for equal bounds."""
     if not low < high:
         return 0.0
     return min(max(2.0 * (value - low) / (high - low) - 1.0, -1.0), 1.0)
@@ -68,7 +68,7 @@ def gap_bounds(rules, spacing, n, distance, thickness):
 
 @internal
 def nearest_left(kinds, left, thickness):
-    """Return which of the kinds that are still in the stock comes nearest."""
+    """Return the index of the nearest thickness that is still in stock."""
     best, away = 0, np.inf
     for k in range(len(kinds)):
         if left[k] > 0.0 and abs(kinds[k] - thickness) < away:
@@ -78,7 +78,7 @@ def nearest_left(kinds, left, thickness):
 
 @internal
 def nearest_within(values, low, high, gap):
-    """Return the value of a list nearest to a gap among those in [low, high]."""
+    """Return the value of a list in [low, high] that is nearest to a gap."""
     best, away = gap, np.inf
     for value in values:
         if low - 1e-12 <= value <= high + 1e-12 and abs(value - gap) < away:
@@ -88,10 +88,9 @@ def nearest_within(values, low, high, gap):
 
 @always_inline
 def decode(action, rules, batch, left, n, distance, layout):
-    """Write what an action stands for into a row: gap n, thickness (and height) of domino n+1.
+    """Write gap n, thickness (and height) of domino n+1 from an action into a layout.
 
-    rules: of the row.  batch: with the only gaps and thicknesses allowed, if any.
-    left: (K,) how many there still are of each kind of domino.
+    batch: with the only gaps and thicknesses allowed, if any.  left: (K,) stock of each kind.
     """
     spacing, height = layout.spacing, layout.height
     column = len(action) - 1
@@ -125,16 +124,16 @@ def decode(action, rules, batch, left, n, distance, layout):
 
 @always_inline
 def add_placement_error(rules, errors, b, n, spacing):
-    """Add the placement error to gap n, where there are errors."""
+    """Add the placement error to gap n, if there are errors."""
     if len(errors) > 0:
         spacing[n] = max(spacing[n] + errors[b, n], rules.least_placed)
 
 
 @always_inline
 def encode(rules, spacing, n, distance, target, action):
-    """Write the action that comes nearest to a wanted domino behind gap n.
+    """Write the action that is nearest to a given domino after gap n.
 
-    wanted: gap, thickness, and the heights of the domino before and of this one [m].
+    target: gap, thickness, and the heights of the domino before and of this one [m].
     """
     gap, thick, behind, ahead = target[0], target[1], target[2], target[3]
     if rules.in_heights:
@@ -168,11 +167,11 @@ def reachable_back(low, high, least, most, low_bar, high_bar):
 
 @internal
 def decode_back(action, rules, n, distance, layout, bars, carried, action_bar):
-    """Write the derivatives by an action, of what has those by gap n and domino n+1.
+    """Write the derivatives by an action from those by gap n and domino n+1.
 
-    bars: by gap, thickness and height, as if nothing else followed from them.
-    carried: by the way, by gap n and by the height of domino n+1, from what lies ahead; afterwards
-    by the way, by gap n-1 and by the height of domino n.
+    bars: direct derivatives by gap, thickness and height.
+    carried: derivatives, through later dominoes, by the distance so far, by gap n and by the height
+    of domino n+1; replaced by those by the distance, gap n-1 and the height of domino n.
     Beyond [-1, 1] the derivatives are those at the nearer end.  Lists and stocks have none.
     """
     spacing, column = layout.spacing, len(action) - 1

@@ -1,4 +1,4 @@
-"""A batch of environments: rules, episodes and arrays."""
+"""Batch of environments: rules, episodes and arrays."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ from domino_env.kernels.jit import always_inline, select
 
 IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
 
-RULES = record_type(  # of a scene: one that all environments share, or each its own
+RULES = record_type(  # of a scene
     count=int,  # of dominoes
     friction=float,
     gravity=float,
     push=float,
     rtol=float,
-    reference_speed=float,  # [m/s] to lead against
+    reference_speed=float,  # [m/s] of the wave that leads are measured against
     length=float,  # of the course [m], 0 where it is free
     gap_low=float,  # bounds [m], in heights where `in_heights`
     gap_high=float,
@@ -26,36 +26,36 @@ RULES = record_type(  # of a scene: one that all environments share, or each its
     least_placed=float,  # gap that placement errors leave [m]
     growth_low=float,
     growth_high=float,
-    unit=float,  # the height that rewards and observations are scaled by [m]
+    unit=float,  # height by which rewards and observations are scaled [m]
     grows=np.bool_,
     in_heights=np.bool_,
-    reward_scale=float,  # 1 where single steps are paid, else 0
-    score_is_speed=np.bool_,  # and so known at once
+    reward_scale=float,  # 1 where single steps have rewards, else 0
+    score_is_speed=np.bool_,  # known when the wave ends, without another simulation
 )
-EPISODE = record_type(  # what is kept between two steps, besides the ring and the state
+EPISODE = record_type(  # between two steps, besides the ring and the state
     distance=float,  # first pivot to last [m]
-    rewarded=float,  # sum of the rewards; what was given at reset counts as paid
-    reach=float,  # and once it is over: how far the wave came, the score and why it ended
+    rewarded=float,  # sum of the rewards, including the dominoes given at reset
+    reach=float,  # when it is over: reach of the wave, score and outcome
     score=float,
     placed=int,  # dominoes after the first
     phase=int,
     outcome=int,
-    uncertain=np.bool_,  # whether the score has to be computed from the layout as a whole
+    uncertain=np.bool_,  # the score must be computed from the whole layout
 )
 
 
 class Batch(NamedTuple):
-    """B environments: what they share, and their arrays."""
+    """Arrays of B environments, and those that they share."""
 
     rules: NDArray[np.record]  # (1,) RULES, or (B,) where each has its own scene
     entries: NDArray[np.record]  # (1,) OBSERVATION
-    features: NDArray[np.float32]  # (B, F) of the scene, to be observed; F = 0 where it is fixed
-    closeness: NDArray[np.float32]  # (N, S) exp(-k / c), k dominoes away from an end
-    gap_values: NDArray[np.float64]  # the only gaps allowed, or none
-    kinds: NDArray[np.float64]  # (2, K) the only thicknesses allowed, and how many of each
-    left: NDArray[np.float64]  # (B, K) how many of them each has left
+    features: NDArray[np.float32]  # (B, F) of sampled scenes; F = 0 where the scene is fixed
+    closeness: NDArray[np.float32]  # (N, S) exp(-k / c) of k dominoes to an end
+    gap_values: NDArray[np.float64]  # the only gaps allowed, or empty
+    kinds: NDArray[np.float64]  # (2, K) thicknesses in stock, and how many of each
+    left: NDArray[np.float64]  # (B, K) how many are left
     errors: NDArray[np.float64]  # (B, N-1) placement errors, added to the gaps [m]; or (0, N-1)
-    rings: NDArray[np.record]  # (B, …) LINK or UNEVEN_LINK
+    rings: NDArray[np.record]  # (B, …) CONTACT or UNEVEN_CONTACT
     states: NDArray[np.record]  # (B,) STATE
     episodes: NDArray[np.record]  # (B,) EPISODE
     spacing: NDArray[np.float64]  # (B, N-1) [m]
@@ -76,7 +76,7 @@ def rules_of(batch, b):
 
 @always_inline
 def layout_in(batch, b):
-    """Return the row of environment b, as long as its scene has it."""
+    """Return the layout of environment b, as long as its scene."""
     count = rules_of(batch, b).count
     height, density = b if len(batch.height) > 1 else 0, b if len(batch.density) > 1 else 0
     return Arrays(

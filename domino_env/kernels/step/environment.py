@@ -1,13 +1,13 @@
-"""The environments' step: one domino placed, one fall, for a whole batch in one call."""
+"""Step of the environments: one domino placed, one fall, for a whole batch in one call."""
 
 import math
 
 import numpy as np
 
-from domino_env.kernels.arrays import EVENT, LANES, OUT_OF_REACH, PROPAGATED
-from domino_env.kernels.chain import is_uniform, prepare_fall
+from domino_env.kernels.arrays import LANES, PROPAGATED, Run
+from domino_env.kernels.chain import is_uniform, next_fall, no_tape
 from domino_env.kernels.contact import contact_rise
-from domino_env.kernels.fall import fall_and_hit, start_chain
+from domino_env.kernels.fall import start_chain
 from domino_env.kernels.ground import next_place, piece_at
 from domino_env.kernels.jit import (
     always_inline,
@@ -31,7 +31,7 @@ from domino_env.kernels.step.observation import observe
 
 @internal
 def close_episode(rules, state, episode, n, outcome, layout):
-    """Write score and outcome of a wave that has completed, or stopped under leader n."""
+    """Write score and outcome of a wave that completed, or stopped with leader n."""
     count = len(layout.thickness)
     episode.phase, episode.outcome = OVER, outcome
     episode.uncertain = not rules.score_is_speed
@@ -58,12 +58,12 @@ def pitch_of(layout, tilt, n):
 
 @internal
 def stand_on_ground(batch, curve, b, layout, n):
-    """Stand domino n+1 behind gap n on uneven ground: write its tilt, its rise and its place."""
+    """Place domino n+1 after gap n on uneven ground: write its tilt, rise and position."""
     if curve is None:
         return
     x = batch.places[b, n]
     gap, d = layout.spacing[n], layout.thickness[n + 1]
-    if len(curve.knots) == 1:  # an even slope, whose rows stay as even as they are
+    if len(curve.knots) == 1:  # an even slope: layouts on it remain exactly uniform
         tilt = layout.tilt[n]
         layout.rise[n], layout.tilt[n + 1] = -math.sin(tilt) * (gap + d), tilt
         batch.places[b, n + 1] = x + (gap + d) * math.cos(tilt)
@@ -75,27 +75,24 @@ def stand_on_ground(batch, curve, b, layout, n):
 
 
 @always_inline
-def fall_onto_next(rules, lanes, ring, state, episode, layout, no_tape):
-    """Let the leader fall onto the domino just written in the row.
+def fall_onto_next(rules, batch, b, lanes, layout, tape):
+    """Let the leader fall onto the domino just written in the layout.
 
     Returns the lead gained over a wave at the reference speed, in heights.
     """
-    mask, count = len(ring) - 1, len(layout.thickness)
-    first = episode.placed
+    ring, states, episode = batch.rings[b], batch.states[b : b + 1], batch.episodes[b]
+    state = states[0]
+    run = Run(
+        lanes, ring, len(ring) - 1, rules.friction, rules.gravity, rules.rtol, states, False, tape
+    )
+    count, first = len(layout.thickness), episode.placed
     pitch = pitch_of(layout, layout.tilt, first)
     episode.placed = first + 1
     episode.distance += pitch
     lead = 0.0
-    last = first + 1 if first + 2 == count else first  # the last domino falls free
+    last = first + 1 if first + 2 == count else first  # the last domino falls freely
     for n in range(first, last + 1):
-        strikes = n + 1 < count and layout.spacing[n] < layout.height[n]
-        prepare_fall(layout, ring, mask, n, state)
-        outcome = fall_and_hit(
-            lanes, ring, mask, n, strikes, rules.friction, rules.gravity, rules.rtol, state, False,
-            no_tape,
-        )  # fmt: skip
-        if outcome == PROPAGATED and not strikes and n + 1 < count:
-            outcome = OUT_OF_REACH
+        outcome = next_fall(layout, run, n)
         if n == first:
             lead = (pitch - rules.reference_speed * state.fall_time) / rules.unit
         if outcome != PROPAGATED or n + 1 == count:
@@ -106,18 +103,17 @@ def fall_onto_next(rules, lanes, ring, state, episode, layout, no_tape):
 
 @entry_point
 def reset_batch(first, last, batch, chosen, given, observations):
-    """Begin episodes in the chosen environments, with the first `given` gaps as they are written.
+    """Begin episodes in the chosen environments, with the first `given` gaps of their arrays.
 
-    An episode whose wave does not get past what is given is OVER afterwards.
+    An episode whose wave stops among them is OVER afterwards.
     """
-    lanes, no_tape = np.zeros(LANES), np.empty(0, EVENT)
+    lanes, tape = np.zeros(LANES), no_tape()
     for b in range(first, last):
         if not chosen[b]:
             continue
         rules, layout = rules_of(batch, b), layout_in(batch, b)
-        ring, left = batch.rings[b], batch.left[b]
-        state, episode = batch.states[b], batch.episodes[b]
-        start_chain(layout, rules.push, ring, state)
+        episode, left = batch.episodes[b], batch.left[b]
+        start_chain(layout, rules.push, batch.rings[b], batch.states[b])
         episode.distance = episode.rewarded = episode.reach = episode.score = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
         for k in range(len(left)):
@@ -126,7 +122,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
             if len(left) > 0:
                 left[nearest_left(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
             stand_on_ground(batch, batch.curve, b, layout, i)
-            lead = fall_onto_next(rules, lanes, ring, state, episode, layout, no_tape)
+            lead = fall_onto_next(rules, batch, b, lanes, layout, tape)
             episode.rewarded += lead * rules.reward_scale
             if episode.phase == OVER:
                 break
@@ -135,18 +131,17 @@ def reset_batch(first, last, batch, chosen, given, observations):
 
 @entry_point
 def step_batch(first, last, batch, actions, observations, rewards, ended):
-    """Take one step in those environments first … last - 1 that run.
+    """Take one step in environments first … last - 1.
 
-    actions: (B, A).  Written are observations (B, O), rewards (B,) and ended (B,); where an episode
-    is over, only rewards (0) and ended (False).  The last reward of an episode follows from its
-    score, and is left at 0.
+    actions: (B, A).  Writes observations (B, O), rewards (B,) and ended (B,); where an episode is
+    over, only rewards (0) and ended (False).  The caller computes the last reward of an episode
+    from its score; here it is 0.
     """
-    own_lanes, own_tape = np.zeros(LANES), np.empty(0, EVENT)
-    lanes, no_tape = borrow(own_lanes), borrow(own_tape)
+    own_lanes, own_tape = np.zeros(LANES), no_tape()
+    lanes, tape = borrow(own_lanes), borrow(own_tape)
     view, actions, observations = borrow(batch), borrow(actions), borrow(observations)
     for b in range(first, last):
-        rules = rules_of(view, b)
-        state, episode = view.states[b], view.episodes[b]
+        rules, episode = rules_of(view, b), view.episodes[b]
         rewards[b], ended[b] = 0.0, False
         if episode.phase != RUNNING:
             continue
@@ -154,7 +149,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
         decode(actions[b], rules, view, view.left[b], episode.placed, episode.distance, layout)
         add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
         stand_on_ground(view, view.curve, b, layout, episode.placed)
-        lead = fall_onto_next(rules, lanes, view.rings[b], state, episode, layout, no_tape)
+        lead = fall_onto_next(rules, view, b, lanes, layout, tape)
         if episode.phase == OVER:
             ended[b] = True
         else:
@@ -167,7 +162,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
 
 @entry_point
 def place_batch(first, last, batch, chosen, actions):
-    """Place all dominoes of the chosen environments, by actions (B, N-1, A); none falls yet."""
+    """Place all dominoes of the chosen environments, by actions (B, N-1, A), without simulation."""
     view, actions = borrow(batch), borrow(actions)
     for b in range(first, last):
         if not chosen[b]:
@@ -185,9 +180,9 @@ def place_batch(first, last, batch, chosen, actions):
 
 @entry_point
 def place_back(first, last, batch, actions, bars, action_bars):
-    """Write derivatives by the actions (B, N-1, A) of layouts that `place_batch` has written.
+    """Write derivatives by the actions (B, N-1, A) of layouts that `place_batch` wrote.
 
-    bars: (B, N-1, 3) by each gap, and by thickness and height of the domino behind it.
+    bars: (B, N-1, 3) by each gap, and by thickness and height of the domino after it.
     """
     view, actions, carried = borrow(batch), borrow(actions), np.zeros(3)
     distances = np.zeros(actions.shape[1] + 1)
@@ -198,36 +193,26 @@ def place_back(first, last, batch, actions, bars, action_bars):
             distances[n + 1] = distances[n] + (layout.spacing[n] + layout.thickness[n + 1])
         carried[:] = 0.0
         for n in range(pairs - 1, -1, -1):
-            decode_back(
-                actions[b, n],
-                rules,
-                n,
-                distances[n],
-                layout,
-                bars[b, n],
-                carried,
-                action_bars[b, n],
-            )
+            action, bar, action_bar = actions[b, n], bars[b, n], action_bars[b, n]
+            decode_back(action, rules, n, distances[n], layout, bar, carried, action_bar)
 
 
 @entry_point
 def encode_batch(first, last, batch, target, actions):
-    """Write the actions (B, A) that come nearest to the wanted dominoes, where episodes run.
+    """Write the actions (B, A) that are nearest to given dominoes, in running episodes.
 
-    wanted: (B, 4) gap, thickness, and the heights of the domino before and of this one [m].
+    target: (B, 4) gap, thickness, and the heights of the domino before and of this one [m].
     """
     for b in range(first, last):
         episode = batch.episodes[b]
         if episode.phase == RUNNING:
-            spacing = layout_in(batch, b).spacing
-            encode(
-                rules_of(batch, b), spacing, episode.placed, episode.distance, target[b], actions[b]
-            )
+            rules, spacing, n = rules_of(batch, b), layout_in(batch, b).spacing, episode.placed
+            encode(rules, spacing, n, episode.distance, target[b], actions[b])
 
 
 @entry_point
 def next_bounds(batch, b):
-    """Return the bounds of the next gap and thickness; of the gap for the middle thickness."""
+    """Return the bounds of the next gap, for the middle thickness, and of the next thickness."""
     rules, episode, spacing = rules_of(batch, b), batch.episodes[b], layout_in(batch, b).spacing
     n, distance = episode.placed, episode.distance
     thin, thick = thickness_bounds(rules, len(spacing) - n, distance)

@@ -1,4 +1,4 @@
-"""Observations: parts that have names, in the order of the environment's page."""
+"""Observations: named entries, in the order of the environment's documentation."""
 
 import math
 
@@ -8,27 +8,25 @@ from domino_env.kernels.ground import piece_at
 from domino_env.kernels.jit import always_inline, internal
 from domino_env.kernels.step.batch import OVER, rules_of
 
-FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT = 50.0, 100.0, 20.0  # observations are cut off there
-RISE_LIMIT = 50.0
-LEAD_UNIT = 10.0  # heights of lead that an observation of 1 stands for
-ENTRIES = (  # of an observation
+FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0  # clipped there
+LEAD_UNIT = 10.0  # heights per unit of the entry `lead`
+ENTRIES = (
     "front", "lead", "speed", "length_left", "pitch_left", "gaps", "thicknesses", "growths",
     "height", "stock", "placed", "near_start", "near_end", "features", "slopes", "rises",
 )  # fmt: skip
-OBSERVATION = record_type(
-    None, window=int, **dict.fromkeys(ENTRIES, int)
-)  # where each begins; -1: nowhere
+# start of each entry in an observation, -1 where it is absent
+OBSERVATION = record_type(None, window=int, **dict.fromkeys(ENTRIES, int))
 
 
 @always_inline
 def scaled(value, low, high):
-    """Return -1 for the least, 1 for the largest value."""
+    """Return a value scaled from [low, high] to [-1, 1], clipped."""
     return min(max(2.0 / (high - low) * (value - low) - 1.0, -1.0), 1.0)
 
 
 @always_inline
 def observe_front(rules, state, episode, start, observation):
-    """Write the speed of the front, lead and mean speed."""
+    """Write the speed of the leader, lead and mean speed."""
     distance, unit = episode.distance, rules.unit
     stopped = episode.phase == OVER and episode.outcome != PROPAGATED
     front = 0.0 if stopped else math.sqrt(state.u * unit / rules.gravity)
@@ -41,7 +39,7 @@ def observe_front(rules, state, episode, start, observation):
 
 @always_inline
 def observe_course(rules, distance, pairs, start, observation):
-    """Write the length that is left, and the mean pitch that it leaves."""
+    """Write the remaining length of the course, and the mean pitch that meets it."""
     rest = max(rules.length - distance, 0.0)
     least = rules.gap_low + rules.thick_low
     most = rules.gap_high + rules.thick_high
@@ -52,7 +50,7 @@ def observe_course(rules, distance, pairs, start, observation):
 
 @always_inline
 def observe_window(rules, layout, placed, start, observation):
-    """Write the latest gaps, thicknesses and growths, 0 where no domino is placed yet."""
+    """Write the latest gaps, thicknesses and growths; 0 before the first domino."""
     spacing, thickness, height = layout.spacing, layout.thickness, layout.height
     for j in range(start.window):
         i = placed - j
@@ -77,10 +75,10 @@ def observe_window(rules, layout, placed, start, observation):
 
 @internal
 def observe_ground(batch, curve, b, observation):
-    """Write slope and rise of the next places on uneven ground, a mean pitch apart each.
+    """Write slope and rise of uneven ground at the next positions, a mean pitch apart.
 
-    Slopes count downhill, in slopes that tip the thinnest domino; rises over the last pivot, in
-    heights.
+    Slopes are positive downhill, over the slope that tips the thinnest domino; rises are over the
+    last pivot, in heights.
     """
     if curve is None:
         return
@@ -103,12 +101,8 @@ def observe_ground(batch, curve, b, observation):
 @always_inline
 def observe(batch, b, layout, observation):
     """Write the observation of environment b."""
-    rules, state, episode, start = (
-        rules_of(batch, b),
-        batch.states[b],
-        batch.episodes[b],
-        batch.entries[0],
-    )
+    rules, start = rules_of(batch, b), batch.entries[0]
+    state, episode = batch.states[b], batch.episodes[b]
     placed, pairs = episode.placed, len(layout.spacing)
     observe_front(rules, state, episode, start, observation)
     if start.length_left >= 0:

@@ -8,6 +8,7 @@ from uneven_layouts import uneven_layout
 import domino_env as de
 from domino_env import kernels
 from domino_env.kernels import contact, diagnosis
+from domino_env.kernels.arrays import Run
 from domino_env.kernels.jit import entry_point
 
 COUNT, GRAVITY = 7, 9.81
@@ -22,17 +23,17 @@ def stand_all(ring, row):
 
 
 @entry_point
-def loads_at(row, ring, n, angle, u, gravity, mu, geometry, loads):
-    mask = len(ring) - 1
-    diagnosis.stack_geometry(row, ring, mask, n, 0, angle, mu, geometry, False)
-    diagnosis.contact_forces(row, ring, mask, n, 0, geometry, u, gravity, mu, loads)
+def loads_at(row, ring, n, angle, states, gravity, mu, geometry, loads):
+    run = Run(ring, ring, len(ring) - 1, mu, gravity, 0.0, states, False, ring)
+    diagnosis.stack_geometry(row, run, n, 0, angle, geometry, False)
+    diagnosis.contact_forces(row, run, n, 0, geometry, loads)
 
 
 @entry_point
 def impulses_at(row, ring, n, mu, before, after, geometry, least):
-    mask = len(ring) - 1
-    diagnosis.stack_geometry(row, ring, mask, n, 0, 0.0, mu, geometry, False)
-    diagnosis.contact_impulses(ring, mask, n, 0, geometry, before, after, least)
+    run = Run(ring, ring, len(ring) - 1, mu, GRAVITY, 0.0, ring, False, ring)
+    diagnosis.stack_geometry(row, run, n, 0, 0.0, geometry, False)
+    diagnosis.contact_impulses(run, n, 0, geometry, before, after, least)
 
 
 def stacks(seed, friction, hills):
@@ -60,7 +61,9 @@ def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, hills):
     n, angle, speed = COUNT - 1, 0.05, 6.0
     geometry, loads = np.zeros(COUNT, diagnosis.GEOMETRY), np.full(COUNT, np.inf, diagnosis.LOADS)
     loads["floor_friction"] = -np.inf
-    loads_at(row, ring, n, angle, speed**2, GRAVITY, friction, geometry, loads)
+    states = np.zeros(1, kernels.STATE)
+    states["u"] = speed**2
+    loads_at(row, ring, n, angle, states, GRAVITY, friction, geometry, loads)
     angle += chain.stand[n]
     alpha, normals, _ = chain.motion(n, angle, speed)
     np.testing.assert_allclose(loads["contact_force"][:-1], normals, rtol=1e-9)
