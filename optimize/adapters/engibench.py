@@ -1,4 +1,4 @@
-"""A scene as a problem of EngiBench, for whoever trains models that design: extra `engibench`.
+"""Scenes as problems of EngiBench, for models that generate designs (extra `engibench`).
 
 EngiBench (https://engibench.ethz.ch) is under the GPL, version 3; nothing of it is copied here.
 """
@@ -31,28 +31,36 @@ from optimize.searching import search
 WIDTH, HEIGHT = 1000, 200  # of a drawing [px]
 
 
-class DominoRow(Problem[Floats]):
-    """A row of dominoes that is to topple as a scene asks, as a problem of EngiBench.
+class DominoProblem(Problem[Floats]):
+    """Layout of a scene as a problem of EngiBench.
 
-    A design is what the scene leaves free, (n,) in its own units: gaps [m], then thicknesses [m],
-    then heights over that of the domino before; gaps and thicknesses in heights where the scene
-    gives them so. Unlike a design of `optimize.Problem` it is built as it is: one that breaks a
-    rule of the scene (a length, a list, a stock) is a violation, which `check_constraints` tells.
-    The objective is the scene's score, which is maximised; a wave that dies scores less than 0.
+    A design (n,) has the free values of the scene in its own units: gaps [m], then thicknesses [m],
+    then heights divided by that of the domino before; gaps and thicknesses in heights where the
+    scene gives them so. Unlike a design vector of `optimize.Problem` it is not projected: one that
+    breaks a rule of the scene (a length, a list, a stock) is a violation, which `check_constraints`
+    returns. The objective is the scene's score, which is maximised; a wave that stops scores less
+    than 0.
 
     Parameters
     ----------
     seed
-        Of `random_design` and `optimize`.
+        Seed of `random_design` and `optimize`.
     config
-        Values of `Config` that are not the scene's.
+        Values of `Config` that differ from those of the scene.
     scene
         A scene, its name, or the path of its file.
 
     Attributes
     ----------
     scene
-        The scene, under the conditions given.
+        Scene under the conditions of `config`.
+
+    Examples
+    --------
+    >>> problem = DominoProblem(seed=0, config={"friction": 0.1}, scene="gentle")
+    >>> design, _ = problem.random_design()
+    >>> problem.simulate(design).shape
+    (1,)
     """
 
     version = 0
@@ -62,7 +70,7 @@ class DominoRow(Problem[Floats]):
 
     @dataclass
     class Conditions:
-        """What the row stands under.
+        """Physics of the chain.
 
         Attributes
         ----------
@@ -71,7 +79,7 @@ class DominoRow(Problem[Floats]):
         gravity
             [m/s²].
         push
-            Angular velocity that the first domino is given [rad/s].
+            Angular velocity of the first domino at the start [rad/s].
         """
 
         friction: Annotated[float, bounded(lower=0.0).category(THEORY)] = Physics.friction
@@ -80,7 +88,7 @@ class DominoRow(Problem[Floats]):
 
     @dataclass
     class Config(Conditions):
-        """Conditions, and what `optimize` may spend.
+        """Conditions, and the limit of `optimize`.
 
         Attributes
         ----------
@@ -101,7 +109,7 @@ class DominoRow(Problem[Floats]):
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
         given = {name: getattr(self.scene.physics, name) for name in self._names()}
         self.config = self.Config(**given | (config or {}))
-        self.scene = self._under({})
+        self.scene = self._scene_under({})
         self.conditions = self.Conditions(**{n: getattr(self.config, n) for n in self._names()})
         self.objectives = ((self.scene.objective, ObjectiveDirection.MAXIMIZE),)
         self._box = UnitBox(self.scene)
@@ -111,50 +119,42 @@ class DominoRow(Problem[Floats]):
 
     @property
     def dataset(self) -> Any:
-        """None is published: designs for conditions of one's own are what `optimize` finds.
-
-        Raises
-        ------
-        ValueError
-            Always.
-        """
-        raise ValueError(
-            "there is no published data set of layouts: random_design and optimize make designs"
-        )
+        """Published designs: there are none, so that access raises ValueError."""
+        raise ValueError("no data set is published: random_design and optimize make designs")
 
     def layout(self, design: Floats) -> Layout:
-        """Give the row of a design (n,).
+        """Return the layout of a design (n,).
 
         Raises
         ------
         ValueError
-            For a design of another shape, and for what cannot be built.
+            The design has another shape, or no such layout can stand.
         """
         return self._box.layout_of(self._box.one(design))
 
     def simulate(self, design: Floats, config: dict[str, Any] | None = None) -> Floats:
-        """Topple the row of a design (n,), and give its score, (1,); higher is better."""
-        scene = self._under(config)
+        """Simulate the layout of a design (n,) and return its score (1,); higher is better."""
+        scene = self._scene_under(config)
         return np.array([scene.score(scene.simulate(self.layout(design)))])
 
     def optimize(
         self, starting_point: Floats, config: dict[str, Any] | None = None
     ) -> tuple[Floats, list[OptiStep]]:
-        """Search a better row: by exact gradients from a start, then by `auto`.
+        """Search a better design: with exact gradients from a start, then with `auto`.
 
         Parameters
         ----------
         starting_point
-            (n,) a design; where it breaks a rule, the nearest that does not is the start.
+            Design (n,); if it breaks a rule, the search starts from the nearest that does not.
         config
             Values of `Config` that differ here.
 
         Returns
         -------
         design : ndarray
-            (n,) the best that was found.
+            Best design (n,).
         history : list of OptiStep
-            Its score at every improvement; a step is the number of rows simulated by then.
+            Best score at every improvement; a step is the number of layouts simulated by then.
         """
         start = self._box.design(self.layout(starting_point))
         others = registry.load("auto")
@@ -163,59 +163,56 @@ class DominoRow(Problem[Floats]):
             descend("L-BFGS-B", evaluator, start)
             others(evaluator, rng)
 
-        budget = self._config(config).budget
-        found = search(self._under(config), from_start, budget, self.seed or 0, progress=False)
-        best = self._values(self._box.design(found.layout)[None])
-        return best, [OptiStep(np.array([score]), rows) for rows, _, _, score in found.trace]
+        budget, scene = self._config(config).budget, self._scene_under(config)
+        result = search(scene, from_start, budget, self.seed or 0, progress=False)
+        best = self._values(self._box.design(result.layout)[None])
+        return best, [OptiStep(np.array([score]), count) for count, _, _, score in result.trace]
 
     def render(self, design: Floats, *, open_window: bool = False) -> Image.Image:
-        """Draw the row of a design (n,) as it stands.
+        """Draw the layout of a design (n,) before it topples.
 
         Parameters
         ----------
         design
-            The design.
+            Design (n,).
         open_window
-            Whether to show it in a window.
-
-        Returns
-        -------
-        PIL.Image.Image
-            The drawing.
+            True to show the drawing in a window.
         """
-        row = self.layout(design)
-        scale = Scale.fitting(row.length, float(row.height.max()), WIDTH, HEIGHT)
-        image = strip(row, np.zeros(row.count), 0, scale, self.scene.title)
+        layout = self.layout(design)
+        scale = Scale.fitting(layout.length, float(layout.height.max()), WIDTH, HEIGHT)
+        image = strip(layout, np.zeros(layout.count), 0, scale, self.scene.title)
         if open_window:
             image.show()
         return image
 
     def random_design(self) -> tuple[Floats, int]:
-        """Draw a design (n,) that keeps the rules; its number is -1, as it is in no data set."""
+        """Sample a design (n,) within the rules; its number is -1: it is in no data set."""
         return self._values(self.np_random.random((1, self._box.dimension))), -1
 
     def reset(self, seed: int | None = None) -> None:
-        """Begin the random numbers anew; the simulator remembers nothing."""
+        """Restart the random numbers; the simulator has no state."""
         super().reset(seed)
 
     def _rules(self, design: Floats) -> None:
-        """Assert that a design keeps the scene's rules; the design space is told of elsewhere."""
+        """Assert that a design keeps the scene's rules; EngiBench checks the design space."""
         if self.design_space.contains(design):
             broken = self.scene.violations(self.layout(design))
             assert not broken, "; ".join(broken)
 
     def _values(self, designs: Floats) -> Floats:
-        """The free values (n,) of one design (1, n) of the unit box."""
+        """Return the free values (n,) of one design vector (1, n) in the unit box."""
         return np.asarray(np.clip(self._box.values(designs)[0], self._box.low, self._box.high))
 
     def _names(self) -> list[str]:
+        """Return the names of the conditions."""
         return [field.name for field in dataclasses.fields(self.Conditions)]
 
     def _config(self, config: dict[str, Any] | None) -> Config:
+        """Return the configuration with some values changed."""
         return dataclasses.replace(self.config, **config or {})
 
-    def _under(self, config: dict[str, Any] | None) -> Scene:
-        """The scene under other conditions."""
-        wanted = self._config(config)
-        changes = {name: getattr(wanted, name) for name in self._names()}
+    def _scene_under(self, config: dict[str, Any] | None) -> Scene:
+        """Return the scene under other conditions."""
+        values = self._config(config)
+        changes = {name: getattr(values, name) for name in self._names()}
         return self.scene.replace(physics=self.scene.physics.replace(**changes))

@@ -1,4 +1,4 @@
-"""A scene as a problem of EngiBench keeps what EngiBench asks of its own problems."""
+"""Scenes as problems of EngiBench satisfy the tests of EngiBench's own problems."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from engibench.core import ObjectiveDirection, Problem
 from gymnasium import spaces
 
 import domino_env as de
-from optimize.adapters.engibench import DominoRow
+from optimize.adapters.engibench import DominoProblem
 
 KINDS = ["spacing", "both", "length-both", "dying"]
 
 
 def test_the_class_is_as_engibench_wants_its_problems() -> None:
-    """All that its own test of problems asks, but for a published data set."""
-    (base,) = DominoRow.__orig_bases__
+    """Its own test of problems, except for the data set."""
+    (base,) = DominoProblem.__orig_bases__
     assert typing.get_origin(base) is Problem
     assert len(typing.get_args(base)) == len(Problem.__parameters__)
-    own = vars(DominoRow)
+    own = vars(DominoProblem)
     assert {"simulate", "render", "random_design", "reset", "optimize"} <= set(own)
-    problem = DominoRow()
+    problem = DominoProblem()
     assert isinstance(problem.design_space, spaces.Box)
     assert problem.objectives == (("mean_speed", ObjectiveDirection.MAXIMIZE),)
     assert problem.conditions_keys == ["friction", "gravity", "push"]
     assert asdict(problem.conditions) == msgspec.structs.asdict(problem.scene.physics)
     assert problem.dataset_id
-    with pytest.raises(ValueError, match="no published data set"):
+    with pytest.raises(ValueError, match="no data set is published"):
         _ = problem.dataset
 
 
 @pytest.mark.parametrize("name", KINDS)
 def test_designs_are_simulated_and_optimised(scenes, name: str) -> None:
     scene = scenes[name]
-    problem = DominoRow(config={"budget": 60}, scene=scene)
+    problem = DominoProblem(config={"budget": 60}, scene=scene)
     problem.reset(seed=1)
     design, _ = problem.random_design()
     problem.reset(seed=1)
@@ -60,7 +60,7 @@ def test_designs_are_simulated_and_optimised(scenes, name: str) -> None:
 
 
 def test_conditions_are_those_given(scenes) -> None:
-    problem = DominoRow(config={"friction": 0.1}, scene=scenes["spacing"])
+    problem = DominoProblem(config={"friction": 0.1}, scene=scenes["spacing"])
     design, _ = problem.random_design()
     layout = problem.layout(design)
     for config, friction in (({}, 0.1), ({"friction": 0.2}, 0.2)):
@@ -70,7 +70,7 @@ def test_conditions_are_those_given(scenes) -> None:
 
 
 def test_what_breaks_a_rule_is_a_violation(scenes) -> None:
-    problem = DominoRow(scene=scenes["length"])
+    problem = DominoProblem(scene=scenes["length"])
     space = problem.design_space
     long, outside = space.high, space.high + 0.001
     assert "m long, not 0.18 m" in str(problem.check_constraints(long, {}))
