@@ -1,4 +1,4 @@
-"""A distribution of scenes that are quickly searched, with as much varied as can be."""
+"""A distribution of small scenes in which most numbers vary."""
 
 from __future__ import annotations
 
@@ -25,5 +25,5 @@ max = {min = 0.006, max = 0.012}
 
 
 def small_scenes() -> de.SceneDistribution:
-    """Rows of 4 to 9 dominoes with free gaps and thicknesses, on the earth and on the moon."""
+    """Return a distribution of 4 to 9 dominoes with free gaps and thicknesses and any gravity."""
     return de.SceneDistribution(tomllib.loads(TEXT), "small")

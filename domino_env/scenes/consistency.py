@@ -206,8 +206,8 @@ def _violations_of_ground(tables: SceneFile, ground: Ground) -> Iterator[str]:
         span, longest = ground.profile[-1][0], (tables.row.count - 1) * _pitches(tables)[1]
         if span > LONGEST_GROUND * longest:
             yield (
-                f"ground.profile ends at x = {span:g} m, and the longest row at {longest:.4g} m: "
-                f"points are in metres, [300, 20] mm is [0.3, 0.02]"
+                f"ground.profile ends at x = {span:g} m, and the longest layout at {longest:.4g} "
+                "m: points are in metres, [300, 20] mm is [0.3, 0.02]"
             )
     place, steepest = ground.steepest
     if steepest >= thin / height:

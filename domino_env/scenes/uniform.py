@@ -183,7 +183,7 @@ def _best_standing(layouts: UniformLayouts) -> Floats:
     analytic = UniformLayouts(layouts.scene.replace(floor_friction=None))
     points = grid(_axes(analytic, FULL))
     cell = (layouts.high - layouts.low) / STANDING.line
-    chosen = _apart(points, analytic.scores(points, FULL.rtol), cell, STANDING.line)
+    chosen = _distant(points, analytic.scores(points, FULL.rtol), cell, STANDING.line)
     return _search(
         layouts, STANDING, lambda points, _: layouts.scores(points, STANDING.rtol), points[chosen]
     )
@@ -230,7 +230,7 @@ def _refined(
     first_scores, keep = scores, fineness.keep[0]
     offsets = grid([np.linspace(-1.0, 1.0, fineness.around)] * 2)
     while cell.max() > fineness.finest:
-        best = points[_apart(points, scores, 2.0 * cell, keep)]
+        best = points[_distant(points, scores, 2.0 * cell, keep)]
         steps = unique_points(offsets * (cell > 0.0)) if cell.min() == 0.0 else offsets
         fresh = (best[:, None, :] + steps[None] * cell).reshape(-1, 2)
         # the places themselves are among the fresh ones, so the best is never lost
@@ -243,7 +243,7 @@ def _refined(
     return np.asarray(points[int(np.argmax(scores))])
 
 
-def _apart(points: Floats, scores: Floats, distance: Floats, keep: int) -> list[int]:
+def _distant(points: Floats, scores: Floats, distance: Floats, keep: int) -> list[int]:
     """Return the indices of the `keep` best points that are no neighbours of a better one."""
     chosen: list[int] = []
     for i in np.argsort(-scores, kind="stable"):

@@ -103,10 +103,10 @@ class UniformLayouts:
         if scene.length is not None:
             self._meet_length(scene.length / pairs)
         if self.low[0] > self.high[0] + 1e-12 or self.low[1] > self.high[1] + 1e-12:
-            wanted_row = f"{scene.length} m long" if scene.length is not None else "of one pitch"
+            description = f"{scene.length} m long" if scene.length is not None else "of one pitch"
             raise ValueError(
                 f"scene '{scene.name}': no uniform layout of {scene.count} dominoes is "
-                f"{wanted_row} within spacing {scene.spacing} m and thickness {scene.thickness} m"
+                f"{description} within spacing {scene.spacing} m and thickness {scene.thickness} m"
             )
 
     def _meet_length(self, pitch: float) -> None:

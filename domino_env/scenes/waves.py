@@ -112,8 +112,8 @@ class LayoutBatch:
         if self.ground is not None:
             ground = {"rise": self.rise, "tilt": self.tilt}
             if not self.ground.is_even:
-                told = gaps, self.thickness, self.height, self.rise, self.tilt
-                gaps = np.where(footing.impassable(*told), 2.0 * self.height[:, :-1], gaps)
+                arrays = gaps, self.thickness, self.height, self.rise, self.tilt
+                gaps = np.where(footing.impassable(*arrays), 2.0 * self.height[:, :-1], gaps)
         return simulate_batch(
             gaps, self.thickness, self.physics, height=self.height, density=self.density,
             rtol=self.rtol, record=record, gradient=gradient, **ground,

@@ -1,4 +1,4 @@
-"""The best uniform row: of scenes that ship, as it comes with the package, and of long rows."""
+"""Uniform baselines: stored ones of scenes that ship, and those of long layouts."""
 
 from dataclasses import replace
 
@@ -16,31 +16,33 @@ def shipped(scene):
     return uniform._shipped_points().get(uniform.stamp(scene))
 
 
-def test_every_mark_that_ships_is_of_the_scene_as_it_is_and_no_neighbour_beats_it() -> None:
+def test_every_baseline_that_ships_is_of_its_scene_and_beats_its_neighbours() -> None:
     for name in de.scene_names():
         scene = de.load_scene(name)
         assert shipped(scene), f"{name}: run `python -m domino_env.scenes.shipping`"
         point = np.array(shipped(scene))
-        rows, random = UniformLayouts(scene), np.random.default_rng(7)
+        layouts, random = UniformLayouts(scene), np.random.default_rng(7)
         if scene.floor_friction is not None:  # its scores are known less closely
             near = point + np.array([[-1e-3, 0.0], [0.0, 0.0], [1e-3, 0.0]])
-            assert rows.scores(near, 1e-3).max() <= rows.scores(near[1:2], 1e-3) * (1.0 + 3e-4)
+            assert layouts.scores(near, 1e-3).max() <= layouts.scores(near[1:2], 1e-3) * (
+                1.0 + 3e-4
+            )
             continue
-        drawn = scene.criterion.simulations_per_score > 1
+        sampled = scene.criterion.simulations_per_score > 1
         near = point + 10.0 ** random.uniform(-6, -3, (6, 1)) * random.choice([-1.0, 1.0], (6, 2))
-        far = random.uniform(rows.low, rows.high, (4 if drawn else 20, 2))
-        others = np.clip(np.concatenate([near, far]), rows.low, rows.high)
-        scores = rows.scores(np.concatenate([point[None], others]), 1e-8 if drawn else 1e-11)
+        far = random.uniform(layouts.low, layouts.high, (4 if sampled else 20, 2))
+        others = np.clip(np.concatenate([near, far]), layouts.low, layouts.high)
+        scores = layouts.scores(np.concatenate([point[None], others]), 1e-8 if sampled else 1e-11)
         assert scores[1:].max() <= scores[0] * (1.0 + 1e-9), name
 
 
-def test_a_mark_that_is_read_is_the_one_that_is_found_to_the_bit() -> None:
+def test_a_stored_baseline_is_the_computed_one_bitwise() -> None:
     for name in ("sprint", "stock", "course"):
         scene = de.load_scene(name)
         assert best_point(scene).tolist() == shipped(scene)
 
 
-def test_a_scene_that_asks_otherwise_reads_no_mark() -> None:
+def test_a_changed_scene_has_no_stored_baseline() -> None:
     scene = de.load_scene("sprint")
     renamed = replace(scene, name="mine", title="the same under another name")
     assert shipped(renamed)
@@ -48,7 +50,7 @@ def test_a_scene_that_asks_otherwise_reads_no_mark() -> None:
         assert not shipped(replace(scene, **changed))
 
 
-def test_equal_scenes_share_their_mark() -> None:
+def test_equal_scenes_share_their_baseline() -> None:
     one, other = (replace(de.load_scene("sprint"), count=9, name="own") for _ in range(2))
     assert one is not other
     assert one.uniform() is other.uniform()
@@ -64,11 +66,13 @@ LONG = {
 }
 
 
-@pytest.mark.parametrize("asked", LONG.values(), ids=LONG)
-def test_long_rows_have_the_same_mark_by_their_first_dominoes_as_whole(asked, monkeypatch) -> None:
+@pytest.mark.parametrize("changes", LONG.values(), ids=LONG)
+def test_long_layouts_have_the_same_baseline_by_their_first_dominoes_as_whole(
+    changes, monkeypatch
+) -> None:
     for name in ("FULL", "BY_PREFIX"):
         monkeypatch.setattr(uniform, name, getattr(uniform, name)._replace(line=20))
-    scene = replace(de.load_scene("marathon"), count=160, **asked)
+    scene = replace(de.load_scene("marathon"), count=160, **changes)
     monkeypatch.setattr(uniform, "LARGEST_GRID", np.inf)
     whole = best_point(scene)
     monkeypatch.setattr(uniform, "LARGEST_GRID", 0)
@@ -78,10 +82,10 @@ def test_long_rows_have_the_same_mark_by_their_first_dominoes_as_whole(asked, mo
 
 
 def _once(scores):
-    """Whole rows are toppled for one point only, the check at the end."""
+    """Require that whole layouts are simulated for one point only, the final check."""
 
-    def checked(rows, points, rtol):
+    def checked(layouts, points, rtol):
         assert len(points) == 1
-        return scores(rows, points, rtol)
+        return scores(layouts, points, rtol)
 
     return checked

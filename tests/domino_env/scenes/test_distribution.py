@@ -1,4 +1,4 @@
-"""Distributions of scenes: files with ranges, what is drawn from them, sets for tests."""
+"""Scene distributions: files with ranges, sampled scenes, test sets."""
 
 import tomllib
 from dataclasses import replace
@@ -20,7 +20,7 @@ NAMES = de.distribution_names()
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_ships_keeps_the_schema_and_is_what_it_was_drawn_for(name):
+def test_stored_scenes_keep_the_schema_and_are_those_sampled_now(name):
     text = (DISTRIBUTIONS / f"{name}.toml").read_text("utf-8")
     assert text.startswith("#:schema ../shipped/scene.schema.json\n")
     jsonschema.Draft202012Validator(scene_schema()).validate(tomllib.loads(text))
@@ -34,7 +34,7 @@ def test_what_ships_keeps_the_schema_and_is_what_it_was_drawn_for(name):
     assert scenes[0].uniform().score > 0.0
     if name != "varied-beyond":
         assert not np.isnan(ScenePool(drawn_from).uniform_scores).any()
-        i = 40  # the files hold what would be drawn now
+        i = 40  # the files hold what is sampled now
         anew = ScenePool(drawn_from)
         anew.uniform_scores[i] = np.nan
         assert anew.scene(i) == ScenePool(drawn_from).scene(i)
@@ -43,24 +43,24 @@ def test_what_ships_keeps_the_schema_and_is_what_it_was_drawn_for(name):
         )
 
 
-def test_the_set_beyond_is_beyond_in_every_number():
+def test_every_number_of_the_set_beyond_is_out_of_range():
     varied = de.load_distribution("varied")
     for scene in de.load_test_set("varied-beyond"):
         assert len(varied.outside(scene)) >= 5  # one may lie on the edge
 
 
 @pytest.mark.parametrize("name", ["varied", "varied-course"])
-def test_the_quick_mark_is_that_of_the_search(name):
+def test_the_quick_baseline_is_that_of_the_full_search(name):
     for scene in de.load_test_set(name)[::40]:
         quick = UniformLayouts(scene).layout(best_point(scene, quick=True))
         assert scene.score(quick) == pytest.approx(scene.uniform().score, rel=1e-7)
-    searched = replace(scene, name="another").uniform()  # one of which no row is known
+    searched = replace(scene, name="another").uniform()  # without a stored baseline
     assert scene.uniform().score == pytest.approx(searched.score, rel=1e-9)
 
 
-def test_numbers_are_read_off_the_scenes_that_are_made_of_them():
+def test_numbers_of_a_scene_are_those_it_was_made_of():
     small, rng = small_scenes(), np.random.default_rng(5)
-    low, high = np.array([(drawn.min, drawn.max) for drawn in small.ranges.values()]).T
+    low, high = np.array([(r.min, r.max) for r in small.ranges.values()]).T
     for _ in range(30):
         scene = small.sample(rng)
         numbers = small.numbers(scene)
@@ -87,7 +87,7 @@ def test_numbers_are_read_off_the_scenes_that_are_made_of_them():
         ("max = 0.012}", "max = 0.012, min_ratio = 1}", "min and max must be"),
     ],
 )
-def test_ranges_that_are_none_are_refused(old, new, words):
+def test_invalid_ranges_are_rejected(old, new, words):
     assert old in TEXT
     if new.endswith("min_ratio = 1}"):
         new = 'max = 0.012, min_ratio = 1, of = "height"}'
@@ -95,7 +95,7 @@ def test_ranges_that_are_none_are_refused(old, new, words):
         de.SceneDistribution(tomllib.loads(TEXT.replace(old, new)), "wrong")
 
 
-def test_scenes_and_distributions_are_told_apart(tmp_path, monkeypatch):
+def test_scenes_and_distributions_are_distinguished(tmp_path, monkeypatch):
     for load, name, words in (
         (de.load_scene, "varied", "load it by load_distribution"),
         (de.load_distribution, "sprint", "it is one scene, without a range: load it by load_scene"),

@@ -99,7 +99,7 @@ BAD = [
     ({"ground": "profile = [[0, 0], [0, 1]]"}, "ground.profile[1] lies at x = 0 m"),
     ({"ground": "slope = 3\nprofile = [[0, 0], [1, 0]]"}, "ground: give either slope"),
     ({"ground": "profile = [[0, 0], [300, 20], [600, 0]]"},
-     "ground.profile ends at x = 600 m, and the longest row at 0.28 m: points are in metres"),
+     "ground.profile ends at x = 600 m, and the longest layout at 0.28 m: points are in"),
     ({"ground": "slope = 8.5"}, "the ground slopes by 8.5°, where a domino 5 mm thick and 48 mm"),
     ({"ground": "profile = [[0, 0], [0.02, 0.0015], [0.04, 0]]", "thickness": "fixed = 0.012"},
      "the ground bulges by"),
@@ -114,7 +114,9 @@ def test_a_bad_scene_names_the_place(tables: dict[str, str], words: str) -> None
     assert str(refused.value).startswith(f"asked.toml: {words}")
 
 
-def test_a_file_beside_does_not_hide_a_scene_that_ships(tmp_path: Path, monkeypatch) -> None:
+def test_a_file_of_the_same_name_does_not_hide_a_scene_that_ships(
+    tmp_path: Path, monkeypatch
+) -> None:
     (tmp_path / "sprint").write_text("not a scene")
     monkeypatch.chdir(tmp_path)
     assert de.load_scene("sprint").count == 40
@@ -171,7 +173,7 @@ def test_a_scene_made_in_python_is_checked_as_its_file(changes, words: str) -> N
         de.load_scene("sprint").replace(**changes)
 
 
-def test_a_scene_of_metres_for_millimetres_is_warned_of() -> None:
+def test_a_scene_in_millimetres_gives_a_hint() -> None:
     with pytest.warns(
         Advice, match="asked.toml: the dominoes are 48 m tall: lengths are in metres"
     ):

@@ -1,4 +1,4 @@
-"""Scenes whose rows stand free on a floor: what is scored, refused, written down and searched."""
+"""Scenes with a floor: scores, gradients, uniform baselines and searches."""
 
 from dataclasses import replace
 
@@ -15,17 +15,21 @@ SMALL = replace(
 GAPS = np.random.default_rng(3).uniform(*SMALL.spacing, (6, SMALL.count - 1))
 
 
-def test_what_counts_is_the_speed_of_the_row_as_it_stands() -> None:
-    row = SMALL.layout(GAPS[0])
-    standing = de.simulate_standing(row, SMALL.physics, SMALL.floor_friction)
-    assert standing.topples.all()
-    assert SMALL.score(row) == standing.mean_speed == SMALL.evaluate(SMALL.batch(GAPS[:1])).score[0]
-    hinged = replace(SMALL, floor_friction=None).score(row)
-    assert 1e-4 < abs(standing.mean_speed / hinged - 1.0) < 0.05
-    assert "floor of friction 0.3" in SMALL.in_words(SMALL.score(row), SMALL.simulate(row))
+def test_the_score_is_the_speed_of_the_free_standing_layout() -> None:
+    layout = SMALL.layout(GAPS[0])
+    free_standing = de.simulate_standing(layout, SMALL.physics, SMALL.floor_friction)
+    assert free_standing.topples.all()
+    assert (
+        SMALL.score(layout)
+        == free_standing.mean_speed
+        == SMALL.evaluate(SMALL.batch(GAPS[:1])).score[0]
+    )
+    fixed = replace(SMALL, floor_friction=None).score(layout)
+    assert 1e-4 < abs(free_standing.mean_speed / fixed - 1.0) < 0.05
+    assert "floor of friction 0.3" in SMALL.in_words(SMALL.score(layout), SMALL.simulate(layout))
 
 
-def test_a_row_that_fails_scores_by_how_far_it_topples() -> None:
+def test_a_failure_scores_by_how_far_it_topples() -> None:
     scene = replace(SMALL, spacing=(0.001, 0.06))
     gaps = np.repeat(GAPS[:1], 3, axis=0)
     gaps[0, 1] = gaps[1, 3] = 0.055  # out of reach
@@ -47,7 +51,7 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts() ->
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
 
 
-def test_scores_have_the_same_bits_in_any_company() -> None:
+def test_scores_do_not_depend_on_batch_and_threads() -> None:
     threads = numba.get_num_threads()
     together = SMALL.evaluate(SMALL.batch(GAPS)).score
     try:
@@ -59,35 +63,35 @@ def test_scores_have_the_same_bits_in_any_company() -> None:
     assert np.array_equal(SMALL.evaluate_waves(waves).score, together[:2])
 
 
-def test_slopes_are_those_of_the_analytic_model_at_the_standing_speed() -> None:
-    standing, analytic = (
+def test_gradients_are_those_of_the_analytic_model_scaled_by_the_speed() -> None:
+    free_standing, analytic = (
         scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
         for scene in (SMALL, replace(SMALL, floor_friction=None))
     )
-    assert standing.score == SMALL.evaluate(SMALL.batch(GAPS[:1])).score
+    assert free_standing.score == SMALL.evaluate(SMALL.batch(GAPS[:1])).score
     for name in ("spacing", "thickness", "height"):
-        scaled, exact = (getattr(found.gradient, name) for found in (standing, analytic))
+        scaled, exact = (getattr(found.gradient, name) for found in (free_standing, analytic))
         np.testing.assert_allclose(
-            scaled / standing.score, exact / analytic.score, rtol=1e-12, err_msg=name
+            scaled / free_standing.score, exact / analytic.score, rtol=1e-12, err_msg=name
         )
 
 
-def test_the_best_uniform_row_is_the_best_on_that_floor(monkeypatch) -> None:
+def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch) -> None:
     monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=4))
-    mark = SMALL.uniform()
-    assert mark.score == SMALL.score(mark.layout)
+    baseline = SMALL.uniform()
+    assert baseline.score == SMALL.score(baseline.layout)
     gaps = np.linspace(*SMALL.spacing, 16)[:, None] * np.ones(SMALL.count - 1)
-    assert mark.score >= SMALL.evaluate(SMALL.batch(gaps)).score.max() * (1.0 - 3e-4)
+    assert baseline.score >= SMALL.evaluate(SMALL.batch(gaps)).score.max() * (1.0 - 3e-4)
 
 
-def test_where_no_row_topples_there_is_a_mark_and_a_search_all_the_same(monkeypatch) -> None:
+def test_a_scene_without_success_has_a_baseline_and_a_search(monkeypatch) -> None:
     monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=3, finest=1e-3))
     scene = replace(SMALL, physics=de.Physics(push=0.3))
     assert -1.0 < scene.uniform().score < 0.0
     assert scene.uniform().score <= search(scene, budget=4, progress=False).score < 0.0
 
 
-def test_auto_settles_on_the_floor(monkeypatch) -> None:
+def test_auto_on_a_floor(monkeypatch) -> None:
     from optimize.methods.search import two_fidelities
 
     monkeypatch.setattr(two_fidelities, "ANALYTIC", 200)
@@ -96,5 +100,5 @@ def test_auto_settles_on_the_floor(monkeypatch) -> None:
     assert 10 < found.evaluations <= 20
     assert found.score == scene.score(found.layout) > found.uniform.score
     assert search(scene, budget=20, seed=1, progress=False).layout == found.layout
-    hinged = search(replace(scene, floor_friction=None), budget=600, progress=False)
-    assert found.score > scene.score(hinged.layout) * (1.0 - 5e-5)
+    fixed = search(replace(scene, floor_friction=None), budget=600, progress=False)
+    assert found.score > scene.score(fixed.layout) * (1.0 - 5e-5)

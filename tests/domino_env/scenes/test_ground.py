@@ -1,4 +1,4 @@
-"""Scenes on ground that is not flat: rows laid along it, their slopes, what is refused."""
+"""Scenes on uneven ground: layouts along it, gradients, rejected scenes."""
 
 from dataclasses import replace
 
@@ -11,40 +11,40 @@ from domino_env.physics import footing
 from domino_env.scenes.io.reading import parse_scene, read_layout
 
 POINTS = [[-0.1, 0.002], [0.05, 0.0], [0.12, 0.006], [0.2, 0.001], [0.28, 0.008], [0.36, 0.003]]
-HILLS = de.Ground(profile=POINTS)
+UNEVEN = de.Ground(profile=POINTS)
 FREE = replace(
     de.load_scene("sprint-thickness"), name="small", count=9, spacing=(0.008, 0.03),
     thickness=(0.007, 0.012), first_thickness=0.008, physics=de.Physics(0.25, push=14.0),
-    ground=HILLS,
+    ground=UNEVEN,
 )  # fmt: skip
 STEPS = np.array([-2.0, -1.0, 1.0, 2.0])
 WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 
 
-def some_rows(rows: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def random_sizes(batch: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     pairs = FREE.count - 1
-    return rng.uniform(*FREE.spacing, (rows, pairs)), rng.uniform(*FREE.thickness, (rows, pairs))
+    return rng.uniform(*FREE.spacing, (batch, pairs)), rng.uniform(*FREE.thickness, (batch, pairs))
 
 
 def test_both_edges_of_every_base_lie_on_the_curve_and_gaps_along_it():
-    gaps, thick = some_rows(1)
-    row = FREE.layout(gaps[0], thick[0])
-    along = np.stack([np.cos(row.tilt), -np.sin(row.tilt)], axis=1)
-    fronts = row.pivots + np.array([0.0, HILLS.height(0.0)])
-    backs = fronts - row.thickness[:, None] * along
+    gaps, thick = random_sizes(1)
+    layout = FREE.layout(gaps[0], thick[0])
+    along = np.stack([np.cos(layout.tilt), -np.sin(layout.tilt)], axis=1)
+    fronts = layout.pivots + np.array([0.0, UNEVEN.height(0.0)])
+    backs = fronts - layout.thickness[:, None] * along
     for edges in (fronts, backs):
-        np.testing.assert_allclose(HILLS.height(edges[:, 0]), edges[:, 1], atol=1e-15)
+        np.testing.assert_allclose(UNEVEN.height(edges[:, 0]), edges[:, 1], atol=1e-15)
     free = np.sum((backs[1:] - fronts[:-1]) * along[1:], axis=1)
     np.testing.assert_allclose(free, gaps[0], rtol=1e-13)
     for x in (-0.1, 0.05, 0.36):  # no jump in the slope, also where it goes on straight
-        left, here, right = HILLS.height([x - 1e-5, x, x + 1e-5])
+        left, here, right = UNEVEN.height([x - 1e-5, x, x + 1e-5])
         assert left + right - 2.0 * here == pytest.approx(0.0, abs=2e-9)
-    np.testing.assert_allclose(np.diff(HILLS.height([0.36, 0.46, 0.56]), n=2), 0.0, atol=1e-15)
+    np.testing.assert_allclose(np.diff(UNEVEN.height([0.36, 0.46, 0.56]), n=2), 0.0, atol=1e-15)
 
 
 def evaluated(scene, gaps, thick, rtol=1e-12):
-    """Scores and their derivatives by gaps, thicknesses and heights."""
+    """Return scores and their derivatives by gaps, thicknesses and heights."""
     found = scene.evaluate(scene.batch(gaps, thick, rtol=rtol), gradient=True)
     return found.score, found.gradient.spacing, found.gradient.thickness, found.gradient.height
 
@@ -55,25 +55,32 @@ DOWN = -np.tan(np.radians(4.0))
 @pytest.mark.parametrize(("one", "other", "rtol"), [
     (de.Ground(slope=4.0), de.Ground(profile=[[0.1, 0.7 + 0.1 * DOWN], [0.2, 0.7 + 0.2 * DOWN]]),
      1e-9),
-    (HILLS, de.Ground(profile=[[x, y + 0.3] for x, y in POINTS]), 1e-12),
+    (UNEVEN, de.Ground(profile=[[x, y + 0.3] for x, y in POINTS]), 1e-12),
     (de.Ground(slope=0.0), None, 0.0),
 ], ids=["straight", "higher", "level"])  # fmt: skip
 def test_scores_on_grounds_of_one_shape_are_the_same(one, other, rtol):
-    rows = some_rows(3)
-    (score, *by), (same, *like) = (evaluated(replace(FREE, ground=g), *rows) for g in (one, other))
+    batch = random_sizes(3)
+    (score, *by), (same, *like) = (evaluated(replace(FREE, ground=g), *batch) for g in (one, other))
     np.testing.assert_allclose(score, same, rtol=rtol)
     close = 1e-9 if rtol else 0.0
     np.testing.assert_allclose(by, like, rtol=close, atol=1e-2 * close)
 
 
-def test_a_score_is_that_of_the_oracle():
-    gaps, thick = some_rows(1, seed=4)
-    row = FREE.layout(gaps[0], thick[0])
+def test_a_score_is_that_of_the_independent_solution():
+    gaps, thick = random_sizes(1, seed=4)
+    layout = FREE.layout(gaps[0], thick[0])
     slow = oracle.topple(
-        row.spacing, row.thickness, push=14.0, friction=0.25, rise=row.rise, tilt=row.tilt
+        layout.spacing,
+        layout.thickness,
+        push=14.0,
+        friction=0.25,
+        rise=layout.rise,
+        tilt=layout.tilt,
     )
-    assert FREE.score(row) == pytest.approx(row.length / slow.arrival[-1], rel=1e-9)
-    assert row.length == pytest.approx(np.hypot(*np.diff(row.pivots, axis=0).T).sum(), rel=1e-14)
+    assert FREE.score(layout) == pytest.approx(layout.length / slow.arrival[-1], rel=1e-9)
+    assert layout.length == pytest.approx(
+        np.hypot(*np.diff(layout.pivots, axis=0).T).sum(), rel=1e-14
+    )
 
 
 SCORED = {
@@ -85,9 +92,9 @@ SCORED = {
 
 
 @pytest.mark.parametrize("scene", SCORED.values(), ids=SCORED)
-def test_slopes_along_the_ground_against_differences(scene):
+def test_gradients_along_the_ground_against_differences(scene):
     """All later dominoes move along the ground with a gap or a thickness."""
-    (gaps,), (thick,) = some_rows(1, seed=2)
+    (gaps,), (thick,) = random_sizes(1, seed=2)
     score, *gradient = evaluated(scene, gaps[None], thick[None], rtol=1e-13)
     assert score[0] > 0.0
     size, step = len(gaps), 1e-6
@@ -95,14 +102,14 @@ def test_slopes_along_the_ground_against_differences(scene):
     for exact, placed in zip(
         gradient, ((gaps + moved, thick), (gaps, thick + moved)), strict=False
     ):
-        rows = [np.broadcast_to(array, moved.shape) for array in placed]
-        scores = scene.evaluate(scene.batch(*rows, rtol=1e-13)).score
+        batch = [np.broadcast_to(array, moved.shape) for array in placed]
+        scores = scene.evaluate(scene.batch(*batch, rtol=1e-13)).score
         found = WEIGHTS @ scores.reshape(4, size) / step
         assert np.abs(exact[0] - found).max() < 1e-9 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_within_bounds_that_a_scene_accepts_no_row_is_in_trouble(seed):
+def test_all_layouts_within_accepted_bounds_can_stand(seed):
     """Ground as uneven as is not yet refused, and gaps at their bounds or anywhere."""
     rng = np.random.default_rng(seed)
     shape = np.stack([np.linspace(-0.1, 0.5, 9), rng.uniform(-1.0, 1.0, 9)], axis=1)
@@ -117,27 +124,27 @@ def test_within_bounds_that_a_scene_accepts_no_row_is_in_trouble(seed):
             high = middle
     gaps = rng.choice([0.004, 0.044, 0.02, 0.009], (2000, FREE.count - 1))
     thick = rng.choice(scene.thickness, gaps.shape)
-    rows = scene.batch(gaps, thick)
-    told = rows.spacing, rows.thickness, rows.height, rows.rise, rows.tilt
-    assert footing.find_violation(*told) is None
+    batch = scene.batch(gaps, thick)
+    arrays = batch.spacing, batch.thickness, batch.height, batch.rise, batch.tilt
+    assert footing.find_violation(*arrays) is None
     assert low > 1e-4
 
 
-def test_rows_that_errors_of_placement_leave_leaning_end_there():
+def test_waves_stop_where_placement_noise_makes_dominoes_lean():
     wild = replace(FREE, objective="robust", settings=de.Placement(0.02, quantile=0.5, draws=64))
-    gaps, thick = some_rows(2)
+    gaps, thick = random_sizes(2)
     placed = replace(
-        wild.batch(wild.settings.placed(gaps), np.repeat(thick, 64, axis=0)), ground=HILLS
+        wild.batch(wild.settings.placed(gaps), np.repeat(thick, 64, axis=0)), ground=UNEVEN
     )
-    told = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
-    assert footing.impassable(*told).any()
+    arrays = placed.spacing, placed.thickness, placed.height, placed.rise, placed.tilt
+    assert footing.impassable(*arrays).any()
     assert np.isfinite(wild.evaluate(wild.batch(gaps, thick)).score).all()
 
 
 TEXT = FREE.to_toml()
 
 
-def test_what_does_not_go_with_hills():
+def test_tables_that_exclude_uneven_ground():
     hollow = de.Ground(profile=[[0, 0.0014], [0.03, 0], [0.06, 0.0014]])
     for changes, words in (
         ({"ground": hollow, "spacing": (0.003, 0.03)}, r"too narrow for the hollow near x = 0\.03"),
@@ -150,14 +157,14 @@ def test_what_does_not_go_with_hills():
     assert replace(FREE, length=0.2, ground=de.Ground(slope=2.0)).length == 0.2
 
 
-def test_files_keep_the_ground_and_rows_are_laid_on_it(tmp_path):
+def test_files_keep_the_ground_and_layouts_stand_on_it(tmp_path):
     assert parse_scene(TEXT, "small", "small.toml") == FREE
-    gaps, thick = some_rows(1)
-    row = FREE.layout(gaps[0], thick[0])
-    flat = de.Layout(row.spacing, row.thickness)
-    for kept, name in ((row, "hilly.csv"), (flat, "flat.csv")):
+    gaps, thick = random_sizes(1)
+    layout = FREE.layout(gaps[0], thick[0])
+    flat = de.Layout(layout.spacing, layout.thickness)
+    for kept, name in ((layout, "hilly.csv"), (flat, "flat.csv")):
         kept.to_csv(tmp_path / name)
-        assert read_layout(tmp_path / name, FREE) == row
-    assert FREE.violations(row) == []
+        assert read_layout(tmp_path / name, FREE) == layout
+    assert FREE.violations(layout) == []
     assert "on its ground; use the scene's" in FREE.violations(flat)[0]
-    assert "must be 0" in replace(FREE, ground=None).violations(row)[0]
+    assert "must be 0" in replace(FREE, ground=None).violations(layout)[0]

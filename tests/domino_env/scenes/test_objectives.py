@@ -1,4 +1,4 @@
-"""What a scene can ask: objectives, limits, stock, lists, growth."""
+"""Objectives, limits, stock, lists and growth."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def some(name: str, **changes: object) -> Scene:
     return replace(de.load_scene(name), **changes)
 
 
-def gaps_of(scene: Scene, rows: int, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).uniform(*scene.spacing, (rows, scene.count - 1))
+def gaps_of(scene: Scene, spacings: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(*scene.spacing, (spacings, scene.count - 1))
 
 
 # tempo ------------------------------------------------------------------------------------------
@@ -36,13 +36,13 @@ def test_the_schedule_of_tempo_rises_from_30_to_45_hits_a_second() -> None:
     assert np.diff(rates) == pytest.approx(np.full(38, 15.0 / 38.0))
 
 
-def test_the_schedule_of_a_row_is_met_by_it() -> None:
+def test_a_layout_meets_its_own_arrival_times() -> None:
     plain = some("tempo", count=9)
-    row = plain.layout(0.005 + 0.3 * gaps_of(plain, 1)[0], 0.006)
-    times = plain.simulate(row).arrival_times
+    layout = plain.layout(0.005 + 0.3 * gaps_of(plain, 1)[0], 0.006)
+    times = plain.simulate(layout).arrival_times
     scene = replace(plain, settings=Tempo(times=tuple(times[1:])))
     assert scene.tempo.error(times[None])[0] == 0.0
-    assert scene.score(row) == 1.0
+    assert scene.score(layout) == 1.0
     late = times.copy()
     late[1:] += [0.003, -0.004, 0, 0, 0, 0, 0, 0]
     # √((9 + 16)/8) ms
@@ -55,26 +55,26 @@ def test_the_schedule_of_a_row_is_met_by_it() -> None:
 
 def test_the_robust_score_is_the_quantile_computed_by_hand() -> None:
     scene = some("jitter", count=9)
-    rows = 0.005 + 0.4 * gaps_of(scene, 2, seed=4)
+    spacings = 0.005 + 0.4 * gaps_of(scene, 2, seed=4)
     errors = 0.0005 * np.random.default_rng(0).standard_normal((256, 8))
-    scores = scene.evaluate(scene.batch(rows, rtol=1e-10)).score
-    for gaps, score in zip(rows, scores, strict=True):
+    scores = scene.evaluate(scene.batch(spacings, rtol=1e-10)).score
+    for gaps, score in zip(spacings, scores, strict=True):
         placed = np.maximum(gaps + errors, LEAST_GAP)
-        speeds = [scene.simulate(scene.layout(row)).mean_speed for row in placed]
-        # 5 % of 256 is 12.8: twelve rows may be slower, and the thirteenth counts
+        speeds = [scene.simulate(scene.layout(layout)).mean_speed for layout in placed]
+        # 5 % of 256 is 12.8: twelve draws may be slower, and the thirteenth counts
         assert score == pytest.approx(sorted(speeds)[12], rel=1e-12)
         assert scene.score(scene.layout(gaps)) == pytest.approx(score, rel=1e-12)
 
 
-def test_draws_that_die_count_as_zero() -> None:
+def test_draws_that_stop_count_as_zero() -> None:
     scene = some("jitter", count=9, settings=Placement(0.002, 0.25, 40, seed=3))
     gaps = np.full((1, 8), 0.02)
     gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
     placed = scene.settings.placed(gaps)
-    died = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in placed])
-    assert 10 < died.sum() < 30
+    stopped = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in placed])
+    assert 10 < stopped.sum() < 30
     assert scene.evaluate(scene.batch(gaps)).score[0] < 0.0  # more than a quarter
-    few = replace(scene, settings=Placement(0.002, (died.sum() + 1) / 40, 40, seed=3))
+    few = replace(scene, settings=Placement(0.002, (stopped.sum() + 1) / 40, 40, seed=3))
     assert few.evaluate(few.batch(gaps)).score[0] > 0.0
 
 
@@ -82,7 +82,7 @@ def test_no_gap_is_placed_tighter_than_a_fifth_of_a_millimetre() -> None:
     placed = Placement(0.01, draws=500, seed=1).placed(np.full((3, 5), 0.002))
     assert placed.shape == (1500, 5)
     assert placed.min() == LEAST_GAP
-    assert np.array_equal(placed[:500], placed[500:1000])  # the same errors for every row
+    assert np.array_equal(placed[:500], placed[500:1000])  # the same errors for every layout
 
 
 def test_the_rank_of_a_quantile() -> None:
@@ -93,9 +93,9 @@ def test_the_rank_of_a_quantile() -> None:
 
 def test_without_errors_robust_is_the_mean_speed() -> None:
     scene = some("jitter", count=9, settings=Placement(0.0, draws=3))
-    rows = 0.005 + 0.4 * gaps_of(scene, 5)
+    spacings = 0.005 + 0.4 * gaps_of(scene, 5)
     plain = replace(scene, objective="mean_speed", settings=None)
-    found, exact = (one.evaluate(one.batch(rows)).score for one in (scene, plain))
+    found, exact = (one.evaluate(one.batch(spacings)).score for one in (scene, plain))
     assert np.array_equal(found, exact)
 
 
@@ -104,12 +104,12 @@ def test_without_errors_robust_is_the_mean_speed() -> None:
 
 def test_more_dominoes_toppled_score_more() -> None:
     scene = some("sprint", objective="toppled", count=20, spacing=(0.01, 0.05))
-    rows = np.full((13, 19), 0.016)
+    spacings = np.full((13, 19), 0.016)
     for k in range(12):
-        rows[k, k + 3] = 0.049  # out of reach, each later than the last
-    scores = scene.evaluate(scene.batch(rows)).score
+        spacings[k, k + 3] = 0.049  # out of reach, each later than the last
+    scores = scene.evaluate(scene.batch(spacings)).score
     assert np.all(np.diff(scores) > 0.0)
-    for gaps, score in zip(rows, scores, strict=True):
+    for gaps, score in zip(spacings, scores, strict=True):
         wave = scene.simulate(scene.layout(gaps))
         assert math.floor(score) == wave.toppled
     assert scores[-1] == 20.0
@@ -119,15 +119,15 @@ def test_magnify_scores_the_height_of_the_last() -> None:
     scene = de.load_scene("magnify")
     tall = 0.048 * 1.3 ** np.arange(1, 12)
     before = np.concatenate([[0.048], tall[:-1]])
-    row = scene.layout(0.6 * before, None, tall)
-    assert scene.violations(row) == []
-    assert row.thickness == pytest.approx(0.15 * row.height)
-    assert scene.score(row) == pytest.approx(tall[-1])
+    layout = scene.layout(0.6 * before, None, tall)
+    assert scene.violations(layout) == []
+    assert layout.thickness == pytest.approx(0.15 * layout.height)
+    assert scene.score(layout) == pytest.approx(tall[-1])
     # gaps of a twentieth of the height do not carry such a growth
     assert -1.0 < scene.score(scene.layout(0.05 * before, None, tall)) < 0.0
 
 
-def test_a_growing_row_keeps_its_rules() -> None:
+def test_growing_heights_keep_their_rules() -> None:
     scene = de.load_scene("magnify")
     tall = 0.048 * 1.3 ** np.arange(1, 12)
     before = np.concatenate([[0.048], tall[:-1]])
@@ -140,27 +140,27 @@ def test_a_growing_row_keeps_its_rules() -> None:
         scene.layout(0.02)
 
 
-def test_the_uniform_row_that_grows() -> None:
-    mark = de.load_scene("magnify").uniform()
-    growth = mark.layout.height[1:] / mark.layout.height[:-1]
+def test_the_uniform_baseline_with_growth() -> None:
+    baseline = de.load_scene("magnify").uniform()
+    growth = baseline.layout.height[1:] / baseline.layout.height[:-1]
     assert np.ptp(growth) < 1e-12
-    assert np.ptp(mark.layout.spacing / mark.layout.height[:-1]) < 1e-12
-    assert mark.wave.stall_margin.min() > 0.1  # the middle of all that reach the bound
-    assert mark.score == pytest.approx(0.048 * 1.6**11)
+    assert np.ptp(baseline.layout.spacing / baseline.layout.height[:-1]) < 1e-12
+    assert baseline.wave.stall_margin.min() > 0.1  # the middle of all that reach the bound
+    assert baseline.score == pytest.approx(0.048 * 1.6**11)
 
 
-def test_the_time_over_a_course_orders_rows_as_their_speed() -> None:
+def test_the_time_over_a_length_orders_layouts_by_speed() -> None:
     scene = some("course", objective="time")
     speed = de.load_scene("course")
-    row = speed.uniform().layout
-    assert scene.score(row) == speed.score(row)
-    assert scene.score(row) == pytest.approx(1.2 / scene.simulate(row).arrival_times[-1])
+    layout = speed.uniform().layout
+    assert scene.score(layout) == speed.score(layout)
+    assert scene.score(layout) == pytest.approx(1.2 / scene.simulate(layout).arrival_times[-1])
 
 
 # limits -----------------------------------------------------------------------------------------
 
 
-def test_a_limit_that_is_broken_scores_between_deaths_and_successes() -> None:
+def test_a_broken_limit_scores_between_failures_and_successes() -> None:
     plain = some("gentle", count=20)
     random = np.random.default_rng(7)
     gaps = random.uniform(*plain.spacing, (400, 19))
@@ -211,12 +211,12 @@ def test_the_stock_of_the_scene() -> None:
     assert scene.violations(scene.layout(0.015, order))[0].startswith("thickness[4] = 0.006 m")
 
 
-def test_the_uniform_row_of_a_stock_has_one_pitch_and_the_order_given() -> None:
+def test_the_uniform_baseline_of_a_stock_has_one_pitch_and_the_order_given() -> None:
     scene = de.load_scene("stock")
-    mark = scene.uniform()
-    assert np.ptp(mark.layout.pitch) < 1e-12
-    assert np.all(np.diff(mark.layout.thickness[1:]) >= 0.0)  # as the file lists them
-    assert scene.violations(mark.layout) == []
+    baseline = scene.uniform()
+    assert np.ptp(baseline.layout.pitch) < 1e-12
+    assert np.all(np.diff(baseline.layout.thickness[1:]) >= 0.0)  # as the file lists them
+    assert scene.violations(baseline.layout) == []
 
 
 def test_values_are_on_the_list_and_change_no_faster_than_allowed() -> None:
@@ -230,13 +230,13 @@ def test_values_are_on_the_list_and_change_no_faster_than_allowed() -> None:
     ]
 
 
-def test_the_uniform_row_of_a_list() -> None:
+def test_the_uniform_baseline_of_lists() -> None:
     scene = some("sprint", count=12, spacing_values=(0.002, 0.011, 0.017, 0.04),
                  thickness=(0.005, 0.01), thickness_values=(0.005, 0.0075, 0.01))  # fmt: skip
-    mark = scene.uniform()
-    assert scene.violations(mark.layout) == []
+    baseline = scene.uniform()
+    assert scene.violations(baseline.layout) == []
     pairs = product(scene.spacing_values, scene.thickness_values)
-    assert mark.score == max(scene.score(scene.layout(s, d)) for s, d in pairs)
+    assert baseline.score == max(scene.score(scene.layout(s, d)) for s, d in pairs)
 
 
 GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
@@ -266,12 +266,12 @@ def test_the_uniform_baseline_takes_a_gap_of_the_list_that_meets_the_length() ->
     assert scene.violations(scene.uniform().layout) == []
 
 
-# what every objective owes ----------------------------------------------------------------------
+# all objectives ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["sprint", "course", "tempo", "jitter", "magnify"])
 @pytest.mark.parametrize("limits", [None, Limits(0.3, 0.02)])
-def test_scores_with_and_without_gradients_are_one_to_the_bit(name: str, limits) -> None:
+def test_scores_with_and_without_gradients_are_bitwise_equal(name: str, limits) -> None:
     scene = replace(de.load_scene(name), limits=limits)
     random = np.random.default_rng(3)
     low, high = scene.spacing

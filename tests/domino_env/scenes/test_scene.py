@@ -1,4 +1,4 @@
-"""Scenes: what ships, the score, the mark to beat, and the files."""
+"""Scenes: what ships, scores, uniform baselines and rules."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def small(**changes: object) -> de.Scene:
     return dataclasses.replace(parse_scene(SMALL, "small", "small.toml"), **changes)
 
 
-def rows(scene: de.Scene, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Random gaps and thicknesses of dominoes 1 … N-1 within the bounds."""
+def random_sizes(scene: de.Scene, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return random gaps and thicknesses of dominoes 1 … N-1 within the bounds."""
     random = np.random.default_rng(seed)
     shape = (count, scene.count - 1)
     return random.uniform(*scene.spacing, shape), random.uniform(*scene.thickness, shape)
@@ -48,7 +48,7 @@ def test_the_scenes_that_ship() -> None:
     ]  # fmt: skip
 
 
-# the mark: values of two independent programs, to the digits that were noted down ---------------
+# uniform baselines: values of two independent programs, to their digits ------------------------
 
 
 @pytest.mark.parametrize(
@@ -61,29 +61,29 @@ def test_the_scenes_that_ship() -> None:
         ("marathon", 0.988, 5e-4, 0.004, 0.0075),
     ],
 )
-def test_the_best_uniform_row(name, speed, digits, gap, thickness) -> None:
+def test_the_uniform_baseline(name, speed, digits, gap, thickness) -> None:
     scene = de.load_scene(name)
-    mark = scene.uniform()
-    assert mark.score == pytest.approx(speed, abs=digits)
-    assert mark.layout.thickness[1] == pytest.approx(thickness, abs=1e-6)
+    baseline = scene.uniform()
+    assert baseline.score == pytest.approx(speed, abs=digits)
+    assert baseline.layout.thickness[1] == pytest.approx(thickness, abs=1e-6)
     if gap is not None:  # noted to half a millimetre
-        assert mark.layout.spacing[0] == pytest.approx(gap, abs=2.5e-4)
-    assert np.ptp(mark.layout.spacing) == 0.0
-    assert np.ptp(mark.layout.thickness[1:]) == 0.0
-    assert scene.violations(mark.layout) == []
-    assert mark.wave.outcome == de.Outcome.PROPAGATED
-    assert scene.score(mark.layout) == mark.score
-    assert scene.uniform() is mark
+        assert baseline.layout.spacing[0] == pytest.approx(gap, abs=2.5e-4)
+    assert np.ptp(baseline.layout.spacing) == 0.0
+    assert np.ptp(baseline.layout.thickness[1:]) == 0.0
+    assert scene.violations(baseline.layout) == []
+    assert baseline.wave.outcome == de.Outcome.PROPAGATED
+    assert scene.score(baseline.layout) == baseline.score
+    assert scene.uniform() is baseline
 
 
-def test_where_no_uniform_row_propagates_the_mark_says_so() -> None:
-    mark = small(physics=de.Physics(push=0.01)).uniform()
-    assert mark.wave.outcome == de.Outcome.STALLED
-    assert -1.0 <= mark.score < 0.0
-    assert "stalled" in mark.wave.explanation
+def test_a_baseline_that_stops_explains_why() -> None:
+    baseline = small(physics=de.Physics(push=0.01)).uniform()
+    assert baseline.wave.outcome == de.Outcome.STALLED
+    assert -1.0 <= baseline.score < 0.0
+    assert "stalled" in baseline.wave.explanation
 
 
-def test_nothing_to_choose_is_a_row_too() -> None:
+def test_a_scene_without_design_variables_has_a_baseline() -> None:
     scene = small(spacing=(0.016, 0.016))
     assert not scene.free_spacing
     assert scene.uniform().layout.spacing.tolist() == [0.016] * 7
@@ -101,7 +101,7 @@ def test_a_length_fixes_the_gap_and_may_leave_the_thickness() -> None:
 
 def test_a_success_scores_its_speed_and_a_failure_how_far_it_came() -> None:
     scene = de.load_scene("gentle")
-    spacing, thickness = rows(scene, 300, seed=2)
+    spacing, thickness = random_sizes(scene, 300, seed=2)
     scores = scene.evaluate(scene.batch(spacing, thickness, rtol=1e-10)).score
     for i in (*np.flatnonzero(scores > 0.0)[:5], *np.flatnonzero(scores < 0.0)[:15]):
         layout = scene.layout(spacing[i], thickness[i])
@@ -112,13 +112,13 @@ def test_a_success_scores_its_speed_and_a_failure_how_far_it_came() -> None:
     assert np.all((scores > 0.0) | ((scores >= -1.0) & (scores < 0.0)))
 
 
-def test_the_score_of_a_layout_that_breaks_the_rules_is_refused() -> None:
+def test_a_layout_that_breaks_the_rules_has_no_score() -> None:
     scene = small()
     with pytest.raises(ValueError, match=r"scene 'small': spacing\[0\] = 0\.035 m"):
         scene.score(scene.layout(0.035))
 
 
-def test_every_broken_rule_gets_its_sentence() -> None:
+def test_every_violation_has_its_sentence() -> None:
     scene = small(length=0.14, thickness=(0.006, 0.008))
     assert scene.violations(de.Layout([0.01], 0.0075)) == [
         "the layout has 2 dominoes, and the scene 8"
@@ -133,7 +133,7 @@ def test_every_broken_rule_gets_its_sentence() -> None:
     assert words[5].startswith("the layout is 0.138000000 m long: the scene has 0.14 m (-0.002 m)")
 
 
-def test_a_layout_is_filled_in_from_the_scene() -> None:
+def test_the_scene_completes_a_layout() -> None:
     scene = small(first_thickness=0.009)
     layout = scene.layout(0.016)
     assert layout.thickness.tolist() == [0.009] + [0.0075] * 7
@@ -141,18 +141,18 @@ def test_a_layout_is_filled_in_from_the_scene() -> None:
         small(thickness=(0.005, 0.01)).layout(0.016)
 
 
-def test_a_scene_travels_to_another_process_with_its_mark() -> None:
+def test_a_pickled_scene_keeps_its_baseline() -> None:
     scene = small()
-    mark = scene.uniform()
+    baseline = scene.uniform()
     other = pickle.loads(pickle.dumps(scene))
-    assert other.uniform().score == mark.score
+    assert other.uniform().score == baseline.score
     assert not other.uniform().layout.spacing.flags.writeable
 
 
 # files ------------------------------------------------------------------------------------------
 
 
-def test_a_name_that_is_not_given_is_the_file_s(tmp_path: Path) -> None:
+def test_the_default_name_is_that_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "garden.toml"
     path.write_text(SMALL)
     scene = de.load_scene(path)

@@ -19,7 +19,7 @@ SCENES = sorted(SCHEMA.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
 
 
-def test_the_schema_that_ships_is_up_to_date() -> None:
+def test_the_shipped_schema_is_up_to_date() -> None:
     kept = json.loads(SCHEMA.read_text("utf-8"))
     assert kept == scene_schema(), "run `python -m domino_env.scenes.shipping`"
     jsonschema.Draft202012Validator.check_schema(kept)
@@ -52,7 +52,7 @@ def sprint(**tables: Any) -> dict[str, Any]:
     ],
     ids=range(9),
 )
-def test_what_the_schema_refuses_is_refused_when_it_is_read(document: dict[str, Any]) -> None:
+def test_the_reader_rejects_what_the_schema_rejects(document: dict[str, Any]) -> None:
     assert not VALIDATOR.is_valid(document)
     with pytest.raises(ValueError, match=r"bad\.toml: "):
         scene_of_document(document, "bad", "bad.toml")
