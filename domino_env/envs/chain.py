@@ -239,6 +239,7 @@ class DominoChainVector(DominoVectorEnv):
 
     Examples
     --------
+    >>> import gymnasium, domino_env
     >>> envs = gymnasium.make_vec("DominoChain-v0", num_envs=1024, scene="sprint")
     >>> observations, infos = envs.reset(seed=0)
     """

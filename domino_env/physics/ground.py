@@ -48,6 +48,12 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
     References
     ----------
     de Boor, C. (1978). A practical guide to splines. Springer: chapter IV, natural splines.
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> de.Ground(slope=-4.0).layout([0.014] * 3, [0.0075] * 4).rise.round(6)
+    array([0.0015, 0.0015, 0.0015])
     """
 
     slope: Annotated[

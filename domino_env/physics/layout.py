@@ -48,6 +48,13 @@ class Layout:
         For what cannot stand: lengths that do not match, values that are not positive and finite,
         a tip that would strike above the next domino's top, ground too steep or too hollow. Names
         the element, its value and what to do.
+
+    Examples
+    --------
+    >>> from domino_env import Layout
+    >>> layout = Layout([0.012, 0.014], [0.0075, 0.0075, 0.010])
+    >>> layout.pitch.round(4), round(layout.length, 4)
+    (array([0.0195, 0.024 ]), 0.0435)
     """
 
     spacing: Floats

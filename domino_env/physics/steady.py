@@ -93,6 +93,12 @@ def steady_wave(
     -----
     The contact states of the stack behind a leader follow from its angles alone, so nothing is
     simulated but the P falls of one period.
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> round(de.steady_wave(0.024, 0.0075).speed, 4)
+    0.8939
     """
     physics = physics or Physics()
     shapes = [np.asarray(a, dtype=np.float64) for a in (pitch, thickness, height, density)]
@@ -175,6 +181,13 @@ def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> floa
         inf where no push helps: a gap out of reach, friction that jams the row, or no rigid
         answer. 0 where the first domino, tipped by a breath, topples the row (it never is: it has
         to be lifted over its edge).
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
+    >>> round(de.smallest_push(layout, de.Physics()), 3)
+    2.695
     """
     require_arguments(layout, physics)
     outcome, need = kernels.compose_falls(

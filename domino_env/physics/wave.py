@@ -386,6 +386,14 @@ def simulate(
     ----------
     J. M. J. van Leeuwen, The domino effect (2004), arXiv physics/0401018;
     Chapman, The physics of toppling dominoes, eqs. 1-9.
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
+    >>> wave = de.simulate(layout, de.Physics(friction=0.25, push=15.7))
+    >>> wave.outcome.name, round(wave.mean_speed, 3)
+    ('PROPAGATED', 0.875)
     """
     began = time.perf_counter()
     require_arguments(layout, physics)
@@ -450,6 +458,12 @@ def simulate_batch(
     Notes
     -----
     The number of threads is Numba's (`numba.set_num_threads`).
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> de.simulate_batch([[0.01] * 9, [0.02] * 9], 0.0075, de.Physics()).mean_speed.round(3)
+    array([0.496, 0.635])
     """
     began = time.perf_counter()
     rows = _checked_batch(spacing, thickness, height, density, rise, tilt)

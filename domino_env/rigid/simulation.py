@@ -180,6 +180,13 @@ def simulate_standing(
     ----------
     J. J. Moreau (1988), Unilateral contact and dry friction in finite freedom dynamics; M. Jean
     (1999), The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177, 235-257.
+
+    Examples
+    --------
+    >>> import domino_env as de
+    >>> layout = de.Layout.uniform(10, pitch=0.024, thickness=0.0075)
+    >>> de.simulate_standing(layout, de.Physics(push=8.0), floor_friction=0.5).toppled
+    10
     """
     begun, physics = time.perf_counter(), physics or Physics()
     if floor_friction is not None:
