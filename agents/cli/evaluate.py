@@ -12,8 +12,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from optimize.cli.options import write_layout
-
 if TYPE_CHECKING:
     from agents.designer.policy import Designer
     from agents.policy import ScenePolicy
@@ -73,8 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"outside the scenes of its training: {difference}")
     print(sentence(rollout))
     if arguments.layout:
-        write_layout(rollout.layout, arguments.layout)
-        print(f"layout written to {arguments.layout}")
+        from domino_env.scenes.io.reading import write_layout
+
+        beside = write_layout(rollout.layout, arguments.layout, rollout.scene)
+        print(f"layout written to {arguments.layout}, the scene to {beside}")
     return 0
 
 

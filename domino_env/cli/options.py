@@ -1,7 +1,7 @@
 """Options that several commands share.
 
-A layout beside a scene.toml, as in the folder of a run, is simulated with the physics of that scene
-unless --scene names another.
+A layout beside its scene (row.scene.toml beside row.csv, or the scene.toml of a run) is simulated
+with the physics of that scene unless --scene names another.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = Fals
     more = ", and its best uniform layout" * uniform
     parser.add_argument(
         "--scene",
-        help=f"physics of a scene, name or .toml file{more} (the scene.toml beside LAYOUT)",
+        help=f"physics of a scene, name or .toml file{more} (that beside LAYOUT, if any)",
     )
     parser.add_argument(
         "--friction", type=float, metavar="MU", help="between dominoes (of the scene, or 0.25)"

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 from domino_env.cli.options import add_json_option, write_json
 from domino_env.cli.verify import add_simulator_options
-from optimize.cli.options import write_layout
 
 if TYPE_CHECKING:
     from optimize.experiments.best_known import BestKnown
@@ -54,9 +53,11 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.layout:
         if len(arguments.scenes) != 1:
             raise ValueError("--layout writes one layout: name one scene")
-        (record,) = wanted.values()
-        write_layout(record.layout, arguments.layout)
-        print(f"written to {arguments.layout}")
+        from domino_env.scenes.io.reading import load_scene, write_layout
+
+        ((name, record),) = wanted.items()
+        beside = write_layout(record.layout, arguments.layout, load_scene(name))
+        print(f"written to {arguments.layout}, the scene to {beside}")
         return 0
     if not arguments.verify:
         _list(wanted)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from optimize.executors import add_executor_options, executor_from
 
 if TYPE_CHECKING:
-    from domino_env.physics.layout import Layout
     from optimize.experiments.experiment import Experiment
     from optimize.experiments.store import Study
     from optimize.experiments.task import Task
@@ -169,18 +168,6 @@ def open_study(
             done = len(study.done())
             reason = f": {done} runs are complete; {more}" if done else " before any was complete"
             raise KeyboardInterrupt(f"interrupted{reason}") from None
-
-
-def write_layout(layout: Layout, file: str) -> None:
-    """Write a layout to a .csv or .json file."""
-    path = Path(file)
-    write = {".csv": layout.to_csv, ".json": layout.to_json}.get(path.suffix.lower())
-    if write is None:
-        raise ValueError(f"{path}: a layout is written to a .csv or .json file")
-    try:
-        write(path)
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def exit_code(experiment: Experiment) -> int:

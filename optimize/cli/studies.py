@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-from optimize.cli.options import add_store_option, write_layout
+from optimize.cli.options import add_store_option
 
 if TYPE_CHECKING:
     from optimize.experiments.store import Store, Study
@@ -112,12 +112,14 @@ def _show(study: Study, *, everything: bool) -> None:
 def _export_best(study: Study, path: str, name: str | None) -> None:
     """Write the best layout of a scene."""
     from domino_env.core.files import one_line
+    from domino_env.scenes.io.reading import write_layout
     from optimize.experiments.store import best_result
+    from optimize.experiments.task import scene_of
 
     r = best_result(study, name)
-    write_layout(r.layout, path)
+    beside = write_layout(r.layout, path, scene_of(r.scene))
     about = f"{r.scene_name}, {r.method}, seed {r.seed}, score {r.score:.6g}"
-    print(one_line(f"written to {path}: the layout of {about}"))
+    print(one_line(f"written to {path}, the scene to {beside}: the layout of {about}"))
 
 
 def _clock(begun: str) -> str:

@@ -160,10 +160,13 @@ def scene_beside(path: str | Path) -> Scene | None:
     return next((load_scene(one) for one in files if one.is_file()), None)
 
 
-def write_layout(layout: Layout, file: str | Path, scene: Scene) -> None:
+def write_layout(layout: Layout, file: str | Path, scene: Scene) -> Path:
     """Write a layout of a scene to a .csv or .json file, and the scene beside it.
 
-    The scene of row.csv is in row.scene.toml, where `scene_beside` finds it.
+    Returns
+    -------
+    Path
+        File of the scene, row.scene.toml for row.csv, where `scene_beside` finds it.
 
     Raises
     ------
@@ -171,14 +174,16 @@ def write_layout(layout: Layout, file: str | Path, scene: Scene) -> None:
         For another kind of file, and for a file that cannot be written.
     """
     path = Path(file)
+    beside = path.with_suffix(f".{SCENE}")
     write = {".csv": layout.to_csv, ".json": layout.to_json}.get(path.suffix.lower())
     if write is None:
         raise ValueError(f"{path}: a layout is written to a .csv or .json file")
     try:
         write(path)
-        write_text(path.with_suffix(f".{SCENE}"), scene.to_toml())
+        write_text(beside, scene.to_toml())
     except OSError as error:
         raise ValueError(f"{path} cannot be written: {error.strerror}") from None
+    return beside
 
 
 def common_scene(paths: Sequence[str | Path]) -> Scene | None:

@@ -44,6 +44,23 @@ def test_simulate_takes_the_scene_beside_the_layout_by_default(capsys, mars: Pat
     assert answer("--scene", "gentle")["mean_speed"] == speed(de.load_scene("gentle").physics)
 
 
+@pytest.mark.parametrize("command", ["best-known gentle --layout", "evaluate ramp --layout"])
+def test_an_exported_layout_keeps_its_scene_and_score(capsys, tmp_path, command: str) -> None:
+    (tmp_path / "scene.toml").write_text(de.load_scene("ideal").to_toml())  # of another run
+    file = tmp_path / "row.csv"
+    assert main([*command.split(), str(file)]) == 0
+    assert f"the scene to {tmp_path / 'row.scene.toml'}" in capsys.readouterr().out
+    assert main(["simulate", str(file), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    name = "gentle" if "gentle" in command else "sprint"
+    assert found["violations"] == []
+    layout = de.Layout.read(file)
+    assert found["score"] == pytest.approx(de.load_scene(name).score(layout), rel=1e-7)
+    assert found["physics_from"] == f"of scene '{name}' beside the layout"
+    assert main(["simulate", str(file), "--json", "--scene", "ideal"]) == 0
+    assert json.loads(capsys.readouterr().out)["scene"] == "ideal"
+
+
 @pytest.mark.parametrize("command", [
     "simulate", "verify --no-engine --floor 0.5", "click --wav OUT.wav", "report --html OUT.html",
     "render --gif OUT.gif --width 160 --rate 2 --slow 1",

@@ -229,6 +229,7 @@ def test_the_best_layout_of_a_scene(capsys, path: Path, scenes, result) -> None:
     output_of(capsys, *words, "--best", "both", "--to", path.with_name("b.json"))
     layout = de.Layout.read(path.with_name("b.json"))
     assert scenes["both"].score(layout) == better.score
+    assert de.load_scene(path.with_name("b.scene.toml")) == scenes["both"]
     output_of(capsys, *words, "--best", result.key[:8], "--to", path.with_name("c.csv"))
     assert tuple(de.Layout.read(path.with_name("c.csv")).spacing) == result.spacing
     study.add(other(result, 1, scene="another"))
