@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from agents.benchmark import problem_of_text
 from domino_env import Scene
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
-from optimize.experiments.estimates import Estimate
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.report import failures_section
 from optimize.experiments.task import TaskResult
@@ -66,11 +66,10 @@ def write(experiment: Experiment, folder: Path, command: str) -> None:
 
 def page(experiment: Experiment, command: str) -> str:
     """Return the page in Markdown."""
-    sections = [["", f"## {scene}", "", *_of_scene(experiment, scene)]
-                for scene in experiment.problems]  # fmt: skip
+    sections = [_of_scene(experiment, scene) for scene in experiment.problems]
     lines = [*chain(*sections)][1:] + failures_section(experiment)
     return PAGE.read_text("utf-8").format(
-        overview="\n".join(overview(experiment)),
+        overview="\n".join(table(experiment)),
         scenes="\n".join(lines),
         command=command,
         runs=len(experiment.results),
@@ -78,58 +77,46 @@ def page(experiment: Experiment, command: str) -> str:
     )
 
 
-def overview(experiment: Experiment) -> list[str]:
-    """Return the table over all scenes, learning algorithms first, the best of each first."""
-    names = (
-        "algorithm", "runs", "normalised score", "95 % interval",
-        *(f"after {moment:g} s" for moment in MOMENTS), "runs past uniform", "processor time",
-    )  # fmt: skip
-    rows = []
-    for name in experiment.ranked(ALGORITHMS):
-        runs, estimate = experiment.runs(name), experiment.mean_score(name)
+def table(experiment: Experiment, scene: str | None = None) -> list[str]:
+    """Return the table of one scene or of all, learning algorithms first, the best of each first.
+
+    The table of one scene has scores too.
+    """
+    names = ["algorithm", "runs", "normalised score", "95 % interval"]
+    names += [f"after {moment:g} s" for moment in MOMENTS]
+    names += ["runs past uniform", "processor time", *["worst, best score"] * (scene is not None)]
+    lines = []
+    for name in experiment.ranked(ALGORITHMS, scene):
+        runs, estimate = experiment.runs(name, scene), experiment.mean_score(name, scene)
+        low, high = float(estimate.low), float(estimate.high)
         past = sum(r.score > r.uniform_score for r in runs)
-        early = [experiment.score_after(name, moment) for moment in MOMENTS]
-        rows.append((
-            f"`{name}`", len(runs), f"{float(estimate.value):.1%}", _interval(estimate),
-            *(f"{part:.1%}" if np.isfinite(part) else "–" for part in early),
-            f"{past} of {len(runs)}", _time(runs),
-        ))  # fmt: skip
-    return list(markdown_table(names, rows))
+        early = [experiment.score_after(name, moment, scene) for moment in MOMENTS]
+        seconds = float(np.median([r.seconds for r in runs]))
+        line = [
+            f"`{name}`", len(runs), f"{float(estimate.value):.1%}",
+            f"{low:.1%} to {high:.1%}" if high > low else "–",
+            *(f"{score:.1%}" if np.isfinite(score) else "–" for score in early),
+            f"{past} of {len(runs)}", f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s",
+        ]  # fmt: skip
+        if scene is not None:
+            form = _form(runs[0])
+            ends = form(min(r.score for r in runs)), form(max(r.score for r in runs))
+            line.append(", ".join(ends))
+        lines.append(line)
+    return list(markdown_table(names, lines))
 
 
 def _of_scene(experiment: Experiment, scene: str) -> list[str]:
     """Return text and table of one scene as lines of Markdown."""
     one = next(r for r in experiment.results if r.problem == scene)
-    fixed = isinstance(problem_of_text(one.scene), Scene)
-    scores = "{:.5f}" if fixed else "{:+.2%}"
-    best = scores.format(experiment.best[scene])
-    uniform = scores.format(one.uniform_score)
-    about = f"Uniform baseline {uniform}, best known {best}." if fixed else SAMPLED.format(best)
-    names = (
-        "algorithm", "runs", "worst, best score", "normalised score", "95 % interval",
-        "past uniform after, at worst", "processor time",
-    )  # fmt: skip
-    rows = []
-    for name in experiment.ranked(ALGORITHMS, scene):
-        runs, estimate = experiment.runs(name, scene), experiment.mean_score(name, scene)
-        ends = min(r.score for r in runs), max(r.score for r in runs)
-        past = max(experiment.seconds_past_uniform(r) for r in runs)
-        rows.append((
-            f"`{name}`", len(runs), ", ".join(map(scores.format, ends)),
-            f"{float(estimate.value):.1%}", _interval(estimate),
-            _seconds(past) if np.isfinite(past) else "not all", _time(runs),
-        ))  # fmt: skip
-    return [about, "", *markdown_table(names, rows)]
+    best = _form(one)(experiment.best[scene])
+    about = f"Uniform baseline {one.uniform_score:.5f}, best known {best}."
+    if not isinstance(problem_of_text(one.scene), Scene):
+        about = SAMPLED.format(best)
+    return ["", f"## {scene}", "", about, "", *table(experiment, scene)]
 
 
-def _interval(estimate: Estimate) -> str:
-    low, high = float(estimate.low), float(estimate.high)
-    return f"{low:.1%} to {high:.1%}" if high > low else "–"
-
-
-def _time(runs: list[TaskResult]) -> str:
-    return _seconds(float(np.median([r.seconds for r in runs])))
-
-
-def _seconds(value: float) -> str:
-    return f"{value:.2g} s" if value < 10.0 else f"{value:.0f} s"
+def _form(result: TaskResult) -> Callable[[float], str]:
+    """Return the format of the scores of a result: gains where scenes are sampled."""
+    fixed = isinstance(problem_of_text(result.scene), Scene)
+    return "{:.5f}".format if fixed else "{:+.2%}".format

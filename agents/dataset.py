@@ -34,28 +34,7 @@ STORE, LAYOUTS, EPISODES, CARD = "layouts.sqlite", "layouts.parquet", "episodes"
 SCENES, BUDGET = 5000, 600
 QUALITIES = ("uniform", "noisy", "searched")
 NOISE = 0.1  # standard deviation of the actions of "noisy" episodes, which are from -1 to 1
-CARD_TEXT = """# {number} scenes of `{name}`, with searched layouts and episodes
-
-{title}. Sampled: {features}.
-
-`layouts.parquet` has one line per scene, in the order in which the searches ended: `scene` is its
-text as a file of domino-chains, `spacing` and `thickness` the best layout that `auto` found in
-{budget} evaluations [m], `score` its mean speed and `uniform_score` that of the uniform
-baseline [m/s], `label.scene` the number of the scene. The median gain over the uniform baseline is
-{median:.2%}, its 10th percentile {tenth:.2%}; longer searches find more.
-
-`episodes/` has the same scenes as episodes of `DominoChain-v0` in Minari's format, episode i for
-scene i (`MINARI_DATASETS_PATH`). A return is a hundred times the gain over the uniform baseline, to
-single precision.
-
-{table}
-
-Made by
-
-    {command}
-
-with {versions}.
-"""
+CARD_PAGE = Path(__file__).with_name("dataset_card.md")  # template
 
 
 def make_dataset(
@@ -162,7 +141,7 @@ def _card(
         f"domino dataset FOLDER --distribution {source.name} --scenes {len(results)} --seed {seed} "
         f"--budget {budget} --noise {noise:g}"
     )
-    return CARD_TEXT.format(
+    return CARD_PAGE.read_text("utf-8").format(
         number=len(results), name=source.name, title=source.title,
         features=", ".join(source.features), budget=budget, median=np.median(gains),
         tenth=np.quantile(gains, 0.1), command=command,

@@ -24,7 +24,7 @@ from agents.algorithms import (
 require_learning()
 
 from agents.rollout import build, completed  # noqa: E402
-from agents.sb3 import Learner, random_state_restored  # noqa: E402
+from agents.sb3 import Learner  # noqa: E402
 from domino_env.core.types import Floats, Ints  # noqa: E402
 from domino_env.physics.wave import Outcome  # noqa: E402
 from optimize.evaluator import BudgetSpent, Evaluator  # noqa: E402
@@ -83,7 +83,7 @@ def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> Non
     """
     scene = evaluator.problem.scene
     chosen = _within(default_hyperparameters(algorithm, scene.count - 1), evaluator)
-    with random_state_restored(), warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         seed = int(rng.integers(2**31))
         _Learning(Learner(scene, algorithm, chosen, seed), evaluator).run()

@@ -9,11 +9,9 @@ reinforcement learning. arXiv:1803.07055.
 from __future__ import annotations
 
 import math
-import random
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +25,6 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution, Dis
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
-from torch.func import functional_call, vmap
 
 from agents.algorithms import Hyperparameters
 from agents.apg import APG
@@ -215,20 +212,6 @@ def weights(policy: torch.nn.Module) -> dict[str, Any]:
     return {name: value.detach().numpy() for name, value in policy.state_dict().items()}
 
 
-@contextmanager
-def random_state_restored() -> Iterator[None]:
-    """Restore the global random state, from which the learners draw, and the threads of torch."""
-    python, legacy = random.getstate(), np.random.get_state()  # noqa: NPY002
-    generator, threads = torch.get_rng_state(), torch.get_num_threads()
-    try:
-        yield
-    finally:
-        random.setstate(python)
-        np.random.set_state(legacy)  # noqa: NPY002
-        torch.set_rng_state(generator)
-        torch.set_num_threads(threads)
-
-
 class ScheduledPolicy(ActorCriticPolicy):
     """Normal actions whose standard deviation follows a schedule.
 
@@ -273,7 +256,7 @@ class ScheduledPolicy(ActorCriticPolicy):
 
 
 class VectorARS(ARS):
-    """ARS of sb3-contrib that evaluates candidates together, each in its own environment."""
+    """ARS of sb3-contrib whose linear candidates are evaluated together in B environments."""
 
     def evaluate_candidates(
         self, candidate_weights: torch.Tensor, callback: Any, async_eval: Any
@@ -299,18 +282,12 @@ class VectorARS(ARS):
         """Return the returns (P,) of P candidates; the last one fills the other environments."""
         num_envs, number = env.num_envs, len(weights)
         filled = torch.cat([weights, weights[-1:].expand(num_envs - number, -1)])
-        policy: Any = self.policy
-        net, at, parameters = policy.action_net, 0, {}
-        for name, value in net.named_parameters():
-            size = value.numel()
-            parameters[name] = filled[:, at : at + size].reshape(num_envs, *value.shape)
-            at += size
-        act = vmap(lambda own, observations: functional_call(net, own, (observations,)))
         observations = torch.from_numpy(env.reset())
+        matrices = filled.reshape(num_envs, -1, observations.shape[1])  # of linear policies
         running = torch.ones(num_envs, dtype=torch.bool)
         returns = torch.zeros(num_envs)
         while running[:number].any():
-            actions = act(parameters, observations).clamp(-1.0, 1.0)
+            actions = torch.bmm(matrices, observations[:, :, None])[:, :, 0].clamp(-1.0, 1.0)
             after, rewards, ended, infos = env.step(actions.numpy())
             returns += torch.from_numpy(rewards) * running
             running &= ~torch.from_numpy(ended)

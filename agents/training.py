@@ -52,7 +52,7 @@ COLUMNS = (
     "steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference",
     "processor_seconds",
 )  # fmt: skip
-EVALUATIONS, CHECKPOINTS = 200, 40  # in a whole training
+EVALUATIONS = 200  # of the policy in a whole training, each with a checkpoint
 POOL_SCENES = 50  # sampled scenes in which a policy is evaluated while it is trained
 EPISODE = 32  # steps of an episode for default hyperparameters where their number varies
 
@@ -196,11 +196,8 @@ def train(
     chosen = hyperparameters or default_hyperparameters(
         algorithm, episode_of(target), sampled=sampled
     )
-    from agents.sb3 import random_state_restored
-
-    with random_state_restored():
-        training = Training(target, algorithm, chosen, steps or chosen.steps, seed, home, progress)
-        return training.run(resume)
+    steps = steps or chosen.steps
+    return Training(target, algorithm, chosen, steps, seed, home, progress).run(resume)
 
 
 def episode_of(target: Scene | SceneDistribution) -> int:
@@ -248,7 +245,7 @@ class Training:
             self.scenes = [pool.scene(len(pool) - 1 - i) for i in range(POOL_SCENES)]
         self.curve: list[tuple[float, ...]] = []
         self.best = self.sampled_best = -np.inf
-        self.next_evaluation = self.next_checkpoint = 0
+        self.next_evaluation = 0
         self.began = time.perf_counter(), time.process_time()
         self.bar = progress_bar(progress, total=total, unit=" dominoes", unit_scale=True)
 
@@ -313,7 +310,6 @@ class Training:
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
             raise ValueError(f"{path}: it does not fit this training: {error}") from None
         self.next_evaluation = learner.steps + self.total // EVALUATIONS
-        self.next_checkpoint = learner.steps + self.total // CHECKPOINTS
         self.bar.update(learner.steps)
         return learner
 
@@ -329,10 +325,8 @@ class Training:
         steps = self.learner.steps
         if steps >= self.next_evaluation:
             self.evaluate()
-            self.next_evaluation = steps + self.total // EVALUATIONS
-        if steps >= self.next_checkpoint:
             self.checkpoint()
-            self.next_checkpoint = steps + self.total // CHECKPOINTS
+            self.next_evaluation = steps + self.total // EVALUATIONS
         self.bar.update(steps - self.bar.n)
         self.learner.adapt(min(steps / self.total, 1.0), float(max(self.best, self.sampled_best)))
 

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run what is missing, write the page, print its summary."""
     from agents.algorithms import ALGORITHMS
     from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in
-    from agents.benchmark_report import FILES, overview, write
+    from agents.benchmark_report import FILES, table, write
     from domino_env.core.files import require_writable
     from optimize.experiments.experiment import gather_results
     from optimize.experiments.runner import run_experiment
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
                 tasks, executor, study, known_score=known_in, name="benchmark", progress=None
             )
     write(done, folder, _command(arguments))
-    print("\n".join(overview(done)))
+    print("\n".join(table(done)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")
     return exit_code(done)
 

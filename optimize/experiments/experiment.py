@@ -166,10 +166,10 @@ class Experiment:
         """Estimate the interquartile mean of the normalised scores of the final layouts."""
         return interquartile_mean(self.final_scores(method, problem))
 
-    def score_after(self, method: str, seconds: float) -> float:
+    def score_after(self, method: str, seconds: float, problem: str | None = None) -> float:
         """Return the interquartile mean of the normalised scores after a time [s]; -inf if none."""
         when = np.array([seconds])
-        runs = self.runs(method)
+        runs = self.runs(method, problem)
         scores = [self.normalised(r, self.best_scores(r, when, "seconds"))[0] for r in runs]
         return float(middle_mean(np.array(scores)))
 

@@ -29,7 +29,6 @@ def run_experiment(
     known_score: Callable[[TaskResult], float] = no_known_score,
     name: str = "tasks",
     progress: bool | None = False,
-    earlier: Experiment | None = None,
 ) -> Experiment:
     """Run tasks and gather their results.
 
@@ -51,8 +50,6 @@ def run_experiment(
     progress
         True for a progress line on standard error; None for one on a terminal, and elsewhere a line
         for each finished task.
-    earlier
-        Experiment that is continued: its tasks, results and failures come before the new ones.
 
     Returns
     -------
@@ -68,13 +65,8 @@ def run_experiment(
     """
     results = {} if study is None else study.done()
     failures: list[Failure] = []
-    if earlier is not None:
-        tasks = [*earlier.tasks, *tasks]
-        results |= {result.key: result for result in earlier.results}
-        failures.extend(earlier.failures)
-    failed = {failure.task.key for failure in failures}
     keys = {task.key: task for task in tasks}
-    missing = [task for key, task in keys.items() if key not in results and key not in failed]
+    missing = [task for key, task in keys.items() if key not in results]
     interrupted = False
     with closing(_progress_line(name, progress, len(keys), len(keys) - len(missing))) as line:
         each = progress is None and line.disable  # no terminal
