@@ -242,14 +242,13 @@ def _find_contacts(chain, setting, state):
             break
         gaps[i] = np.inf
         for kind in range(TIP, KINDS):
-            gap, along = _between(state.contact, found, MOVES, kind, i, mid, chain)
-            on_face = 0.0 <= along <= chain.height[i + 1 if kind == TIP else i]
-            if on_face:
+            gap, met, face = _between(state.contact, found, MOVES, kind, i, -1, mid, chain)
+            if met:
                 gaps[i] = min(gaps[i], gap)
-            if gap > TOUCHING * chain.height[i] or not on_face:
+            if gap > TOUCHING * chain.height[i] or not met:
                 state.impulse[i, kind] = 0.0
                 continue
-            _between(state.contact, found, ACTS, kind, i, now, chain)
+            _between(state.contact, found, ACTS, kind, i, face, now, chain)
             _couple(state, found, i, i + 1, kind, setting.friction)
             found += 1
     return found
@@ -267,15 +266,16 @@ def _on_floor(contact, c, at, rx, ry, slope):
 
 
 @compile_alone
-def _between(contact, c, at, kind, i, pose, chain):
-    """Write the directions of a contact between i and the next; return gap and place on the face.
+def _between(contact, c, at, kind, i, face, pose, chain):
+    """Write the directions of a contact of i with the next; return gap, whether it is met, face.
 
-    The normal points out of the face of the next that the tip meets, or into the face of i that the
-    edge meets.
+    The tip of i meets the rear face (0) or the bottom (1) of the next, the next one's edge the
+    front face (0) or the top (1) of i: the face from which the vertex is farther outside, unless
+    given. It is met where the vertex lies before or behind that face. The normal points towards i.
     """
     j = i + 1
-    sine, cosine = (pose[j, 2], pose[j, 3]) if kind == TIP else (pose[i, 2], pose[i, 3])
-    nx, ny = -cosine, sine
+    owner = j if kind == TIP else i  # of the faces
+    sine, cosine = pose[owner, 2], pose[owner, 3]
     rear, bottom = chain.edge[j, 0] - chain.thickness[j], chain.edge[j, 1]
     cx = rear * pose[j, 3] + bottom * pose[j, 2]
     cy = -rear * pose[j, 2] + bottom * pose[j, 3]
@@ -286,21 +286,28 @@ def _between(contact, c, at, kind, i, pose, chain):
         rx, ry = ex * pose[i, 3] + py * pose[i, 2], -ex * pose[i, 2] + py * pose[i, 3]
         qx, qy = rx - dx, ry - dy  # from j
         fx, fy = qx - cx, qy - cy
-        gap = fx * nx + fy * ny
+        ahead, past = -(fx * cosine - fy * sine), -(fx * sine + fy * cosine)
     else:
         qx, qy = cx, cy
         rx, ry = cx + dx, cy + dy
         fx = rx - ex * cosine - ey * sine
         fy = ry + ex * sine - ey * cosine
-        gap = -(fx * nx + fy * ny)
-    along = fx * sine + fy * cosine
+        ahead, past = fx * cosine - fy * sine, fx * sine + fy * cosine - chain.height[i]
+    if face < 0:
+        face = 0 if ahead >= past else 1
+    if face == 0:
+        gap, met = ahead, -chain.height[owner] <= past <= 0.0
+        nx, ny = -cosine, sine
+    else:
+        gap, met = past, -chain.thickness[owner] <= ahead <= 0.0
+        nx, ny = -sine, -cosine
     sx, sy = ny, -nx
     contact[c, at], contact[c, at + 1] = nx, ny
     contact[c, at + 2], contact[c, at + 3] = ry * nx - rx * ny, qy * nx - qx * ny
     at += 4
     contact[c, at], contact[c, at + 1] = sx, sy
     contact[c, at + 2], contact[c, at + 3] = ry * sx - rx * sy, qy * sx - qx * sy
-    return gap, along
+    return gap, met, face
 
 
 @compile_alone
