@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from domino_env import kernels
 from domino_env.core.models import Number, Value
 from domino_env.core.threads import share_pieces
-from domino_env.physics.gradient import Gradient, Laid
+from domino_env.physics.gradient import Gradient
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 
@@ -196,7 +196,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
                 )
         return None
 
-    def along_ground(self, found: Gradient, row: Laid) -> Gradient:
+    def along_ground(self, found: Gradient, layout: Any) -> Gradient:
         """Turn a gradient with the ground fixed into one along the ground.
 
         Where a gap or a thickness changes, all later dominoes move along the ground, and their
@@ -205,9 +205,14 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Parameters
         ----------
         found
-            Of one row, as `Wave.gradient` gives it, or of B of them.
-        row
-            That row as it was laid, or those.
+            Gradient of one layout, as from `Wave.gradient`, or of a batch.
+        layout
+            That layout, or the batch, with `spacing`, `thickness`, `rise` and `tilt`.
+
+        Returns
+        -------
+        Gradient
+            Derivatives along the ground, without rise and tilt.
         """
         if found.rise is None or found.tilt is None:
             return found  # on flat ground nothing changes
@@ -217,8 +222,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             spacing += moved
             thickness[..., 1:] += moved
         else:
-            told = row.spacing, row.thickness, row.rise, row.tilt, found.rise, found.tilt
-            arrays = [_rows(array) for array in told]
+            geometry = layout.spacing, layout.thickness, layout.rise, layout.tilt
+            arrays = [_rows(array) for array in (*geometry, found.rise, found.tilt)]
             written = [np.atleast_2d(array) for array in (spacing, thickness)]
             count = arrays[1].shape[1]
             share_pieces(

@@ -22,7 +22,7 @@ from domino_env.physics.gradient import (
     adjoint_arrays,
     batch_arrays_of,
     gradient_of,
-    pull,
+    pullback,
     with_length_gradient,
 )
 from domino_env.physics.layout import Layout
@@ -183,7 +183,7 @@ class Wave:
                 "simulate(layout, physics, gradient=True)"
             )
         reached = int(np.isfinite(self.arrival_times).sum())
-        return pull(self.layout, self.physics, self.tape, arrival_bar, reached)
+        return pullback(self.layout, self.physics, self.tape, arrival_bar, reached)
 
     def gradient(self, of: str = "time") -> Gradient:
         """Return the gradient of what the wave does at the last domino.

@@ -250,7 +250,7 @@ def test_a_wave_that_stopped_pulls_back_what_it_reached() -> None:
     g = wave.pullback([0.0, 0.0, 1.0, 0.0, 0.0])
     assert g.spacing[:2].all()
     assert not g.spacing[2:].any()
-    with pytest.raises(ValueError, match=r"arrival_bar\[3\] = 1.0, but the wave never came to"):
+    with pytest.raises(ValueError, match=r"arrival_bar\[3\] = 1.0, but the wave did not reach"):
         wave.pullback([0.0, 0.0, 1.0, 1.0, 0.0])
     with pytest.raises(ValueError, match="there is no time to differentiate: a gap is out of"):
         wave.gradient()
