@@ -96,7 +96,7 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
     other.mkdir()
     (other / "scene.toml").write_text(de.load_scene("ideal").to_toml())
     scene.uniform().layout.to_csv(other / "layout.csv")
-    with pytest.raises(ValueError, match="race one scene"):
+    with pytest.raises(ValueError, match="show layouts of one scene"):
         read_racers([run, other / "layout.csv"])
     with pytest.raises(ValueError, match="nothing to race"):
         race_data([])
