@@ -29,6 +29,7 @@ from optimize.problem import Problem as UnitBox
 from optimize.searching import search
 
 WIDTH, HEIGHT = 1000, 200  # of a drawing [px]
+DEFAULT_PHYSICS = Physics()
 
 
 class DominoProblem(Problem[Floats]):
@@ -82,9 +83,9 @@ class DominoProblem(Problem[Floats]):
             Angular velocity of the first domino at the start [rad/s].
         """
 
-        friction: Annotated[float, bounded(lower=0.0).category(THEORY)] = Physics.friction
-        gravity: Annotated[float, greater_than(0.0).category(THEORY)] = Physics.gravity
-        push: Annotated[float, greater_than(0.0).category(THEORY)] = Physics.push
+        friction: Annotated[float, bounded(lower=0.0).category(THEORY)] = DEFAULT_PHYSICS.friction
+        gravity: Annotated[float, greater_than(0.0).category(THEORY)] = DEFAULT_PHYSICS.gravity
+        push: Annotated[float, greater_than(0.0).category(THEORY)] = DEFAULT_PHYSICS.push
 
     @dataclass
     class Config(Conditions):
