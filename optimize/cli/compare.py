@@ -75,13 +75,13 @@ def run(arguments: argparse.Namespace) -> int:
     with open_study(arguments, "comparison", default, tasks, settings, folder) as (study, options):
         limit = f"{budget} layouts" if seconds is None else f"{seconds:g} s"
         print(f"{len(tasks) - study.tasks} runs of {limit}", flush=True)
-        found = run_experiment(tasks, known_score=known_score, **options)
-        write_comparison(found, folder)
-        for problem in found.problems:
-            print(f"\n{problem}\n" + "\n".join(table(found, [problem])))
+        experiment = run_experiment(tasks, known_score=known_score, **options)
+        write_comparison(experiment, folder)
+        for problem in experiment.problems:
+            print(f"\n{problem}\n" + "\n".join(table(experiment, [problem])))
         print(f"\nwritten to {folder}: {', '.join(COMPARISON_FILES)}")
         if arguments.update_best:
-            shipped = [r for r in found.results if r.scene_name in scene_names()]
+            shipped = [r for r in experiment.results if r.scene_name in scene_names()]
             improved = update([(scene_of(r.scene), r) for r in shipped])
             print(f"new records: {', '.join(improved) or 'none'}")
-        return exit_code(found)
+        return exit_code(experiment)

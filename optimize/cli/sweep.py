@@ -52,29 +52,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check, search, and write the folder."""
-    from domino_env.scenes.io.reading import load_scene
     from optimize.experiments.report import SWEEP_FILES, write_sweep
     from optimize.experiments.runner import run_experiment
     from optimize.experiments.sweep import plan_sweep
 
-    scene = load_scene(arguments.scene)
     tasks = plan_sweep(
-        scene, arguments.set, arguments.methods, arguments.seeds, arguments.budget,
+        arguments.scene, arguments.set, arguments.methods, arguments.seeds, arguments.budget,
         arguments.seconds, random=arguments.random, seed=arguments.seed,
     )  # fmt: skip
+    scene = tasks[0].scene_name
     settings = {
-        "scene": scene.name, "set": arguments.set, "random": arguments.random,
+        "scene": scene, "set": arguments.set, "random": arguments.random,
         "seed": arguments.seed, "methods": arguments.methods, "seeds": arguments.seeds,
         "budget": tasks[0].budget, "seconds": arguments.seconds,
     }  # fmt: skip
-    name, out = f"sweep-{scene.name}", Path(arguments.out or "runs")
+    name, out = f"sweep-{scene}", Path(arguments.out or "runs")
     with open_study(arguments, "sweep", name, tasks, settings, out) as (study, options):
         folder = out if arguments.out else out / study.name
         before = f", {study.tasks} of them done before" if study.tasks else ""
         print(
             f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}", flush=True
         )
-        found = run_experiment(tasks, **options)
-        write_sweep(found, folder, scene)
-        print(f"{len(found.results)} results; written to {folder}: {', '.join(SWEEP_FILES)}")
-        return exit_code(found)
+        experiment = run_experiment(tasks, **options)
+        write_sweep(experiment, folder)
+        print(f"{len(experiment.results)} results; written to {folder}: {', '.join(SWEEP_FILES)}")
+        return exit_code(experiment)

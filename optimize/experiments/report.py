@@ -13,7 +13,6 @@ import numpy as np
 
 from domino_env.core.files import write_text
 from domino_env.core.tables import markdown_table, write_csv
-from domino_env.scenes.scene import Scene
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import scene_of
 
@@ -38,13 +37,14 @@ def write_comparison(experiment: Experiment, folder: Path) -> None:
     write_text(folder / "comparison.md", comparison_page(experiment))
 
 
-def write_sweep(experiment: Experiment, folder: Path, base: Scene) -> None:
+def write_sweep(experiment: Experiment, folder: Path) -> None:
     """Write all SWEEP_FILES of variations of a scene; other files in the folder stay."""
     from optimize.experiments.pictures import draw_over_settings
 
+    scene = scene_of(experiment.tasks[0].scene)
     write_runs(experiment, folder / "sweep.csv")
-    draw_over_settings(experiment, folder / "sweep.png", base.name, base.unit)
-    write_text(folder / "sweep.md", sweep_page(experiment, base))
+    draw_over_settings(experiment, folder / "sweep.png", scene.name, scene.unit)
+    write_text(folder / "sweep.md", sweep_page(experiment))
 
 
 def write_runs(experiment: Experiment, path: Path) -> None:
@@ -114,14 +114,15 @@ def comparison_page(experiment: Experiment) -> str:
     return COMPARISON_PAGE.format(limit=experiment.limit, over=over, sections="\n".join(sections))
 
 
-def sweep_page(experiment: Experiment, base: Scene) -> str:
+def sweep_page(experiment: Experiment) -> str:
     """Return the page of a sweep: the picture and a table."""
+    scene = scene_of(experiment.tasks[0].scene)
     lines = [*table(experiment, experiment.problems), *failures_section(experiment)]
     return SWEEP_PAGE.format(
-        name=base.name, keys=", ".join(f"`{key}`" for key in experiment.keys),
+        name=scene.name, keys=", ".join(f"`{key}`" for key in experiment.keys),
         points=len(experiment.points), runs=len(experiment.results), limit=experiment.limit,
         over=experiment.over_seeds("medians over"),
-        value="gain over uniform" if base.unit else "score", table="\n".join(lines),
+        value="gain over uniform" if scene.unit else "score", table="\n".join(lines),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from domino_env.core.checks import require
-from domino_env.scenes.io.reading import load_scene, scene_of_document
+from domino_env.scenes.io.reading import read_named, scene_of_document
 from domino_env.scenes.scene import Scene
 from optimize.experiments.compare import plan_tasks, require_distinct
 from optimize.experiments.experiment import Experiment
@@ -175,19 +175,30 @@ def sample_points(axes: Sequence[Axis], number: int, rng: np.random.Generator) -
     return list({repr(point): point for point in points}.values())
 
 
-def scene_at(base: Scene, point: Point) -> Scene:
-    """Return the scene with the values of a point in its file.
+def scene_at(base: dict[str, Any], name: str, point: Point, file: str = "") -> Scene:
+    """Return the scene of a document in which the values of a point replace others.
 
     A value for `fixed` replaces `min` and `max`, and so on.
+
+    Parameters
+    ----------
+    base
+        Document of a scene, which need not be valid without the values of the point.
+    name
+        Name of the scene unless the document has one.
+    point
+        Values by key.
+    file
+        Name of the document in messages.
 
     Raises
     ------
     ValueError
-        The values are no scene's, or nothing is left to search; the message begins with the
-        coordinates of the point.
+        The values are no scene's, or nothing is left to search; the message begins with the file
+        and the coordinates of the point.
     """
-    document = base.document()
-    where = describe_labels(_labels(point))
+    document = copy.deepcopy(base)
+    where = " at ".join(filter(None, (file, describe_labels(_labels(point)))))
     for key, value in point.items():
         *tables, last = key.split(".")
         table = document
@@ -201,7 +212,7 @@ def scene_at(base: Scene, point: Point) -> Scene:
             for other in others:
                 table.pop(other, None)
         table[last] = copy.deepcopy(value)
-    scene = scene_of_document(document, base.name, where)
+    scene = scene_of_document(document, name, where)
     try:
         Problem(scene)
     except ValueError as error:
@@ -262,13 +273,12 @@ def sweep(
     >>> [point for point, in table.points]
     [0.0, 0.5]
     """
-    base = scene if isinstance(scene, Scene) else load_scene(scene)
-    tasks = plan_sweep(base, axes, methods, seeds, budget, seconds, random=random, seed=seed)
+    tasks = plan_sweep(scene, axes, methods, seeds, budget, seconds, random=random, seed=seed)
     return run_experiment(tasks, **options)
 
 
 def plan_sweep(
-    scene: Scene,
+    scene: Scene | str | Path,
     axes: Sequence[str],
     methods: Sequence[str] = ("auto",),
     seeds: int = 1,
@@ -279,6 +289,10 @@ def plan_sweep(
     seed: int = 0,
 ) -> list[Task]:
     """Return the tasks of a sweep, in order, with every point checked; see `sweep`."""
+    if isinstance(scene, Scene):
+        base, name, file = scene.document(), scene.name, ""
+    else:  # only the points are checked: they may replace what is impossible in the file
+        base, name, file = read_named(scene)
     parsed = [parse_axis(axis, sampled=random is not None) for axis in axes]
     if not parsed:
         raise ValueError(f"nothing is swept: --set KEY=…; {GRID_SYNTAX}")
@@ -290,7 +304,8 @@ def plan_sweep(
         points = sample_points(parsed, random, np.random.default_rng(seed))
     if budget is None and seconds is None:
         budget = DEFAULT_BUDGET
-    scenes, labels = [scene_at(scene, point) for point in points], [_labels(p) for p in points]
+    scenes = [scene_at(base, name, point, file) for point in points]
+    labels = [_labels(point) for point in points]
     return plan_tasks(scenes, methods, range(seeds), budget, seconds, labels)
 
 

@@ -133,6 +133,7 @@ def test_a_title_cannot_write_markdown(scenes) -> None:
     (["sprint"], [], [0], 1, "methods is empty"),
     (["sprint"], ["cma", "cma"], [0], 1, "methods = cma, cma: give each once"),
     (["sprint"], ["cma"], [], 1, "seeds is empty"),
+    (["sprint"], ["cma"], range(10**8), 1, "100000000 seeds are 100000000 searches: give fewer"),
     (["sprint"], ["cma"], [0], None, "give each run a budget or seconds"),
 ])  # fmt: skip
 def test_what_cannot_be_compared(scene_list, methods, seeds, budget, message: str) -> None:
@@ -251,16 +252,20 @@ def test_drawn_points_are_within_their_ranges_and_repeat_with_their_seed() -> No
 
 def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
     base = scenes["spacing"]
-    found = scene_at(base, {"physics.friction": 0.1, "row.count": 8, "thickness.fixed": 0.006})
+
+    def changed(scene: de.Scene, point: dict) -> de.Scene:
+        return scene_at(scene.document(), scene.name, point)
+
+    found = changed(base, {"physics.friction": 0.1, "row.count": 8, "thickness.fixed": 0.006})
     expected = replace(
         base, physics=base.physics.replace(friction=0.1), count=8, thickness=(0.006, 0.006)
     )
     assert found.to_toml() == expected.to_toml()
-    robust = scene_at(base, {"objective": "robust", "robust.deviation": 0.001})
+    robust = changed(base, {"objective": "robust", "robust.deviation": 0.001})
     assert robust.settings == de.Placement(0.001)
-    free = scene_at(base, {"thickness.min": 0.005, "thickness.max": 0.009})
+    free = changed(base, {"thickness.min": 0.005, "thickness.max": 0.009})
     assert free.thickness == (0.005, 0.009)
-    assert scene_at(free, {"thickness.fixed": 0.008}).thickness == (0.008, 0.008)
+    assert changed(free, {"thickness.fixed": 0.008}).thickness == (0.008, 0.008)
 
 
 @pytest.mark.parametrize(("axis", "more", "message"), [
@@ -279,6 +284,19 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
 def test_what_cannot_be_swept(scenes, axis: str, more: dict, message: str) -> None:
     with pytest.raises(ValueError, match=f"^{message}"):
         plan_sweep(scenes["spacing"], [axis], **more)
+
+
+def test_only_the_points_of_a_file_must_be_possible(scenes, tmp_path: Path) -> None:
+    path = tmp_path / "box.toml"
+    path.write_text(scenes["length"].to_toml().replace("count = 9", "count = 40"))
+    with pytest.raises(ValueError, match="cannot be met"):
+        de.load_scene(path)
+    tasks = plan_sweep(path, ["row.count=8:9:2"])
+    assert [task.labels["row.count"] for task in tasks] == [8, 9]
+    with pytest.raises(
+        ValueError, match=f"{path} at row.count = 41: .*cannot be met: .* would fit"
+    ):
+        plan_sweep(path, ["row.count=9,41"])
 
 
 # sweeps -----------------------------------------------------------------------------------------
@@ -305,14 +323,14 @@ def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experi
 
 
 def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> None:
-    write_sweep(swept, tmp_path, scenes["spacing"])
+    write_sweep(swept, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(SWEEP_FILES)
     for line, r in zip(lines_of(tmp_path / "sweep.csv"), swept.results, strict=True):
         assert [float(line[key]) for key in swept.keys] == list(r.labels.values())
         assert (float(line["score"]), float(line["gain"]), line["key"]) == (r.score, r.gain, r.key)
         best = swept.best[r.problem]
         assert float(line["gap"]) == pytest.approx((best - r.score) / best)
-    assert sweep_page(swept, scenes["spacing"]).count("| `auto` |") == 6
+    assert sweep_page(swept).count("| `auto` |") == 6
 
 
 @pytest.mark.parametrize(("scene", "axes"), [
@@ -323,9 +341,9 @@ def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> Non
 ], ids=["line", "words", "three", "dead"])  # fmt: skip
 def test_pictures_of_other_sweeps(scenes, scene: str, axes: list[str], tmp_path: Path) -> None:
     found = sweep(scenes[scene], axes, methods=["uniform"], budget=1)
-    write_sweep(found, tmp_path, scenes[scene])
+    write_sweep(found, tmp_path)
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
-    assert ("–" in sweep_page(found, scenes[scene])) == (scene == "dead")  # it has no gain
+    assert ("–" in sweep_page(found)) == (scene == "dead")  # it has no gain
 
 
 WORDS = ["sweep", "mine.toml", "--set", "physics.push=6,8", "--methods", "random"]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import multiprocessing as mp
+import resource
+import signal
 import sqlite3
 from contextlib import closing, suppress
 from pathlib import Path
@@ -148,6 +150,31 @@ def test_damaged_stores_are_rejected(good: bytes, path: Path, statement, message
         open_store(path).study("one").done()
     assert str(path) in str(error.value)
     assert path.read_bytes() == before
+
+
+def test_a_full_disk_and_a_locked_store_keep_the_results_so_far(
+    path: Path, result: TaskResult, monkeypatch
+) -> None:
+    study = open_store(path).begin("one", "sweep", {})
+    study.add(result)
+    large = other(result, 1, scene="x" * 10**6)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 10_000, before[1]))
+    try:
+        with pytest.raises(ValueError, match="make room and continue with --resume"):
+            study.add(large)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+    monkeypatch.setattr("optimize.experiments.store.LOCK_TIMEOUT", 0.01)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(ValueError, match="is locked by another program"):
+            study.add(large)
+    assert list(study.done()) == [result.key]
+    study.add(large)  # the disk has room, the lock is gone
+    assert len(study.done()) == 2
 
 
 def test_other_files_are_rejected(tmp_path: Path) -> None:
