@@ -132,7 +132,11 @@ class ScenePolicy:
                 f"loading {path} runs the code that it contains: add --trust if you know its source"
             )
         require_learning()
+        import torch
+
         from agents.sb3 import CLASSES
+
+        torch.set_num_threads(1)
 
         for kind in CLASSES.values():
             try:

@@ -1,4 +1,4 @@
-"""The examples learn something in a second; run to their end, they say what they come to."""
+"""Examples: short trainings improve the policy."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_an_example_learns(
     name: str, short: int, longer: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     example, scenes = loaded(name), load_test_set("varied")[:20]
-    monkeypatch.setattr(example, "ROWS", 64)
+    monkeypatch.setattr(example, "NUM_ENVS", 64)
     before, after = (example.gains(example.train(much), scenes) for much in (short, longer))
     assert after.shape == (20,)
     assert after.mean() > before.mean()
