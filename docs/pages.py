@@ -1,6 +1,6 @@
-"""Pages that are made when the site is built: scenes and methods, from the data and docstrings.
+"""Generate the pages of scenes and methods when the site is built.
 
-Run as a program it writes the tables of README.md anew.
+Run as a program it updates the tables of README.md.
 
 MkDocs calls `on_config`, `on_files` and `on_page_markdown` (mkdocs.yml, hooks).
 """
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
     from mkdocs.structure.files import Files
 
 WIDE, ROOM = 940.0, 10.0  # [px]
-ENDS = 36  # dominoes at either end that are drawn of a long row
+ENDS = 36  # dominoes that are drawn at either end of a long layout
 BREAK = 2.0  # [heights] between the two ends
-FALLEN = 0.6  # of the wave's time: the instant that is drawn
-USUAL = 0.0075  # [m]: a standard domino's thickness
-WHAT_FLOORS_LEAVE = (
+FALLEN = 0.6  # of the wave's time: the moment that is drawn
+STANDARD = 0.0075  # thickness of a standard domino [m]
+FLOOR_NOTE = (
     "",
-    "The last column is what is left of *over equal* when rows stand free on floors of such",
-    "friction, by `domino best-known --verify`; dominoes that stay up are counted.",
+    "The last column is the gain on floors of the given friction (`domino best-known --verify`),",
+    "with the number of dominoes that do not topple.",
 )
 MADE = r"(<!-- {} -->\n).*?(<!-- end -->)"  # the text between two comments
 SCENES_HERE, BENCHMARK_HERE = "made by python docs/pages.py", "summary of docs/benchmark.md"
-METHOD_OPTIONS = (  # of mkdocstrings: the module's docstring alone, under a heading of ours
+METHOD_OPTIONS = (  # of mkdocstrings: only the module's docstring, under a heading of this page
     "    options:",
     "      members: false",
     "      show_root_heading: false",
@@ -48,7 +48,7 @@ METHOD_OPTIONS = (  # of mkdocstrings: the module's docstring alone, under a hea
 
 
 def on_config(config: Any) -> Any:
-    """A line of the menu for every scene."""
+    """Add every scene to the menu."""
     for section in config.nav:
         if "Scenes" in section:
             section["Scenes"] = ["scenes/index.md"] + [
@@ -58,7 +58,7 @@ def on_config(config: Any) -> Any:
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """The pages that no file holds."""
+    """Add the generated pages."""
     from mkdocs.structure.files import File
 
     records = best_known()
@@ -88,26 +88,26 @@ def _equation(equation: re.Match[str]) -> str:
 
 @cache
 def shipped(name: str) -> de.Scene:
-    """A scene; its best uniform row is found once."""
+    """Load a scene; its uniform baseline is computed once."""
     return de.load_scene(name)
 
 
 def scenes_page(records: dict[str, BestKnown]) -> str:
-    """All scenes in a table."""
+    """Return the page with the table of all scenes."""
     lines = [
         "---",
         "hide: [toc]",  # the table is wide
         "---",
         "# Scenes",
         "",
-        "A scene is a design problem in one TOML file: what stands, what may be chosen, what",
-        "counts. These ship, and are there to be copied.",
+        "A scene is a design problem in one TOML file: dominoes, physics, free variables, rules and",
+        "objective. Copy one of these as a start.",
         "",
         *scenes_table(records, "{}.md"),
         "",
-        "## What a scene's file holds",
+        "## Keys of a scene file",
         "",
-        "[Searching a better row](../searching.md) shows a file of your own.",
+        "[Searching for a better layout](../searching.md) explains how to write one.",
         "",
         *keys(),
     ]
@@ -115,123 +115,126 @@ def scenes_page(records: dict[str, BestKnown]) -> str:
 
 
 def scenes_table(records: dict[str, BestKnown], link: str) -> list[str]:
-    """What every scene asks, how three rows of it compare, and what floors leave of the gain."""
+    """Return the table of scenes: baselines, best known layouts and gains on floors."""
     floors = floor_frictions()
     rows = []
     for name in de.scene_names():
         scene = shipped(name)
-        usual, uniform, best = three_rows(scene, records.get(name))
+        habit, uniform, best = three_layouts(scene, records.get(name))
         rows.append(
             (
                 f"[`{name}`]({link.format(name)})",
                 scene.title,
-                *(worth(scene, row) for row in (usual, uniform, best)),
-                lead(scene, best, usual),
-                lead(scene, best, uniform),
-                *([" / ".join(left_on(f, name, records) for f in floors)] if floors else []),
+                *(score_cell(scene, one) for one in (habit, uniform, best)),
+                advantage(scene, best, habit),
+                advantage(scene, best, uniform),
+                *([" / ".join(gain_on_floor(f, name, records) for f in floors)] if floors else []),
             )
         )
-    names = ["scene", "what it asks", "usual gaps", "best equal gaps", "best row known"]
-    names += ["over usual", "over equal"]
-    names += [f"on floors of {' / '.join(f'{floor:g}' for floor in floors)}"] if floors else []
+    names = ["scene", "problem", "gap = thickness", "best equal gaps", "best known"]
+    names += ["over gap = thickness", "over equal gaps"]
+    names += [f"gain on floors of {' / '.join(f'{floor:g}' for floor in floors)}"] if floors else []
     sprint = shipped("sprint")
-    usual, uniform, best = three_rows(sprint, records["sprint"])
+    habit, uniform, best = three_layouts(sprint, records["sprint"])
     return [
         *markdown_table(names, rows),
         "",
-        "Speeds are in m/s. *Usual gaps* are as wide as the dominoes are thick (7.5 mm where the",
-        "thickness is free): how builders like them. A dash: no such row, or no ratio that says",
-        f"much. On `sprint` the best row known is {lead(sprint, best, usual)[1:]} faster than",
-        f"usual gaps and {lead(sprint, best, uniform)[1:]} faster than the best equal gaps.",
-        *(WHAT_FLOORS_LEAVE if floors else ()),
+        "Speeds are in m/s. *gap = thickness* is a habit of builders (7.5 mm if the thickness",
+        "is free). A dash: no such layout, or a ratio without meaning.",
+        f"On `sprint` the best known layout is {advantage(sprint, best, habit)[1:]} faster than",
+        f"gap = thickness and {advantage(sprint, best, uniform)[1:]} faster than the baseline.",
+        *(FLOOR_NOTE if floors else ()),
     ]
 
 
-def three_rows(scene: de.Scene, record: BestKnown | None) -> list[tuple[float, de.Layout] | None]:
-    """Score and layout: gaps as builders like them, the best equal ones, the best row known."""
-    mark = scene.uniform()
-    thickness = mark.layout.thickness if scene.stock else np.full(scene.count, USUAL)
-    row = thickness[:-1], thickness, mark.layout.height
-    usual = de.Layout(*row) if scene.ground is None else scene.ground.layout(*row)
-    allowed = not scene.violations(usual) and not scene.free_height
+def three_layouts(
+    scene: de.Scene, record: BestKnown | None
+) -> list[tuple[float, de.Layout] | None]:
+    """Return score and layout of gaps as wide as the thickness, the baseline and the best known."""
+    baseline = scene.uniform()
+    thickness = baseline.layout.thickness if scene.stock else np.full(scene.count, STANDARD)
+    values = thickness[:-1], thickness, baseline.layout.height
+    habit = de.Layout(*values) if scene.ground is None else scene.ground.layout(*values)
+    allowed = not scene.violations(habit) and not scene.free_height
     return [
-        (scene.score(usual), usual) if allowed else None,
-        (mark.score, mark.layout),
+        (scene.score(habit), habit) if allowed else None,
+        (baseline.score, baseline.layout),
         (record.score, record.layout) if record else None,
     ]
 
 
-def worth(scene: de.Scene, row: tuple[float, de.Layout] | None) -> str:
-    """Write what a row is worth into a cell."""
-    if row is None:
+def score_cell(scene: de.Scene, scored: tuple[float, de.Layout] | None) -> str:
+    """Format the score of a layout for a table."""
+    if scored is None:
         return "–"
-    score, layout = row
+    score, layout = scored
     if score <= 0.0:
-        return "dies"
+        return "stops"
     return f"{score:.4f}" if scene.unit == "m/s" else scene.in_words(score, scene.simulate(layout))
 
 
-def lead(
-    scene: de.Scene, row: tuple[float, de.Layout] | None, other: tuple[float, de.Layout] | None
+def advantage(
+    scene: de.Scene, scored: tuple[float, de.Layout] | None, other: tuple[float, de.Layout] | None
 ) -> str:
-    """How much faster one row is than another."""
-    if row is None or other is None or other[0] <= 0.0 or scene.unit != "m/s":
+    """Format by how much one layout is faster than another."""
+    if scored is None or other is None or other[0] <= 0.0 or scene.unit != "m/s":
         return "–"
-    return f"{row[0] / other[0] - 1.0:+.1%}"
+    return f"{scored[0] / other[0] - 1.0:+.1%}"
 
 
 def floor_frictions() -> list[float]:
-    """On which floors the rows that ship were looked at."""
+    """Return the frictions of the floors on which the best known layouts were simulated."""
     checks = [check for one in read_verified().values() for check in one.floors]
     return sorted({check.floor for check in checks if check.floor})
 
 
-def left_on(floor: float, name: str, records: dict[str, BestKnown]) -> str:
-    """How much faster the best row is on a floor than the best uniform row of that floor."""
+def gain_on_floor(floor: float, name: str, records: dict[str, BestKnown]) -> str:
+    """Format the gain of a best known layout on a floor over the uniform baseline there."""
     record = records.get(name)
     one = record and known_verification(record.layout, shipped(name).physics)
-    for look in one.floors if one else ():
-        if look.floor == floor:
-            up = look.staying_up
-            gain = "–" if look.gain is None else f"{look.gain:+.1%}"
+    for check in one.floors if one else ():
+        if check.floor == floor:
+            up = check.staying_up
+            gain = "–" if check.gain is None else f"{check.gain:+.1%}"
             first = f" (first {one.first})" if one.first < one.count else ""
             return gain + first + (f" ({up} up)" if up else "")
     return "–"
 
 
 def keys() -> list[str]:
-    """The keys of a scene's file, from its schema."""
+    """Return the table of the keys of a scene file, from its schema."""
     schema = scene_schema()
     rows = []
-    for table, told in schema["properties"].items():
-        inside = schema["$defs"].get(told.get("$ref", "").rpartition("/")[2])
-        fields = inside["properties"] if inside else {table: told}
+    for table, entry in schema["properties"].items():
+        inside = schema["$defs"].get(entry.get("$ref", "").rpartition("/")[2])
+        fields = inside["properties"] if inside else {table: entry}
         for key, field in fields.items():
             default = field.get("default")
             shown = "" if default is None else f"`{default}`"
             where = f"[{table}]" if inside else ""
             choice = ": " + ", ".join(field["enum"]) if len(field.get("enum", ())) > 1 else ""
             rows.append((where, f"`{key}`", field["description"] + choice, shown))
-    return list(markdown_table(("table", "key", "what it is", "default"), rows))
+    return list(markdown_table(("table", "key", "meaning", "default"), rows))
 
 
 def scene_page(name: str, record: BestKnown | None) -> str:
-    """One scene: what it asks, the best uniform row, the best row known, drawn."""
+    """Return the page of a scene with drawings of its baseline and its best known layout."""
     scene = shipped(name)
-    mark = scene.uniform()
+    baseline = scene.uniform()
     text = [
         f"# {name}", "", scene.title + ".", "",
-        f"Best uniform row: {scene.in_words(mark.score, mark.wave)}, "
-        f"gaps {1e3 * mark.layout.spacing[0]:.2f} mm, "
-        f"thickness {1e3 * mark.layout.thickness[-1]:.2f} mm.", "",
-        drawing(mark.layout, scene), "",
+        f"Uniform baseline: {scene.in_words(baseline.score, baseline.wave)}, "
+        f"gaps {1e3 * baseline.layout.spacing[0]:.2f} mm, "
+        f"thickness {1e3 * baseline.layout.thickness[-1]:.2f} mm.", "",
+        drawing(baseline.layout, scene), "",
     ]  # fmt: skip
     if record is not None:
         wave = scene.simulate(record.layout)
-        lead = record.score / mark.score - 1.0 if mark.score > 0.0 else None
-        gain = "" if lead is None or not scene.unit else f", {lead:+.2%}"
+        gain = ""
+        if baseline.score > 0.0 and scene.unit:
+            gain = f", {record.score / baseline.score - 1.0:+.2%}"
         text += [
-            f"Best row known: **{scene.in_words(record.score, wave)}**{gain}; found by "
+            f"Best known layout: **{scene.in_words(record.score, wave)}**{gain}; found by "
             f"`{record.method}` (seed {record.seed}) in {record.seconds:g} s.", "",
             drawing(record.layout, scene), "",
             schedule("gap in front of each domino [mm]", 1e3 * record.layout.spacing), "",
@@ -248,9 +251,9 @@ def scene_page(name: str, record: BestKnown | None) -> str:
             "## Try it",
             "",
             "```",
-            f"domino optimize {name}                        # search one yourself",
-            f"domino best-known {name} --layout runs/best.csv # the row above",
-            f"domino report runs/best.csv --scene {name}      # and see it race",
+            f"domino optimize {name}                        # search for a layout",
+            f"domino best-known {name} --layout runs/best.csv # write the best known layout",
+            f"domino report runs/best.csv --scene {name}      # compare it with the baseline",
             "```",
             "",
             "## The file",
@@ -264,21 +267,21 @@ def scene_page(name: str, record: BestKnown | None) -> str:
 
 
 def checked(record: BestKnown, scene: Any) -> list[str]:
-    """What others than the model saw of the row: hinged, and what is left of its gain on floors."""
+    """Return the verification of a best known layout on fixed pivots and on floors."""
     one = known_verification(record.layout, scene.physics)
     if one is None:
         return []
-    lines = [f"On fixed pivots, in the simulator that keeps no contact closed: {one.verdict}", ""]
-    for look in one.floors[1:]:
-        lead = "" if look.gain is None else f", {look.gain:+.2%} over the best uniform row there"
-        up = f"; {look.staying_up} stay up" if look.staying_up else ""
-        lines.append(f"- On a floor of friction {look.floor:g}: {look.score}{lead}{up}.")
+    lines = [f"On fixed pivots, by the reference simulator: {one.verdict}", ""]
+    for check in one.floors[1:]:
+        gain = "" if check.gain is None else f", {check.gain:+.2%} over the uniform baseline there"
+        up = f"; {check.staying_up} do not topple" if check.staying_up else ""
+        lines.append(f"- On a floor of friction {check.floor:g}: {check.score}{gain}{up}.")
     first = f" (The first {one.first} dominoes.)" if one.first < one.count else ""
-    return [*lines, "", f"[Checked in other physics](../verification.md).{first}", ""]
+    return [*lines, "", f"[Verification](../verification.md).{first}", ""]
 
 
 def methods_page() -> str:
-    """Every method's idea, as its module tells it."""
+    """Return the page of methods from the docstrings of their modules."""
     lines = ["# Search methods", ""]
     lines += ["`domino optimize SCENE --method NAME`, or `search(scene, method=NAME)`.", ""]
     modules: dict[str, list[str]] = {}
@@ -287,17 +290,17 @@ def methods_page() -> str:
     for module, names in modules.items():
         lines += [f"## {', '.join(names)}", "", f"::: optimize.methods.{module}", *METHOD_OPTIONS]
         lines.append("")
-    lines += ["## Peers", "", "Methods of other projects, where these are installed:", ""]
+    lines += ["## Third-party methods", "", "Available if their packages are installed:", ""]
     lines += [f"- `{name}` needs {needed}" for name, (_, needed) in PEERS.items()]
     return "\n".join(lines) + "\n"
 
 
 def drawing(layout: de.Layout, scene: Any) -> str:
-    """A row as it topples, to scale: an SVG picture in a block of its own."""
+    """Draw a layout while it topples, to scale, as SVG."""
     motion = Motion(layout, scene.physics)
     cut = layout.count > 2.5 * ENDS and layout.is_flat
     instant = FALLEN * motion.end
-    if cut:  # the front is among those that are drawn
+    if cut:  # a moment at which the leading domino is drawn
         instant = float(scene.simulate(layout).arrival_times[ENDS // 2])
     leader = int(motion.leader([instant])[0][0])
     corners = outlines(layout, motion.angles([instant])[0])
@@ -339,7 +342,7 @@ def drawing(layout: de.Layout, scene: Any) -> str:
 
 
 def schedule(name: str, values: np.ndarray) -> str:
-    """Numbers along the row as bars: an SVG picture with a scale."""
+    """Draw numbers along the layout as bars with a scale, as SVG."""
     high, left = 120.0, 44.0
     top = float(values.max())
     scale, step = (high - 26.0) / top, (WIDE - left - ROOM) / len(values)
@@ -348,14 +351,14 @@ def schedule(name: str, values: np.ndarray) -> str:
         f'width="{max(0.8 * step, 0.5):.2f}" height="{v * scale:.1f}" fill="#0b6e99"/>'
         for k, v in enumerate(values)
     )
-    marks = "".join(
+    labels = "".join(
         f'<text x="{left - 6:.0f}" y="{high - 2.0 - v * scale:.0f}" text-anchor="end" '
         f'font-size="11" fill="currentColor">{v:.3g}</text>'
         for v in (top, 0.0)
     )
     title = f'<text x="{left:.0f}" y="12" font-size="12" fill="currentColor">{name}</text>'
     words = f"{name}: first {values[0]:.3g}, least {values.min():.3g}, last {values[-1]:.3g}"
-    return _svg(high, title + marks + bars, words)
+    return _svg(high, title + labels + bars, words)
 
 
 def _svg(high: float, inside: str, words: str) -> str:
@@ -366,7 +369,7 @@ def _svg(high: float, inside: str, words: str) -> str:
 
 
 def readme_with_table(text: str) -> str:
-    """README with the table of scenes as the records are now, and that of the benchmark's page."""
+    """Return README with the present tables of scenes and of the benchmark."""
     benchmark = (Path(__file__).parent / "benchmark.md").read_text("utf-8")
     table = re.search(r"<!-- summary -->\n\n(.*?)\n\n<!-- end -->", benchmark, re.DOTALL)
     assert table is not None
@@ -375,9 +378,9 @@ def readme_with_table(text: str) -> str:
 
 
 def _between(comment: str, text: str, table: str) -> str:
-    """A text with another table after a comment."""
+    """Replace the table after a comment."""
     place = re.compile(MADE.format(re.escape(comment)), re.DOTALL)
-    return place.sub(lambda found: f"{found[1]}\n{table}\n\n{found[2]}", text)
+    return place.sub(lambda match: f"{match[1]}\n{table}\n\n{match[2]}", text)
 
 
 if __name__ == "__main__":
