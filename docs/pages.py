@@ -100,7 +100,7 @@ def scenes_page(records: dict[str, BestKnown]) -> str:
         "---",
         "# Scenes",
         "",
-        "A scene is a design problem in one TOML file: dominoes, physics, free variables, rules and",
+        "A scene is a design problem in one TOML file: dominoes, physics, free variables, rules,",
         "objective. Copy one of these as a start.",
         "",
         *scenes_table(records, "{}.md"),
