@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from domino_env import kernels
 from domino_env.core.types import Floats, Ints
+from domino_env.kernels.jit import compile_alone
 from domino_env.physics import footing
 from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
@@ -122,26 +124,108 @@ def stack_leans(layout: Layout, leader: Ints, angle: Floats) -> Floats:
     Chapman, The physics of toppling dominoes, eq. 1.
     """
     leans = np.tile(layout.tilt, (len(leader), 1))
-    leans[np.arange(len(leader)), leader] = angle
-    rises = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt)
-    order = np.argsort(leader, kind="stable")
-    lean, last = angle[order], int(leader.max())
-    starts = np.searchsorted(leader[order], np.arange(last), side="right")
-    for i in range(last - 1, -1, -1):  # each contact is seen from the ground of the domino ahead
-        behind, stand, length = slice(starts[i], None), layout.tilt[i + 1], layout.height[i]
-        d, e = layout.thickness[i + 1] / length, rises[i] / length
-        p = layout.spacing[i] / length + d
-        # p cos ψ - e sin ψ = r cos(ψ + slant) falls; a contact that separated stays as it was
-        r, slant = math.hypot(p, e), math.atan2(e, p)
-        lowest = (r * r + d * d - 1.0) / (2.0 * d * r)
-        separation = math.acos(min(max(lowest, -1.0), 1.0)) - slant
-        psi = np.minimum(lean[behind] - stand, separation)
-        gap = r * np.cos(psi + slant) - d
-        tip = psi + np.arcsin(np.clip(gap, -1.0, 1.0))
-        corner = np.arctan2(p - d * np.cos(psi), e + d * np.sin(psi))
-        lean[behind] = np.where(gap < 0.0, corner, tip) + stand
-        leans[order[behind], i] = lean[behind]
+    _lean_stacks(_contacts(layout), leader, np.asarray(angle, np.float64), leans)
     return leans
+
+
+def stack_sums(
+    layout: Layout, leader: Ints, angle: Floats, before: float, after: float
+) -> tuple[Floats, Floats]:
+    """Return the potential energy that a chain has released, and its inertia at the leader.
+
+    Parameters
+    ----------
+    layout
+        The layout that topples.
+    leader
+        (T,) index of the leading domino.
+    angle
+        (T,) turn of the leader from upright to its ground [rad].
+    before, after
+        Turns of the leader before and after that [rad], between which the rates of all others are
+        differences.
+
+    Returns
+    -------
+    released : ndarray
+        Potential energy over gravity (T,) [kg m].
+    inertia : ndarray
+        Inertia (T,) [kg m²]: twice the kinetic energy over the leader's squared velocity.
+    """
+    mass = layout.density * layout.height * layout.thickness * layout.width
+    inertias = mass * (layout.height**2 + layout.thickness**2) / 3.0
+    bodies = np.stack([layout.height, layout.thickness, layout.tilt, mass, inertias], axis=1)
+    sums = np.empty((2, len(leader)))
+    lean = angle + layout.tilt[leader]
+    _sum_stacks(_contacts(layout), bodies, leader, lean - before, lean + after, sums)
+    return sums[0], sums[1]
+
+
+def _contacts(layout: Layout) -> Floats:
+    """Return the geometry of the contacts over the height of the domino behind, (N-1, 7).
+
+    p, e: pivot ahead, forward and upward; d: thickness of the domino ahead; r, slant: p and e in
+    polar form; separation: turn [rad] at which the contact separates; stand: tilt ahead [rad].
+    """
+    length, stand = layout.height[:-1], layout.tilt[1:]
+    d = layout.thickness[1:] / length
+    p = layout.spacing / length + d
+    e = footing.steps(layout.spacing, layout.thickness, layout.rise, layout.tilt) / length
+    r, slant = np.hypot(p, e), np.arctan2(e, p)
+    lowest = (r * r + d * d - 1.0) / (2.0 * d * r)
+    separation = np.arccos(np.clip(lowest, -1.0, 1.0)) - slant
+    return np.stack([p, e, d, r, slant, separation, stand], axis=1)
+
+
+@compile_alone
+def _lean_behind(contact: Floats, lean: Any) -> Any:
+    """Return the lean of the domino behind a contact from that of the domino ahead."""
+    p, e, d, r, slant, separation, stand = contact
+    psi = min(lean - stand, separation)
+    # p cos ψ - e sin ψ = r cos(ψ + slant) falls; a contact that separated stays as it was
+    gap = r * math.cos(psi + slant) - d
+    if gap < 0.0:
+        return math.atan2(p - d * math.cos(psi), e + d * math.sin(psi)) + stand
+    return psi + math.asin(min(gap, 1.0)) + stand
+
+
+@compile_alone
+def _lean_stacks(contacts: Floats, leader: Ints, angle: Floats, leans: Floats) -> None:
+    """Write the leans of all dominoes up to the leader; see `stack_leans`."""
+    for t in range(len(leader)):
+        lean = leans[t, leader[t]] = angle[t]
+        for i in range(leader[t] - 1, -1, -1):
+            lean = leans[t, i] = _lean_behind(contacts[i], lean)
+
+
+@compile_alone
+def _sum_stacks(
+    contacts: Floats, bodies: Floats, leader: Ints, before: Floats, after: Floats, sums: Floats
+) -> None:
+    """Write the sums of `stack_sums`.
+
+    Far behind the leader leans soon stay the same from one instant to the next: the sums up to the
+    first domino that leans as before are kept, so that a long chain takes time by its length.
+    """
+    count = len(bodies)
+    leans, totals = np.full((count, 2), np.nan), np.zeros((count + 1, 2))
+    for t in range(len(leader)):
+        i, low, high = leader[t], before[t], after[t]
+        step = high - low
+        while i >= 0 and not (leans[i, 0] == low and leans[i, 1] == high):
+            leans[i, 0], leans[i, 1] = low, high
+            i -= 1
+            if i >= 0:
+                low, high = _lean_behind(contacts[i], low), _lean_behind(contacts[i], high)
+        for k in range(i + 1, leader[t] + 1):
+            height, thickness, tilt, mass, inertia = bodies[k]
+            fallen = height * math.cos(tilt) + thickness * math.sin(tilt)
+            for lean in leans[k]:
+                fallen -= 0.5 * (height * math.cos(lean) + thickness * math.sin(lean))
+            totals[k + 1, 0] = totals[k, 0] + 0.5 * mass * fallen
+            rate = (leans[k, 1] - leans[k, 0]) / step
+            totals[k + 1, 1] = totals[k, 1] + inertia * rate * rate
+        sums[:, t] = totals[leader[t] + 1]
 
 
 def outlines(layout: Layout, leans: Floats) -> Floats:
