@@ -1,1 +1,1 @@
-"""What people look at, listen to and build: drawings, films, sounds, templates, reports."""
+"""Drawings, animations, sounds, templates and reports of layouts and waves."""

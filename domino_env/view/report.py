@@ -1,7 +1,7 @@
-"""Report: one page that plays layouts against each other, and shows why one wins.
+"""Report: one page that races layouts against each other, and shows why one wins.
 
-The page needs no network and no server: data, scripts and styles are inside it. Layouts come from
-files and folders of runs, with what the folders hold of them.
+The page contains its data, scripts and styles, and needs neither network nor server. Layouts come
+from files and from folders of runs, with the curves and verifications in these folders.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import json
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -39,13 +40,13 @@ from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
 from domino_env.view.race import Racer, race_data
 
-MARK = "best uniform row"
+UNIFORM_NAME = "best uniform layout"
 
 Times = tuple[Number | None, ...]
 
 
 class SummaryDocument(Document):
-    """What is read of a run's summary.json."""
+    """Fields of a run's summary.json that the report reads."""
 
     algorithm: str | None = None
     method: str | None = None
@@ -60,16 +61,36 @@ class FloorDocument(Document):
 
 
 class VerificationDocument(Document):
-    """What is read of a run's verification.json; differences are judge over model - 1 [1]."""
+    """Fields of a run's verification.json; differences are simulator over model - 1 [1]."""
 
     engine: str
     verdict: str
-    model: Annotated[Times, Meta(description="when each domino is hit [s]")] = ()
+    model: Annotated[Times, Meta(description="time at which each domino is hit [s]")] = ()
     floors: tuple[FloorDocument, ...] = ()
 
 
 def write_report(racers: Sequence[Racer], title: str, path: Path) -> int:
-    """Write the page whole, and return its size [bytes]."""
+    """Write the page.
+
+    Parameters
+    ----------
+    racers
+        Layouts with their waves.
+    title
+        Title of the page.
+    path
+        Output file.
+
+    Returns
+    -------
+    int
+        Size of the page [bytes].
+
+    Raises
+    ------
+    ValueError
+        Without a layout, and for a layout of less than two dominoes.
+    """
     assets = files("domino_env.view") / "assets"
 
     def read(name: str) -> str:
@@ -85,8 +106,8 @@ def write_report(racers: Sequence[Racer], title: str, path: Path) -> int:
         "charts": read("uPlot.iife.min.js"),
         "race": read("race.js"),
     }
-    # in one go: a row may be called {{race}}
-    page = re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], read("report.html"))
+    # in one pass, as the name of a layout may be {{race}}
+    page = re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], read("report.html"))
     write_text(path, page)
     return len(page.encode())
 
@@ -94,20 +115,27 @@ def write_report(racers: Sequence[Racer], title: str, path: Path) -> int:
 def read_racers(
     paths: Sequence[Path], scene: Scene | None = None, physics: Physics | None = None
 ) -> tuple[list[Racer], str]:
-    """Read the rows to race, and a title, from layout files and folders of runs.
+    """Read the layouts of a race from files and folders of runs, and simulate them.
 
-    A run, of a search or of a training, brings its curve and, if `domino verify --json`
-    wrote one there, its verification.json; rows that ship bring the verification that is kept of
-    them. Where there is a scene its best uniform row races too, last.
+    The folder of a search or training also holds its curve and, if `domino verify --json` wrote
+    one there, a verification.json; shipped layouts have a shipped verification. The uniform
+    baseline of the scene, if there is one, comes last.
 
     Parameters
     ----------
     paths
-        Files of layouts and folders of runs.
+        Layout files and folders of runs.
     scene
-        The scene of all; None for the one in the runs' folders, or beside the layouts.
+        Scene of all; None for the one in the folders, or beside the layouts.
     physics
-        Instead of the scene's.
+        Physics to use instead of the scene's.
+
+    Returns
+    -------
+    racers : list of Racer
+        Layouts with their waves.
+    title : str
+        Title for the page.
 
     Raises
     ------
@@ -115,120 +143,106 @@ def read_racers(
         For a folder without a layout.csv, and for runs of different scenes.
     """
     scene = scene or common_scene(paths)
-    found: list[tuple[str, Layout, Path | None]] = []
+    names, files = [], []
     for path in paths:
-        if not path.is_dir():
-            found.append((one_line(path.stem, 100), _shown_layout(path, scene), None))
-            continue
-        if not (path / "layout.csv").exists():
+        if path.is_dir() and not (path / "layout.csv").exists():
             raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
-        row = _shown_layout(path / "layout.csv", scene)
-        found.append((one_line(_called(path), 100), row, path))
-    names = [name for name, _, _ in found]
-    judged = scene is not None and physics is None  # another physics is another problem
+        names.append(one_line(_name_of_run(path) if path.is_dir() else path.stem, 100))
+        files.append(path / "layout.csv" if path.is_dir() else path)
+    scored = scene if physics is None else None  # other physics are another problem
     physics = physics or (scene.physics if scene else Physics())
-    unit = scene.unit if scene and judged else "m/s"
     racers = []
-    for (name, layout, folder), path in zip(found, paths, strict=True):
-        wave = simulate(layout, physics)
-        # two runs of one kind are told apart by their folders
+    for name, path, file in zip(names, paths, files, strict=True):
+        layout = read_layout(file, scene)
+        require_drawable(one_line(str(file)), layout.count)
+        folder = path if path.is_dir() else None
+        # two runs of one kind differ by the names of their folders
         label = name if names.count(name) == 1 else f"{name} ({one_line(path.resolve().name, 100)})"
-        score = worth = None
-        if judged and scene and not scene.violations(layout):
-            score = scene.score(wave)
-            worth = scene.in_words(score, wave)
-        racers.append(
-            Racer(
-                label,
-                wave,
-                _curve(folder, "trace.csv", "seconds", "best_score"),
-                _curve(folder, "progress.csv", "steps", "score"),
-                _verification(folder, layout, physics),
-                score,
-                worth,
-                unit,
-            )
+        racer = Racer(
+            label,
+            simulate(layout, physics),
+            _curve(folder, "trace.csv", "seconds", "best_score"),
+            _curve(folder, "progress.csv", "steps", "score"),
+            _verification(folder, layout, physics),
         )
-    if scene and judged:
-        mark = scene.uniform()
-        worth = scene.in_words(mark.score, mark.wave)
-        racers.append(Racer(MARK, mark.wave, score=mark.score, worth=worth, unit=unit))
-    elif scene:
-        racers.append(Racer(MARK, simulate(scene.uniform().layout, physics)))
+        keeps_rules = scored is not None and not scored.violations(layout)
+        racers.append(_with_score(racer, scored) if scored and keeps_rules else racer)
+    if scene:
+        baseline = scene.uniform()
+        wave = baseline.wave if scored else simulate(baseline.layout, physics)
+        racer = Racer(UNIFORM_NAME, wave)
+        racers.append(_with_score(racer, scored, baseline.score) if scored else racer)
     return racers, scene.title if scene else "race"
 
 
-def _shown_layout(path: Path, scene: Scene | None) -> Layout:
-    layout = read_layout(path, scene)
-    require_drawable(one_line(str(path)), layout.count)
-    return layout
+def _with_score(racer: Racer, scene: Scene, score: float | None = None) -> Racer:
+    """Return a layout of the race with its score in the scene."""
+    score = scene.score(racer.wave) if score is None else score
+    text = scene.in_words(score, racer.wave)
+    return replace(racer, score=score, score_text=text, unit=scene.unit)
 
 
-def _called(folder: Path) -> str:
-    """What a run's row is called: by what made it, if the folder says so."""
+def _name_of_run(folder: Path) -> str:
+    """Return the label of a run's layout: by the maker in its summary, else by its folder."""
     path = folder / "summary.json"
     if path.exists():
         with naming(path):
-            told = model_of(SummaryDocument, read_json(path))
-        if told.algorithm is not None:
-            return f"{one_line(told.algorithm, 20).upper()} agent's row"
-        if told.method is not None:
-            return "optimised row"
+            summary = model_of(SummaryDocument, read_json(path))
+        if summary.algorithm is not None:
+            return f"{one_line(summary.algorithm, 20).upper()} agent's layout"
+        if summary.method is not None:
+            return "optimised layout"
     return folder.resolve().name
 
 
 def _curve(
     folder: Path | None, name: str, across: str, up: str
 ) -> tuple[list[float], list[float]] | None:
-    """Two columns of a CSV file in a run's folder; None where there is no such file."""
+    """Return two columns of a CSV file in a run's folder; None where there is no such file."""
     if folder is None or not (folder / name).exists():
         return None
     path = folder / name
     with naming(path):
         text = decoded(read_bytes(path))
-        found: tuple[list[float], list[float]] = [], []
+        columns: tuple[list[float], list[float]] = [], []
         reader = csv.DictReader(io.StringIO(text, newline=""))
         try:
             for line in reader:
-                for key, values in zip((across, up), found, strict=True):
+                for key, values in zip((across, up), columns, strict=True):
                     values.append(_number(line.get(key), f"line {reader.line_num}, {key}"))
         except csv.Error as error:
             raise ValueError(f"line {reader.line_num}: not a table: {error}") from None
-    return found
+    return columns
 
 
-def _number(told: object, where: str) -> float:
+def _number(cell: object, where: str) -> float:
     try:
-        value = float(told) if isinstance(told, str) else math.nan
+        value = float(cell) if isinstance(cell, str) else math.nan
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{where}: {shown(told)} is no finite number")
+        raise ValueError(f"{where}: {shown(cell)} is not a finite number")
     return value
 
 
 def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
-    """Return what is known of a check of this row.
-
-    Of the folder's file, else what is kept of rows that ship. No more of the file is passed on than
-    the page shows.
-    """
+    """Return what the page shows of a verification: the folder's, else the shipped one."""
     path = folder / "verification.json" if folder else None
     if path is None or not path.exists():
         known = known_verification(layout, physics)
         if known is None:
             return None
         last = [(floor_name(check.floor), check.last) for check in known.floors]
-        return {"judge": known.checks[0].simulator, "verdict": known.verdict, "last": last}
+        return {"simulator": known.checks[0].simulator, "verdict": known.verdict, "last": last}
     with naming(path):
         check = model_of(VerificationDocument, read_json(path))
-    told: dict[str, Any] = {
-        "judge": one_line(check.engine, 1000),
+    document: dict[str, Any] = {
+        "simulator": one_line(check.engine, 1000),
         "verdict": one_line(check.verdict, 1000),
         "last": [(floor_name(one.floor), one.difference) for one in check.floors],
     }
-    # of another row: the verdict alone
+    # of the verification of another layout the verdict alone
     if all(len(t) == layout.count for t in (check.model, *(one.arrivals for one in check.floors))):
-        told["model"] = list(check.model)
-        told["times"] = [(floor_name(one.floor), list(one.arrivals)) for one in check.floors]
-    return told
+        document["model"] = list(check.model)
+        document["times"] = [(floor_name(one.floor), list(one.arrivals)) for one in check.floors]
+    return document

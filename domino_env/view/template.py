@@ -1,4 +1,4 @@
-"""Template: every footprint of a row at 1:1 on paper, to lay under the dominoes."""
+"""Template: the footprints of a layout at 1:1 on paper, to lay under the dominoes."""
 
 from __future__ import annotations
 
@@ -24,38 +24,38 @@ from domino_env.core.plot_style import escaped
 from domino_env.physics.layout import Layout
 from domino_env.view.ground import places_along
 
-PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # lying on the long side [m]
-MOST_SHEETS = 1_000  # of a row some hundred metres long
-MARGIN = 0.014  # [m] printers leave the rim white
+PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
+MOST_SHEETS = 1_000  # of a layout some hundred metres long
+MARGIN = 0.014  # [m] that printers leave white
 LEAD = 0.010  # [m] of paper before the first domino and after the last
 HEAD, FOOT = 0.024, 0.026  # [m] for the title, for the scale bar
-BESIDE = 0.013  # [m] of a strip on both sides of the dominoes, for numbers and marks
-BAR = 0.100  # [m] the scale bar
-MOST_GAPS = 240  # that the page of advice lists
+BESIDE = 0.013  # [m] of a strip on both sides of the dominoes, for their numbers
+BAR = 0.100  # [m] length of the scale bar
+MOST_GAPS = 240  # in the list on the page of advice
 INCH, MM = 0.0254, 1000.0
 LINE = 0.4  # [pt]
 
 
 @dataclass(frozen=True)
 class Strip:
-    """A stretch of the row, to be cut out and laid behind the one before.
+    """Part of the layout on a strip of paper, which is cut out and joined to the one before.
 
     Attributes
     ----------
     number
-        From 1.
+        Number of the strip, from 1.
     total
-        Of all strips.
+        Number of all strips.
     sheet
-        The sheet of paper that it is on, from 1.
+        Number of its sheet of paper, from 1.
     middle
         Height of its middle on the sheet [m].
     begin
-        Where the stretch begins along the ground [m], from the first pivot.
+        Place of its left end along the ground [m], from the first pivot.
     end
-        Where it ends [m]; neighbours share an end, which is a joining line on both.
+        Place of its right end [m]; neighbours share an end, which is a joining line on both.
     dominoes
-        Numbers of those whose footprint touches it.
+        Numbers of the dominoes whose footprint touches it.
     """
 
     number: int
@@ -68,12 +68,24 @@ class Strip:
 
 
 def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
-    """Cut a row into strips, as many on a sheet of paper as fit.
+    """Cut a layout into strips, as many on a sheet of paper as fit.
+
+    Parameters
+    ----------
+    layout
+        The layout.
+    paper
+        "a4" or "letter".
+
+    Returns
+    -------
+    list of Strip
+        Strips from the first domino to the last.
 
     Raises
     ------
     ValueError
-        For an unknown paper, too wide a domino, or more sheets than `MOST_SHEETS`.
+        For an unknown paper, for dominoes wider than the paper, and for more than 1 000 sheets.
     """
     require_choice("paper", paper, PAPERS)
     wide, high = PAPERS[paper]
@@ -89,37 +101,48 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     papers = -(-total // on_a_sheet)
     if papers > MOST_SHEETS:
         raise ValueError(
-            f"a row of {layout.length:.6g} m takes {papers:,} sheets of paper, where at most "
-            f"{MOST_SHEETS:,} are drawn: are its sizes metres?"
+            f"a layout of {layout.length:.6g} m takes {papers:,} sheets of paper: at most "
+            f"{MOST_SHEETS:,} are drawn; check that its sizes are in metres"
         )
-    found = []
+    strips = []
     for k in range(total):
         low, high_end = begin + k * stretch, begin + (k + 1) * stretch
         inside = np.flatnonzero((front > low) & (rear < high_end))
         sheet, place = divmod(k, on_a_sheet)
         middle = high - HEAD - (place + 0.5) * across
         dominoes = tuple(int(i) for i in inside)
-        found.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, dominoes))
-    return found
+        strips.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, dominoes))
+    return strips
 
 
 def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "Template") -> str:
-    """Write the PDF whole: a page of advice, then the sheets.
+    """Write a PDF: a page of advice, then the sheets.
+
+    Parameters
+    ----------
+    layout
+        The layout.
+    path
+        Output file.
+    paper
+        "a4" or "letter".
+    title
+        Title of every page.
 
     Returns
     -------
     str
-        How much paper it is, and what to do first.
+        Amount of paper, and the first thing to do.
 
     Raises
     ------
     ValueError
-        As `strips`.
+        As of `strips`.
     """
     plan = strips(layout, paper)
     total = plan[-1].sheet
     buffer = io.BytesIO()
-    # plain, so that the same row gives the same file and a reader can check the lengths
+    # uncompressed and without a date: equal layouts give equal files with lengths one can check
     with (
         rc_context({"pdf.compression": 0, "pdf.fonttype": 42}),
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
@@ -141,7 +164,7 @@ def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "
 
 
 def _advice(plan: Sequence[Strip], flat: bool) -> list[str]:
-    """Say how the row is built with the strips, step by step, on flat ground or not."""
+    """Return the steps of building the layout with the strips, on flat ground or not."""
     steps = ["Print at 100 %, not fitted to the page, and check the scale bar with a ruler."]
     if len(plan) > 1:
         steps.append(
@@ -155,21 +178,21 @@ def _advice(plan: Sequence[Strip], flat: bool) -> list[str]:
         tape = (
             "Tape the paper along the ground so that it lies on it everywhere: the boxes are "
             "apart as measured along the surface. Slopes are printed above the boxes where they "
-            "change, in degrees, positive downhill: check them, as gaps alone do not make the row."
+            "change, in degrees, positive downhill: check them as well as the gaps."
         )
         stand = "Stand a domino on every box, flat on the ground, its faces along the lines."
     return [
         *steps,
         tape,
-        f"{stand} Leave a few out along the row, and fill these places last: what falls early "
-        "then stops there.",
+        f"{stand} Leave a few places empty and fill them last: a domino that falls early then "
+        "topples only some of the others.",
         "Push domino 0 at its top; the wave runs along the arrows.",
     ]
 
 
 @contextmanager
 def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
-    """A sheet of paper to draw on, in millimetres, with its title."""
+    """Yield axes of a sheet of paper in millimetres, with its title."""
     wide, high = PAPERS[paper]
     figure = Figure(figsize=(wide / INCH, high / INCH))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -184,7 +207,7 @@ def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
 
 
 def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
-    """The steps on the left, the gaps of a row that is not too long on the right."""
+    """Write the steps on the left, and the gaps of a layout that is not too long on the right."""
     left, top = MARGIN * MM, axes.get_ylim()[1] - 32.0
     axes.text(left, top, "How to build it", size=11, color=INK, weight="bold")
     y = top - 9.0
@@ -201,7 +224,7 @@ def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
     if not layout.is_flat:
         heading, columns, wide = f"{heading}, slope under it [°]", 5, 29.0
         gaps = [*(f"{1e3 * gap:6.2f}" for gap in layout.spacing), " " * 6]
-        both = enumerate(zip(gaps, _slopes(layout), strict=True))
+        both = enumerate(zip(gaps, _slope_labels(layout), strict=True))
         lines = [f"{i:3d} {gap} {slope}" for i, (gap, slope) in both]
     down = max(40, -(-len(lines) // columns))
     axes.text(x, top, heading, size=11, color=INK, weight="bold")
@@ -212,11 +235,11 @@ def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
 
 
 def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
-    """A strip: its edges, its dominoes, and what joins it to its neighbours."""
+    """Draw a strip: its edges, its dominoes, and the lines that join it to its neighbours."""
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
     places, left = places_along(layout), MARGIN * MM
     right = left + (strip.end - strip.begin) * MM
-    edge, slopes = half + BESIDE * MM, _slopes(layout)
+    edge, labels = half + BESIDE * MM, _slope_labels(layout)
     axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, dashes=(8, 3, 1, 3))
     for y in (middle - edge, middle + edge):
         axes.plot([0.0, right + left], [y, y], color="0.7", lw=LINE)
@@ -228,30 +251,28 @@ def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
         axes.add_patch(box)
         box.set_clip_path(window)
         if left <= x + thick / 2.0 < right:
-            # numbers stand in two heights, as tight rows leave no room side by side
+            # numbers stand at two heights, as narrow gaps leave no room side by side
             y = middle - half - (3.0 if i % 2 == 0 else 7.0)
             axes.text(x + thick / 2.0, y, str(i), ha="center", va="center", fontsize=6)
-            if not layout.is_flat and (i == strip.dominoes[0] or slopes[i] != slopes[i - 1]):
+            if not layout.is_flat and (i == strip.dominoes[0] or labels[i] != labels[i - 1]):
                 y = middle + half + (2.0 if i % 2 == 0 else 4.5)
-                axes.text(x + thick / 2.0, y, slopes[i], ha="center", va="center", fontsize=5)
-    for x, there, word in (
-        (left, strip.number > 1, f"joins strip {strip.number - 1}"),
-        (right, strip.number < strip.total, f"joins strip {strip.number + 1}"),
-    ):
-        if not there:
+                axes.text(x + thick / 2.0, y, labels[i], ha="center", va="center", fontsize=5)
+    for x, neighbour in (left, strip.number - 1), (right, strip.number + 1):
+        if not 1 <= neighbour <= strip.total:
             continue
         axes.plot([x, x], [middle - edge, middle + edge], color="black", lw=LINE, dashes=(4, 3))
         for y in (middle - edge + 4.0, middle + edge - 4.0):
             axes.plot(x, y, marker="o", ms=6, mfc="none", mec="black", mew=LINE)
         side, shift = ("left", 4.0) if x == left else ("right", -4.0)
+        word = f"joins strip {neighbour}"
         axes.text(x + shift, middle + edge - 4.0, word, ha=side, va="center", fontsize=7)
     at, y = 0.5 * (left + right), middle + edge - 4.0
     axes.text(at, y, f"strip {strip.number}", ha="right", va="center", fontsize=7)
     axes.annotate("", (at + 24.0, y), (at + 4.0, y), arrowprops={"arrowstyle": "->", "lw": 0.8})
 
 
-def _slopes(layout: Layout) -> list[str]:
-    """How far the ground slopes under each domino [°], positive downhill."""
+def _slope_labels(layout: Layout) -> list[str]:
+    """Return the slope of the ground under each domino [°] in words, positive downhill."""
     return [f"{slope:+5.1f}" for slope in np.degrees(layout.tilt)]
 
 

@@ -42,18 +42,20 @@ def test_a_race_ends_when_all_lie(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def row(tmp_path: Path) -> Path:
-    de.Layout.uniform(6, pitch=0.02).to_csv(tmp_path / "row.csv")
-    return tmp_path / "row.csv"
+def layout(tmp_path: Path) -> Path:
+    de.Layout.uniform(6, pitch=0.02).to_csv(tmp_path / "layout.csv")
+    return tmp_path / "layout.csv"
 
 
 @pytest.mark.parametrize(("ending", "begins"), [("gif", b"GIF8"), ("mp4", b"ftyp")])
-def test_the_command_writes_what_it_is_asked_for(row: Path, ending: str, begins: bytes) -> None:
+def test_the_command_writes_the_file(layout: Path, ending: str, begins: bytes) -> None:
     pytest.importorskip("imageio_ffmpeg" if ending == "mp4" else "PIL")
-    out = row.with_name(f"out.{ending}")
-    assert main(["render", str(row), f"--{ending}", str(out), "--rate", "5", "--width", "400"]) == 0
+    out = layout.with_name(f"out.{ending}")
+    assert (
+        main(["render", str(layout), f"--{ending}", str(out), "--rate", "5", "--width", "400"]) == 0
+    )
     assert begins in out.read_bytes()[:16]
-    assert sorted(row.parent.iterdir()) == sorted([out, row])
+    assert sorted(layout.parent.iterdir()) == sorted([out, layout])
 
 
 @pytest.mark.parametrize(("words", "message"), [
@@ -63,6 +65,6 @@ def test_the_command_writes_what_it_is_asked_for(row: Path, ending: str, begins:
     ("--gif out.gif --slow 0", "slow = 0.0: give a finite number, more than 0"),
     ("--gif out.gif --width 401", "give an even number"),
 ])  # fmt: skip
-def test_what_cannot_be_drawn_is_refused(capsys, row: Path, words: str, message: str) -> None:
-    assert main(["render", str(row), *words.split()]) == 2
+def test_wrong_options_are_rejected(capsys, layout: Path, words: str, message: str) -> None:
+    assert main(["render", str(layout), *words.split()]) == 2
     assert message in capsys.readouterr().err

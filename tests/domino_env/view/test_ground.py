@@ -1,4 +1,4 @@
-"""Rows over ground that is not flat, in all that draws them."""
+"""Drawings of layouts on uneven ground."""
 
 import re
 
@@ -15,13 +15,13 @@ from domino_env.view.ground import ground_line, places_along, relief
 from domino_env.view.race import Racer
 
 PHYSICS = de.Physics(0.2, push=14.0)
-ROW = uneven_layout(3, 12)
+LAYOUT = uneven_layout(3, 12)
 FLAT = de.Layout(np.linspace(0.006, 0.03, 11), np.linspace(0.005, 0.011, 12))
-HARDLY = de.Layout(FLAT.spacing, FLAT.thickness, tilt=1e-13)  # takes the way over hills
+HARDLY = de.Layout(FLAT.spacing, FLAT.thickness, tilt=1e-13)  # computed as uneven ground
 
 
 def wheel(radius: float = 0.35, step: float = 0.06, count: int = 5) -> de.Layout:
-    """A row on the top of a wheel."""
+    """Return a layout on the top of a wheel."""
     half = np.arcsin(0.5 * 0.0075 / radius)
     tilt = step * (np.arange(count) - 0.5 * (count - 1))
     front = radius * np.stack([np.sin(tilt + half), np.cos(tilt + half)], -1)
@@ -32,37 +32,39 @@ def wheel(radius: float = 0.35, step: float = 0.06, count: int = 5) -> de.Layout
 
 
 def test_the_line_goes_through_all_bases_and_has_no_kinks() -> None:
-    row = uneven_layout(4, 30, unequal=True)
-    line = ground_line(row, 0.02, 0.03)
-    feet = outlines(row, row.tilt)[:, [3, 0]].reshape(-1, 2)
-    apart = np.linalg.norm(line[:, None] - feet, axis=-1).min(axis=0)
-    np.testing.assert_allclose(apart, 0.0, atol=1e-15)
+    layout = uneven_layout(4, 30, unequal=True)
+    line = ground_line(layout, 0.02, 0.03)
+    feet = outlines(layout, layout.tilt)[:, [3, 0]].reshape(-1, 2)
+    distance = np.linalg.norm(line[:, None] - feet, axis=-1).min(axis=0)
+    np.testing.assert_allclose(distance, 0.0, atol=1e-15)
     assert (np.diff(line[:, 0]) > 0.0).all()
-    way = np.arctan2(*np.diff(ground_line(wheel(), 0.02, 0.02), axis=0).T[::-1])
-    assert np.abs(np.diff(way)).max() < 0.015  # where the bases turn by 0.06
+    slope = np.arctan2(*np.diff(ground_line(wheel(), 0.02, 0.02), axis=0).T[::-1])
+    assert np.abs(np.diff(slope)).max() < 0.015  # where the bases turn by 0.06
 
 
 def test_places_are_counted_along_the_ground() -> None:
-    row, radius, step = wheel(), 0.35, 0.06
+    layout, radius, step = wheel(), 0.35, 0.06
     half = np.arcsin(0.5 * 0.0075 / radius)
     arcs = radius * (step - 2.0 * half) + 0.0075
-    np.testing.assert_allclose(np.diff(places_along(row)), arcs, rtol=1e-4)
+    np.testing.assert_allclose(np.diff(places_along(layout)), arcs, rtol=1e-4)
     slope = de.Layout.uniform(9, pitch=0.02, slope=0.1)
     np.testing.assert_allclose(places_along(slope), 0.02 * np.arange(9), atol=1e-15)
 
 
-@pytest.mark.parametrize("row", [ROW, wheel()], ids=["hills", "wheel"])
-def test_every_picture_stands_on_its_ground(row: de.Layout) -> None:
+@pytest.mark.parametrize("layout", [LAYOUT, wheel()], ids=["uneven", "wheel"])
+def test_every_picture_stands_on_its_ground(layout: de.Layout) -> None:
     """Nothing is drawn below the line, and the line is there."""
-    tall = float(row.height.max())
-    scale = Scale.fitting(row.length, tall, 600, 150, relief(row))
-    image = strip(row, stack_leans(row, np.array([row.count - 1]), row.tilt[-1:])[0], 0, scale, "")
-    seen = (np.asarray(image) != PAPER).any(axis=2)
-    lowest = seen.shape[0] - 1 - np.argmax(seen[::-1], axis=0)
-    line = ground_line(row)
-    x = 20.0 + (line[:, 0] + 1.2 * row.thickness[0]) * scale.pixels
-    first = 20.0 + 1.2 * row.thickness[0] * scale.pixels
-    inside = np.arange(int(first) + 8, int(x[-1]))  # beyond the mark under it
+    tall = float(layout.height.max())
+    scale = Scale.fitting(layout.length, tall, 600, 150, relief(layout))
+    image = strip(
+        layout, stack_leans(layout, np.array([layout.count - 1]), layout.tilt[-1:])[0], 0, scale, ""
+    )
+    drawn = (np.asarray(image) != PAPER).any(axis=2)
+    lowest = drawn.shape[0] - 1 - np.argmax(drawn[::-1], axis=0)
+    line = ground_line(layout)
+    x = 20.0 + (line[:, 0] + 1.2 * layout.thickness[0]) * scale.pixels
+    first = 20.0 + 1.2 * layout.thickness[0] * scale.pixels
+    inside = np.arange(int(first) + 8, int(x[-1]))  # beyond the triangle under it
     z = np.interp(inside, x, line[:, 1]) * scale.pixels
     off = lowest[inside] + z - np.median(lowest[inside] + z)
     assert np.abs(off).mean() < 1.0
@@ -71,13 +73,13 @@ def test_every_picture_stands_on_its_ground(row: de.Layout) -> None:
 
 def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
     looks = []
-    for row in (FLAT, HARDLY):
-        wave = de.simulate(row, PHYSICS)
+    for layout in (FLAT, HARDLY):
+        wave = de.simulate(layout, PHYSICS)
         images = np.array([*frames([Racer("", wave)], 2.0, width=400)], dtype=float)
         shapes = re.findall(r'<polygon points="[^"]+"', wave._repr_html_())
         assert len(shapes) == 12
-        energy = energies(Motion(row, PHYSICS))
-        places = places_along(row)[-1]
+        energy = energies(Motion(layout, PHYSICS))
+        places = places_along(layout)[-1]
         looks.append((shapes, images, energy.flushes[-1], energy.friction[-1], places))
     flat, hardly = looks
     assert flat[0] == hardly[0]
@@ -86,23 +88,23 @@ def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
 
 
 def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
-    html = ROW._repr_html_()
+    html = LAYOUT._repr_html_()
     line, *dominoes = (
         np.array([point.split(",") for point in points.split()], dtype=float)
         for kind in ("polyline", "polygon")
         for points in re.findall(rf'<{kind} points="([^"]+)"', html)
     )
-    assert len(dominoes) == ROW.count
+    assert len(dominoes) == LAYOUT.count
     for corners in dominoes:
         for x, y in corners[[0, 3]]:
             assert np.interp(x, *line.T) == pytest.approx(y + 0.5, abs=0.01)
 
 
-def test_ahead_of_a_row_that_is_being_built_the_ground_goes_on() -> None:
+def test_the_line_follows_the_ground_ahead_of_a_layout() -> None:
     ground = de.load_scene("hills").ground
-    row = ground.layout([0.012] * 9, [0.0075] * 10)
-    x, z = ground_line(row, after=0.5, ground=ground).T
-    ahead = x > row.pivots[-1, 0]
+    layout = ground.layout([0.012] * 9, [0.0075] * 10)
+    x, z = ground_line(layout, after=0.5, ground=ground).T
+    ahead = x > layout.pivots[-1, 0]
     assert ahead.sum() > 100
     assert np.ptp(z[ahead]) > 0.01
     assert z[ahead] == pytest.approx(ground.height(x[ahead]) - ground.height(0.0), abs=1e-12)

@@ -19,7 +19,7 @@ from domino_env.view.report import read_racers, write_report
 
 PHYSICS = de.Physics(push=8.0)
 RNG = np.random.default_rng(2)
-ROWS = [
+RACERS = [
     Racer("wild", de.simulate(de.Layout(RNG.uniform(0.004, 0.03, 19), 0.0075), PHYSICS)),
     Racer("even", de.simulate(de.Layout.uniform(20, pitch=0.024), PHYSICS)),
 ]
@@ -29,9 +29,7 @@ ROWS = [
     (de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008), 10.0),
     (uneven_layout(3, 12), 14.0),
 ], ids=["flat", "hills"])  # fmt: skip
-def test_energy_books_balance_and_a_little_friction_takes_a_little(
-    layout: de.Layout, push: float
-) -> None:
+def test_energies_balance_and_little_friction_takes_little(layout: de.Layout, push: float) -> None:
     smooth, hardly, rough = (
         energies(Motion(layout, de.Physics(friction=mu, push=push))) for mu in (0.0, 1e-3, 0.25)
     )
@@ -39,8 +37,8 @@ def test_energy_books_balance_and_a_little_friction_takes_a_little(
         spent = one.kinetic + one.hits + one.flushes + one.friction
         np.testing.assert_allclose(one.pushed + one.released, spent, rtol=1e-12)
     given = smooth.released[-1]
-    assert smooth.flushes[-1] > 0.02 * given  # a row that has some to lose
-    # found in another way where there is friction: from the recorded face impacts
+    assert smooth.flushes[-1] > 0.02 * given  # a wave that has some to lose
+    # computed otherwise where there is friction: from the recorded face impacts
     assert hardly.flushes[-1] == pytest.approx(smooth.flushes[-1], rel=0.02)
     assert hardly.hits[-1] == pytest.approx(smooth.hits[-1], rel=0.005)
     assert 0.0 < hardly.friction[-1] < 0.01 * given < rough.friction[-1]
@@ -54,26 +52,26 @@ def test_first_hit_of_equal_dominoes_takes_half() -> None:
     assert energy.hits[at] == pytest.approx(energy.kinetic[at - 1] / 2.0, rel=1e-3)
 
 
-def test_headline_names_the_faster_row_in_any_order() -> None:
-    fast = max(ROWS, key=lambda one: one.wave.mean_speed)
-    assert headline(ROWS)["who"].startswith(f"{fast.name.capitalize()} wins")
-    assert headline(ROWS[::-1]) == headline(ROWS)
+def test_headline_names_the_faster_layout_in_any_order() -> None:
+    fast = max(RACERS, key=lambda one: one.wave.mean_speed)
+    assert headline(RACERS)["who"].startswith(f"{fast.name.capitalize()} wins")
+    assert headline(RACERS[::-1]) == headline(RACERS)
     dead = Racer("dead", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
-    assert headline([dead, *ROWS])["who"].startswith(f"{fast.name.capitalize()} wins")
-    assert headline([dead])["who"] == "No row topples to its end"
+    assert headline([dead, *RACERS])["who"].startswith(f"{fast.name.capitalize()} wins")
+    assert headline([dead])["who"] == "No layout topples to its end"
 
 
 def test_headline_follows_the_score_where_speed_is_not_what_counts() -> None:
-    fast, slow = sorted(ROWS, key=lambda one: -one.wave.mean_speed)
-    judged = [
-        dataclasses.replace(fast, score=0.2, worth="RMS error 4 ms", unit=""),
-        dataclasses.replace(slow, score=0.5, worth="RMS error 1 ms", unit=""),
+    fast, slow = sorted(RACERS, key=lambda one: -one.wave.mean_speed)
+    scored = [
+        dataclasses.replace(fast, score=0.2, score_text="RMS error 4 ms", unit=""),
+        dataclasses.replace(slow, score=0.5, score_text="RMS error 1 ms", unit=""),
     ]
-    assert headline(judged)["who"] == f"{slow.name.capitalize()} wins"
-    assert race_data(judged)["winner"] == 1
+    assert headline(scored)["who"] == f"{slow.name.capitalize()} wins"
+    assert race_data(scored)["winner"] == 1
 
 
-def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
+def test_a_run_folder_has_scene_curve_and_verification(tmp_path: Path) -> None:
     scene = de.load_scene("sprint")
     run = tmp_path / "one"
     run.mkdir()
@@ -83,12 +81,12 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
     (run / "verification.json").write_text('{"engine": "pymunk", "verdict": "AGREES"}')
     racers, title = read_racers([run])
     assert title == scene.title
-    assert [one.name for one in racers] == ["one", "best uniform row"]
-    first, mark = racers
-    assert first.score == pytest.approx(mark.score) == pytest.approx(scene.uniform().score)
+    assert [one.name for one in racers] == ["one", "best uniform layout"]
+    first, uniform = racers
+    assert first.score == pytest.approx(uniform.score) == pytest.approx(scene.uniform().score)
     assert first.trace == ([0.25, 3.5], [0.5, 0.8])
     assert first.verification is not None
-    # under another physics the scene's verdict means nothing
+    # under other physics the scene gives no score
     assert read_racers([run], physics=de.Physics(push=9.0))[0][0].score is None
     with pytest.raises(ValueError, match=r"no layout\.csv"):
         read_racers([tmp_path])
@@ -98,33 +96,38 @@ def test_run_folder_brings_scene_curve_and_check(tmp_path: Path) -> None:
     scene.uniform().layout.to_csv(other / "layout.csv")
     with pytest.raises(ValueError, match="show layouts of one scene"):
         read_racers([run, other / "layout.csv"])
-    with pytest.raises(ValueError, match="nothing to race"):
+    with pytest.raises(ValueError, match="nothing to show"):
         race_data([])
 
 
-def test_rows_are_called_after_what_made_them_and_bring_their_curves(tmp_path: Path) -> None:
+def test_layouts_of_runs_have_names_by_their_maker_and_curves(tmp_path: Path) -> None:
     from optimize.experiments.best_known import best_known
 
-    row = best_known()["sprint"].layout
+    layout = best_known()["sprint"].layout
     for name, made in (
         ("a", '"method": "auto"'),
         ("b", '"algorithm": "ppo"'),
         ("c", '"method": "cma"'),
     ):
         (tmp_path / name).mkdir()
-        row.to_csv(tmp_path / name / "layout.csv")
+        layout.to_csv(tmp_path / name / "layout.csv")
         (tmp_path / name / "summary.json").write_text(f"{{{made}}}")
     (tmp_path / "b" / "progress.csv").write_text("steps,score\n10,0.5\n30,0.8\n")
     racers, _ = read_racers([tmp_path / name for name in "abc"], de.load_scene("sprint"))
-    names = ["optimised row (a)", "PPO agent's row", "optimised row (c)", "best uniform row"]
+    names = [
+        "optimised layout (a)",
+        "PPO agent's layout",
+        "optimised layout (c)",
+        "best uniform layout",
+    ]
     assert [one.name for one in racers] == names
     assert racers[1].learning == ([10.0, 30.0], [0.5, 0.8])
-    assert "AGREES" in racers[0].verification["verdict"]  # as is kept of rows that ship
+    assert "AGREES" in racers[0].verification["verdict"]  # shipped with the layout
 
 
-BROWSED = (
-    dataclasses.replace(ROWS[0], trace=([1.0, 9.0], [0.5, 0.6])),
-    dataclasses.replace(ROWS[1], learning=([0.0, 3e6], [0.5, 0.6])),
+BRACERSED = (
+    dataclasses.replace(RACERS[0], trace=([1.0, 9.0], [0.5, 0.6])),
+    dataclasses.replace(RACERS[1], learning=([0.0, 3e6], [0.5, 0.6])),
 )
 
 
@@ -141,36 +144,39 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     window = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
     page = tmp_path_factory.mktemp("report") / "page.html"
-    write_report(BROWSED, "test", page)
+    write_report(BRACERSED, "test", page)
     window.get(page.as_uri())
     yield window
     window.quit()
 
 
-def test_page_loads_in_silence_and_asks_nobody(browser) -> None:
+def test_page_loads_without_messages_and_requests(browser) -> None:
     assert browser.get_log("browser") == []
-    told = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
-    asked = [m["params"]["request"]["url"] for m in told if m["method"].endswith("WillBeSent")]
-    assert asked
-    assert all(url.startswith(("file:", "data:")) for url in asked)
+    entries = browser.get_log("performance")
+    events = [json.loads(entry["message"])["message"] for entry in entries]
+    requested = [
+        m["params"]["request"]["url"] for m in events if m["method"].endswith("WillBeSent")
+    ]
+    assert requested
+    assert all(url.startswith(("file:", "data:")) for url in requested)
     assert len(browser.find_elements("css selector", ".uplot canvas")) == 6
 
 
 def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path: Path) -> None:
     first = browser.current_url
-    racers = [*ROWS, Racer("hills", de.simulate(uneven_layout(3, 14), de.Physics(push=14.0)))]
+    racers = [*RACERS, Racer("hills", de.simulate(uneven_layout(3, 14), de.Physics(push=14.0)))]
     write_report(racers, "test", tmp_path / "page.html")
     browser.get((tmp_path / "page.html").as_uri())
     for k, one in enumerate(racers):
         motion = Motion(one.wave.layout, one.wave.physics)
         for t in np.linspace(0.0, motion.end, 23):
-            page = browser.execute_script(f"return race.leans(race.rows[{k}], {float(t)!r})")
+            page = browser.execute_script(f"return race.leans(race.racers[{k}], {float(t)!r})")
             np.testing.assert_allclose(page, motion.angles([t])[0], atol=2e-3)
     assert browser.get_log("browser") == []
     browser.get(first)
 
 
-def test_page_plays_scrubs_and_obeys_the_keyboard(browser) -> None:
+def test_page_reacts_to_buttons_slider_and_keyboard(browser) -> None:
     from selenium.webdriver.common.keys import Keys
 
     body = browser.find_element("css selector", "#race")
@@ -211,17 +217,17 @@ def test_page_fits_a_phone_and_follows_the_front(browser) -> None:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
-def test_numbers_can_be_read_instead_of_seen(browser) -> None:
+def test_numbers_can_be_read_as_tables(browser) -> None:
     browser.execute_script("document.getElementById('numbers').open = true")
     time.sleep(0.1)
     lines = browser.find_elements("css selector", "#each table:first-child tbody tr")
     assert len(lines) == 20
-    assert lines[3].text.split()[1] == f"{ROWS[0].wave.layout.spacing[3] * 1e3:.2f}"
+    assert lines[3].text.split()[1] == f"{RACERS[0].wave.layout.spacing[3] * 1e3:.2f}"
     for chart in browser.find_elements("css selector", "figure > div[role=img]"):
         assert ": from " in chart.get_attribute("aria-label")
 
 
-def test_pointing_at_a_domino_tells_its_numbers(browser) -> None:
+def test_pointing_at_a_domino_shows_its_numbers(browser) -> None:
     from selenium.webdriver import ActionChains
 
     browser.execute_script("race.go(0)")
@@ -230,5 +236,5 @@ def test_pointing_at_a_domino_tells_its_numbers(browser) -> None:
     tip = browser.find_element("id", "tip").text
     assert tip.startswith("wild, domino")
     number = int(tip.split("domino ")[1].split()[0])
-    gap = ROWS[0].wave.layout.spacing[number] * 1e3
+    gap = RACERS[0].wave.layout.spacing[number] * 1e3
     assert f"gap in front {gap:.2f} mm" in tip

@@ -13,16 +13,16 @@ PUSH = 5 * np.pi
 
 
 @pytest.mark.parametrize("pitch", [0.016, 0.024, 0.032])
-def test_own_sound_is_heard_at_its_frequency(pitch: float, tmp_path: Path) -> None:
+def test_listening_to_clicks_gives_their_frequency(pitch: float, tmp_path: Path) -> None:
     physics = de.Physics(push=PUSH)
     write_wav(clicks(de.simulate(de.Layout.uniform(100, pitch=pitch), physics)), tmp_path / "w.wav")
-    heard = listen(*read_wav(tmp_path / "w.wav"))
+    result = listen(*read_wav(tmp_path / "w.wav"))
     true = de.steady_wave(pitch, 0.0075, physics=physics).frequency
-    assert heard.frequency == pytest.approx(true, rel=0.005)
-    assert heard.uncertainty < 0.02 * true
+    assert result.frequency == pytest.approx(true, rel=0.005)
+    assert result.uncertainty < 0.02 * true
 
 
-def test_noise_does_not_mislead_and_is_told() -> None:
+def test_noise_changes_little_but_the_clarity() -> None:
     wave = de.simulate(de.Layout.uniform(100, pitch=0.024), de.Physics(push=PUSH))
     sound = clicks(wave)
     rng = np.random.default_rng(0)
@@ -41,17 +41,17 @@ def test_clicks_come_when_the_dominoes_are_hit() -> None:
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
 def test_recordings_of_every_width_read_the_same(size: int, tmp_path: Path) -> None:
-    told = np.round(100 * np.sin(np.arange(500) / 7)) / 128.0
+    written = np.round(100 * np.sin(np.arange(500) / 7)) / 128.0
     with wav.open(str(tmp_path / "w.wav"), "wb") as file:
         file.setnchannels(2)
         file.setsampwidth(size)
         file.setframerate(8000)
-        whole = (told * 2.0 ** (8 * size - 1)).astype(np.int64) + (128 if size == 1 else 0)
+        whole = (written * 2.0 ** (8 * size - 1)).astype(np.int64) + (128 if size == 1 else 0)
         frames = [int(x).to_bytes(size, "little", signed=size > 1) * 2 for x in whole]
         file.writeframes(b"".join(frames))
     samples, rate = read_wav(tmp_path / "w.wav")
     assert rate == 8000
-    np.testing.assert_allclose(samples, told, atol=1e-12)
+    np.testing.assert_allclose(samples, written, atol=1e-12)
 
 
 def test_silence_and_other_files_are_refused(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The template: lengths on paper are those of the row."""
+"""Templates: lengths on paper are those of the layout."""
 
 import re
 from itertools import pairwise
@@ -39,16 +39,16 @@ def test_footprints_are_drawn_at_one_to_one(tmp_path: Path) -> None:
     np.testing.assert_allclose(gaps, LAYOUT.pitch[: first - 1], atol=2e-6)
 
 
-def test_strips_of_a_sheet_do_not_touch_and_a_page_says_what_to_do(tmp_path: Path) -> None:
+def test_strips_of_a_sheet_do_not_touch_and_a_page_has_advice(tmp_path: Path) -> None:
     plan = strips(LAYOUT)
     assert len(plan) > plan[-1].sheet == 2  # some are on one sheet
     for before, after in pairwise(plan):
         if before.sheet == after.sheet:
             assert before.middle - after.middle >= LAYOUT.width
-    write_template(LAYOUT, tmp_path / "row.pdf", title="the row")
+    write_template(LAYOUT, tmp_path / "row.pdf", title="the layout")
     data = (tmp_path / "row.pdf").read_bytes()
     assert data.count(b"/Type /Page\n") + data.count(b"/Type /Page ") == 1 + plan[-1].sheet
-    assert b"/Title (the row)" in data
+    assert b"/Title (the layout)" in data
     assert len(strips(de.Layout(LAYOUT.spacing, 0.0075, width=0.1))) == len(plan)
 
 
