@@ -188,15 +188,15 @@ def test_a_file_too_large_to_be_one_of_ours_is_not_read(tmp_path: Path, monkeypa
 
 def test_what_would_take_ages_to_draw_or_hear_is_refused() -> None:
     long = de.Layout([0.02] * 5000, 0.0075)
-    with pytest.raises(ValueError, match="row: it has 5,001 dominoes"):
-        next(frames([Racer("row", de.simulate(long, de.Physics()))]))
-    short = Racer("row", de.simulate(de.Layout([0.02], 0.0075), de.Physics()))
+    with pytest.raises(ValueError, match="long: 5,001 dominoes: at most"):
+        next(frames([Racer("long", de.simulate(long, de.Physics()))]))
+    short = Racer("short", de.simulate(de.Layout([0.02], 0.0075), de.Physics()))
     with pytest.raises(ValueError, match=r"s of toppling take .* images"):
         next(frames([short], slow=1e6))
     far = de.Layout([3e5], 1e5, height=1e6, width=0.02)
     with pytest.raises(ValueError, match=r"a wave of .* s has .* samples"):
         clicks(de.simulate(far, de.Physics(gravity=1e-3, push=1e-5)))
-    with pytest.raises(ValueError, match=r"a row of .* m takes .* sheets of paper"):
+    with pytest.raises(ValueError, match=r"a layout of .* m takes .* sheets of paper"):
         strips(far)
 
 
@@ -209,7 +209,7 @@ def test_names_on_a_page_are_only_names(tmp_path: Path) -> None:
         write_report([Racer(name, wave, verification=check)], name, tmp_path / "page.html")
         pages.append((tmp_path / "page.html").read_text("utf-8"))
     data = pages[0].split('id="data">')[1].split("</script>")[0]
-    assert json.loads(data)["rows"][0]["name"] == evil
+    assert json.loads(data)["racers"][0]["name"] == evil
     assert "<" not in data
     for sign in ("<script", "</script", "<!--", "<img"):
         assert pages[0].count(sign) == pages[1].count(sign)
