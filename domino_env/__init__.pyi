@@ -13,6 +13,7 @@ from .physics.physics import Physics as Physics
 from .physics.steady import SteadyWave as SteadyWave
 from .physics.steady import existence_limit as existence_limit
 from .physics.steady import smallest_push as smallest_push
+from .physics.steady import steady_pattern as steady_pattern
 from .physics.steady import steady_wave as steady_wave
 from .physics.steady import terminal_speed_estimate as terminal_speed_estimate
 from .physics.wave import Outcome as Outcome

@@ -149,7 +149,7 @@ def steady(digests: Digests) -> None:
         period = int(rng.integers(2, 9))
         thicks, gaps = rng.uniform(0.003, 0.012, period), rng.uniform(0.008, 0.032, period)
         density = rng.uniform(500.0, 2000.0, period)
-        wave = de.steady_wave(gaps + np.roll(thicks, -1), thicks, H, physics, density=density)
+        wave = de.steady_pattern(gaps + np.roll(thicks, -1), thicks, H, physics, density=density)
         digests.add(f"pattern, {kind}", select(wave, STEADY))
 
 

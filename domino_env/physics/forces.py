@@ -11,7 +11,7 @@ from domino_env import kernels
 from domino_env.core.results import brief
 from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics, require_arguments
+from domino_env.physics.physics import STANDARD, Physics, require_arguments
 from domino_env.physics.wave import Outcome
 
 Floats = NDArray[np.float64]
@@ -75,7 +75,7 @@ class Diagnosis:
         return np.flatnonzero(self.least_load < 0.0)
 
 
-def diagnose(layout: Layout, physics: Physics, rtol: float = 1e-8) -> Diagnosis:
+def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) -> Diagnosis:
     """Find contact forces and impulses, floor friction, lifted pivots and flush losses of a wave.
 
     Dominoes more than 400 behind the leader are taken to lie still.

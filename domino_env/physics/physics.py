@@ -1,4 +1,4 @@
-"""Physics: what makes a row fall."""
+"""Physics: gravity, friction and push."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     Raises
     ------
     ValueError
-        For a number that is not finite or out of its range; says the value and what to do.
+        For a number that is not finite or out of its range.
     """
 
     friction: Annotated[Part, Meta(description="coefficient between dominoes; 0 for none")] = 0.25
@@ -33,8 +33,11 @@ class Physics(Value, frozen=True):  # type: ignore[misc]
     push: Annotated[Size, Meta(description="angular velocity of domino 0 at first [rad/s]")] = 8.0
 
 
+STANDARD = Physics()
+
+
 def require_arguments(layout: object, physics: object) -> None:
-    """Refuse what is no row, or no physics, with how to make one.
+    """Check the types of a layout and a physics.
 
     Raises
     ------

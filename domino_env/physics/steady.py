@@ -1,110 +1,154 @@
-"""Waves without a simulation: the steady wave, the smallest push, Chapman's closed forms.
+"""Steady waves and smallest pushes by composition of maps; Chapman's closed forms.
 
-A fall, a flush and a hit are affine maps of u = ω², so a period of an endless row is one too, and
-so is a whole chain: a fixed point is the steady wave, a lower bound on u_0 the smallest push.
+An interval between hits, a face impact and a hit are affine maps of u = ω², so a period of an
+endless chain is one too, and so is a whole chain: a fixed point is the steady wave, a lower bound
+on u_0 the smallest push.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from domino_env import kernels
 from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics, require_arguments
+from domino_env.physics.physics import STANDARD, Physics, require_arguments
 from domino_env.physics.standard import DENSITY, HEIGHT
 from domino_env.physics.wave import Outcome
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyWave:
-    """The wave that an endless row carries for ever, or why there is none.
+    """Steady wave of an endless chain, or the reason why there is none.
+
+    For an array of chains every field is an array of its shape.
 
     Attributes
     ----------
     exists
         Whether there is one.
     explanation
-        Why there is none.
+        Reason why there is none.
     speed
-        Over a whole period [m/s]; 0 where there is none.
+        Mean speed [m/s]; 0 where there is none.
     frequency
-        Hits a second, over a whole period; 0 where there is none.
+        Hits per second; 0 where there is none.
     omega_release
-        Angular velocity of each leader just after it is hit [rad/s]: a number for a uniform row,
-        (P,) for a pattern; nan where there is none.
+        Angular velocity of each leader just after it is hit [rad/s]; nan where there is none. For a
+        pattern (P,), as the following fields.
     omega_impact
-        The same just before it hits.
+        Angular velocity of each leader just before it hits [rad/s].
     fall_times
-        Seconds between hits, likewise.
+        Intervals between hits [s].
     """
 
-    exists: bool
-    explanation: str
-    speed: float
-    frequency: float
-    omega_release: float | Floats
-    omega_impact: float | Floats
-    fall_times: float | Floats
+    exists: Any
+    explanation: Any
+    speed: Any
+    frequency: Any
+    omega_release: Any
+    omega_impact: Any
+    fall_times: Any
 
 
 def steady_wave(
     pitch: ArrayLike,
     thickness: ArrayLike,
     height: ArrayLike = HEIGHT,
-    physics: Physics | None = None,
+    physics: Physics = STANDARD,
     *,
     density: ArrayLike = DENSITY,
     slope: float = 0.0,
     rtol: float = 1e-11,
 ) -> SteadyWave:
-    """Find the steady wave of an endless uniform row, or of one that repeats a pattern.
+    """Compute the steady wave of an endless uniform chain, or of each of many.
 
     Parameters
     ----------
     pitch
-        Pivot to pivot [m]: a number, or (P,) from domino j to j+1, the last to the next period's
-        first.
-    thickness
-        A number or (P,) [m].
-    height
-        A number or (P,) [m].
+        Pivot to pivot [m]. An array gives a curve: one wave per value.
+    thickness, height
+        Of every domino [m], broadcast with the pitch.
     physics
-        Friction and gravity, by default 0.25 and 9.81 m/s²; the push plays no part.
+        Friction and gravity, by default those of `Physics()`; the push has no effect.
     density
-        A number or (P,) [kg/m³].
+        Of every domino [kg/m³], broadcast with the pitch.
     slope
-        Of the ground, an even one, positive downhill [rad].
+        Even slope of the ground, positive downhill [rad].
     rtol
         Relative error allowed in the times.
+
+    Returns
+    -------
+    SteadyWave
+        Numbers, or arrays of the broadcast shape.
 
     Raises
     ------
     ValueError
-        For rows that cannot stand.
+        For chains that cannot stand.
 
     Notes
     -----
-    The contact states of the stack behind a leader follow from its angles alone, so nothing is
-    simulated but the P falls of one period.
+    The contact states of the stack behind a leader follow from its angles alone, so one period is
+    enough and nothing else is simulated.
 
     Examples
     --------
-    >>> import domino_env as de
-    >>> round(de.steady_wave(0.024, 0.0075).speed, 4)
-    0.8939
+    >>> steady_wave([0.016, 0.024, 0.032], 0.0075).speed.round(3)
+    array([0.958, 0.894, 0.841])
     """
-    physics = physics or Physics()
-    shapes = [np.asarray(a, dtype=np.float64) for a in (pitch, thickness, height, density)]
-    scalar = all(a.ndim == 0 for a in shapes)
+    chains = np.broadcast_arrays(*map(np.atleast_1d, (pitch, thickness, height, density)))
+    waves = [
+        steady_pattern([p], [d], [h], physics, density=[rho], slope=slope, rtol=rtol)
+        for p, d, h, rho in zip(*(part.ravel() for part in chains), strict=True)
+    ]
+    shape = np.broadcast_shapes(*map(np.shape, (pitch, thickness, height, density)))
+    columns = [np.array([getattr(wave, f.name) for wave in waves]) for f in fields(SteadyWave)]
+    return SteadyWave(*(c.reshape(shape) if shape else c.item() for c in columns))
+
+
+def steady_pattern(
+    pitch: ArrayLike,
+    thickness: ArrayLike,
+    height: ArrayLike = HEIGHT,
+    physics: Physics = STANDARD,
+    *,
+    density: ArrayLike = DENSITY,
+    slope: float = 0.0,
+    rtol: float = 1e-11,
+) -> SteadyWave:
+    """Compute the steady wave of an endless chain that repeats a pattern of P dominoes.
+
+    Parameters
+    ----------
+    pitch
+        (P,) from pivot j to j+1 [m], the last to the first of the next period.
+    thickness, height
+        A number or (P,) [m].
+    physics, slope, rtol
+        As for `steady_wave`.
+    density
+        A number or (P,) [kg/m³].
+
+    Returns
+    -------
+    SteadyWave
+        With `omega_release`, `omega_impact` and `fall_times` of shape (P,).
+
+    Raises
+    ------
+    ValueError
+        For chains that cannot stand.
+    """
     pitches, thick, tall, rho = (
-        np.ascontiguousarray(a) for a in np.broadcast_arrays(*(np.atleast_1d(a) for a in shapes))
+        np.ascontiguousarray(part, dtype=np.float64)
+        for part in np.broadcast_arrays(*map(np.atleast_1d, (pitch, thickness, height, density)))
     )
     gaps = pitches - np.roll(thick, -1)
     rise = -np.sin(slope) * pitches
@@ -118,76 +162,65 @@ def steady_wave(
     )
     if np.any(gaps >= tall):
         j = int(np.argmax(gaps >= tall))
-        return _none(f"gap {j} of the pattern, {gaps[j]} m, is out of reach", scalar, len(thick))
+        return _none(f"gap {j} of the pattern, {gaps[j]} m, is out of reach", len(thick))
     ground = (rise, np.full(len(thick), float(slope))) if slope != 0.0 else ()
-    return _fixed_point(kernels.Arrays(gaps, thick, tall, rho, *ground), physics, rtol, scalar)
+    return _fixed_point(kernels.Arrays(gaps, thick, tall, rho, *ground), physics, rtol)
 
 
-def _fixed_point(
-    pattern: kernels.Arrays, physics: Physics, rtol: float, scalar: bool
-) -> SteadyWave:
+def _fixed_point(pattern: kernels.Arrays, physics: Physics, rtol: float) -> SteadyWave:
+    """Return the steady wave as the fixed point of the map of one period."""
     gaps, thick = pattern.spacing, pattern.thickness
     falls = np.zeros(len(thick), kernels.FALL)
-    ring_rows = 512
+    ring_size = 512
     while True:
-        setting = (pattern, physics.friction, physics.gravity, rtol, ring_rows)
+        setting = (pattern, physics.friction, physics.gravity, rtol, ring_size)
         outcome, leader, tail, gain, offset, need = kernels.period_falls(*setting, 0.0, True, falls)
-        if tail <= rtol or ring_rows == kernels.RING_SIZE:
+        if tail <= rtol or ring_size == kernels.RING_SIZE:
             break
-        ring_rows *= 2
+        ring_size *= 2
     if outcome != Outcome.PROPAGATED:
-        why = f"under domino {leader} of the pattern, {Outcome(outcome).explanation}"
-        return _none(why, scalar, len(thick))
+        reason = f"under domino {leader} of the pattern, {Outcome(outcome).explanation}"
+        return _none(reason, len(thick))
     u = offset / (1.0 - gain) if gain < 1.0 else -1.0
     if u <= max(need, 0.0):
         return _none(
-            "the row gives back less energy than its hits and friction take; use wider gaps, "
+            "the chain releases less energy than its hits and friction dissipate; use wider gaps, "
             "thinner dominoes or less friction",
-            scalar,
             len(thick),
         )
     outcome, leader, *_ = kernels.period_falls(*setting, u, False, falls)
     if outcome != Outcome.PROPAGATED:
-        return _none(
-            f"a hair from a stall under domino {leader} of the pattern", scalar, len(thick)
-        )
+        return _none(f"too near a stall of domino {leader} of the pattern", len(thick))
     period = float(falls["time"].sum())
     speed, frequency = float((gaps + thick).sum()) / period, len(thick) / period
-    told = (falls[name] for name in ("release", "impact", "time"))
-    each = (float(values[0]) if scalar else values.copy() for values in told)
-    return SteadyWave(True, "the row carries a steady wave", speed, frequency, *each)
+    each = (falls[name].copy() for name in ("release", "impact", "time"))
+    return SteadyWave(True, "the chain has a steady wave", speed, frequency, *each)
 
 
-def _none(why: str, scalar: bool, period: int) -> SteadyWave:
-    blank = float("nan") if scalar else np.full(period, np.nan)
-    return SteadyWave(False, f"there is no steady wave: {why}", 0.0, 0.0, blank, blank, blank)
+def _none(reason: str, period: int) -> SteadyWave:
+    """Return that there is no steady wave, and why."""
+    unknown = [np.full(period, np.nan)] * 3
+    return SteadyWave(False, f"there is no steady wave: {reason}", 0.0, 0.0, *unknown)
 
 
-def smallest_push(layout: Layout, physics: Physics, rtol: float = 1e-12) -> float:
-    """Find the angular velocity of domino 0 below which the wave dies [rad/s].
+def smallest_push(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-12) -> float:
+    """Compute the angular velocity of domino 0 below which the wave stops.
 
     Parameters
     ----------
     layout
-        What stands.
+        The layout.
     physics
-        Friction and gravity; the push plays no part.
+        Friction and gravity; the push has no effect.
     rtol
         Relative error allowed in the push.
 
     Returns
     -------
     float
-        inf where no push helps: a gap out of reach, friction that jams the row, or no rigid
-        answer. 0 where the first domino, tipped by a breath, topples the row (it never is: it has
-        to be lifted over its edge).
-
-    Examples
-    --------
-    >>> import domino_env as de
-    >>> layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
-    >>> round(de.smallest_push(layout, de.Physics()), 3)
-    2.695
+        Smallest push [rad/s]; inf where no push is enough: a gap out of reach, friction that jams
+        the chain, or no rigid answer. It is never 0, as the first domino has to be lifted over its
+        edge.
     """
     require_arguments(layout, physics)
     outcome, need = kernels.compose_falls(
@@ -207,17 +240,20 @@ def terminal_speed_estimate(
     ----------
     pitch
         Pivot to pivot [m].
-    thickness
-        [m]
-    height
-        [m]
+    thickness, height
+        Of every domino [m].
     gravity
-        [m/s²]
+        Acceleration [m/s²].
+
+    Returns
+    -------
+    float
+        Speed [m/s].
 
     Raises
     ------
     ValueError
-        Where the formula has no answer, as no energy is released (eq. 12).
+        Where no energy is released and the formula has no answer (eq. 12).
 
     References
     ----------
@@ -237,9 +273,19 @@ def terminal_speed_estimate(
 
 
 def existence_limit(thickness: float, height: float = HEIGHT) -> float:
-    """Return the thickness/pitch from which on no frictionless wave can be steady.
+    """Return the largest thickness/pitch of a steady frictionless wave.
 
-    (1 - a²)/(1 + a²) with a = thickness/height: beyond it a fall releases no energy.
+    It is (1 - a²)/(1 + a²) with a = thickness/height: beyond it a fall releases no energy.
+
+    Parameters
+    ----------
+    thickness, height
+        Of every domino [m].
+
+    Returns
+    -------
+    float
+        Ratio, without unit.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""The wave that runs through a row: `simulate`, `simulate_batch`, and why a wave ended."""
+"""Waves: `simulate`, `simulate_batch`, and why a wave ended."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from domino_env import kernels
 from domino_env.core.checks import require
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
+from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.gradient import (
     Gradient,
@@ -26,17 +27,15 @@ from domino_env.physics.gradient import (
     with_length_gradient,
 )
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics, require_arguments
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from domino_env.physics.physics import STANDARD, Physics, require_arguments
+from domino_env.physics.standard import DENSITY, HEIGHT
 
 LOOSEST, TIGHTEST = 1e-3, 1e-13
 _UNTAPED = np.empty(0, kernels.EVENT)
 
 
 class Outcome(enum.IntEnum):
-    """Why a wave ended."""
+    """Reason why a wave ended."""
 
     PROPAGATED = kernels.PROPAGATED
     STALLED = kernels.STALLED
@@ -49,7 +48,7 @@ class Outcome(enum.IntEnum):
 
     @property
     def explanation(self) -> str:
-        """What it means and what to do next, in a sentence."""
+        """Meaning of the outcome and what to do next, in a sentence."""
         return _EXPLANATIONS[self]
 
 
@@ -72,45 +71,43 @@ class Wave:
 
     Attributes
     ----------
-    layout
-        What stood.
-    physics
-        What made it fall.
+    layout, physics
+        As simulated.
     outcome
-        Why the wave ended; `explanation` says it in a sentence, with the place.
+        Why the wave ended; `explanation` is a sentence about it, with the place.
     hit
-        Dominoes struck; the first counts, so does one struck in vain.
+        Number of dominoes struck; the first counts, and one that is struck without being moved.
     toppled
-        Dominoes that passed their tipping angle; all of them if the wave propagated.
+        Number of dominoes that passed their tipping angle; all of them if the wave propagated.
     arrival_times
-        (N,) when each domino is first moved [s]: 0 for the first, inf where the wave did not come.
+        (N,) when each domino is first moved [s]: 0 for the first, inf where not reached.
     release_velocity
         (N,) angular velocity just after being hit [rad/s], the push for domino 0; nan where not
         reached.
     impact_velocity
         (N-1,) angular velocity just before hitting the next [rad/s]; nan where it did not.
     stall_margin
-        (N,) for each fall the lowest u = ω² of the leader over its value at release: 0 where the
-        wave stalled, nan where it did not come.
+        (N,) lowest u = ω² of each leader over its value just after the hit: 0 where the wave
+        stalled, nan where not reached.
     reach
-        How far the wave came, falls done and the part of the last one over N; 1 if it propagated.
+        Progress of the wave: intervals between hits, with the fraction of the last one, over N; 1
+        if it propagated.
     error_estimate
-        Largest |error|/t_k over the arrival times t_k, as estimated by the run itself.
+        Estimate of the largest |error|/t_k over the arrival times t_k.
     converged
-        False where the conditioning of the row keeps `rtol` out of reach; the estimate stays
-        honest.
+        Whether the estimate is within `rtol`, which an ill-conditioned layout does not allow.
     flushes
-        Links that turned from tip to corner contact.
+        Number of face impacts, in which a contact of a tip becomes one of a corner.
     releases
-        Links that lost contact.
+        Number of separations.
     largest_flush_loss
-        Largest part of the leader's speed lost in one flush.
+        Largest fraction of the leader's speed lost in one face impact.
     rtol
-        The tolerance asked for.
+        Tolerance asked for.
     run_time
-        Spent computing [s].
+        Time of the computation [s].
     tape
-        What `pullback` walks back along, kept where a gradient was asked for.
+        Saved states for `pullback`, where a gradient was asked for.
     """
 
     layout: Layout
@@ -162,14 +159,18 @@ class Wave:
     def pullback(self, arrival_bar: ArrayLike) -> Gradient:
         """Return Σ_k arrival_bar[k] ∂t_k with respect to the layout and the physics.
 
-        Reverse mode: one walk back through the chain, whatever N. Exact up to the tolerance of the
-        run, near a stall too.
+        Reverse mode: one pass back through the chain, whatever N. Exact up to the tolerance of the
+        simulation, near a stall too.
 
         Parameters
         ----------
         arrival_bar
-            (N,) derivative of some number with respect to the arrival times; the result is the
-            gradient of that number.
+            (N,) derivatives of some number with respect to the arrival times.
+
+        Returns
+        -------
+        Gradient
+            Gradient of that number.
 
         Raises
         ------
@@ -179,25 +180,30 @@ class Wave:
         """
         if self.tape is None:
             raise ValueError(
-                "this wave kept nothing to differentiate: ask for it with "
+                "this wave saved no states to differentiate: simulate it with "
                 "simulate(layout, physics, gradient=True)"
             )
         reached = int(np.isfinite(self.arrival_times).sum())
         return pullback(self.layout, self.physics, self.tape, arrival_bar, reached)
 
     def gradient(self, of: str = "time") -> Gradient:
-        """Return the gradient of what the wave does at the last domino.
+        """Return the gradient of the last arrival time or of the mean speed.
 
         Parameters
         ----------
         of
             "time" for the arrival time at the last domino [s], "speed" for the mean speed [m/s].
 
+        Returns
+        -------
+        Gradient
+            With respect to layout and physics.
+
         Raises
         ------
         ValueError
             Where the wave does not reach the last domino (for the speed: did not propagate), and as
-            of `pullback`.
+            for `pullback`.
         """
         if of not in ("time", "speed"):
             raise ValueError(f"of = {of!r}: a wave has the gradient of its 'time' or its 'speed'")
@@ -220,26 +226,27 @@ class Wave:
 
     @property
     def mean_speed(self) -> float:
-        """First pivot to last, over the last arrival time [m/s]; 0 unless propagated."""
+        """First pivot to last over the last arrival time [m/s]; 0 unless propagated."""
         if self.outcome != Outcome.PROPAGATED or len(self.arrival_times) < 2:
             return 0.0
         return float(self.layout.length / self.arrival_times[-1])
 
     @property
     def local_speed(self) -> Floats:
-        """(N-1,) pitch over the time between hits [m/s]; nan where the wave did not come."""
+        """Pitch over the time between hits (N-1,) [m/s]; nan where not reached."""
         times = np.where(np.isfinite(self.arrival_times), self.arrival_times, np.nan)
         return np.asarray(self.layout.pitch / np.diff(times))
 
     @property
     def explanation(self) -> str:
-        """Why the wave ended, where, and what to do next."""
+        """Why the wave ended, where, and what to do next, in a sentence."""
         if self.outcome == Outcome.PROPAGATED:
             return f"{self.outcome.explanation}."
         leader = int(np.isfinite(self.stall_margin).sum()) - 1
+        hint = f"; {self.layout.unit_hint}" if self.layout.unit_hint else ""
         return (
             f"{self.outcome.explanation} (domino {leader} led; {self.hit} of "
-            f"{len(self.arrival_times)} were struck, {self.toppled} toppled)."
+            f"{len(self.arrival_times)} were struck, {self.toppled} toppled){hint}."
         )
 
 
@@ -253,28 +260,27 @@ def _arrival(name: str) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class WaveBatch:
-    """The waves of B layouts of N dominoes each; `batch[b]` is a `Wave`, fields have a leading B.
+    """Waves of B layouts of N dominoes each; `batch[b]` is a `Wave`, fields have a leading B.
 
-    The fields of each domino, such as `arrival_times`, are empty, (B, 0), where `record=False` left
-    them out. Besides the fields of `Wave`:
+    The fields per domino, such as `arrival_times`, are empty, (B, 0), with `record=False`. Besides
+    the fields of `Wave`:
 
     Attributes
     ----------
-    rows
-        The layouts as the kernels take them.
+    arrays
+        Arrays of the layouts for the kernels.
     outcome
         (B,) values of `Outcome`.
     total_time
-        (B,) arrival at the last domino [s]; inf where the wave did not come.
+        (B,) arrival at the last domino [s]; inf where not reached.
     lowest_stall_margin
-        (B,) smallest stall margin of all falls; without a record it is taken over the nodes of the
-        quadrature only.
+        (B,) smallest stall margin of all leaders; with `record=False` it is taken over the nodes of
+        the quadrature only.
     gradient
-        Of the total time, every field with a leading B, zero for a wave that did not propagate;
-        None unless asked for.
+        Gradient of the total time, zero for a wave that did not propagate; None unless asked for.
     """
 
-    rows: kernels.Arrays
+    arrays: kernels.Arrays
     physics: Physics
     rtol: float
     summaries: NDArray[np.record]
@@ -300,39 +306,45 @@ class WaveBatch:
 
     @cached_property
     def mean_speed(self) -> Floats:
-        """(B,) as `Wave.mean_speed` [m/s]."""
-        rows, total = self.rows, self.total_time
-        # summed as Layout.length sums it, so that speeds agree to the last bit
-        if rows.rise is None or rows.tilt is None:
-            pitches = rows.spacing + rows.thickness[:, 1:]
+        """Mean speeds (B,) as of `Wave` [m/s]."""
+        arrays, total = self.arrays, self.total_time
+        # summed as Layout.length is, so that speeds agree to the last bit
+        if arrays.rise is None or arrays.tilt is None:
+            pitches = arrays.spacing + arrays.thickness[:, 1:]
         else:
-            pitches = footing.pitches(rows.spacing, rows.thickness, rows.rise, rows.tilt)
-        way = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(self))
-        return np.where(np.isfinite(total) & (total > 0.0), way / np.maximum(total, 1e-300), 0.0)
+            geometry = arrays.spacing, arrays.thickness, arrays.rise, arrays.tilt
+            pitches = footing.pitches(*geometry)
+        length = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(self))
+        return np.where(np.isfinite(total) & (total > 0.0), length / np.maximum(total, 1e-300), 0.0)
 
     def wave(self, b: int, layout: Layout | None = None) -> Wave:
-        """Return wave b as `simulate` gives it.
+        """Return one wave as `simulate` returns it.
 
         Parameters
         ----------
         b
-            Which.
+            Index in the batch.
         layout
             The layout that was simulated, if it is at hand.
+
+        Returns
+        -------
+        Wave
+            Without saved states.
 
         Raises
         ------
         ValueError
-            Where `record=False` left out what is kept of each domino.
+            For a batch simulated with `record=False`.
         """
         if not self.arrivals.shape[1]:
-            raise ValueError("this batch kept nothing of each domino: simulate it with record=True")
+            raise ValueError("this batch has no fields per domino: simulate it with record=True")
         if layout is None:
-            parts = self.rows._asdict().items()
+            parts = self.arrays._asdict().items()
             layout = Layout(**{name: a[b % len(a)] for name, a in parts if a is not None})
-        share = self.run_time / len(self)
         summary = kernels.Summary._make(self.summaries.item(b))
-        return _wave(layout, self.physics, self.rtol, summary, self.arrivals[b].copy(), share)
+        seconds = self.run_time / len(self)
+        return _wave(layout, self.physics, self.rtol, summary, self.arrivals[b].copy(), seconds)
 
     def __getitem__(self, b: int) -> Wave:
         return self.wave(b)
@@ -341,46 +353,51 @@ class WaveBatch:
         return len(self.summaries)
 
     def __repr__(self) -> str:
-        ends = [(int(np.sum(self.outcome == kind)), _ended(kind)) for kind in Outcome]
-        said = ", ".join(f"{number} {ended}" for number, ended in ends if number)
-        through = self.mean_speed[self.mean_speed > 0.0]
-        if len(through):
-            said += f"; {through.min():.6g} to {through.max():.6g} m/s"
-        return f"WaveBatch({len(self)} waves: {said or 'none'})"
+        counts = [(int(np.sum(self.outcome == kind)), _ended(kind)) for kind in Outcome]
+        text = ", ".join(f"{number} {ended}" for number, ended in counts if number)
+        speeds = self.mean_speed[self.mean_speed > 0.0]
+        if len(speeds):
+            text += f"; {speeds.min():.6g} to {speeds.max():.6g} m/s"
+        return f"WaveBatch({len(self)} waves: {text or 'none'})"
 
 
 def simulate(
-    layout: Layout, physics: Physics, *, rtol: float = 1e-8, gradient: bool = False
+    layout: Layout,
+    physics: Physics = STANDARD,
+    *,
+    rtol: float = 1e-8,
+    gradient: bool = False,
 ) -> Wave:
-    """Topple a row and return its wave.
+    """Simulate the wave of a layout.
 
     Parameters
     ----------
     layout
-        What stands.
+        The layout.
     physics
-        What makes it fall.
+        Friction, gravity and push; by default those of `Physics()`.
     rtol
         Relative error allowed in the arrival times, 1e-3 to 1e-13.
     gradient
-        Keep what `Wave.pullback` and `Wave.gradient` need, some 100 bytes a fall.
+        Save the states that `Wave.pullback` and `Wave.gradient` need, some 100 bytes per interval
+        between hits.
 
     Returns
     -------
     Wave
-        Also of a row that stops falling: a wave that dies is a result, see `Wave.outcome`.
+        Also for a layout in which the wave stops, see `Wave.outcome`.
 
     Raises
     ------
     ValueError
         For a tolerance out of its range.
     TypeError
-        For what is no Layout or no Physics.
+        For a layout or physics of another type.
 
     Notes
     -----
-    The dynamics are exact up to the tolerance for chains in which every domino may differ: tip,
-    corner and released contacts, flushes as inelastic impacts, sliding friction.
+    The dynamics are exact up to the tolerance for chains in which every domino may differ: tip and
+    corner contacts, separations, face impacts as inelastic impacts, sliding friction.
 
     References
     ----------
@@ -389,23 +406,21 @@ def simulate(
 
     Examples
     --------
-    >>> import domino_env as de
-    >>> layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
-    >>> wave = de.simulate(layout, de.Physics(friction=0.25, push=15.7))
+    >>> wave = simulate(Layout.uniform(100, pitch=0.024))
     >>> wave.outcome.name, round(wave.mean_speed, 3)
-    ('PROPAGATED', 0.875)
+    ('PROPAGATED', 0.855)
     """
     began = time.perf_counter()
     require_arguments(layout, physics)
-    rows, setting, count = batch_arrays_of(layout), _setting(physics, rtol), layout.count
+    arrays, setting, count = batch_arrays_of(layout), _setting(physics, rtol), layout.count
     summaries, arrivals = np.empty(1, kernels.SUMMARY), np.empty((1, count), kernels.ARRIVAL)
     tape = np.empty(4 * count + 16, kernels.EVENT) if gradient else _UNTAPED
     while True:
-        kernels.solve_batch(0, 1, rows, *setting, True, summaries, arrivals, tape)
+        kernels.solve_batch(0, 1, arrays, *setting, True, summaries, arrivals, tape)
         summary = kernels.Summary._make(summaries.item())
         if summary.taped <= len(tape) or not gradient:
             break
-        tape = np.empty(summary.taped, kernels.EVENT)  # the same run writes as many again
+        tape = np.empty(summary.taped, kernels.EVENT)  # as many as the same run writes again
     kept = tape[: summary.taped].copy() if gradient else None
     run_time = time.perf_counter() - began
     return _wave(layout, physics, rtol, summary, arrivals[0], run_time, kept)
@@ -414,109 +429,99 @@ def simulate(
 def simulate_batch(
     spacing: ArrayLike,
     thickness: ArrayLike,
-    physics: Physics,
+    physics: Physics = STANDARD,
     *,
-    height: ArrayLike = 0.048,
-    density: ArrayLike = 1040.0,
+    height: ArrayLike = HEIGHT,
+    density: ArrayLike = DENSITY,
     rise: ArrayLike = 0.0,
     tilt: ArrayLike = 0.0,
     rtol: float = 1e-6,
     record: bool = True,
     gradient: bool = False,
 ) -> WaveBatch:
-    """Topple B rows of N dominoes over all cores; bit for bit what `simulate` gives one by one.
+    """Simulate B layouts of N dominoes on all cores, bitwise as `simulate` does one by one.
 
     Parameters
     ----------
     spacing
-        (B, N-1) [m]
+        (B, N-1) [m].
     thickness
-        (N,) or (B, N) [m]
+        Scalar, (N,) or (B, N) [m].
     physics
-        What makes all of them fall.
+        Friction, gravity and push of all; by default those of `Physics()`.
     height
         Scalar, (N,) or (B, N) [m].
     density
         Scalar, (N,) or (B, N) [kg/m³].
     rise
-        Scalar, (N-1,) or (B, N-1), as of `Layout` [m].
+        Scalar, (N-1,) or (B, N-1), as for `Layout` [m].
     tilt
-        Scalar, (N,) or (B, N), as of `Layout` [rad].
+        Scalar, (N,) or (B, N), as for `Layout` [rad].
     rtol
-        As of `simulate`.
+        As for `simulate`.
     record
-        False leaves out what is kept of each domino.
+        Whether to keep the fields per domino.
     gradient
-        Give that of the total time too, as `WaveBatch.gradient`; nothing is then kept of each
-        domino.
+        Whether to compute the gradient of the total time, `WaveBatch.gradient`; fields per domino
+        are then not kept.
+
+    Returns
+    -------
+    WaveBatch
+        The waves.
 
     Raises
     ------
     ValueError
-        For what cannot stand, naming the layout and the element; for a tolerance out of its range.
+        For dominoes that cannot stand, with the index of the layout and the element; for a
+        tolerance out of its range.
 
     Notes
     -----
     The number of threads is Numba's (`numba.set_num_threads`).
-
-    Examples
-    --------
-    >>> import domino_env as de
-    >>> de.simulate_batch([[0.01] * 9, [0.02] * 9], 0.0075, de.Physics()).mean_speed.round(3)
-    array([0.496, 0.635])
     """
     began = time.perf_counter()
-    rows = _checked_batch(spacing, thickness, height, density, rise, tilt)
-    (number, count), setting = rows.thickness.shape, _setting(physics, rtol)
-    record = record and not gradient
+    arrays = _checked_batch(spacing, thickness, height, density, rise, tilt)
+    (number, count), setting = arrays.thickness.shape, _setting(physics, rtol)
+    record, found = record and not gradient, None
     summaries = np.empty(number, kernels.SUMMARY)
     arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
-    slopes = None
+    size = number, count, arrays, *setting
     if gradient:
-        bars, wholes = adjoint_arrays(rows), np.empty(number, kernels.PHYSICS_BAR)
-        share_pieces(kernels.vjp_batch, number, count, rows, *setting, summaries, bars, wholes)
-        slopes = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
+        bars, wholes = adjoint_arrays(arrays), np.empty(number, kernels.PHYSICS_BAR)
+        share_pieces(kernels.vjp_batch, *size, summaries, bars, wholes)
+        found = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
     else:
-        share_pieces(
-            kernels.solve_batch,
-            number,
-            count,
-            rows,
-            *setting,
-            record,
-            summaries,
-            arrivals,
-            _UNTAPED,
-        )
-    return WaveBatch(rows, physics, rtol, summaries, arrivals, time.perf_counter() - began, slopes)
+        share_pieces(kernels.solve_batch, *size, record, summaries, arrivals, _UNTAPED)
+    return WaveBatch(arrays, physics, rtol, summaries, arrivals, time.perf_counter() - began, found)
 
 
 def _wave(
     layout: Layout,
     physics: Physics,
     rtol: float,
-    told: kernels.Summary,
+    summary: kernels.Summary,
     arrival: NDArray[np.record],
     run_time: float,
     tape: Tape | None = None,
 ) -> Wave:
-    """Make a wave of what the kernels have written."""
+    """Return the wave that the kernels have written."""
     return Wave(
         layout=layout,
         physics=physics,
-        outcome=Outcome(told.outcome),
-        hit=told.hit,
-        toppled=told.toppled,
+        outcome=Outcome(summary.outcome),
+        hit=summary.hit,
+        toppled=summary.toppled,
         arrival_times=arrival["time"],
         release_velocity=arrival["release"],
         impact_velocity=arrival["impact"][:-1],
         stall_margin=arrival["margin"],
-        reach=told.reach,
-        error_estimate=told.estimate,
-        converged=told.estimate <= rtol,
-        flushes=told.flushes,
-        releases=told.releases,
-        largest_flush_loss=told.flush_loss,
+        reach=summary.reach,
+        error_estimate=summary.estimate,
+        converged=summary.estimate <= rtol,
+        flushes=summary.flushes,
+        releases=summary.releases,
+        largest_flush_loss=summary.flush_loss,
         rtol=rtol,
         run_time=run_time,
         tape=tape,
@@ -528,7 +533,7 @@ def _ended(outcome: Outcome) -> str:
 
 
 def _setting(physics: Physics, rtol: float) -> tuple[float, float, float, float]:
-    """What the kernels take besides rows."""
+    """Return friction, gravity, push and checked tolerance for the kernels."""
     if not (type(rtol) is float and TIGHTEST <= rtol <= LOOSEST):  # a call of `require` is 1 µs
         require("rtol", rtol, TIGHTEST, LOOSEST)
     return physics.friction, physics.gravity, physics.push, float(rtol)
@@ -542,44 +547,40 @@ def _checked_batch(
     rise: ArrayLike,
     tilt: ArrayLike,
 ) -> kernels.Arrays:
-    """The arrays of a batch as the kernels take them; all that cannot stand is refused."""
-    s = np.asarray(spacing, dtype=np.float64)
-    if s.ndim != 2:
+    """Return the arrays of a batch for the kernels; raise for what cannot stand."""
+    gaps = np.asarray(spacing, dtype=np.float64)
+    if gaps.ndim != 2:
         raise ValueError(
-            f"spacing has shape {s.shape}: give one row a layout, (B, N-1); for one layout use "
-            "simulate()"
+            f"spacing has shape {gaps.shape}: give one line per layout, (B, N-1); for one layout "
+            "use simulate()"
         )
-    rows, count = s.shape[0], s.shape[1] + 1
-    d = np.broadcast_to(_rows("thickness", thickness, rows, count), (rows, count))
-    length, rho = _rows("height", height, rows, count), _rows("density", density, rows, count)
-    for name, values in (("spacing", s), ("thickness", d), ("height", length), ("density", rho)):
+    number, count = gaps.shape[0], gaps.shape[1] + 1
+
+    def whole(name: str, values: ArrayLike, across: int) -> Floats:
+        """Return (1, n) or (B, n) from a scalar, (n,) or (B, n)."""
+        array = np.asarray(values, dtype=np.float64)
+        if array.ndim == 0 or array.shape in ((1,), (1, 1)):
+            return np.full((1, across), float(array.reshape(())))
+        if array.shape == (across,):
+            return array[None]
+        if array.shape not in ((number, across), (1, across)):
+            raise ValueError(
+                f"{name} has shape {array.shape}: expected a number, ({across},) or ({number}, "
+                f"{across}), as spacing has shape {gaps.shape}"
+            )
+        return array
+
+    thick = np.broadcast_to(whole("thickness", thickness, count), (number, count))
+    tall, rho = whole("height", height, count), whole("density", density, count)
+    parts = [gaps, thick, tall, rho]
+    for name, values in zip(("spacing", "thickness", "height", "density"), parts, strict=True):
         require(name, values, above=0.0, unit="kg/m³" if name == "density" else "m")
-    arrays = [s, d, length, rho]
     if np.any(rise) or np.any(tilt):
-        arrays.append(np.broadcast_to(_rows("rise", rise, rows, count - 1), s.shape))
-        arrays.append(np.broadcast_to(_rows("tilt", tilt, rows, count), d.shape))
-    if found := footing.find_violation(s, d, length, *arrays[4:]):
+        parts.append(np.broadcast_to(whole("rise", rise, count - 1), gaps.shape))
+        parts.append(np.broadcast_to(whole("tilt", tilt, count), thick.shape))
+    if found := footing.find_violation(gaps, thick, tall, *parts[4:]):
         raise ValueError(f"layout {found[0][0]}: {found[1]}")
-    return kernels.Arrays(*(_read_only(array) for array in arrays))
-
-
-def _read_only(array: Floats) -> Floats:
-    """A copy like the arrays of a Layout, for which the kernel is compiled."""
-    copy = np.array(array, order="C")
-    copy.flags.writeable = False
-    return copy
-
-
-def _rows(name: str, values: ArrayLike, rows: int, count: int) -> Floats:
-    """(1, N) or (B, N) from a scalar, (N,) or (B, N)."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim == 0 or array.shape in ((1,), (1, 1)):
-        return np.full((1, count), float(array.reshape(())))
-    if array.shape == (count,):
-        return np.ascontiguousarray(array[None])
-    if array.shape in ((rows, count), (1, count)):
-        return np.ascontiguousarray(array)
-    raise ValueError(
-        f"{name} has shape {array.shape}: expected a number, ({count},) or ({rows}, {count}), as "
-        f"spacing has shape ({rows}, {count - 1})"
-    )
+    copies = [np.array(part, order="C") for part in parts]
+    for copy in copies:
+        copy.flags.writeable = False  # as those of a Layout, for which the kernel is compiled
+    return kernels.Arrays(*copies)

@@ -104,6 +104,21 @@ def test_the_attributes_of_a_wave():
     assert wave.run_time > 0.0
 
 
+def test_physics_is_the_standard_unless_given():
+    layout = de.Layout.uniform(5, pitch=0.024)
+    times = de.simulate(layout, de.Physics()).arrival_times
+    np.testing.assert_array_equal(de.simulate(layout).arrival_times, times)
+    batch = de.simulate_batch([layout.spacing], layout.thickness, rtol=1e-8)
+    np.testing.assert_array_equal(batch.arrival_times[0], times)
+
+
+def test_millimetres_are_hinted_at():
+    wave = de.simulate(de.Layout([18, 18], [7.5] * 3))
+    assert wave.outcome is de.Outcome.OUT_OF_REACH
+    assert "a domino is 7.5 m thick, and the dominoes are 0.048 m tall" in wave.explanation
+    assert "lengths are in metres" not in de.simulate(de.Layout([0.02, 0.05], 0.0075)).explanation
+
+
 def test_a_wave_that_stops_says_where_and_what_to_do():
     wave = de.simulate(de.Layout.uniform(30, spacing=0.004), de.Physics(push=3.0))
     assert wave.outcome is de.Outcome.STALLED
@@ -149,7 +164,7 @@ def test_a_long_chain_tends_to_the_steady_wave(gaps, thickness, slope, friction)
         steady = de.steady_wave(pitch[0], 0.0075, physics=physics, slope=slope)
     else:
         layout = de.Layout(np.tile(gaps, repeats)[:-1], np.tile(thickness, repeats))
-        steady = de.steady_wave(pitch, thickness, physics=physics)
+        steady = de.steady_pattern(pitch, thickness, physics=physics)
     wave = de.simulate(layout, physics, rtol=1e-12)
     assert steady.exists
     last, rtol = (
@@ -161,6 +176,17 @@ def test_a_long_chain_tends_to_the_steady_wave(gaps, thickness, slope, friction)
     np.testing.assert_allclose(steady.omega_impact, wave.impact_velocity[last], rtol=rtol)
     np.testing.assert_allclose(steady.fall_times, times, rtol=rtol)
     assert steady.speed == pytest.approx(pitch.sum() / times.sum(), rel=rtol)
+
+
+def test_an_array_of_pitches_gives_a_curve():
+    pitches = np.array([[0.0078, 0.016], [0.024, 0.06]])
+    curve = de.steady_wave(pitches, 0.0075)
+    for at, pitch in np.ndenumerate(pitches):
+        one = de.steady_wave(pitch, 0.0075)
+        assert (one.exists, one.speed) == (curve.exists[at], curve.speed[at])
+        assert curve.explanation[at] == one.explanation
+        np.testing.assert_array_equal(curve.fall_times[at], one.fall_times)
+    assert curve.exists.tolist() == [[False, True], [True, False]]
 
 
 def test_where_there_is_no_steady_wave():
@@ -238,7 +264,7 @@ def test_a_tolerance_out_of_range(rtol):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"spacing": [0.02, 0.02]}, "one row a layout"),
+        ({"spacing": [0.02, 0.02]}, "one line per layout"),
         ({"spacing": [[0.02, np.nan]]}, r"spacing\[0, 1\] = nan m"),
         ({"thickness": [[0.0, 0.01, 0.01]]}, r"thickness\[0, 0\] = 0.0 m"),
         ({"thickness": [0.01, 0.01]}, r"thickness has shape \(2,\)"),
