@@ -26,7 +26,7 @@ from domino_env.core.progress import Advice
 GROUP = "domino.commands"
 PURPOSES = {
     "simulate": "simulate",
-    "search": "optimize compare sweep studies best-known",
+    "search": "scene optimize compare sweep studies best-known",
     "learn": "train evaluate benchmark dataset",
     "build and look": "render report template click listen",
     "validate": "verify validate accuracy figures",

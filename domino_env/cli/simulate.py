@@ -52,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--floor", type=float, metavar="FRICTION",
         help="simulate free-standing dominoes on a floor of this friction too",
     )  # fmt: skip
+    parser.add_argument(
+        "--deviation", type=float, metavar="MM",
+        help="simulate 256 draws with placement noise too: standard deviation of each gap [mm]",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -72,17 +76,23 @@ def run(arguments: argparse.Namespace) -> int:
     rigid = None
     if arguments.floor is not None:
         rigid = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
+    noise = None
+    if arguments.deviation is not None:
+        noise = _placement_noise(wave, scene, 1e-3 * arguments.deviation)
     if arguments.json:
         result = document(wave, WAVE) | document(wave.physics, "friction gravity push")
         result |= document(wave.layout, "positions") | document(wave, DOMINOES)
         result |= {"physics_from": chosen.origin} | evaluation
         if rigid:
             result["free_standing"] = document(rigid, RIGID)
+        if noise:
+            result["placement_noise"] = noise
         write_json(result, "-")
         return 0
     lines = [*_table(wave, whole=arguments.all), *_summary(wave), chosen.line]
     lines += _evaluation_lines(evaluation) if scene else []
     lines += _rigid_summary(rigid, wave) if rigid else []
+    lines += [_noise_summary(noise)] if noise else []
     lines += [f"table written to {arguments.csv}"] * bool(arguments.csv)
     print("\n".join(lines))
     return 0
@@ -156,6 +166,38 @@ def _evaluation_lines(result: dict[str, object]) -> list[str]:
     if "gain" in result:
         against = f"{result['gain']:+.2%} against {uniform}"
     return [f"score {result['score']:.6f} on '{name}', {against}"]
+
+
+def _placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[str, float]:
+    """Return how many draws complete, and the spread of their times [s]."""
+    import numpy as np
+
+    from domino_env.scenes.objectives.robust import Placement, simulate_placed
+
+    ground = scene.ground if scene else None
+    waves = simulate_placed(wave.layout, wave.physics, Placement(deviation), ground)
+    times = waves.total_time[waves.mean_speed > 0.0]
+    found = {"deviation": deviation, "draws": len(waves), "completes": len(times) / len(waves)}
+    if len(times):
+        slow, fast = np.quantile(times, (0.95, 0.05)).tolist()
+        found |= {"mean": float(times.mean()), "spread": float(times.std())}
+        found |= {"fastest_5_percent": fast, "slowest_5_percent": slow}
+    return found
+
+
+def _noise_summary(noise: dict[str, float]) -> str:
+    """Return the effect of placement noise in one line."""
+    line = (
+        f"placement noise of {1e3 * noise['deviation']:g} mm, {noise['draws']} draws: "
+        f"{noise['completes']:.4g} of them complete"
+    )
+    if "mean" in noise:
+        line += (
+            f", last domino hit after {noise['mean']:.4f} s, standard deviation "
+            f"{noise['spread']:.4f} s, 5 % before {noise['fastest_5_percent']:.4f} s and 5 % after "
+            f"{noise['slowest_5_percent']:.4f} s"
+        )
+    return line
 
 
 def _rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:

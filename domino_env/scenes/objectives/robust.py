@@ -13,7 +13,10 @@ from msgspec import Meta
 
 from domino_env.core.models import Part, Value
 from domino_env.core.types import Floats, Ints
-from domino_env.physics.wave import Wave
+from domino_env.physics.ground import Ground
+from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import Wave, WaveBatch
 from domino_env.scenes.objectives.base import Evaluation
 from domino_env.scenes.objectives.speed import MeanSpeed, Speed
 from domino_env.scenes.waves import LayoutBatch, Waves
@@ -77,6 +80,36 @@ def errors(placement: Placement, pairs: int) -> Floats:
     found = placement.deviation * random.standard_normal((placement.draws, pairs))
     found.flags.writeable = False
     return found
+
+
+def simulate_placed(
+    layout: Layout, physics: Physics, placement: Placement, ground: Ground | None = None
+) -> WaveBatch:
+    """Simulate the draws of a layout with placement noise.
+
+    Parameters
+    ----------
+    layout
+        The layout without errors.
+    physics
+        Friction, gravity and push.
+    placement
+        Deviation, number and seed of the draws; more than 4 million dominoes are not drawn.
+    ground
+        Ground on which it stands; None for flat ground.
+
+    Raises
+    ------
+    ValueError
+        For a layout on uneven ground without its ground.
+    """
+    if ground is None and not layout.is_flat:
+        raise ValueError("placement noise on uneven ground needs the ground: name its scene")
+    draws = min(placement.draws, max(MOST_DRAWN // layout.count, 1))
+    gaps = placement.replace(draws=draws).placed(layout.spacing[None])
+    thick = np.repeat(layout.thickness[None], draws, axis=0)
+    sizes = gaps, thick, layout.height[None], layout.width, layout.density
+    return LayoutBatch(*sizes, physics, 1e-6, ground).simulate()
 
 
 @dataclass(frozen=True)
