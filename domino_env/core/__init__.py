@@ -1,1 +1,1 @@
-"""What every other folder may use, and none of them owns."""
+"""Helpers of all other folders: checks, files, tables, progress, plot style."""

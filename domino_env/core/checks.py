@@ -65,8 +65,8 @@ def require(
     value = value.item() if isinstance(value, np.generic) else value
     wanted = "whole number" if whole else "finite number"
     spread = range_in_words(low, high, above=above, below=below)
-    told = f"{name} = {shown(value)}{' ' * bool(unit)}{unit}"
-    raise ValueError(f"{told}: give a {wanted}{spread}{f' ({hint})' if hint else ''}")
+    given = f"{name} = {shown(value)}{' ' * bool(unit)}{unit}"
+    raise ValueError(f"{given}: give a {wanted}{spread}{f' ({hint})' if hint else ''}")
 
 
 def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
@@ -82,8 +82,8 @@ def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
         return
     near = difflib.get_close_matches(str(value)[:50], known, n=1)
     guess = f"did you mean '{near[0]}'? " if near else ""
-    told = f"'{one_line(value, 60)}'" if isinstance(value, str) else shown(value)
-    raise ValueError(f"{name} = {told}: {guess}choose one of {', '.join(known)}")
+    given = f"'{one_line(value, 60)}'" if isinstance(value, str) else shown(value)
+    raise ValueError(f"{name} = {given}: {guess}choose one of {', '.join(known)}")
 
 
 def range_in_words(
@@ -95,10 +95,10 @@ def range_in_words(
 ) -> str:
     """Return a range as " from 2 to 9" or ", more than 0, at most 1"; empty without bounds."""
     bounds = {"at least": low, "more than": above, "at most": high, "less than": below}
-    said = {word: x for word, x in bounds.items() if x is not None and math.isfinite(x)}
-    if said.keys() == {"at least", "at most"}:
-        return f" from {_number(said['at least'])} to {_number(said['at most'])}"
-    return "".join(f", {word} {_number(x)}" for word, x in said.items())
+    given = {word: x for word, x in bounds.items() if x is not None and math.isfinite(x)}
+    if given.keys() == {"at least", "at most"}:
+        return f" from {_number(given['at least'])} to {_number(given['at most'])}"
+    return "".join(f", {word} {_number(x)}" for word, x in given.items())
 
 
 def _number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Reading and writing of whole files, and what is wrong with them in one sentence."""
+"""Reading and writing of whole files; their errors as one sentence."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import reprlib
 import secrets
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
@@ -20,15 +20,7 @@ _SHORT.maxlevel = 2
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file whole.
-
-    Raises
-    ------
-    ValueError
-        The file is larger than `LARGEST_FILE`.
-    OSError
-        It cannot be read.
-    """
+    """Return the bytes of a file; raise a ValueError above `LARGEST_FILE`."""
     size = path.stat().st_size
     if size > LARGEST_FILE:
         refuse(path, f"{size:,} bytes, where files of at most {LARGEST_FILE:,} are read")
@@ -36,13 +28,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON document, encoded as `decoded` takes it.
-
-    Raises
-    ------
-    ValueError
-        For what is no JSON, with the path; otherwise as `read_bytes`.
-    """
+    """Return a JSON document; raise a ValueError with the path for other text."""
     with naming(path):
         try:
             return json.loads(decoded(read_bytes(path)))
@@ -53,12 +39,12 @@ def read_json(path: Path) -> Any:
 
 
 def decoded(data: bytes) -> str:
-    """Decode text in `detect_encoding` its bytes."""
+    """Return text decoded by `detect_encoding`."""
     return data.decode(detect_encoding(data))
 
 
 def detect_encoding(data: bytes) -> str:
-    """Tell UTF-16 where marked, UTF-8 with or without a mark where it is that, else Latin-1."""
+    """Return UTF-16 if there is its byte order mark, UTF-8 if the bytes are that, else Latin-1."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     try:
@@ -70,7 +56,7 @@ def detect_encoding(data: bytes) -> str:
 
 @contextmanager
 def naming(path: Path | str) -> Iterator[None]:
-    """Turn what is wrong inside into a ValueError of one line that begins with the path."""
+    """Turn errors inside into a ValueError of one line that begins with the path."""
     try:
         yield
     except (ValueError, ArithmeticError, MemoryError) as error:
@@ -78,21 +64,21 @@ def naming(path: Path | str) -> Iterator[None]:
 
 
 def refuse(path: Path | str, error: BaseException | str) -> NoReturn:
-    """Raise the ValueError that says what is wrong with a file."""
+    """Raise a ValueError of one line that begins with the path of a file."""
     name = one_line(str(path), LONGEST_PATH, keep_end=True)
-    said = str(error).removeprefix(f"{path}: ").removeprefix(f"{name}: ")
+    text = str(error).removeprefix(f"{path}: ").removeprefix(f"{name}: ")
     if isinstance(error, MemoryError):
-        said = "too large for this computer's memory"
+        text = "too large for this computer's memory"
     elif isinstance(error, UnicodeDecodeError):
-        said = f"not {error.encoding} text, or not all of it: {error.reason}"
-    if said.startswith((f"{path}, ", f"{name}, ")):  # line and column follow
-        said = said.removeprefix(str(path)).removeprefix(name)
-        raise ValueError(one_line(name + said)) from None
-    raise ValueError(one_line(f"{name}: {said}")) from None
+        text = f"not {error.encoding} text, or not all of it: {error.reason}"
+    if text.startswith((f"{path}, ", f"{name}, ")):  # line and column follow
+        text = text.removeprefix(str(path)).removeprefix(name)
+        raise ValueError(one_line(name + text)) from None
+    raise ValueError(one_line(f"{name}: {text}")) from None
 
 
 def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
-    """Let `fill` write into a new file beside `path`, then put it in its place in one step."""
+    """Write a file by `fill(file)` beside its place, then move it there in one step."""
     path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")
     try:
@@ -101,29 +87,22 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
             file.flush()
             os.fsync(file.fileno())
         new.replace(path)
-    except OSError as error:  # of a full disk nothing says which; else the name is that of `new`
+    except OSError as error:  # which names `new`, or no file where the disk is full
         if error.errno is None:
             raise
         raise OSError(error.errno, error.strerror, str(path)) from None
     finally:
-        new.unlink(missing_ok=True)
+        with suppress(OSError):  # of a read-only file system, even if there is no such file
+            new.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text whole."""
+    """Write UTF-8 text in one step."""
     write_bytes(path, lambda file: file.write(text.encode()))
 
 
 def require_unused(folder: Path, names: Iterable[str]) -> None:
-    """Refuse a folder for a new run that holds a file by one of its names, an earlier run's or not.
-
-    Other files, such as notes, may be there.
-
-    Raises
-    ------
-    ValueError
-        With the name, and what to do.
-    """
+    """Raise a ValueError if a folder holds a file with one of the names; others may be there."""
     taken = next((name for name in names if (folder / name).exists()), None)
     if taken is not None:
         raise ValueError(
@@ -132,13 +111,7 @@ def require_unused(folder: Path, names: Iterable[str]) -> None:
 
 
 def require_writable(folder: Path) -> None:
-    """Refuse a folder that cannot be written, before any time is spent; it is made if need be.
-
-    Raises
-    ------
-    ValueError
-        With the reason.
-    """
+    """Raise a ValueError if a folder, which is made, cannot be written; before a long task."""
     probe = folder / f".writable-{os.getpid()}-{secrets.token_hex(4)}"
     try:
         write_text(probe, " " * 4096)  # a full disk may have room for nothing
@@ -148,13 +121,13 @@ def require_writable(folder: Path) -> None:
 
 
 def layout_name(path: Path) -> str:
-    """What a row is called after its file: of a run's layout.csv, after the run's folder."""
+    """Return the name of a layout by its file; of a run's layout.csv, by the run's folder."""
     of_run = path.stem == "layout"
     return one_line(path.resolve().parent.name if of_run else path.stem, 100)
 
 
 def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False) -> str:
-    """Make text safe to print: nothing that moves a cursor or turns a line, and not too long."""
+    """Return text that is safe to print: no control characters, and not too long."""
     text = text[-most:] if keep_end and len(text) > most else text[: most + 1]
     safe = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
     if len(safe) <= most:
@@ -163,7 +136,7 @@ def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False)
 
 
 def shown(value: object) -> str:
-    """Show a value from a file, short enough for a sentence."""
+    """Return the repr of a value from a file, short enough for a sentence."""
     try:
         return one_line(_SHORT.repr(value), 80)
     except (ValueError, RecursionError):  # whole numbers of thousands of digits have no repr

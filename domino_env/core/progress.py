@@ -1,4 +1,4 @@
-"""What a long task says meanwhile: how far it is, what it does, and advice."""
+"""Progress of long tasks, notices and advice."""
 
 from __future__ import annotations
 
@@ -11,42 +11,42 @@ EVERY = 30.0  # [s] between two lines where there is no terminal
 LINE = "{percentage:.0f} %, {n_fmt} of {total_fmt}{unit} in {elapsed}, {remaining} left{postfix}"
 
 
-def progress_bar(shown: bool | None, *, line: str = "", **looks: Any) -> Any:
-    """Open a bar of tqdm.
+def progress_bar(shown: bool | None, *, line: str = "", **options: Any) -> Any:
+    """Return a progress bar of tqdm.
 
     Parameters
     ----------
     shown
-        Whether there is one; None: on a terminal, and where standard error is none, a line on it
-        every `EVERY` seconds, the first after as many.
+        Whether to show it. None shows it if standard error is a terminal, and otherwise prints a
+        line every `EVERY` seconds.
     line
-        What such a line says, as tqdm's `bar_format`.
-    looks
+        Format of such a line, as tqdm's `bar_format`.
+    options
         Arguments of tqdm.
     """
     from tqdm import tqdm
 
     if shown is not None or sys.stderr.isatty():
-        return tqdm(disable=shown is False, **looks)
+        return tqdm(disable=shown is False, **options)
 
     class Lines(tqdm):  # type: ignore[misc]
         def display(self, msg: str | None = None, pos: int | None = None) -> None:
-            if msg is None:  # and not wiped
+            if msg is None:  # not cleared
                 print(str(self).strip(), file=sys.stderr, flush=True)
 
-    looks |= {"bar_format": line or LINE, "leave": False, "dynamic_ncols": False, "delay": EVERY}
-    return Lines(mininterval=EVERY, maxinterval=EVERY, **looks)
+    options |= {"bar_format": line or LINE, "leave": False, "dynamic_ncols": False, "delay": EVERY}
+    return Lines(mininterval=EVERY, maxinterval=EVERY, **options)
 
 
 def notice(sentence: str) -> None:
-    """Log what is about to take long; commands print it as a line of their own."""
+    """Log that something will take long; commands print it as a line of its own."""
     logging.getLogger("domino_env").info(sentence)
 
 
 class Advice(UserWarning):
-    """A warning in a sentence that says what to do; commands print it as a line of their own."""
+    """Warning with the next action; commands print it as a line of its own."""
 
 
 def advise(sentence: str) -> None:
-    """Warn of what the caller of a public function may have got wrong."""
+    """Warn about a probable mistake of the caller of a public function."""
     warnings.warn(sentence, Advice, stacklevel=3)

@@ -13,26 +13,26 @@ from dataclasses import fields
 from enum import Enum
 from typing import Any
 
-_HOMES: dict[str, str] = {}
+_FUNCTIONS: dict[str, str] = {}
 MOST_ITEMS = 4  # of a tuple that is written out
 
 
-def register(homes: Mapping[str, str]) -> None:
+def register(functions: Mapping[str, str]) -> None:
     """Add drawings: kind of result → "module:function" that draws one."""
-    _HOMES.update(homes)
+    _FUNCTIONS.update(functions)
 
 
 def draw(kind: str, *arguments: Any) -> Any:
-    """Return what the function registered for this kind draws."""
+    """Return the drawing by the function registered for this kind."""
     import pkgutil
 
-    return pkgutil.resolve_name(_HOMES[kind])(*arguments)
+    return pkgutil.resolve_name(_FUNCTIONS[kind])(*arguments)
 
 
 def brief(value: Any) -> str:
-    """Write a dataclass in a line: of arrays their shapes, of long tuples their lengths.
+    """Return a dataclass in a line, arrays by their shapes and long tuples by their lengths.
 
-    To be its `__repr__`, as in ``__repr__ = brief``.
+    Used as ``__repr__ = brief``.
     """
     parts = [f"{f.name}={_short(getattr(value, f.name))}" for f in fields(value) if f.repr]
     return f"{type(value).__name__}({', '.join(parts)})"
@@ -48,14 +48,14 @@ def _short(value: Any) -> str:
 
 
 def document(value: Any, names: str) -> dict[str, Any]:
-    """Return the named fields of a result as JSON has them.
+    """Return the named fields of a result as values of JSON.
 
     Parameters
     ----------
     value
         A result.
     names
-        Fields and properties, with spaces between.
+        Fields and properties, separated by spaces.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def document(value: Any, names: str) -> dict[str, Any]:
 
 
 def as_json(value: Any) -> Any:
-    """Return a value as JSON has it, what it holds too; see `document`."""
+    """Return a value as JSON, with its items; see `document`."""
     if isinstance(value, Enum):
         return value.name
     if hasattr(value, "tolist"):  # of NumPy
@@ -79,7 +79,7 @@ def as_json(value: Any) -> Any:
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that the bits of a result may depend on, by name."""
+    """Return the versions of all that the bits of a result depend on, by name."""
     import platform
     from contextlib import suppress
     from importlib.metadata import PackageNotFoundError, version

@@ -1,4 +1,4 @@
-"""Threads: the rows of a batch shared among them.
+"""Threads that share the items of a batch.
 
 Kernels hold no lock while they run.
 """
@@ -18,27 +18,27 @@ if hasattr(os, "register_at_fork"):
 
 
 def allowed_threads() -> int:
-    """Return Numba's number of threads, or fewer where the environment has said so since.
+    """Return Numba's number of threads, or the environment's where that is smaller.
 
-    A worker process is told of its surroundings after the script that it was started from has been
-    loaded, and Numba with it, which looks at them but once.
+    A worker process gets its environment after it has loaded the main script, and Numba with it,
+    which reads the environment only once.
     """
     return min(numba.get_num_threads(), int(os.environ.get("NUMBA_NUM_THREADS", MOST)))
 
 
-def share_evenly(task: Callable[..., object], rows: int, least: int, *arguments: object) -> None:
-    """Call task(first, last, *arguments) for pieces of `rows` that together are all of them.
+def share_evenly(task: Callable[..., object], items: int, least: int, *arguments: object) -> None:
+    """Call task(first, last, *arguments) for as many equal pieces of a batch as there are threads.
 
-    The calling thread takes the first piece itself: waking another one costs some 20 µs, which
-    pieces of at least `least` rows should be worth.
+    The calling thread takes the first piece itself: waking another one costs some 20 µs, so that
+    pieces have at least `least` items.
     """
-    most = rows // max(least, 1)
+    most = items // max(least, 1)
     threads = min(allowed_threads(), most) if most > 1 else 1
     if threads <= 1:
-        task(0, rows, *arguments)
+        task(0, items, *arguments)
         return
     pool = _pool(threads - 1)
-    edges = [rows * i // threads for i in range(threads + 1)]
+    edges = [items * i // threads for i in range(threads + 1)]
     jobs = [pool.submit(task, edges[i], edges[i + 1], *arguments) for i in range(1, threads)]
     try:
         task(0, edges[1], *arguments)
@@ -47,25 +47,25 @@ def share_evenly(task: Callable[..., object], rows: int, least: int, *arguments:
             job.result()
 
 
-def share_pieces(task: Callable[..., object], rows: int, count: int, *arguments: object) -> None:
-    """Call task(first, last, *arguments) for small pieces of `rows` chains of `count` dominoes.
+def share_pieces(task: Callable[..., object], items: int, count: int, *arguments: object) -> None:
+    """Call task(first, last, *arguments) for small pieces of a batch of chains of `count` dominoes.
 
-    Small pieces keep all cores busy where some waves die early. Plain threads rather than a
+    Small pieces keep all cores busy where some waves stop early. Plain threads rather than a
     parallel Numba loop: they may be called from several threads at once and survive a fork.
     """
     threads = allowed_threads()
-    piece = max(1, min(-(-rows // (4 * threads)), 200_000 // max(count, 1)))
-    if threads == 1 or rows * count < 400:
-        task(0, rows, *arguments)
+    piece = max(1, min(-(-items // (4 * threads)), 200_000 // max(count, 1)))
+    if threads == 1 or items * count < 400:
+        task(0, items, *arguments)
         return
     pool = _pool(threads)
-    jobs = [pool.submit(task, i, min(i + piece, rows), *arguments) for i in range(0, rows, piece)]
+    jobs = [pool.submit(task, i, min(i + piece, items), *arguments) for i in range(0, items, piece)]
     for job in jobs:
         job.result()
 
 
 def _pool(workers: int) -> ThreadPoolExecutor:
-    """That of so many threads, kept for the next call."""
+    """Return the pool of so many threads, kept for the next call."""
     if workers not in _POOLS:
         _POOLS[workers] = ThreadPoolExecutor(workers, "domino")
     return _POOLS[workers]

@@ -1,4 +1,4 @@
-"""Types of arrays, and their distinct rows."""
+"""Types of arrays, and unique points."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ Bools = NDArray[np.bool_]
 
 
 def unique_points(table: Floats) -> Floats:
-    """Return the rows of a table (M, n), each once, ordered by their first entries, then the next.
+    """Return the unique points of a table (M, n), ordered by their coordinates.
 
-    As `numpy.unique(table, axis=0)`; but that compares rows as records, and where Ctrl-C comes
-    meanwhile, NumPy calls them incomparable (a TypeError) and the interruption is lost.
+    As `numpy.unique(table, axis=0)`, which loses an interruption by Ctrl-C in a TypeError.
     """
     ordered = table[np.lexsort(table.T[::-1])]
     first = np.ones(len(ordered), dtype=np.bool_)

@@ -1,0 +1,24 @@
+"""Files: errors name the file that was asked for."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from domino_env.core.files import write_text
+
+
+def test_a_read_only_folder_is_named_without_the_temporary_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: Path, *_: Any, **__: Any) -> None:
+        raise OSError(errno.EROFS, "Read-only file system", str(path))
+
+    monkeypatch.setattr(Path, "open", refused)
+    monkeypatch.setattr(Path, "unlink", refused)  # even of a file that is not there
+    with pytest.raises(OSError, match="Read-only") as error:
+        write_text(tmp_path / "layout.csv", "")
+    assert error.value.filename == str(tmp_path / "layout.csv")
