@@ -21,7 +21,10 @@ from domino_env.view.ground import relief
 from domino_env.view.race import Racer
 
 MOST_DOMINOES = 5_000  # of a chain that is drawn
-MOST_IMAGES = 5_000  # more than three minutes at 25 a second; 1 GB
+MOST_IMAGES = 5_000  # more than three minutes at 25 a second
+WIDEST = 10_000  # [px]
+MOST_PIXELS = 2_000_000_000  # of all images of a film: 2 GB in few colours
+MOST_PIXELS_OF_PICTURE = 200_000_000  # of one picture: 1.2 GB while it is drawn
 STRIP, POSE = 150, 100  # [px] height of a chain on flat ground, in an animation and in poses
 FURTHEST = 0.97  # of the width of a picture of poses: furthest place of the leader
 REST = 0.08  # [s] of stillness before the push and after the end, in the time of the wave
@@ -57,8 +60,8 @@ def frames(
     Raises
     ------
     ValueError
-        For a rate, a slowness or a width out of range, for a chain of more than 5 000 dominoes and
-        for more than 5 000 images.
+        For a rate, a slowness or a width out of range, for a chain of more than 5 000 dominoes,
+        for more than 5 000 images and for more pixels than memory should hold.
     """
     require("rate", rate, above=0.0, unit="1/s", hint="25 is a film's")
     require("slow", slow, above=0.0, hint="5 times slower than nature")
@@ -70,6 +73,7 @@ def frames(
             f"{end:.4g} s of toppling take {images:,} images: at most {MOST_IMAGES:,} are drawn; "
             "choose a lower --rate or --slow"
         )
+    _require_pixels(images * len(racers), scale, MOST_PIXELS, "--width, --rate or --slow")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
     pace = "true time" if slow == 1.0 else f"{slow:g} times slower than nature"
     above = [title(heading, pace, width)] if heading else []
@@ -106,6 +110,7 @@ def poses(
     """
     require("moments", moments, 1, whole=True)
     motions, scale = _stage(racers, width, POSE)
+    _require_pixels(moments * len(racers), scale, MOST_PIXELS_OF_PICTURE, "--width or --moments")
     end = max(float(one.wave.arrival_times[one.wave.hit - 1]) for one in racers)
     strips = [title(heading, "", width)] if heading else []
     for k in range(moments):
@@ -172,7 +177,7 @@ def _in_few_colours(image: Image.Image) -> Image.Image:
 
 def _stage(racers: Sequence[Racer], width: int, height: int) -> tuple[list[Motion], Scale]:
     """Return the motions of chains, and a scale at which all of them fit the width."""
-    require("width", width, 200, unit="px", hint="1000 is usual", whole=True)
+    require("width", width, 200, WIDEST, unit="px", hint="1000 is usual", whole=True)
     if width % 2:
         raise ValueError(f"width = {width} px: give an even number, as films need one")
     for one in racers:
@@ -182,6 +187,16 @@ def _stage(racers: Sequence[Racer], width: int, height: int) -> tuple[list[Motio
     tallest = max(float(one.wave.layout.height.max()) for one in racers)
     highest = max(relief(one.wave.layout) for one in racers)
     return motions, Scale.fitting(longest, tallest, width, height, highest)
+
+
+def _require_pixels(strips: int, scale: Scale, most: int, options: str) -> None:
+    """Raise ValueError for images that take too much memory."""
+    pixels = strips * scale.width * scale.height
+    if pixels > most:
+        raise ValueError(
+            f"{strips:,} strips of {scale.width:,} by {scale.height:,} px have {pixels:,} pixels: "
+            f"at most {most:,} are drawn; choose a lower {options}"
+        )
 
 
 def _strip(one: Racer, motion: Motion, t: float, scale: Scale, ahead: float = AHEAD) -> Image.Image:
