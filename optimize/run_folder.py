@@ -22,6 +22,7 @@ from msgspec import Meta
 
 from domino_env.core.files import naming, read_json, require_unused, require_writable, write_text
 from domino_env.core.models import Document, model_of
+from domino_env.core.progress import notice
 from domino_env.core.results import versions
 from domino_env.core.tables import write_csv
 from domino_env.physics.layout import Layout
@@ -34,7 +35,7 @@ PAUSE = 2.0  # [s] between two savings of the best so far
 SCENE, SUMMARY, PICTURE = "scene.toml", "summary.json", "result.png"
 FILES = (SCENE, "layout.csv", "layout.json", "trace.csv", SUMMARY, PICTURE)
 JOURNAL = "journal.sqlite"
-# Files that other commands make of a run, out of date once it has gone on.
+# Files that other commands make of a run, outdated once it has another layout.
 DERIVED = ("report.html", "verification.json", "layout.pdf", "layout.wav")
 
 
@@ -150,9 +151,7 @@ class RunFolder:
         """Write all files, the summary, which says how far they are, last."""
         write_text(self.path / SCENE, self.scene.to_toml())
         if self._resume:
-            for name in (PICTURE, *DERIVED):
-                (self.path / name).unlink(missing_ok=True)
-            self._resume = False
+            self._remove_outdated(layout)
         layout.to_csv(self.path / "layout.csv")
         layout.to_json(self.path / "layout.json")
         names = ("evaluations", "simulated_falls", "seconds", "best_score", "gradient_left")
@@ -167,6 +166,17 @@ class RunFolder:
             write_png(result.figure(), self.path / PICTURE)
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
         write_text(self.path / SUMMARY, text + "\n")
+
+    def _remove_outdated(self, layout: Layout) -> None:
+        """Remove files that other commands made of another layout, and log their names."""
+        with suppress(OSError, ValueError):
+            if Layout.read(self.path / "layout.json") == layout:
+                return
+        outdated = [name for name in DERIVED if (self.path / name).exists()]
+        for name in (PICTURE, *outdated):
+            (self.path / name).unlink(missing_ok=True)
+        if outdated:
+            notice(f"{self.path}: removed {', '.join(outdated)}, made of an earlier layout")
 
     def _spent_before(self) -> int:
         """Return the evaluations of the run in the folder; 0 where there is none."""

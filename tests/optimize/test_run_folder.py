@@ -78,13 +78,19 @@ def test_a_place_that_cannot_be_written_is_reported_first(
             search(scenes["spacing"], "random", budget=10, folder=tmp_path / folder)
 
 
-def test_files_of_others_are_left_alone(scenes, tmp_path: Path) -> None:
-    for name in ("notes.txt", *DERIVED):  # some of them another program's then
+def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_path: Path) -> None:
+    caplog.set_level("INFO")
+    for name in ("notes.txt", *DERIVED):
         (tmp_path / name).write_text("mine")
-    search(scenes["spacing"], "random", budget=10, folder=tmp_path)
+    first = search(scenes["spacing"], "random", budget=10, folder=tmp_path)
+    again = search(scenes["spacing"], "random", budget=10, folder=tmp_path, resume=True)
+    assert again.layout == first.layout
     assert all((tmp_path / name).read_text() == "mine" for name in DERIVED)
-    search(scenes["spacing"], "random", budget=20, folder=tmp_path, resume=True)
-    assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL, "notes.txt"))  # those were stale
+    assert "removed" not in caplog.text
+    better = search(scenes["spacing"], "random", budget=600, folder=tmp_path, resume=True)
+    assert better.layout != first.layout
+    assert sorted(files(tmp_path)) == sorted((*FILES, JOURNAL, "notes.txt"))
+    assert f"removed {', '.join(DERIVED)}, made of an earlier layout" in caplog.text
 
 
 def test_less_of_a_search_replaces_nothing(scenes, tmp_path: Path) -> None:
