@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
 from optimize.executors import loss_as_error
 from optimize.journal import Journal
@@ -121,6 +122,8 @@ class Evaluator:
         self._journal = journal
         self._executor = executor
         self._piece = min(max(8, PIECE // problem.dominoes), MOST_DESIGNS)
+        if max_seconds is not None and problem.scene.floor_friction is not None:
+            self._piece = min(self._piece, allowed_threads())  # each may take a second
         self._clock = clock
         self._before = self._replayed = 0.0  # [s] spent before the search, and at the last replay
         self._since = clock()

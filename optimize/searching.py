@@ -16,9 +16,10 @@ from domino_env.core.progress import progress_bar
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
+from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import gain
+from domino_env.scenes.uniform import gain, uniform_layouts
 from optimize.evaluator import BudgetSpent, Evaluator
 from optimize.journal import Journal
 from optimize.methods import registry
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 Callback = Callable[[Evaluator], None]
 
 LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
+BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
 FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
 
 
@@ -70,7 +72,8 @@ def search(
         Of all randomness. The same seed gives bitwise the same result, with a budget of evaluations
         or none (not with one of seconds), for any number of threads.
     seconds
-        Time that may be spent, without the search of the uniform baseline; None for no limit.
+        Time that may be spent [s], that of the uniform baseline included where the scene object
+        does not know it yet; None for no limit.
     progress
         Whether to show a line with the best so far; None for on a terminal.
     folder
@@ -127,8 +130,9 @@ def search(
             context = f"{versions()} {scene.to_toml()}"
             journal = Journal(Path(folder) / JOURNAL, context, resume=resume)
             stack.callback(journal.close)
-        uniform = scene.uniform()
         compile_for(scene, gradients=True)
+        began = clock()
+        uniform = scene.uniform(None if seconds is None else BASELINE_SHARE * seconds)
         show = stack.enter_context(progress_line(scene, method, progress))
 
         def after_batch(evaluator: Evaluator) -> None:
@@ -142,6 +146,7 @@ def search(
             problem, budget, seconds,
             callback=after_batch, journal=journal, executor=executor, clock=clock,
         )  # fmt: skip
+        evaluator.add_seconds(clock() - began)
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
@@ -186,15 +191,17 @@ def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False
     Parameters
     ----------
     scene
-        The scene; its uniform baseline is searched here where it is not known yet.
+        The scene.
     gradients
         Compile scores with gradients too.
     episodes
         Compile the steps of `DominoChain` too.
     """
-    uniform = scene.uniform().layout
-    gaps, thickness = np.array(uniform.spacing[None]), np.array(uniform.thickness[None, 1:])
-    height = None if scene.growth is None else np.array(uniform.height[None, 1:])
+    if scene.floor_friction is not None:  # two dominoes compile what a long simulation needs
+        simulate_standing(Layout.uniform(2, pitch=0.02), scene.physics, scene.floor_friction)
+        scene = scene.replace(floor_friction=None)
+    layouts = uniform_layouts(scene)
+    gaps, thickness, height = layouts.at(0.5 * (layouts.low + layouts.high)[None])
     scene.evaluate(scene.batch(gaps, thickness, height))
     if gradients:
         scene.evaluate(scene.batch(gaps, thickness, height, rtol=1e-8), gradient=True)
@@ -240,7 +247,9 @@ def _best(scene: Scene, evaluator: Evaluator) -> tuple[Layout, Wave, float]:
 
     Near a stall, a wave may complete at the tolerance of the search and not at a closer one.
     """
-    layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
+    finalists = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
+    # free-standing scores have one tolerance: a closer simulation does not exist
+    layouts = finalists if scene.floor_friction is None else finalists[:1]
     waves = [scene.simulate(layout) for layout in layouts]
     scores = scene.evaluate_waves(waves).score.tolist()
     return max(zip(layouts, waves, scores, strict=True), key=lambda one: one[2])

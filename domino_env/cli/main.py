@@ -70,7 +70,7 @@ def main(words: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a console without µ prints a replacement
             stream.reconfigure(errors="replace")
     interruption = _Interruption()
-    notices, log = logging.StreamHandler(), logging.getLogger("domino_env")
+    notices, log = _Notices(), logging.getLogger("domino_env")
     log.addHandler(notices)
     log.setLevel(logging.INFO)
     try:
@@ -112,6 +112,20 @@ def main(words: Sequence[str] | None = None) -> int:
         interruption.undo()
 
 
+def _print_line(line: str) -> None:
+    """Print a line on standard error, above the bar of a progress that is shown there."""
+    from tqdm import tqdm
+
+    tqdm.write(line, file=sys.stderr)
+
+
+class _Notices(logging.Handler):
+    """Handler that prints notices as lines."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _print_line(record.getMessage())
+
+
 _show_as_python = warnings.showwarning
 
 
@@ -121,7 +135,7 @@ def _show(
 ) -> None:  # fmt: skip
     """Print advice as one line, and warnings of libraries as Python does."""
     if issubclass(category, Advice):
-        print(f"domino: {one_line(str(message), 1000)}", file=sys.stderr)
+        _print_line(f"domino: {one_line(str(message), 1000)}")
     else:
         _show_as_python(message, category, filename, lineno, file, line)
 

@@ -223,8 +223,14 @@ class Scene(Specification):
         words = "" if found is None else f", {gain_in_words(found)} uniform"
         return self.in_words(score, wave) + words
 
-    def uniform(self) -> UniformBaseline:
+    def uniform(self, seconds: float | None = None) -> UniformBaseline:
         """Return the best uniform layout within the scene's rules, found once for equal scenes.
+
+        Parameters
+        ----------
+        seconds
+            Time for its search on a floor [s], after which the best so far is this scene's baseline
+            from then on; None for no limit. Without a floor there is no limit.
 
         Returns
         -------
@@ -236,6 +242,8 @@ class Scene(Specification):
         ValueError
             If the rules allow no uniform layout.
         """
+        if seconds is not None and self.floor_friction is not None and "_uniform" not in vars(self):
+            vars(self)["_uniform"] = _find_baseline(self, self.known_point, seconds)
         return self._uniform
 
     @cached_property
@@ -255,8 +263,12 @@ class Scene(Specification):
         return text_of(self.document())
 
 
-@lru_cache(maxsize=32)
-def _baseline(scene: Scene, known: tuple[float, float] | None) -> UniformBaseline:
-    layout = best_uniform(scene, known)
+def _find_baseline(
+    scene: Scene, known: tuple[float, float] | None, seconds: float | None = None
+) -> UniformBaseline:
+    layout = best_uniform(scene, known, seconds)
     wave = scene.simulate(layout)
     return UniformBaseline(layout, wave, scene.score(wave))
+
+
+_baseline = lru_cache(maxsize=32)(_find_baseline)

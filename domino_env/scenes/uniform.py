@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -15,6 +17,7 @@ import numpy as np
 from domino_env.core.files import one_line
 from domino_env.core.progress import notice
 from domino_env.core.results import brief
+from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats, unique_points
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
@@ -99,7 +102,11 @@ def gain(score: float, other: float) -> float | None:
     return score / other - 1.0 if score > 0.0 and other > 0.0 else None
 
 
-def best_uniform(scene: Specification, known: tuple[float, float] | None = None) -> Layout:
+def best_uniform(
+    scene: Specification,
+    known: tuple[float, float] | None = None,
+    seconds: float | None = None,
+) -> Layout:
     """Return the best layout of one pitch and one thickness within the scene's rules.
 
     The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
@@ -115,17 +122,21 @@ def best_uniform(scene: Specification, known: tuple[float, float] | None = None)
         The scene.
     known
         Result of `best_point`; None to find it.
+    seconds
+        As of `best_point`.
 
     Raises
     ------
     ValueError
         If the rules allow no uniform layout.
     """
-    point = known or _shipped_points().get(stamp(scene)) or best_point(scene)
-    return _uniform_layouts(scene).layout(np.array(point))
+    point = known or _shipped_points().get(stamp(scene)) or best_point(scene, seconds=seconds)
+    return uniform_layouts(scene).layout(np.array(point))
 
 
-def best_point(scene: Specification, *, quick: bool = False) -> Floats:
+def best_point(
+    scene: Specification, *, quick: bool = False, seconds: float | None = None
+) -> Floats:
     """Return the two numbers (2,) of the best uniform layout, as of `UniformLayouts`.
 
     Parameters
@@ -135,6 +146,8 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     quick
         Simulate some hundred layouts instead of thousands: the gap has an error of 1 µm, and of
         two peaks of nearly the same height the lower one may be found.
+    seconds
+        Time after which no further layout is simulated on a floor [s]; None for no limit.
 
     Raises
     ------
@@ -154,9 +167,9 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     """
     if scene.count >= LONG and not quick:
         notice(f"finding the uniform baseline of '{one_line(scene.name, 40)}' ...")
-    layouts = _uniform_layouts(scene)
+    layouts = uniform_layouts(scene)
     if scene.floor_friction is not None:
-        return _best_standing(layouts)
+        return _best_standing(layouts, math.inf if seconds is None else seconds)
     fineness = QUICK if quick else DRAWN if scene.criterion.simulates_anew else FULL
     points = grid(_axes(layouts, fineness))
     if layouts.steady and not quick and scene.count * len(points) > LARGEST_GRID:
@@ -171,7 +184,7 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     return _search(layouts, fineness, lambda points, _: layouts.scores(points, fineness.rtol))
 
 
-def _uniform_layouts(scene: Specification) -> UniformLayouts:
+def uniform_layouts(scene: Specification) -> UniformLayouts:
     """Return those that keep the rules; where none does, those that keep all but the lists."""
     try:
         return UniformLayouts(scene)
@@ -179,14 +192,30 @@ def _uniform_layouts(scene: Specification) -> UniformLayouts:
         return UniformLayouts(scene.replace(spacing_values=None, thickness_values=None))
 
 
-def _best_standing(layouts: UniformLayouts) -> Floats:
+class _TimeUpError(Exception):
+    """The time of a search on a floor is up."""
+
+
+def _best_standing(layouts: UniformLayouts, seconds: float) -> Floats:
+    """Return the best point (2,) on a floor; after `seconds`, the best so far."""
+    began, tried = time.perf_counter(), list[tuple[float, Floats]]()
+
+    def score(points: Floats, _: float) -> Floats:
+        for piece in np.array_split(points, -(-len(points) // allowed_threads())):
+            if tried and time.perf_counter() > began + seconds:
+                raise _TimeUpError
+            tried.extend(zip(layouts.scores(piece, STANDING.rtol).tolist(), piece, strict=True))
+        return np.array([value for value, _ in tried[-len(points) :]])
+
     analytic = UniformLayouts(layouts.scene.replace(floor_friction=None))
     points = grid(_axes(analytic, FULL))
     cell = (layouts.high - layouts.low) / STANDING.line
     chosen = _distant(points, analytic.scores(points, FULL.rtol), cell, STANDING.line)
-    return _search(
-        layouts, STANDING, lambda points, _: layouts.scores(points, STANDING.rtol), points[chosen]
-    )
+    try:
+        return _search(layouts, STANDING, score, points[chosen])
+    except _TimeUpError:
+        notice("the best uniform layout on the floor is approximate: its search reached its limit")
+        return max(tried, key=lambda one: one[0])[1]
 
 
 def _axes(layouts: UniformLayouts, fineness: Fineness) -> list[Floats]:

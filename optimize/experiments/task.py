@@ -152,8 +152,10 @@ class Task:
         KeyboardInterrupt
             The search was interrupted: its result is not that of the task.
         """
+        scene = scene_of(self.scene)
+        scene.uniform()  # once for all runs in this process, so it counts in none
         result = search(
-            scene_of(self.scene), self.method, self.budget, self.seed, seconds=self.seconds,
+            scene, self.method, self.budget, self.seed, seconds=self.seconds,
             progress=False, callback=callback, clock=clock,
         )  # fmt: skip
         if result.interrupted:

@@ -147,9 +147,19 @@ def _load_own(name: str) -> Method:
     try:
         return _checked(resolve_name(name), name)
     except (AttributeError, ImportError, SyntaxError) as error:
+        module, names = getattr(error, "obj", None), list[str]()
+        if inspect.ismodule(module):  # its own functions, not the names that it imports
+            own = inspect.getmembers(module, inspect.isfunction)
+            names = [key for key, one in own if one.__module__ == module.__name__]
+        near = difflib.get_close_matches(name.rpartition(":")[2], names, n=1)
+        hint = (
+            f"did you mean '{name.rpartition(':')[0]}:{near[0]}'"
+            if near
+            else ("a method of your own is named package.module:function")
+        )
         raise ValueError(
             f"method '{name}' cannot be imported from {here} or where Python finds packages: "
-            f"{error}; a method of your own is named package.module:function"
+            f"{error}; {hint}"
         ) from error
 
 

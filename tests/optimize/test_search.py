@@ -8,12 +8,15 @@ import sys
 from dataclasses import replace
 
 import numba
+import numpy as np
 import pytest
 
 import domino_env as de
 import optimize
+from domino_env.core.threads import allowed_threads
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import gain
+from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize import METHODS, search
 
 
@@ -37,6 +40,35 @@ def test_a_scene_that_leaves_nothing_free() -> None:
     scene = replace(de.load_scene("sprint"), spacing=(0.02, 0.02))
     with pytest.raises(ValueError, match="scene 'sprint' leaves nothing free"):
         search(scene)
+
+
+def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatch) -> None:
+    now, found = [0.0], Scene.uniform
+
+    def slow(scene: Scene, seconds: float | None = None) -> object:
+        now[0] += 0.0 if seconds is None else 5.0
+        return found(scene, seconds)
+
+    monkeypatch.setattr(Scene, "uniform", slow)
+    result = search(scenes["spacing"], "random", seconds=4.0, clock=lambda: now[0])
+    assert (result.ended, result.seconds) == ("limit of 4 s reached", 5.0)
+
+
+def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch) -> None:
+    simulated, scores = [0], UniformLayouts.scores
+
+    def counted(layouts: UniformLayouts, points: np.ndarray, rtol: float) -> np.ndarray:
+        simulated[0] += len(points) if layouts.scene.floor_friction is not None else 0
+        return scores(layouts, points, rtol)
+
+    monkeypatch.setattr(UniformLayouts, "scores", counted)
+    scene = scenes["spacing"].replace(floor_friction=0.31, count=5)
+    coarse = scene.uniform(0.0)
+    assert 1 <= simulated[0] <= allowed_threads()
+    assert scene.uniform() is coarse
+    result = search(scene, "random", seconds=1e-9)
+    assert result.evaluations <= allowed_threads()
+    assert result.uniform is coarse
 
 
 def test_without_limits_a_search_ends_where_half_of_it_has_gained_nothing(

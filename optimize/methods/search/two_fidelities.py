@@ -83,7 +83,9 @@ def _candidates(
     for child in rng.spawn(RUNS):
         if evaluator.progress >= 1.0:
             raise BudgetSpent
-        inner = Evaluator(hinged, ANALYTIC)
+        limit = evaluator.max_seconds
+        seconds = None if limit is None else max(limit - evaluator.seconds, 1e-9)
+        inner = Evaluator(hinged, ANALYTIC, seconds)
         with suppress(BudgetSpent):
             method(inner, child)
         found += inner.finalists

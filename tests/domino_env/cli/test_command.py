@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tqdm import tqdm
 
 import domino_env as de
 from domino_env.cli.main import main
@@ -219,7 +220,15 @@ def test_a_reader_that_has_enough_is_no_error(row: Path, tmp_path: Path) -> None
 
 
 def test_a_command_tells_what_takes_long(capsys, monkeypatch, row: Path) -> None:
-    monkeypatch.setattr("domino_env.cli.simulate.run", lambda _: notice("compiling ...") or 0)
+    def run(_: object) -> int:
+        with tqdm(total=2, desc="search") as bar:
+            bar.update()
+            notice("compiling ...")
+        return 0
+
+    monkeypatch.setattr("domino_env.cli.simulate.run", run)
     assert main(["simulate", str(row)]) == 0
-    notice("nobody listens any more")
-    assert capsys.readouterr().err == "compiling ...\n"
+    notice("no command is running")
+    lines = capsys.readouterr().err.replace("\r", "\n").splitlines()
+    assert "compiling ..." in lines  # not within the line of the bar
+    assert "no command is running" not in lines

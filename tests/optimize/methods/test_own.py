@@ -14,6 +14,7 @@ from optimize.methods.registry import load
 
 MINE = """
 import sys
+import numpy as np
 
 def run(evaluator, rng):
     while True:
@@ -66,7 +67,9 @@ def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
 
 @pytest.mark.parametrize(("method", "message"), [
     ("my_methodz:run", "No module named 'my_methodz'; a method of your own"),
-    ("my_methods:runn", "module 'my_methods' has no attribute 'runn'"),
+    ("my_methods:runn", "has no attribute 'runn'; did you mean 'my_methods:run'"),
+    ("my_methods:np", "it is not called as run(evaluator, rng)"),
+    ("my_methods:npp", "has no attribute 'npp'; a method of your own"),
     ("my_methods:number", "it is not called as run(evaluator, rng)"),
     ("my_methods:nothing", "'my_methods:nothing' ended without asking its evaluator for a score"),
     ("my_broken:run", "No module named 'no_such_thing_here'"),
