@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from agents.archives import load_archive
 from agents.designer.features import FEATURES, features_of
 from agents.designer.policy import Designer, shipped_designer
 from agents.network import Policy
@@ -45,13 +46,14 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     ----------
     run
         The folder of a training; the name of a policy that ships ("designer", or one of
-        `agents.policy.shipped`) or of a scripted one ("uniform", "greedy", "ramp"); or, with
-        `trust`, an archive of Stable-Baselines3 (.zip).
+        `agents.policy.shipped`) or of a scripted one ("uniform", "greedy", "ramp"); or an archive
+        (.zip) of Stable-Baselines3 or sb3-contrib.
     scene
         Another scene than the policy was trained on, with observations of the same size. A
         scripted policy and one that was trained on sampled scenes need one.
     trust
-        Whether an archive may be loaded, which runs the code that it contains.
+        Whether an archive may be loaded by Stable-Baselines3, which runs the code that it
+        contains. Plain multilayer perceptrons do not need it.
 
     Returns
     -------
@@ -73,8 +75,19 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     return load_policy(run, trust=trust).build(target)
 
 
-def load_policy(run: str | Path, *, trust: bool = False) -> ScenePolicy | Designer | ScriptedPolicy:
-    """Load a policy, whose method `build` builds a layout for a scene; arguments as of `evaluate`.
+def load_policy(
+    run: str | Path, *, trust: bool = False, distribution: SceneDistribution | None = None
+) -> ScenePolicy | Designer | ScriptedPolicy:
+    """Load a policy, whose method `build` builds a layout for a scene.
+
+    Trained policies have the method `predict` of Stable-Baselines3 too.
+
+    Parameters
+    ----------
+    run, trust
+        As of `evaluate`.
+    distribution
+        The scene distribution that the policy of an archive was trained on, if any.
 
     Raises
     ------
@@ -85,7 +98,7 @@ def load_policy(run: str | Path, *, trust: bool = False) -> ScenePolicy | Design
         return ScriptedPolicy(str(run))
     folder = folder_of(run)
     if folder.suffix == ".zip":
-        return ScenePolicy.from_archive(folder, trust)
+        return load_archive(folder, trust, distribution)
     if folder == POLICIES / DESIGNER:
         return shipped_designer()
     return ScenePolicy.load(folder)

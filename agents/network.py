@@ -26,9 +26,10 @@ _LAST, _LINEAR = "action_net.", "action_net.0."
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Layers of tanh and a linear one: weights (outputs, inputs) and biases (outputs,) of each."""
+    """Hidden layers and a linear one: weights (outputs, inputs) and biases (outputs,) of each."""
 
     layers: tuple[tuple[Singles, Singles], ...]
+    activation: Callable[[Singles], Singles] = np.tanh
 
     __repr__ = brief
 
@@ -36,14 +37,20 @@ class Network:
         """Return the outputs (…, outputs) for observations (…, inputs)."""
         values = observations
         for weight, bias in self.layers[:-1]:
-            values = np.tanh(values @ weight.T + bias)
+            values = self.activation(values @ weight.T + bias)
         weight, bias = self.layers[-1]
         return np.asarray(values @ weight.T + bias)
 
     @classmethod
-    def named(cls, arrays: Mapping[str, Any], names: Sequence[str]) -> Network:
+    def named(
+        cls,
+        arrays: Mapping[str, Any],
+        names: Sequence[str],
+        activation: Callable[[Singles], Singles] = np.tanh,
+    ) -> Network:
         """Make a network from the arrays "weight" and "bias" of each named layer."""
-        return cls(tuple((arrays[name + "weight"], arrays[name + "bias"]) for name in names))
+        layers = tuple((arrays[name + "weight"], arrays[name + "bias"]) for name in names)
+        return cls(layers, activation)
 
     def require(self, inputs: int, outputs: int) -> Network:
         """Return the network if its layers fit together and have these numbers at their ends.
@@ -113,10 +120,12 @@ def actor_of(arrays: Mapping[str, Any]) -> Network:
     return Network.named(arrays, [*sorted(names, key=lambda name: int(name.split(".")[2])), _LAST])
 
 
-def acting(actor: Network) -> Policy:
-    """Return the policy without noise: the mean action, clipped to [-1, 1]."""
+def acting(actor: Network, *, squashed: bool = False) -> Policy:
+    """Return the policy without noise: the mean action, clipped to [-1, 1] or its tanh."""
 
     def act(observation: Singles) -> Singles:
-        return np.asarray(np.clip(actor(observation), -1.0, 1.0), dtype=np.float32)
+        means = actor(observation)
+        action = np.tanh(means) if squashed else np.clip(means, -1.0, 1.0)
+        return np.asarray(action, dtype=np.float32)
 
     return act

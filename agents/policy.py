@@ -13,13 +13,12 @@ layout.csv/json the layout that it builds          tensorboard/    losses, if th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from msgspec import Meta
+from numpy.typing import NDArray
 
-from agents.algorithms import require_learning
 from agents.network import Policy, acting, actor_of, read_network
 from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
@@ -116,39 +115,30 @@ class ScenePolicy:
         reference = summary_of(folder, (BEST,)).reference_over_uniform
         return cls(folder, acting(actor), inputs, scene, reference)
 
-    @classmethod
-    def from_archive(cls, path: Path, trust: bool) -> ScenePolicy:
-        """Load an archive of Stable-Baselines3 (.zip), which runs the code that it contains.
+    def predict(
+        self,
+        observation: Singles,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[Any], None]:
+        """Return the actions for observations, as policies of Stable-Baselines3 do.
 
-        Raises
-        ------
-        ValueError
-            Without `trust`, and if the file is no such archive.
-        ImportError
-            If the extra "rl" is missing.
+        Parameters
+        ----------
+        observation
+            (O,) or (B, O).
+        state, episode_start, deterministic
+            Without effect: the policy has no memory and no noise.
+
+        Returns
+        -------
+        actions : NDArray
+            (A,) or (B, A), each from -1 to 1.
+        state : None
+            No state.
         """
-        if not trust:
-            raise ValueError(
-                f"loading {path} runs the code that it contains: add --trust if you know its source"
-            )
-        require_learning()
-        import torch
-
-        from agents.sb3 import CLASSES
-
-        torch.set_num_threads(1)
-
-        for kind in CLASSES.values():
-            try:
-                model = kind.load(path, device="cpu")
-            except OSError:
-                raise
-            except Exception:  # of the code in the archive, or because it is another algorithm's
-                continue
-            assert model.observation_space.shape is not None
-            (size,) = model.observation_space.shape
-            return cls(path, partial(_predicted, model), size)
-        raise ValueError(f"{path} is no archive of {', '.join(CLASSES)}")
+        return self.policy(observation), None
 
     def build(self, scene: Scene | None = None) -> Rollout:
         """Build a layout.
@@ -180,7 +170,3 @@ class ScenePolicy:
             )
         speed = self.reference * target.uniform().wave.mean_speed
         return build(self.policy, target, speed or None)
-
-
-def _predicted(model: Any, observation: Singles) -> Any:
-    return model.predict(observation, deterministic=True)[0]

@@ -1,9 +1,10 @@
 """Compare the layout that an agent builds with the best uniform and the best known layout.
 
 RUN is the folder of a training, the name of a policy that ships (sprint, designer), or a scripted
-policy: uniform, greedy, ramp. A .zip archive of Stable-Baselines3 runs code when it is loaded and
-needs --trust. `designer` designs a layout for a new --scene in milliseconds; --scenes evaluates it
-on many scenes that it was not trained on, as it does policies trained on `varied`.
+policy: uniform, greedy, ramp; or an archive (.zip) of Stable-Baselines3 or sb3-contrib with a
+--scene. Plain multilayer perceptrons are read without running code, others need --trust.
+`designer` designs a layout for a new --scene in milliseconds; --scenes evaluates it on many scenes
+that it was not trained on, as it does policies trained on `varied`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from domino_env import SceneDistribution
 
 SUMMARY = "evaluate a trained agent or a scripted policy"
+TEST_SCENES = 200  # of a distribution
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,8 +29,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "agent", metavar="RUN",
         help="folder of a training; sprint or designer, which ship; uniform, greedy or ramp",
     )  # fmt: skip
-    parser.add_argument("--scene", help="another scene than that of the training")
-    parser.add_argument("--trust", action="store_true", help="load an archive that may run code")
+    parser.add_argument(
+        "--scene",
+        help="another scene than that of the training, or a distribution for its test set",
+    )
+    parser.add_argument(
+        "--trust", action="store_true", help="run the code in an archive where its policy needs it"
+    )
     parser.add_argument("--layout", metavar="FILE", help="write the layout, .csv or .json")
     many = parser.add_argument_group("evaluation on many scenes, of a policy trained on many")
     many.add_argument("--scenes", type=int, metavar="N", help="number of scenes")
@@ -51,8 +58,16 @@ def run(arguments: argparse.Namespace) -> int:
     from agents.evaluation import load_policy
     from agents.scripted import ScriptedPolicy
     from domino_env import SceneDistribution, load_scene
+    from domino_env.scenes.distribution import load_any, load_distribution
 
-    policy = load_policy(arguments.agent, trust=arguments.trust)
+    scene = None if arguments.scene is None else load_any(arguments.scene)
+    if isinstance(scene, SceneDistribution):
+        arguments.distribution, scene = arguments.scene, None
+        arguments.scenes = arguments.scenes or TEST_SCENES
+    sampled = None
+    if arguments.agent.endswith(".zip") and arguments.distribution is not None:
+        sampled = load_distribution(arguments.distribution)
+    policy = load_policy(arguments.agent, trust=arguments.trust, distribution=sampled)
     if arguments.scenes is not None:
         trained_on = getattr(policy, "scene", None)
         if isinstance(policy, ScriptedPolicy) or not (
@@ -62,10 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
                 f"--scenes: {arguments.agent} was not trained on sampled scenes; give one --scene"
             )
         return _evaluate_scenes(policy, trained_on, arguments)
-    name = arguments.scene
-    if name is None and isinstance(policy, Designer | ScriptedPolicy):
-        name = "sprint"
-    rollout = policy.build(None if name is None else load_scene(name))
+    if scene is None and isinstance(policy, Designer | ScriptedPolicy):
+        scene = load_scene("sprint")
+    rollout = policy.build(scene)
     if isinstance(policy, Designer):
         for difference in outside(rollout.scene):
             print(f"outside the scenes of its training: {difference}")

@@ -9,14 +9,16 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 
 import domino_env as de
-from agents import evaluate
+from agents import evaluate, load_policy
 from agents.designer.policy import Designer
 from agents.network import acting, actor_of, read_arrays
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, shipped
+from domino_env.cli.main import main
 
 SPRINT = POLICIES / "sprint"
 FIRST, LAST = "mlp_extractor.policy_net.0.weight", "action_net.bias"
@@ -103,11 +105,65 @@ def test_a_policy_of_another_scene_is_rejected() -> None:
         evaluate("nothing-of-that-name")
 
 
-def test_an_archive_is_opened_only_where_it_is_trusted(tmp_path: Path) -> None:
-    path = tmp_path / "agent.zip"
+# archives of Stable-Baselines3 -------------------------------------------------------------------
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("algorithm", ["PPO", "SAC", "TD3", "TQC", "ARS"])
+def test_an_archive_is_evaluated_without_running_its_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, algorithm: str
+) -> None:
+    sb3 = pytest.importorskip("stable_baselines3")
+    kind = getattr(sb3, algorithm, None) or getattr(pytest.importorskip("sb3_contrib"), algorithm)
+    path = tmp_path / "model.zip"
+    for name in ("sprint", "varied"):
+        env = gymnasium.make("DominoChain-v0", scene=name)
+        options = {} if algorithm == "ARS" else {"policy_kwargs": {"net_arch": [16]}}
+        model = kind("MlpPolicy", env, seed=3, device="cpu", **options)
+        model.save(path)
+        distribution = de.load_distribution(name) if name == "varied" else None
+        trusted = load_policy(path, trust=True, distribution=distribution)
+        with monkeypatch.context() as patch:
+            patch.setattr("stable_baselines3.common.save_util.load_from_zip_file", None)
+            patch.setattr("pickle.loads", None)
+            policy = load_policy(path, distribution=distribution)
+        observations = np.stack([env.observation_space.sample() for _ in range(5)])
+        actions, state = policy.predict(observations)
+        assert state is None
+        theirs = model.predict(observations, deterministic=True)[0]
+        assert actions == pytest.approx(theirs, abs=1e-5)
+        assert trusted.predict(observations)[0] == pytest.approx(theirs, abs=1e-6)
+        scene = de.load_scene("sprint")
+        assert policy.build(scene).score == pytest.approx(trusted.build(scene).score, abs=1e-3)
+    assert main(["evaluate", str(path), "--scene", "varied", "--scenes", "2"]) == 0
+    assert main(["evaluate", str(path), "--scene", "sprint", "--distribution", "varied"]) == 0
+    assert main(["evaluate", str(path), "--scene", "sprint"]) == 2  # observations of another size
+
+
+def _doubled():
+    """Return a features extractor without parameters that changes the observations."""
+    from stable_baselines3.common.torch_layers import FlattenExtractor
+
+    class Doubled(FlattenExtractor):
+        def forward(self, observations):
+            return 2.0 * super().forward(observations)
+
+    return Doubled
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path: Path) -> None:
+    sb3, torch = pytest.importorskip("stable_baselines3"), pytest.importorskip("torch")
+    path = tmp_path / "model.zip"
+    env = gymnasium.make("DominoChain-v0", scene="sprint")
+    for options in ({"activation_fn": torch.nn.ELU}, {"features_extractor_class": _doubled()}):
+        sb3.PPO("MlpPolicy", env, device="cpu", policy_kwargs=options).save(path)
+        with pytest.raises(ValueError, match=r"model\.zip: its .*; add --trust"):
+            evaluate(path, "sprint")
+        assert evaluate(path, "sprint", trust=True).scene.name == "sprint"
+    with pytest.raises(ValueError, match="names no scene: name one to build for"):
+        evaluate(path, trust=True)
     path.write_bytes(b"PK")
-    with pytest.raises(ValueError, match="runs the code that it contains: add --trust"):
-        evaluate(path, "sprint")
-    pytest.importorskip("stable_baselines3")
-    with pytest.raises(ValueError, match="is no archive of"):
-        evaluate(path, "sprint", trust=True)
+    for trust in (False, True):
+        with pytest.raises(ValueError, match=r"model\.zip: damaged, or no such archive"):
+            evaluate(path, "sprint", trust=trust)
