@@ -11,7 +11,7 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.standard import MOST, unit_hint
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.rules import Bounds
-from domino_env.scenes.tables import MOST_PAIRS, SceneFile, ThicknessTable
+from domino_env.scenes.tables import MOST_PAIRS, RangeTable, SceneFile
 
 TALLEST = 1e30  # [m] that a growing domino may reach: its square is still a number
 LONGEST_GROUND = 100.0  # times the longest layout that a profile may span
@@ -52,7 +52,7 @@ def tables_of(document: dict[str, Any]) -> SceneFile:
 def _violations(tables: SceneFile) -> Iterator[str]:
     """Yield what is wrong; each check may rely on those before it."""
     if tables.thickness is None and tables.stock is None:
-        keys = ", ".join(ThicknessTable.__struct_fields__)
+        keys = ", ".join(RangeTable.__struct_fields__)
         yield f"thickness is missing: give a table of {keys}"
     given = {
         "[thickness]": tables.thickness, "[stock]": tables.stock, "[limits]": tables.limits,

@@ -233,16 +233,6 @@ class SceneDistribution:
                 found[..., v] = 2.0 * (x - low) / (high - low) - 1.0
         return found
 
-    def outside(self, scene: Specification) -> tuple[str, ...]:
-        """Return a sentence for each number of a scene that is out of its range; empty if none."""
-        return tuple(
-            f"{name} {value:.4g} is outside {sampled.min:.4g} to {sampled.max:.4g}"
-            for name, value, sampled in zip(
-                self.features, self.numbers(scene), self.ranges.values(), strict=True
-            )
-            if not sampled.min * (1.0 - 1e-9) <= value <= sampled.max * (1.0 + 1e-9)
-        )
-
 
 def _some_uniform_completes(scene: Scene) -> bool:
     """Return True if one of a few uniform layouts completes."""

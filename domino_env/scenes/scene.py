@@ -175,9 +175,7 @@ class Scene(Specification):
                 getattr(found, name)[complete] = getattr(again, name)
         return found
 
-    def score_placed(
-        self, layout: Layout, seeds: Sequence[int], rtol: float = SCORE_RTOL
-    ) -> Floats:
+    def score_placed(self, layout: Layout, seeds: Sequence[int]) -> Floats:
         """Return the scores of a layout with placement noise.
 
         Parameters
@@ -186,8 +184,6 @@ class Scene(Specification):
             The layout without errors.
         seeds
             One seed for each draw; an environment reset with the same seed makes the same errors.
-        rtol
-            Relative tolerance of the arrival times.
 
         Returns
         -------
@@ -204,7 +200,7 @@ class Scene(Specification):
         gaps = placed(layout.spacing, np.array(drawn))
         ones = np.ones((len(gaps), 1))
         tall = ones * layout.height[1:] if self.growth is not None else None
-        return self.evaluate(self.batch(gaps, ones * layout.thickness[1:], tall, rtol)).score
+        return self.evaluate(self.batch(gaps, ones * layout.thickness[1:], tall, SCORE_RTOL)).score
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
         """Return random errors (N-1,) of the gaps of a layout [m]."""

@@ -120,10 +120,6 @@ class SpacingTable(RangeTable):
     largest_change: Annotated[Part | None, Meta(description="from gap to gap, at most [m]")] = None
 
 
-class ThicknessTable(RangeTable):
-    """The thickness of all dominoes but the first."""
-
-
 class GrowthTable(Table, kw_only=True):
     """The height of a domino over that of the one before."""
 
@@ -169,7 +165,7 @@ class SceneTables(Table, kw_only=True):
     )
     row: ChainTable
     spacing: SpacingTable
-    thickness: ThicknessTable | None = None
+    thickness: RangeTable | None = None
     stock: Annotated[Stock | None, Meta(description="instead of thickness")] = None
     growth: GrowthTable | None = None
     ground: Ground | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
@@ -38,8 +38,6 @@ class Range(Table, frozen=True):  # type: ignore[misc]
         Annotated[float, Meta(ge=1, le=LARGEST)] | None,
         Meta(description="of a table's max: at least this times the sampled min"),
     ] = None
-
-    SCHEMA: ClassVar = {"title": "a range"}
 
     def __post_init__(self) -> None:
         if self.min > self.max:

@@ -13,7 +13,7 @@ from domino_env.scenes import tables
 from domino_env.scenes.io.ranges import Range
 from domino_env.scenes.objectives import OBJECTIVES
 
-SAMPLED = "ChainTable", "SpacingTable", "ThicknessTable", "PhysicsTable"
+SAMPLED = "ChainTable", "SpacingTable", "RangeTable", "PhysicsTable"
 """Tables in which a number may be a range."""
 
 

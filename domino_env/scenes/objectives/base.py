@@ -100,11 +100,6 @@ class Evaluation:
         """Add the derivatives, set to zero where a layout is no success."""
         return replace(self, gradient=gradient.scaled(self.score > 0.0))
 
-    @property
-    def without_gradient(self) -> NDArray[np.bool_]:
-        """(B,) True where a score has no exact derivatives: the wave stopped or broke a limit."""
-        return (self.score < 0.0) | (self.reach < 1.0)
-
 
 # Rounding decides whether a layout at a limit keeps it. Simulations at most this inexact allow some
 # excess; those of a search, which are less exact, do not, so that what it proposes is accepted.

@@ -16,8 +16,6 @@ from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
 from domino_env.scenes.waves import LayoutBatch, Waves
 
-TOLERANCE = 1e-3  # [s]
-
 
 class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type: ignore[misc]
     """Schedule of the hits.
@@ -52,7 +50,7 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
     ] = None
     tolerance: Annotated[
         Size, Meta(description="root-mean-square error that halves the score [s]")
-    ] = TOLERANCE
+    ] = 1e-3
 
     SCHEMA: ClassVar = {"oneOf": [{"required": ["from", "to"]}, {"required": ["times"]}]}
 

@@ -132,4 +132,5 @@ def test_uniform_baselines_of_sampled_scenes_complete(name):
         uniform = scene.uniform()
         assert uniform.wave.outcome == de.Outcome.PROPAGATED
         assert scene.violations(uniform.layout) == []
-        assert not envs.distribution.outside(scene)
+        scaled = envs.distribution.scaled(envs.distribution.numbers(scene))
+        assert np.abs(scaled).max() <= 1.0 + 1e-9
