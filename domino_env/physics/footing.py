@@ -1,22 +1,17 @@
-"""What ground that is not flat means for a row: how links lie on it, and what cannot stand.
+"""Geometry of chains on uneven ground, and layouts that cannot stand.
 
-Everything takes one row or, with one more axis in front, many.
+All functions take one layout or, with one more axis in front, a batch.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from domino_env.core.types import Bools, Floats
 
 
 def steps(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
-    """Return how far each next pivot lies above the last one, upright to its own ground [m].
-
-    (…, N-1); 0 on an even slope.
-    """
+    """Return the distance of each next pivot above the last, normal to its ground (…, N-1) [m]."""
     ahead = tilt[..., 1:]
     return (spacing + thickness[..., 1:]) * np.tan(ahead) + rise / np.cos(ahead)
 
@@ -27,7 +22,7 @@ def pitches(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> F
 
 
 def pivots(spacing: Floats, thickness: Floats, rise: Floats, tilt: Floats) -> Floats:
-    """Return where the front bottom edges are (N, 2) [m], x forward and z up, the first at 0."""
+    """Return the front bottom edges (N, 2) [m], x forward and z up, the first at 0."""
     ahead = tilt[1:]
     forward = (spacing + thickness[1:] + rise * np.sin(ahead)) / np.cos(ahead)
     return np.concatenate((np.zeros((1, 2)), np.cumsum(np.stack([forward, rise], -1), axis=0)))
@@ -40,12 +35,12 @@ def find_violation(
     rise: Floats | None = None,
     tilt: Floats | None = None,
 ) -> tuple[tuple[int, ...], str] | None:
-    """Find what cannot stand or fall on such ground; without rise and tilt it is flat.
+    """Find the first domino that cannot stand or fall; without rise and tilt the ground is flat.
 
     Returns
     -------
     tuple or None
-        The index of the first domino concerned and the sentence about it; None where all is well.
+        Index of the domino and a sentence about it; None if there is none.
     """
     if rise is None or tilt is None:
         return _high_tip(spacing, height)
@@ -74,7 +69,7 @@ def find_violation(
         i, most = at[-1], min(spacing[at], 0.999 * strike[at])
         return at, (
             f"domino {i + 1} stands {up[at]:.6g} m above domino {i}, seen from its own ground: "
-            f"that is a stair, which this model does not know; at most {most:.6g} m over this "
+            f"such a stair is outside the model; at most {most:.6g} m over this "
             f"spacing[{i}] = {spacing[at]} m"
         )
     if (at := _first(high)) is not None:
@@ -110,7 +105,7 @@ def _high_tip(spacing: Floats, height: Floats) -> tuple[tuple[int, ...], str] | 
 
 def impassable(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
-) -> Flags:
+) -> Bools:
     """Return the links (…, N-1), bool, at which `find_violation` finds something."""
     height = np.broadcast_to(height, thickness.shape)
     leaning, stair, high = _links(spacing, thickness, height, rise, tilt)[0]
@@ -119,11 +114,11 @@ def impassable(
 
 def _links(
     spacing: Floats, thickness: Floats, height: Floats, rise: Floats, tilt: Floats
-) -> tuple[tuple[Flags, Flags, Flags], Floats, Floats, Floats]:
-    """What is wrong with links (…, N-1), and the lengths that say so [m].
+) -> tuple[tuple[Bools, Bools, Bools], Floats, Floats, Floats]:
+    """Return contacts (…, N-1) that cannot work, and their lengths [m].
 
-    Links that lean before anything falls, lead up a stair, or would strike above a top; the gap
-    below which they lean, how far the next pivot lies above, and how high the tip strikes.
+    Pairs that lean before anything falls, lead up a stair, or would strike above a top; the gap
+    below which they lean, the height of the next pivot, and the height at which the tip strikes.
     """
     tall, ahead = height[..., :-1], height[..., 1:]
     near = spacing < tall
@@ -135,6 +130,6 @@ def _links(
     return (near & leaning, near & stair, near & high), meeting, up, strike
 
 
-def _first(wrong: Flags) -> tuple[int, ...] | None:
+def _first(wrong: Bools) -> tuple[int, ...] | None:
     found = np.argwhere(wrong)
     return tuple(int(k) for k in found[0]) if len(found) else None

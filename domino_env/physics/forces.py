@@ -1,4 +1,4 @@
-"""What happens between the dominoes: forces, floor friction, flushes; computed only when called."""
+"""Contact forces, impulses and floor friction of a wave."""
 
 from __future__ import annotations
 
@@ -9,44 +9,43 @@ from numpy.typing import NDArray
 
 from domino_env import kernels
 from domino_env.core.results import brief
+from domino_env.core.types import Floats
 from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
 from domino_env.physics.wave import Outcome
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Where a row leans on what the model assumes; per domino, nan where the wave did not come.
+    """Assumptions of the model along a chain, per domino; nan where not reached.
 
     Attributes
     ----------
     outcome
-        How the wave ended.
+        Why the wave ended.
     least_contact_force
         (N-1,) smallest force between domino i and i+1 while they touch [N]; negative where the
-        model keeps a contact closed that would open.
+        model keeps a contact closed that would separate.
     least_hit_impulse
         (N-1,) smallest impulse of that contact in hits [N s]; negative likewise.
     least_flush_impulse
-        (N-1,) smallest impulse of that contact in flushes [N s]; nan where there was none.
+        (N-1,) smallest impulse of that contact in face impacts [N s]; nan where there was none.
     floor_friction
-        (N,) coefficient of friction with the floor that keeps the pivot from sliding; inf where
-        the pivot is not pressed onto the ground at all.
+        (N,) smallest coefficient of friction with the floor that keeps the pivot from sliding; inf
+        where the pivot is not pressed onto the ground.
     least_load
-        (N,) smallest load on the pivot, upright to the ground, over the domino's weight; negative
+        (N,) smallest load on the pivot, normal to the ground, over the domino's weight; negative
         where it lifts.
     flush_loss
-        (N,) largest part of the leader's speed lost in one flush while domino i led.
+        (N,) largest fraction of the leader's speed lost in one face impact while domino i led.
     stall_margin
-        (N,) lowest u = ω² over its value at release, as domino i led.
+        (N,) lowest u = ω² over its value just after the hit, while domino i led.
 
     Notes
     -----
-    Forces are looked at at 17 angles of each fall, impulses at every hit and, of several flushes
-    within a sixteenth of a fall, at the last.
+    Forces are evaluated at 17 angles of each interval between hits, impulses at every hit and, of
+    several face impacts within a sixteenth of an interval, at the last.
     """
 
     outcome: Outcome
@@ -62,7 +61,7 @@ class Diagnosis:
 
     @property
     def opened(self) -> NDArray[np.int64]:
-        """Contacts (i leaning on i+1) that the model keeps closed although they would open."""
+        """Contacts (of i with i+1) that the model keeps closed although they would separate."""
         least = np.fmin(
             np.fmin(self.least_contact_force, self.least_hit_impulse), self.least_flush_impulse
         )
@@ -71,23 +70,28 @@ class Diagnosis:
 
     @property
     def lifted(self) -> NDArray[np.int64]:
-        """Dominoes whose pivot would lift off the floor if nothing held it down."""
+        """Dominoes whose pivot would lift off the floor."""
         return np.flatnonzero(self.least_load < 0.0)
 
 
 def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) -> Diagnosis:
-    """Find contact forces and impulses, floor friction, lifted pivots and flush losses of a wave.
+    """Compute contact forces and impulses, floor friction and losses in face impacts of a wave.
 
-    Dominoes more than 400 behind the leader are taken to lie still.
+    Dominoes more than 400 behind the leader are treated as at rest.
 
     Parameters
     ----------
     layout
-        What stands.
+        The layout.
     physics
-        What makes it fall.
+        Friction, gravity and push; by default those of `Physics()`.
     rtol
-        As of `simulate`.
+        As for `simulate`.
+
+    Returns
+    -------
+    Diagnosis
+        Values per domino.
     """
     require_arguments(layout, physics)
     loads = np.full(layout.count, np.nan, kernels.LOADS)

@@ -1,4 +1,4 @@
-"""Ground: an even slope, or a smooth curve through points; rows are laid along it."""
+"""Ground: an even slope, or a smooth curve through points, and layouts along it."""
 
 from __future__ import annotations
 
@@ -9,24 +9,23 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from domino_env import kernels
 from domino_env.core.models import Number, Value
 from domino_env.core.threads import share_pieces
+from domino_env.core.types import Floats
 from domino_env.physics.gradient import Gradient
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 
-Floats = NDArray[np.float64]
-
-MAX_BULGE = 1e-4  # [m] of the ground under a base, over or under the chord
+MAX_DISTANCE = 1e-4  # [m] of the ground under a base, over or under the chord
 STEEPEST = 45.0  # [°]
 MOST_POINTS = 10_000
 
 
 class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
-    """What a row stands on: an even slope, or a smooth curve through points.
+    """Ground under a chain: an even slope, or a smooth curve through points.
 
     The pivot of the first domino, its front bottom edge, stands at x = 0. Every domino stands on
     the chord under its base, and free gaps are laid along the ground, each from a pivot
@@ -35,10 +34,10 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
     Parameters
     ----------
     slope
-        Of an even slope, positive downhill [°].
+        Angle of an even slope, positive downhill [°].
     profile
-        Points [x, y] of a curve, x rising [m]: the natural cubic spline through them. It has no
-        jump in slope or curvature, and beyond its ends it goes on straight.
+        Points [x, y] of a curve, x rising [m]: the natural cubic spline through them, which
+        goes on straight beyond its ends.
 
     Raises
     ------
@@ -81,8 +80,8 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         for i, ((a, _), (b, _)) in enumerate(pairwise(self.profile or ())):
             if not b > a:
                 raise ValueError(
-                    f"profile[{i + 1}] lies at x = {b:g} m and the point before at {a:g} m: x "
-                    "rises from point to point"
+                    f"profile[{i + 1}] lies at x = {b:g} m and the point before at {a:g} m: give "
+                    "points in the order of x"
                 )
         place, steepest = self.steepest
         if self.profile is not None and steepest > math.tan(math.radians(STEEPEST)):
@@ -93,17 +92,28 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
 
     @property
     def is_even(self) -> bool:
-        """Whether it slopes alike everywhere."""
+        """True for an even slope."""
         return self.slope is not None
 
     def height(self, x: ArrayLike) -> Floats:
-        """Return how high the ground is (…) at x (…), counted as the points are [m]."""
+        """Return the height of the ground.
+
+        Parameters
+        ----------
+        x
+            Places (…), in the coordinates of the points [m].
+
+        Returns
+        -------
+        ndarray
+            Heights (…) [m].
+        """
         t, c = self._piece(np.asarray(x, dtype=np.float64))
         return np.asarray(((c[0] * t + c[1]) * t + c[2]) * t + c[3])
 
     @property
     def steepest(self) -> tuple[float, float]:
-        """Where the ground is steepest [m], and by how much: |dy/dx|."""
+        """Steepest place [m] and the slope there, |dy/dx|."""
         knots, inner = self.curve.knots, self.curve.pieces[1:-1]
         # the slope is largest at a knot or where a piece has no curvature
         with np.errstate(all="ignore"):
@@ -116,12 +126,17 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         return float(places[worst]), float(slopes[worst])
 
     def curvature(self, way: float) -> tuple[float, float]:
-        """Return where the ground bends most one way [m], and by how much: d²y/dx² [1/m].
+        """Return the place at which the ground bends most one way, and its curvature there.
 
         Parameters
         ----------
         way
             1 for hollows, -1 for crests.
+
+        Returns
+        -------
+        tuple of float
+            Place [m] and d²y/dx² [1/m].
         """
         knots = self.curve.knots  # the curvature is linear between them
         t, c = self._piece(knots)
@@ -130,7 +145,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         return float(knots[worst]), max(float(bends[worst]), 0.0)
 
     def lay(self, spacing: ArrayLike, thickness: ArrayLike) -> tuple[Floats, Floats]:
-        """Stand rows on the ground.
+        """Return rise and tilt of layouts on the ground.
 
         Parameters
         ----------
@@ -142,7 +157,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         Returns
         -------
         tuple of ndarray
-            The `rise` (…, N-1) [m] and `tilt` (…, N) [rad] of a `Layout`.
+            `rise` (…, N-1) [m] and `tilt` (…, N) [rad], as of a `Layout`.
 
         Raises
         ------
@@ -156,10 +171,10 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             return -math.sin(slope) * (gaps + thick[..., 1:]), np.full_like(thick, slope)
         if refused := self.violation(float(thick.max(initial=0.0))):
             raise ValueError(refused)
-        rows, deep = _rows(gaps), _rows(thick)
-        rise, tilt = np.empty(rows.shape), np.empty(deep.shape)
+        batch, deep = _batch(gaps), _batch(thick)
+        rise, tilt = np.empty(batch.shape), np.empty(deep.shape)
         share_pieces(
-            kernels.place_on_ground, len(deep), deep.shape[1], self.curve, rows, deep, rise, tilt
+            kernels.place_on_ground, len(deep), deep.shape[1], self.curve, batch, deep, rise, tilt
         )
         return rise.reshape(gaps.shape), tilt.reshape(thick.shape)
 
@@ -171,12 +186,22 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         width: float = WIDTH,
         density: ArrayLike = DENSITY,
     ) -> Layout:
-        """Stand one row on the ground; the arguments are those of `Layout`.
+        """Return a layout on the ground.
+
+        Parameters
+        ----------
+        spacing, thickness, height, width, density
+            As for `Layout`.
+
+        Returns
+        -------
+        Layout
+            With the ground's rise and tilt.
 
         Raises
         ------
         ValueError
-            As of `lay` and `Layout`.
+            As for `lay` and `Layout`.
         """
         gaps = np.asarray(spacing, dtype=np.float64)
         thick = np.broadcast_to(np.asarray(thickness, dtype=np.float64), (len(gaps) + 1,))
@@ -184,15 +209,26 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         return Layout(gaps, thick, height, width, density, rise, tilt)
 
     def violation(self, thickness: float) -> str | None:
-        """Say where a base of that thickness [m] would not lie on the ground; None if nowhere."""
-        for way, what in ((1.0, "is hollow"), (-1.0, "bulges")):
+        """Return a sentence about where a base does not lie on the ground, or None.
+
+        Parameters
+        ----------
+        thickness
+            Length of the base [m].
+
+        Returns
+        -------
+        str or None
+            Place, distance and next action.
+        """
+        for way, verb in ((1.0, "is hollow"), (-1.0, "bulges")):
             place, bend = self.curvature(way)
             off = bend * thickness**2 / 8.0
-            if off > MAX_BULGE:
+            if off > MAX_DISTANCE:
                 return (
-                    f"the ground {what} by {1e3 * off:.3g} mm under a base {1e3 * thickness:.4g} mm"
-                    f" thick near x = {place:.4g} m: at most {1e3 * MAX_BULGE:g} mm; make it bend "
-                    "less there, or the dominoes thinner"
+                    f"the ground {verb} by {1e3 * off:.3g} mm under a base {1e3 * thickness:.4g} mm"
+                    f" thick near x = {place:.4g} m: at most {1e3 * MAX_DISTANCE:g} mm; make it "
+                    "bend less there, or the dominoes thinner"
                 )
         return None
 
@@ -223,7 +259,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             thickness[..., 1:] += moved
         else:
             geometry = layout.spacing, layout.thickness, layout.rise, layout.tilt
-            arrays = [_rows(array) for array in (*geometry, found.rise, found.tilt)]
+            arrays = [_batch(array) for array in (*geometry, found.rise, found.tilt)]
             written = [np.atleast_2d(array) for array in (spacing, thickness)]
             count = arrays[1].shape[1]
             share_pieces(
@@ -234,7 +270,7 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
 
     @cached_property
     def curve(self) -> kernels.Curve:
-        """The ground as the kernels take it."""
+        """Ground as an argument of the kernels."""
         if self.profile is None:
             down = -math.tan(math.radians(self.slope or 0.0))
             x, pieces = np.zeros(1), np.full((2, 4), [0.0, 0.0, down, 0.0])
@@ -246,16 +282,16 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
             ends = [[0.0, 0.0, float(spline(x[k], 1)), y[k]] for k in (0, -1)]
             pieces = np.concatenate([ends[:1], spline.c.T, ends[1:]])
         starts = np.concatenate([x[:1], x])
-        return kernels.Curve(*(_rows(array, 0) for array in (x, starts, pieces)))
+        return kernels.Curve(*(_batch(array, 0) for array in (x, starts, pieces)))
 
     def _piece(self, x: Floats) -> tuple[Floats, Floats]:
-        """The distance (…) from where the piece at x (…) starts, and its coefficients (4, …)."""
+        """Return the distance of x (…) from the start of its piece, and its coefficients (4, …)."""
         k = np.searchsorted(self.curve.knots, x)
         return x - self.curve.starts[k], np.moveaxis(self.curve.pieces[k], -1, 0)
 
 
-def _rows(array: ArrayLike, axes: int = 1) -> Floats:
-    """A read-only view with an axis of rows, as the compiled functions take it."""
+def _batch(array: ArrayLike, axes: int = 1) -> Floats:
+    """Return a read-only view with a batch axis, as the compiled functions take it."""
     array = np.ascontiguousarray(array, dtype=np.float64)
     view = np.atleast_2d(array).view() if axes else array.view()
     view.flags.writeable = False

@@ -1,4 +1,4 @@
-"""Layout: what is built.  Geometry in SI units, checked once."""
+"""Layout of a chain: geometry in SI units, checked once."""
 
 from __future__ import annotations
 
@@ -19,35 +19,37 @@ from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH, unit_
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """A row of N dominoes that topples towards +x.
-
-    Every array is kept as a read-only float64 copy of full length.
+    """Chain of N dominoes that topples towards +x.
 
     Parameters
     ----------
     spacing
         (N-1,) free gaps between the front of each domino and the back of the next [m].
     thickness
-        (N,) size along the fall [m]; a single number serves all.
+        Scalar or (N,) size along the fall [m].
     height
-        Scalar or (N,) [m]; unless given, the standard domino's 0.048.
+        Scalar or (N,) [m]; by default 0.048, as of the standard domino.
     width
-        Size across the fall [m]; it changes no time. Unless given, 0.024.
+        Size across the fall [m], which changes no time; by default 0.024.
     density
-        Scalar or (N,) [kg/m³]; unless given, 1040.
+        Scalar or (N,) [kg/m³]; by default 1040.
     rise
-        Scalar or (N-1,) how much higher the next pivot lies [m]; unless given, 0.
+        Scalar or (N-1,) height of the next pivot above each [m]; by default 0.
     tilt
-        Scalar or (N,) how far the ground under each domino slopes, positive downhill [rad]; unless
-        given, 0. A gap is measured from the pivot, perpendicular to the back of the next domino: on
-        an even slope along the ground.
+        Scalar or (N,) slope of the ground under each domino, positive downhill [rad]; by default 0.
+        A gap is measured from the pivot, perpendicular to the back of the next domino: on an even
+        slope along the ground.
 
     Raises
     ------
     ValueError
-        For what cannot stand: lengths that do not match, values that are not positive and finite,
-        a tip that would strike above the next domino's top, ground too steep or too hollow. Names
-        the element, its value and what to do.
+        For shapes that do not match, values that are not positive and finite, a tip that would
+        strike above the next domino's top, and ground too steep or too hollow; with the element,
+        its value and the next action.
+
+    Notes
+    -----
+    Every array is kept as a read-only float64 copy of full length.
 
     Examples
     --------
@@ -64,7 +66,7 @@ class Layout:
     density: Floats
     rise: Floats
     tilt: Floats
-    is_flat: bool = field(init=False)  # whether the ground is
+    is_flat: bool = field(init=False)  # rise and tilt are 0
 
     def __init__(
         self,
@@ -78,7 +80,7 @@ class Layout:
     ) -> None:
         gaps = np.array(spacing, dtype=np.float64)
         if gaps.ndim != 1:
-            raise ValueError(f"spacing has shape {gaps.shape}: give one gap a pair, shape (N-1,)")
+            raise ValueError(f"spacing has shape {gaps.shape}: give one gap per pair, shape (N-1,)")
         count = len(gaps) + 1
         arrays = {
             "spacing": gaps,
@@ -97,17 +99,17 @@ class Layout:
             array.flags.writeable = False
         is_flat = not (np.count_nonzero(arrays["rise"]) or np.count_nonzero(arrays["tilt"]))
         self.__dict__.update(arrays, width=float(width), is_flat=is_flat)
-        slopes = () if is_flat else (self.rise, self.tilt)
-        if found := footing.find_violation(gaps, self.thickness, self.height, *slopes):
+        ground = () if is_flat else (self.rise, self.tilt)
+        if found := footing.find_violation(gaps, self.thickness, self.height, *ground):
             raise ValueError(found[1])
 
     def __reduce__(self) -> tuple[object, ...]:
-        # built anew, so that a copy's arrays are read-only too: the kernel is compiled for those
+        # a copy's arrays are read-only too, as the kernel is compiled for those
         flat = (self.spacing, self.thickness, self.height, self.width, self.density)
         return Layout, (flat if self.is_flat else (*flat, self.rise, self.tilt))
 
     def __eq__(self, other: object) -> bool:
-        """Whether two layouts are the same to the last bit."""
+        """Return whether two layouts are bitwise equal."""
         if not isinstance(other, Layout):
             return NotImplemented
         return self.width == other.width and all(
@@ -145,7 +147,7 @@ class Layout:
         density: float = DENSITY,
         slope: float = 0.0,
     ) -> Layout:
-        """Stand `count` equal dominoes in a row.
+        """Return a layout of equal dominoes with equal gaps.
 
         Parameters
         ----------
@@ -158,18 +160,23 @@ class Layout:
         thickness
             Size along the fall [m].
         height
-            Of every domino [m].
+            Height of every domino [m].
         width
             Size across the fall [m].
         density
-            Of every domino [kg/m³].
+            Density of every domino [kg/m³].
         slope
-            Of the ground, an even one, positive downhill [rad].
+            Even slope of the ground, positive downhill [rad].
+
+        Returns
+        -------
+        Layout
+            The layout.
 
         Raises
         ------
         ValueError
-            For neither or both of pitch and spacing, dominoes that overlap, and as of the class.
+            For neither or both of pitch and spacing, dominoes that overlap, and as for the class.
         """
         require("count", count, 1, whole=True)
         if (pitch is None) == (spacing is None):
@@ -180,8 +187,8 @@ class Layout:
                 f"pitch = {pitch} m is not more than thickness = {thickness} m: dominoes overlap"
             )
         rise = -(gap + thickness) * np.sin(slope)
-        row = np.full(count - 1, gap), np.full(count, thickness), height, width, density
-        return cls(*row, rise, slope)
+        gaps, sizes = np.full(count - 1, gap), (np.full(count, thickness), height, width)
+        return cls(gaps, *sizes, density, rise, slope)
 
     @property
     def count(self) -> int:
@@ -190,7 +197,7 @@ class Layout:
 
     @cached_property
     def pitch(self) -> Floats:
-        """(N-1,) pivot to pivot [m]."""
+        """Pivot to pivot (N-1,) [m]."""
         if self.is_flat:
             pitches = self.spacing + self.thickness[1:]
         else:
@@ -200,20 +207,20 @@ class Layout:
 
     @property
     def is_uniform(self) -> bool:
-        """Whether all gaps are equal, and all dominoes."""
+        """True if all gaps are equal, and all dominoes."""
         arrays = self.spacing, self.thickness, self.height, self.density, self.rise, self.tilt
         return all(bool(np.all(array == array[:1])) for array in arrays)
 
     @cached_property
     def positions(self) -> Floats:
-        """(N,) pivots (front bottom edges) along the line from pivot to pivot, from 0 [m]."""
+        """Pivots (front bottom edges) along the line through them (N,), the first at 0 [m]."""
         places = np.concatenate(([0.0], np.cumsum(self.pitch)))
         places.flags.writeable = False
         return places
 
     @property
     def pivots(self) -> Floats:
-        """(N, 2) where the front bottom edges are, x forward and z up, the first at 0 [m]."""
+        """Pivots (front bottom edges) (N, 2), x forward and z up, the first at 0 [m]."""
         if self.is_flat:
             return np.stack([self.positions, np.zeros(self.count)], axis=-1)
         return footing.pivots(self.spacing, self.thickness, self.rise, self.tilt)
@@ -313,23 +320,22 @@ class Layout:
 
 
 def _span(values: Floats, unit: float = 1e3) -> str:
-    """What values are, or lie between; lengths in millimetres."""
+    """Return values in words, lengths in millimetres: one number, or the range."""
     low, high = (f"{unit * value:.4g}" for value in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"
 
 
 def _full(name: str, values: ArrayLike, count: int) -> Floats:
+    """Return an array of full length."""
     array = np.array(values, dtype=np.float64)
     if array.ndim == 0:
         full = np.empty(count)  # half the time of np.full
         full.fill(array)
         return full
-    if array.shape != (count,) and name == "rise":
-        raise ValueError(f"rise has shape {array.shape}: give one number or one a pair, ({count},)")
     if array.shape != (count,):
         raise ValueError(
-            f"{name} has shape {array.shape}, but {count - 1} spacings stand between {count} "
-            f"dominoes: give one number or {count}"
+            f"{name} has shape {array.shape}: give one number or {count}, one per "
+            f"{'pair' if name == 'rise' else 'domino'}"
         )
     return array
 

@@ -1,11 +1,11 @@
-"""The standard domino, and lengths that no row of dominoes has: slips of unit."""
+"""The standard domino, and hints at lengths in another unit."""
 
 from __future__ import annotations
 
 HEIGHT, WIDTH, DENSITY = 0.048, 0.024, 1040.0  # [m], [m], [kg/m³]
 THICKNESS = 0.0075  # [m]
 
-TALLEST, SHORTEST = 10.0, 1e-3  # [m] that people build, by far
+TALLEST, SHORTEST = 10.0, 1e-3  # [m] far beyond what people build
 MOST, LEAST = 10.0, 1e-3  # of a thickness or a gap over the height
 ADVICE = "lengths are in metres, 18 mm is 0.018 (a layout's columns may be named spacing_mm, …)"
 
@@ -13,9 +13,7 @@ Range = tuple[float, float]
 
 
 def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
-    """Say which length of a row was probably given in another unit.
-
-    A row at such an extreme may be meant: this is for hints.
+    """Return a hint at a length that was probably given in another unit.
 
     Parameters
     ----------
@@ -29,7 +27,7 @@ def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
     Returns
     -------
     str or None
-        A sentence; None where all is plausible.
+        A sentence; None if all lengths are plausible.
     """
     tall = f"the dominoes are {height:g} m tall"
     if not SHORTEST <= height <= TALLEST:

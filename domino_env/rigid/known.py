@@ -42,20 +42,20 @@ class Check:
     floor
         Its friction; None for fixed pivots.
     last
-        Simulator over the model of fixed pivots - 1 at the last hit; None where it never comes.
+        Time of the last hit over that of the model with fixed pivots - 1; None if there is none.
     largest
-        The largest such difference of any hit.
+        Largest such difference of all hits.
     uncertainty
-        Error estimate of the simulator; None where it has none.
+        Error estimate of the simulator; None if it has none.
     staying_up
-        Dominoes that do not topple.
+        Number of dominoes that do not topple.
     gap
         Mean gap [m].
     score
-        Of the layout in its scene, in words.
+        Score of the layout in its scene, in words.
     gain
-        Speed over that of the best uniform layout of this floor - 1; None for that layout, for a
-        scene that scores something else, and where a wave ended.
+        Speed over that of the best uniform layout of this floor - 1; None for that layout, for
+        scenes with other scores, and where a wave stops.
     """
 
     layout: Literal["best", "uniform"]
@@ -77,13 +77,13 @@ class Verified:
     Attributes
     ----------
     digest
-        Of the layout and its physics.
+        Digest of layout and physics.
     count
         Number of dominoes.
     first
-        So many of them were simulated, from the first.
+        Number of dominoes simulated, from the first.
     verdict
-        On the layout with fixed pivots.
+        Verdict on the layout with fixed pivots.
     checks
         Best known, uniform baseline, and engine where it was run; fixed pivots first.
     """
@@ -96,34 +96,34 @@ class Verified:
 
     @property
     def floors(self) -> tuple[Check, ...]:
-        """Those of the best known layout by the reference simulator, fixed pivots first."""
+        """Checks of the best known layout by the reference simulator, fixed pivots first."""
         first = self.checks[0]
         mine = (one for one in self.checks if one.simulator == first.simulator)
         return tuple(one for one in mine if one.layout == "best")
 
 
 def digest(layout: Layout, physics: Physics) -> str:
-    """Tell one layout under one physics from another by 16 hexadecimal digits."""
+    """Return 16 hexadecimal digits that identify a layout with its physics."""
     parts = (
         layout.spacing, layout.thickness, layout.height, layout.density,
         (physics.friction, physics.gravity, physics.push),
     )  # fmt: skip
     ground = () if layout.is_flat else (layout.rise, layout.tilt)
-    told = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in (*parts, *ground))
-    return hashlib.sha256(told).hexdigest()[:16]
+    data = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in (*parts, *ground))
+    return hashlib.sha256(data).hexdigest()[:16]
 
 
 def read_verified(path: Path = PATH) -> dict[str, Verified]:
-    """Read all that is kept, by the name of the scene; nothing where there is no such file."""
+    """Return the kept verifications by scene; none where there is no such file."""
     if not path.exists():
         return {}
     document = read_json(path)
     with naming(path):
-        return {name: model_of(Verified, told, name) for name, told in document.items()}
+        return {name: model_of(Verified, one, name) for name, one in document.items()}
 
 
 def write_verified(found: dict[str, Verified], path: Path = PATH) -> None:
-    """Write all down, whole, in the order of the names."""
+    """Write the verifications in the order of the names."""
     document = {name: asdict(found[name]) for name in sorted(found)}
     write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
 
@@ -134,41 +134,41 @@ def _by_digest() -> dict[str, Verified]:
 
 
 def known_verification(layout: Layout, physics: Physics) -> Verified | None:
-    """Return what is kept of exactly this layout under exactly this physics, if it ships."""
+    """Return the kept verification of this layout and physics, if there is one."""
     return _by_digest().get(digest(layout, physics))
 
 
 def known_table(found: dict[str, Verified]) -> list[str]:
-    """Tabulate in Markdown every layout that ships on every floor, beside the best uniform one."""
-    rows = []
+    """Return a Markdown table of the best known and the best uniform layouts on every floor."""
+    lines = []
     for name, one in found.items():
         first = "" if one.first == one.count else f" (first {one.first} of {one.count})"
         for best in one.floors:
             here = [check for check in one.checks if check.floor == best.floor]
             uniform = next(check for check in here if check.layout == "uniform")
             engine = next((check for check in here if check.simulator != best.simulator), None)
-            rows.append((
+            lines.append((
                 f"`{name}`{first}", floor_name(best.floor), _score(best), _score(uniform),
                 "" if best.gain is None else f"**{best.gain:+.2%}**", percent(best.last),
-                percent(best.uncertainty, sign=""), _apart(best, engine),
+                percent(best.uncertainty, sign=""), _difference(best, engine),
             ))  # fmt: skip
-    return markdown_table(NAMES, rows)
+    return markdown_table(NAMES, lines)
 
 
 def _score(check: Check) -> str:
     return check.score + (f" ({check.staying_up} stay up)" if check.staying_up else "")
 
 
-def _apart(reference: Check, engine: Check | None) -> str:
-    """How far the engine is from the reference simulator at the last hit."""
+def _difference(reference: Check, engine: Check | None) -> str:
+    """Return the difference of the engine from the reference simulator at the last hit."""
     if engine is None or engine.last is None or reference.last is None:
         return ""
-    apart = (1.0 + engine.last) / (1.0 + reference.last) - 1.0
+    difference = (1.0 + engine.last) / (1.0 + reference.last) - 1.0
     if engine.uncertainty is None or reference.uncertainty is None:
-        return f"{apart:+.3%} (not converged)"
-    return f"{apart:+.3%} ± {engine.uncertainty + reference.uncertainty:.2%}"
+        return f"{difference:+.3%} (not converged)"
+    return f"{difference:+.3%} ± {engine.uncertainty + reference.uncertainty:.2%}"
 
 
 def percent(value: float | None, sign: str = "+") -> str:
-    """Write a part in per cent; nothing for None."""
+    """Return a fraction in per cent; nothing for None."""
     return "" if value is None else f"{value:{sign}.3%}"

@@ -1,4 +1,4 @@
-"""Simulation of rigid bodies on a floor or fixed pivots: steps are halved until times converge."""
+"""Simulation of rigid bodies on a floor or fixed pivots, with steps halved until it converges."""
 
 from __future__ import annotations
 
@@ -31,36 +31,36 @@ MEASURED = 10.0  # [s] of all its runs, after which its time can be estimated
 
 @dataclass(frozen=True, eq=False)
 class RigidWave:
-    """Wave of a layout of rigid bodies, by this simulator or by a third-party engine.
+    """Wave of a layout of rigid bodies, by this simulator or a third-party engine.
 
     Attributes
     ----------
     layout, physics
-        As of `simulate`.
+        As simulated.
     floor_friction
         Coulomb coefficient between dominoes and the floor; None for fixed pivots.
     arrival_times
-        (N,) when each domino is first struck [s]: 0 for the first, inf where the wave did not come.
+        (N,) when each domino is first struck [s]: 0 for the first, inf where not reached.
     lean
-        (N,) largest angle from upright, towards the next domino, while it was followed [rad].
+        (N,) largest angle from upright, towards the next domino, while it moved [rad].
     slid
-        (N,) how far the front bottom edge was from its place at most [m]; 0 with fixed pivots. An
-        engine does not tell this, nor what opened: nan.
+        (N,) largest distance of the front bottom edge from its place [m]; 0 with fixed pivots. An
+        engine gives neither this nor openings: nan.
     opened
-        (N-1,) how wide the contact with the next domino opened after it had closed [m], and before
-        the tip slipped off for good.
+        (N-1,) largest opening of the contact with the next domino after it had closed [m], and
+        before the tip slipped off.
     opened_at
-        (N-1,) when it was that wide [s]; 0 where it never opened.
+        (N-1,) time of that opening [s]; 0 where there was none.
     error_estimate
-        Largest |error|/t_k over the arrival times t_k, from runs with steps halved.
+        Estimate of the largest |error|/t_k over the arrival times t_k, from runs with halved steps.
     converged
-        False where the finest steps still moved the times by more than `rtol` allows.
+        Whether the estimate is within `rtol`.
     rtol
-        The tolerance asked for.
+        Tolerance asked for.
     steps
-        Of time, in the finest run.
+        Number of time steps in the finest run.
     run_time
-        Spent computing [s].
+        Time of the computation [s].
     simulator
         Name, and version of an engine.
     """
@@ -90,28 +90,28 @@ class RigidWave:
 
     @property
     def hit(self) -> int:
-        """Dominoes struck; the first counts."""
+        """Number of dominoes struck; the first counts."""
         return int(np.isfinite(self.arrival_times).sum())
 
     @property
     def topples(self) -> Bools:
-        """(N,) whether each domino passed its tipping angle."""
+        """True for dominoes that passed their tipping angle (N,)."""
         tipping = np.arctan2(self.layout.thickness, self.layout.height)
         return np.asarray(self.lean > tipping)
 
     @property
     def toppled(self) -> int:
-        """Dominoes that passed their tipping angle."""
+        """Number of dominoes that passed their tipping angle."""
         return int(self.topples.sum())
 
     @property
     def staying_up(self) -> int:
-        """Dominoes that did not topple."""
+        """Number of dominoes that did not topple."""
         return self.layout.count - self.toppled
 
     @property
     def propagated(self) -> bool:
-        """Whether the last domino was struck and toppled."""
+        """True if the last domino was struck and toppled."""
         return bool(np.isfinite(self.arrival_times[-1]) and self.topples[-1])
 
     @property
@@ -122,7 +122,7 @@ class RigidWave:
 
 
 def floor_name(floor_friction: float | None) -> str:
-    """Name a floor."""
+    """Return the name of a floor."""
     return "fixed pivots" if floor_friction is None else f"floor {floor_friction:g}"
 
 
@@ -242,12 +242,12 @@ def require_time(elapsed: float, struck: float, count: int, place: str) -> None:
 
 
 def window_of(layout: Layout) -> int:
-    """How many dominoes behind the leader still move in `simulate_standing`.
+    """Return the number of dominoes behind the leader that still move in `simulate_standing`.
 
     Notes
     -----
     Where a contact has closed, a domino turns by about 1 - √(λ² - d²)/L of what the next one turns,
-    with pitch λ, thickness d and height L: tight rows forget their stacks slowly.
+    with pitch λ, thickness d and height L: stacks with small gaps come to rest slowly.
     """
     pitch, thick, tall = layout.pitch, layout.thickness[1:], layout.height[:-1]
     passed = 1.0 - np.sqrt(np.maximum(pitch**2 - thick**2, 0.0)) / tall

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from domino_env.core.checks import require
-from domino_env.core.files import write_text
 from domino_env.core.results import as_json, brief, document
 from domino_env.core.tables import text_table
 from domino_env.physics.layout import Layout
@@ -36,16 +34,16 @@ WIDE = 1e-3  # of the height: a contact that opens by less is not named
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """One layout in the model and in simulators that keep no contact closed.
+    """Comparison of a layout in the model and in simulators that keep no contact closed.
 
     Attributes
     ----------
     wave
-        The model's.
+        Wave of the model.
     reference
         Waves of `simulate_standing`: with fixed pivots, as in the model, then one per floor.
     engine
-        The same of the third-party engine; empty where it was not run.
+        The same of the third-party engine; empty if it was not run.
     """
 
     wave: Wave
@@ -66,26 +64,26 @@ class Verification:
 
     @property
     def difference(self) -> float:
-        """Reference over model - 1 at the last hit, fixed pivots; nan if it never comes."""
+        """Reference over model - 1 at the last hit, fixed pivots; nan if there is none."""
         return last_difference(self.wave, self.fixed)
 
     @property
     def largest_difference(self) -> float:
-        """The largest relative one of all arrival times with fixed pivots."""
+        """Largest relative difference of all arrival times with fixed pivots."""
         return common_difference(self.wave, self.fixed)
 
     @property
     def verdict(self) -> str:
-        """A word and its reason: AGREES, CLOSE, DIFFERS or UNDECIDED."""
+        """Verdict and its reason: AGREES, CLOSE, DIFFERS or UNDECIDED."""
         return self._verdict(self.fixed)
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """That of the reference simulator, and that of the engine where it was run."""
+        """Verdicts of the reference simulator and of the engine, if it was run."""
         return tuple(self._verdict(one[0]) for one in (self.reference, self.engine) if one)
 
     def _verdict(self, fixed: RigidWave) -> str:
-        """Compare with a wave of fixed pivots; only what exceeds its uncertainty counts."""
+        """Return the verdict on fixed pivots; only differences beyond the uncertainty count."""
         wave, count = self.wave, self.wave.layout.count
         if fixed.hit != wave.hit:
             return (
@@ -110,7 +108,7 @@ class Verification:
 
     @cached_property
     def openings(self) -> dict[int, float]:
-        """Contacts (of i with i+1) that open though the model keeps them closed, and how wide [m].
+        """Openings [m] of contacts (of i with i+1) that the model keeps closed.
 
         With fixed pivots and near the leader, after they had closed.
         """
@@ -121,7 +119,7 @@ class Verification:
 
     @property
     def reason(self) -> str:
-        """What in the layout makes model and reference differ."""
+        """Reason in the layout why model and reference differ."""
         margins, found = self.wave.stall_margin, []
         if np.isfinite(margins).any() and np.nanmin(margins) < NEAR_STALL:
             found.append(
@@ -135,7 +133,7 @@ class Verification:
                 f"between dominoes {i} and {i + 1} by {1e3 * self.openings[i]:.2g} mm, "
                 f"{self.fixed.opened_at[i]:.3f} s after the push"
             )
-        return f"Why: {'; '.join(found)}." if found else "Nothing in the layout says why."
+        return f"Why: {'; '.join(found)}." if found else "No reason is found in the layout."
 
 
 def verify(
@@ -147,26 +145,31 @@ def verify(
     rtol: float = 1e-3,
     progress: bool | None = False,
 ) -> Verification:
-    """Simulate a layout in the model and, on fixed pivots and floors, as rigid bodies.
+    """Simulate a layout in the model and as rigid bodies on fixed pivots and floors.
 
     Parameters
     ----------
     layout, physics
-        As of `simulate`.
+        As for `simulate`.
     floors
-        Friction of each floor that the layout is to stand on.
+        Friction of each floor.
     engine
         Whether the third-party engine Chipmunk (extra ``verify``) simulates all of them too, in
         seconds to minutes.
     rtol
-        Relative error asked of the reference simulator.
+        Relative error allowed to the reference simulator.
     progress
         As for `simulate_standing`.
+
+    Returns
+    -------
+    Verification
+        All waves.
 
     Raises
     ------
     ImportError
-        Without pymunk, where the engine is wanted; says what to install.
+        With `engine` and without pymunk; names what to install.
     ValueError
         For a single domino, or a floor without friction.
     """
@@ -200,19 +203,19 @@ def common_difference(wave: Wave, rigid: RigidWave) -> float:
 
 
 def verification_table(checked: Verification) -> list[str]:
-    """Tabulate by how much arrival times differ, every tenth domino and the last; the verdicts."""
+    """Return a table of differences of arrival times, every tenth domino, and the verdicts."""
     model, count = checked.wave.arrival_times, checked.wave.layout.count
     waves = (*checked.reference, *checked.engine)
     names = ["domino", "model [s]", *(floor_name(one.floor_friction) for one in checked.reference)]
     names += [f"engine, {floor_name(one.floor_friction)}" for one in checked.engine]
-    rows = [
+    cells = [
         [str(i), f"{model[i]:.6f}" if np.isfinite(model[i]) else "never"]
         + [_percent(one.arrival_times[i], model[i]) for one in waves]
         for i in sorted({*range(10, count, 10), min(5, count - 1), count - 1})
     ]
-    rows.append(["uncertainty", "", *(f"{one.error_estimate:.3%}" for one in waves)])
-    rows.append(["stay up", "", *(str(one.staying_up) for one in waves)])
-    lines = text_table(names, rows, right=names[1:])
+    cells.append(["uncertainty", "", *(f"{one.error_estimate:.3%}" for one in waves)])
+    cells.append(["stay up", "", *(str(one.staying_up) for one in waves)])
+    lines = text_table(names, cells, right=names[1:])
     for one in waves:
         if not one.converged:
             lines.append(
@@ -220,22 +223,21 @@ def verification_table(checked: Verification) -> list[str]:
                 f"limits ({one.steps} steps)"
             )
     for one, other in zip(checked.reference, checked.engine, strict=False):
-        apart = largest_difference(one.arrival_times, other.arrival_times)
-        both = one.error_estimate + other.error_estimate
-        word = "agree"
-        if apart == math.inf or apart - both > AGREES:
-            word = "differ"
-        elif max(one.error_estimate, other.error_estimate) > AGREES:
-            word = "are undecided"
+        difference = largest_difference(one.arrival_times, other.arrival_times)
+        uncertainties = one.error_estimate, other.error_estimate
+        verb = "are undecided" if max(uncertainties) > AGREES else "agree"
+        if difference == math.inf or difference - sum(uncertainties) > AGREES:
+            verb = "differ"
         lines.append(
-            f"{floor_name(one.floor_friction)}: {one.simulator} and {other.simulator} {word}, "
-            f"arrival times at most {apart:.3%} apart, uncertainty of both {both:.3%}"
+            f"{floor_name(one.floor_friction)}: {one.simulator} and {other.simulator} {verb}, "
+            f"arrival times at most {difference:.3%} apart, uncertainty of both "
+            f"{sum(uncertainties):.3%}"
         )
     return [*lines, *checked.verdicts]
 
 
 def as_document(checked: Verification) -> dict[str, Any]:
-    """Collect what `verification.json` holds; null where the wave did not come."""
+    """Return the document `verification.json`; null where a domino is not reached."""
     wave = checked.wave
 
     def floor(rigid: RigidWave) -> dict[str, Any]:
@@ -246,7 +248,7 @@ def as_document(checked: Verification) -> dict[str, Any]:
             "uncertainty": rigid.error_estimate,
         }
 
-    told: dict[str, Any] = as_json(
+    result: dict[str, Any] = as_json(
         {
             "engine": checked.fixed.simulator,
             "model": wave.arrival_times,
@@ -258,16 +260,11 @@ def as_document(checked: Verification) -> dict[str, Any]:
             "engine_floors": list(map(floor, checked.engine)),
         }
     )
-    return document(wave.physics, "friction gravity push") | told
-
-
-def write_verification(checked: Verification, path: Path) -> None:
-    """Write the document as JSON, whole."""
-    write_text(path, json.dumps(as_document(checked), indent=1, allow_nan=False) + "\n")
+    return document(wave.physics, "friction gravity push") | result
 
 
 def write_plot(checked: Verification, path: Path, title: str) -> None:
-    """Draw differences of arrival times: fixed pivots above, floors below, the engine's dashed."""
+    """Draw differences of arrival times: fixed pivots above, floors below, the engine dashed."""
     from domino_env.core.colours import COLOURS, INK, SHADE
     from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
 
@@ -278,12 +275,11 @@ def write_plot(checked: Verification, path: Path, title: str) -> None:
     above.axhspan(-100.0 * AGREES, 100.0 * AGREES, color=SHADE, zorder=0)
     for waves, line in ((checked.reference, "-"), (checked.engine, "--")):
         for k, one in enumerate(waves):
-            both = np.minimum(one.arrival_times, checked.wave.arrival_times)[1:] < np.inf
-            apart = np.full(len(both), np.nan)
-            times = one.arrival_times[1:][both], checked.wave.arrival_times[1:][both]
-            apart[both] = 100.0 * (times[0] / times[1] - 1.0)
+            times = np.stack([one.arrival_times, checked.wave.arrival_times])[:, 1:]
+            times[~np.isfinite(times)] = np.nan
             (below if k else above).plot(
-                np.arange(1, len(both) + 1), apart, color=COLOURS[k], linestyle=line,
+                1 + np.arange(times.shape[1]), 100.0 * (times[0] / times[1] - 1.0),
+                color=COLOURS[k], linestyle=line,
                 label=f"{one.simulator}, {floor_name(one.floor_friction)}",
             )  # fmt: skip
     for axes in (above, below):

@@ -89,11 +89,11 @@ def test_a_layout_keeps_its_own_numbers() -> None:
     ({"spacing": [0.0, 0.01]}, "spacing[0] = 0.0 m: dominoes 0 and 1 touch; widen the gap"),
     ({"spacing": [0.01, float("inf")]},
      "spacing[1] = inf m: give a finite number, more than 0"),
-    ({"spacing": 0.01}, "spacing has shape (): give one gap a pair, shape (N-1,)"),
+    ({"spacing": 0.01}, "spacing has shape (): give one gap per pair, shape (N-1,)"),
     ({"thickness": [0.0075, 0.0, 0.0075]},
      "thickness[1] = 0.0 m: give a finite number, more than 0"),
     ({"thickness": [0.0075, 0.0075]},
-     "thickness has shape (2,), but 2 spacings stand between 3 dominoes: give one number or 3"),
+     "thickness has shape (2,): give one number or 3, one per domino"),
     ({"height": [0.048, 0.048, -0.048]},
      "height[2] = -0.048 m: give a finite number, more than 0"),
     ({"density": [1040.0, float("nan"), 1040.0]},
@@ -102,12 +102,12 @@ def test_a_layout_keeps_its_own_numbers() -> None:
     ({"tilt": 0.16}, "domino 0 does not stand: tilt[0] is 9.167°, and it tips over by itself ..."),
     ({"tilt": [0.0, 0.0, -0.2]}, "domino 2 does not stand: tilt[2] is -11.46° ..."),
     ({"rise": [0.0, 0.021]},
-     "... stands 0.021 m above domino 1, seen from its own ground: that is ..."),
+     "... stands 0.021 m above domino 1, seen from its own ground: such ..."),
     ({"rise": -0.01}, "domino 0 (height 0.048 m) would strike 0.0536 ..."),
     ({"tilt": [0.15, -0.15, 0.0], "spacing": [0.01, 0.02]},
      "... lean against each other before ..."),
     ({"rise": [np.nan, 0.0]}, "rise[0] = nan m: must be finite ..."),
-    ({"rise": [0.0, 0.0, 0.0]}, "rise has shape (3,): give one number or one a pair, (2,)"),
+    ({"rise": [0.0, 0.0, 0.0]}, "rise has shape (3,): give one number or 2, one per pair"),
 ])  # fmt: skip
 def test_what_cannot_stand(change, sentence) -> None:
     good = {"spacing": [0.02, 0.02], "thickness": [0.0075] * 3}
