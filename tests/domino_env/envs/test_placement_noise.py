@@ -21,7 +21,10 @@ def intended(scene):
 
 def test_single_vector_and_whole_layout_environments_apply_the_same_errors():
     seeds, pairs = [5, 6, 7], SCENE.count - 1
-    batch = SCENE.score_placed(intended(SCENE), seeds, rtol=RTOL)
+    errors = [SCENE.placement_errors(np.random.default_rng(seed)) for seed in seeds]
+    gaps = np.maximum(intended(SCENE).spacing + np.array(errors), LEAST_GAP)
+    batch = SCENE.evaluate(SCENE.batch(gaps, rtol=RTOL)).score
+    assert SCENE.score_placed(intended(SCENE), seeds) == pytest.approx(batch, rel=10.0 * RTOL)
     env, alone = DominoChain(SCENE), []
     for seed in seeds:
         env.reset(seed=seed)
