@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     racers, title = read_racers(paths, chosen.scene, chosen.physics if chosen.changed else None)
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
-    size = write_report(racers, title, target)
+    size = write_report(racers, title, target, progress=None)
     result = headline(racers)
     print(f"{chosen.line}\n{result['who']}: {result['why']}\n{target}: {size / 1e3:.0f} kB")
     return 0

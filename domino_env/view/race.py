@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from domino_env.core.progress import progress_bar
 from domino_env.core.types import Floats
 from domino_env.physics import footing
 from domino_env.physics.layout import Layout
@@ -56,7 +57,7 @@ class Racer:
     unit: str = "m/s"
 
 
-def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
+def race_data(racers: Sequence[Racer], progress: bool | None = False) -> dict[str, Any]:
     """Return the data of the page.
 
     Raises
@@ -74,7 +75,9 @@ def race_data(racers: Sequence[Racer]) -> dict[str, Any]:
     return {
         "headline": headline(racers),
         "winner": first if len(racers) > 1 and merits[first] > 0.0 else None,
-        "racers": [_data_of(one) for one in racers],
+        "racers": [
+            _data_of(one) for one in progress_bar(progress, iterable=racers, unit=" layouts")
+        ],
     }
 
 

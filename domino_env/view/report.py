@@ -69,7 +69,9 @@ class VerificationDocument(Document):
     floors: tuple[FloorDocument, ...] = ()
 
 
-def write_report(racers: Sequence[Racer], title: str, path: Path) -> int:
+def write_report(
+    racers: Sequence[Racer], title: str, path: Path, progress: bool | None = False
+) -> int:
     """Write the page.
 
     Parameters
@@ -80,6 +82,9 @@ def write_report(racers: Sequence[Racer], title: str, path: Path) -> int:
         Title of the page.
     path
         Output file.
+    progress
+        Whether to show how many layouts are computed; None: on a terminal, and where standard error
+        is none, a line every 30 s.
 
     Returns
     -------
@@ -96,7 +101,7 @@ def write_report(racers: Sequence[Racer], title: str, path: Path) -> int:
     def read(name: str) -> str:
         return (assets / name).read_text("utf-8")
 
-    data = json.dumps(race_data(racers), allow_nan=False, separators=(",", ":"))
+    data = json.dumps(race_data(racers, progress), allow_nan=False, separators=(",", ":"))
     parts = {
         "title": escape(title),
         "styles": read("uPlot.min.css") + read("report.css"),

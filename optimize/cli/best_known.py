@@ -92,7 +92,9 @@ def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int
         engine_name()  # raises where it is not installed, before time is spent
     scenes = {name: load_scene(name) for name in records}
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
-    verified = verify_records(records, scenes, arguments.floor, arguments.engine, report)
+    verified = verify_records(
+        records, scenes, arguments.floor, arguments.engine, report, progress=None
+    )
     if arguments.json:
         write_json({name: asdict(one) for name, one in verified.items()}, arguments.json)
     if arguments.update:
