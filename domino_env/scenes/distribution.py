@@ -95,7 +95,13 @@ class SceneDistribution:
         return f"SceneDistribution('{self.name}': {', '.join(self.features)})"
 
     def to_toml(self) -> str:
-        """Return the text of a file that reads back as the same distribution."""
+        """Return the file of the distribution.
+
+        Returns
+        -------
+        str
+            TOML that `load_distribution` reads as the same distribution.
+        """
         return text_of(self.document | {"name": self.name})
 
     def sample(self, rng: np.random.Generator, name: str = "sampled") -> Scene:
@@ -107,6 +113,16 @@ class SceneDistribution:
             Source of randomness.
         name
             Name of the scene.
+
+        Returns
+        -------
+        Scene
+            A scene in which some uniform layout completes.
+
+        Raises
+        ------
+        ValueError
+            If none of 1000 scenes can be used.
         """
         return self.scene(self.sample_numbers(rng), name)
 
@@ -164,7 +180,14 @@ class SceneDistribution:
         return np.array([numbers[place] for place in self.ranges])
 
     def scene(self, numbers: Floats, name: str = "sampled") -> Scene:
-        """Return the scene of these numbers (V,), in the units of their ranges.
+        """Return the scene of sampled numbers.
+
+        Parameters
+        ----------
+        numbers
+            (V,) numbers, in the units of their ranges.
+        name
+            Name of the scene.
 
         Raises
         ------
@@ -190,7 +213,17 @@ class SceneDistribution:
         }
 
     def numbers(self, scene: Specification) -> Floats:
-        """Return the numbers (V,) of a scene of this kind, in the units of their ranges.
+        """Return the sampled numbers of a scene of this distribution.
+
+        Parameters
+        ----------
+        scene
+            The scene.
+
+        Returns
+        -------
+        NDArray
+            (V,) numbers, in the units of their ranges.
 
         Raises
         ------
@@ -219,9 +252,18 @@ class SceneDistribution:
         return kept | {"objective": tables["objective"]}
 
     def scaled(self, numbers: Floats) -> Floats:
-        """Scale numbers (…, V): -1 at the least, 1 at the largest value of each range.
+        """Return numbers scaled to the ranges.
 
-        In the logarithm where they are spread so; 0 where nothing varies.
+        Parameters
+        ----------
+        numbers
+            (…, V) numbers, in the units of their ranges.
+
+        Returns
+        -------
+        NDArray
+            (…, V): -1 at the least, 1 at the largest value of each range, in the logarithm where
+            the spread is "log"; 0 for a range of one value.
         """
         values = np.asarray(numbers, dtype=np.float64)
         found = np.zeros(values.shape)

@@ -148,12 +148,28 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         return np.repeat(np.array(self.thickness), self.count)
 
     def kind(self, thickness: float) -> int | None:
-        """Return the index of the kind of a thickness [m]; None if there is none."""
+        """Return the kind of a thickness.
+
+        Parameters
+        ----------
+        thickness
+            Thickness of a domino [m].
+
+        Returns
+        -------
+        int or None
+            Index of the kind; None if there is none within 1e-9 m.
+        """
         near = np.abs(np.array(self.thickness) - thickness)
         return int(np.argmin(near)) if near.min() <= SAME else None
 
     def without(self, thickness: float) -> Stock:
-        """Return the stock without one domino of a thickness [m].
+        """Return the stock without one domino.
+
+        Parameters
+        ----------
+        thickness
+            Thickness of the domino [m].
 
         Raises
         ------
@@ -171,7 +187,18 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         return Stock(self.thickness, tuple(count))
 
     def violations(self, thickness: Floats) -> list[str]:
-        """Return a sentence for each kind of which thicknesses (N,) [m] take too many."""
+        """Return the violations of the stock by a layout.
+
+        Parameters
+        ----------
+        thickness
+            (N,) thicknesses of all its dominoes [m].
+
+        Returns
+        -------
+        list of str
+            A sentence for each kind of which it has too many; empty if none.
+        """
         kinds = np.array(self.thickness)
         rising = np.argsort(kinds)
         nearest = nearest_of(thickness, kinds[rising])
@@ -187,6 +214,12 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         ]
 
     def in_words(self) -> str:
-        """Return the stock in words, as in "16 of 0.005 m, 14 of 0.0075 m"."""
+        """Return the stock in words.
+
+        Returns
+        -------
+        str
+            As in "16 of 0.005 m, 14 of 0.0075 m".
+        """
         pairs = zip(self.count, self.thickness, strict=True)
         return ", ".join(f"{n} of {d:g} m" for n, d in pairs)

@@ -105,7 +105,20 @@ class Scene(Specification):
         return self.criterion.unit
 
     def simulate(self, layout: Layout, rtol: float = SCORE_RTOL) -> Wave:
-        """Simulate a layout with the scene's physics."""
+        """Simulate a layout with the scene's physics.
+
+        Parameters
+        ----------
+        layout
+            The layout.
+        rtol
+            Relative tolerance of the arrival times.
+
+        Returns
+        -------
+        Wave
+            Its wave.
+        """
         return simulate(layout, self.physics, rtol=rtol)
 
     def score(self, layout: Layout | Wave) -> float:
@@ -148,6 +161,11 @@ class Scene(Specification):
         gradient
             Compute the exact derivatives of the scores by gaps, thicknesses and heights too. On a
             floor they are approximate, see `Objective.evaluate`.
+
+        Returns
+        -------
+        Evaluation
+            Scores, reaches, numbers of falls, and derivatives if wanted.
         """
         return self.criterion.evaluate(batch, gradient)
 
@@ -162,6 +180,11 @@ class Scene(Specification):
         ----------
         waves
             Waves of layouts of the scene.
+
+        Returns
+        -------
+        Evaluation
+            Scores, reaches and numbers of falls.
         """
         criterion = self.criterion
         found = criterion.score(Waves.of_waves(waves, self.count))
@@ -203,18 +226,55 @@ class Scene(Specification):
         return self.evaluate(self.batch(gaps, ones * layout.thickness[1:], tall, SCORE_RTOL)).score
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
-        """Return random errors (N-1,) of the gaps of a layout [m]."""
+        """Return random errors of the gaps of a layout.
+
+        Parameters
+        ----------
+        generator
+            Source of randomness.
+
+        Returns
+        -------
+        NDArray
+            (N-1,) errors [m], zero without placement noise.
+        """
         return self.placement_deviation * generator.standard_normal(self.count - 1)
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """Return a score in words and units."""
+        """Return a score in words and units.
+
+        Parameters
+        ----------
+        score
+            A score of the scene.
+        wave
+            The wave that has it.
+
+        Returns
+        -------
+        str
+            As in "0.828550 m/s", or why there is no success.
+        """
         if score > 0.0:
             return self.criterion.in_words(score, wave)
         broken = self.limits is not None and wave.outcome == Outcome.PROPAGATED
         return "breaks a limit of the scene" if broken else self.criterion.failure
 
     def against_uniform(self, score: float, wave: Wave) -> str:
-        """Return a score in words, and its gain over the uniform baseline if there is one."""
+        """Return a score in words, and its gain over the uniform baseline if there is one.
+
+        Parameters
+        ----------
+        score
+            A score of the scene.
+        wave
+            The wave that has it.
+
+        Returns
+        -------
+        str
+            As in "0.828550 m/s, 3.18% over uniform".
+        """
         found = gain(score, self.uniform().score)
         words = "" if found is None else f", {gain_in_words(found)} uniform"
         return self.in_words(score, wave) + words
@@ -248,14 +308,31 @@ class Scene(Specification):
         return _baseline(self, self.known_point)
 
     def with_uniform(self, point: Floats) -> Self:
-        """Return the same scene with a known uniform baseline: the result (2,) of `best_point`."""
+        """Return the same scene with a known uniform baseline.
+
+        Parameters
+        ----------
+        point
+            (2,) result of `best_point`.
+
+        Returns
+        -------
+        Scene
+            The scene; it is not checked again.
+        """
         scene = object.__new__(type(self))  # checked already
         vars(scene).update(vars(self), known_point=tuple(map(float, point)))
         vars(scene).pop("_uniform", None)
         return scene
 
     def to_toml(self) -> str:
-        """Return the text of a file that `load_scene` reads as the same scene."""
+        """Return the file of the scene.
+
+        Returns
+        -------
+        str
+            TOML that `load_scene` reads as the same scene.
+        """
         return text_of(self.document())
 
 

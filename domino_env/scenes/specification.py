@@ -77,7 +77,18 @@ class Specification:
         return document_of(self)
 
     def replace(self, **changes: Any) -> Self:
-        """Return another scene, with some fields changed, checked anew."""
+        """Return another scene, with some fields changed.
+
+        Parameters
+        ----------
+        **changes
+            New values, by the names of fields.
+
+        Raises
+        ------
+        ValueError
+            For a value out of its range, and for fields that contradict each other.
+        """
         return replace(self, **changes)
 
     @property
@@ -205,6 +216,11 @@ class Specification:
             The layout.
         complete
             True where it has all dominoes; otherwise it is the beginning of a layout.
+
+        Returns
+        -------
+        list of str
+            One sentence for each rule, with the place, the value and what the scene allows.
         """
         if complete and layout.count != self.count:
             return [f"the layout has {layout.count} dominoes, and the scene {self.count}"]

@@ -138,7 +138,18 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
             raise ValueError("the table is empty; it holds stall_margin, flush_loss")
 
     def excess(self, waves: Waves) -> Floats:
-        """Return (B,) the sum by which the limits are exceeded; 0 where they are kept."""
+        """Return by how much waves exceed the limits.
+
+        Parameters
+        ----------
+        waves
+            Results of B waves.
+
+        Returns
+        -------
+        NDArray
+            (B,) sum of the excesses; 0 where the limits are kept.
+        """
         over = np.zeros(len(waves.reach))
         if self.stall_margin is not None:
             over += np.maximum(self.stall_margin - waves.lowest_stall_margin, 0.0)
@@ -148,7 +159,20 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
         return np.where(over <= allowed, 0.0, over)
 
     def lower(self, scores: Floats, waves: Waves) -> Floats:
-        """Return scores (B,), lowered where a wave breaks a limit or stops."""
+        """Return scores, lowered where a wave breaks a limit or stops.
+
+        Parameters
+        ----------
+        scores
+            (B,) scores without limits.
+        waves
+            Results of B waves.
+
+        Returns
+        -------
+        NDArray
+            (B,) scores.
+        """
         excess = self.excess(waves)
         broken = -0.5 * excess / (1.0 + excess)
         lowered = np.where(scores < 0.0, 0.5 * scores - 0.5, scores)

@@ -59,7 +59,18 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
 
     def placed(self, spacing: Floats) -> Floats:
-        """Return the gaps (B · draws, N-1) of all draws [m], layout by layout."""
+        """Return the gaps of all draws.
+
+        Parameters
+        ----------
+        spacing
+            (B, N-1) gaps of layouts without errors [m].
+
+        Returns
+        -------
+        NDArray
+            (B · draws, N-1) gaps [m], layout by layout.
+        """
         gaps = placed(spacing[:, None, :], errors(self, spacing.shape[1]))
         return gaps.reshape(-1, spacing.shape[1])
 
@@ -69,7 +80,18 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
         return max(math.ceil(self.quantile * self.draws - 1e-9), 1) - 1
 
     def decisive(self, speeds: Floats) -> Ints:
-        """Return (B,) the draw of speeds (B, draws) that counts: the one at `rank`."""
+        """Return the draws that decide the scores.
+
+        Parameters
+        ----------
+        speeds
+            (B, draws) mean speeds [m/s].
+
+        Returns
+        -------
+        NDArray
+            (B,) index of the draw at `rank` of each layout.
+        """
         return np.argsort(speeds, axis=1, kind="stable")[:, self.rank]
 
 

@@ -67,7 +67,17 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
                 raise ValueError(f"times[{i}] = {b} s: times rise from domino to domino")
 
     def schedule(self, count: int) -> Floats:
-        """Return the scheduled arrival times (N-1,) of dominoes 1 … N-1 of `count` [s].
+        """Return the scheduled arrival times.
+
+        Parameters
+        ----------
+        count
+            Number N of dominoes.
+
+        Returns
+        -------
+        NDArray
+            (N-1,) arrival times of dominoes 1 … N-1 [s].
 
         Raises
         ------
@@ -90,15 +100,48 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
         return arrivals[:, 1:] - self.schedule(arrivals.shape[1])
 
     def error(self, arrivals: Floats) -> Floats:
-        """Return the root-mean-square errors (B,) of arrival times (B, N) [s]."""
+        """Return root-mean-square errors.
+
+        Parameters
+        ----------
+        arrivals
+            (B, N) arrival times [s].
+
+        Returns
+        -------
+        NDArray
+            (B,) root-mean-square errors at dominoes 1 … N-1 [s].
+        """
         return np.asarray(np.sqrt(np.mean(self._errors(arrivals) ** 2, axis=1)))
 
     def score(self, arrivals: Floats) -> Floats:
-        """Return the scores (B,) 1 / (1 + RMS error / tolerance) of arrival times (B, N)."""
+        """Return scores of arrival times.
+
+        Parameters
+        ----------
+        arrivals
+            (B, N) arrival times [s].
+
+        Returns
+        -------
+        NDArray
+            (B,) 1 / (1 + RMS error / tolerance).
+        """
         return 1.0 / (1.0 + self.error(arrivals) / self.tolerance)
 
     def gradient(self, arrivals: Floats) -> Floats:
-        """Return the derivatives (B, N) of the score by the arrival times [1/s]; 0 at its peak."""
+        """Return derivatives of the scores.
+
+        Parameters
+        ----------
+        arrivals
+            (B, N) arrival times [s].
+
+        Returns
+        -------
+        NDArray
+            (B, N) derivatives by the arrival times [1/s]; 0 at the peak.
+        """
         errors = self._errors(arrivals)
         rms = np.maximum(self.error(arrivals)[:, None], 1e-300)
         score = self.score(arrivals)[:, None]

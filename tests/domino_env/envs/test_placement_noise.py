@@ -66,7 +66,7 @@ def test_layouts_are_compared_by_means_over_the_same_errors():
         == SCENE.score_placed(scripted.layout, range(EVALUATION_SEEDS)).mean()
         < steady.score(scripted.layout)
     )
-    with pytest.raises(ValueError, match="greedy tries each domino in a copy"):
+    with pytest.raises(ValueError, match="greedy tries each action in a copy"):
         ScriptedPolicy("greedy").build(SCENE)
 
 
