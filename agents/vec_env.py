@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from domino_env import DominoChainVector, Scene, SceneDistribution
@@ -22,7 +23,8 @@ class DominoVecEnv(VecEnv):
     The next episode begins in the step in which one ends, whose info then has
     `terminal_observation`, `TimeLimit.truncated` (always False), `episode` (return, length,
     seconds), and the infos of the environment: score, gain, outcome, layout, wave, and the scene
-    where one is sampled.
+    where one is sampled. Small networks learn fastest with one thread of PyTorch,
+    `torch.set_num_threads(1)`.
 
     Parameters
     ----------
@@ -30,16 +32,27 @@ class DominoVecEnv(VecEnv):
         A scene, or a scene distribution from which every episode samples one, such as "varied".
     num_envs
         B, the number of environments.
+    options
+        Other keyword arguments of the environment: `render_mode`, `rtol`, `reference_speed`,
+        `window`.
 
     Attributes
     ----------
     vector
         The native vector environment.
+
+    Examples
+    --------
+    >>> from agents import DominoVecEnv
+    >>> env = DominoVecEnv("sprint", 16, window=4)
+    >>> env.reset().shape
+    (16, 16)
     """
 
-    def __init__(self, scene: str | Path | Scene | SceneDistribution, num_envs: int) -> None:
-        self.vector = DominoChainVector(num_envs, scene, autoreset_mode="SameStep")
-        self.render_mode = None
+    def __init__(
+        self, scene: str | Path | Scene | SceneDistribution, num_envs: int = 1, **options: Any
+    ) -> None:
+        self.vector = DominoChainVector(num_envs, scene, autoreset_mode="SameStep", **options)
         super().__init__(
             num_envs, self.vector.single_observation_space, self.vector.single_action_space
         )
@@ -98,9 +111,9 @@ class DominoVecEnv(VecEnv):
                     "terminal_observation": info["final_obs"][i],
                     "TimeLimit.truncated": False,
                     "episode": {
-                        "r": float(self._returns[i]),
+                        "r": round(float(self._returns[i]), 6),
                         "l": int(self._lengths[i]),
-                        "t": elapsed,
+                        "t": round(elapsed, 6),
                     },
                 }
             self._returns[ended] = 0.0
@@ -127,8 +140,12 @@ class DominoVecEnv(VecEnv):
         return [result] * len(self._chosen(indices))
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Return False for each environment: none is wrapped."""
-        return [False] * len(self._chosen(indices))
+        """Return whether episodes are reported as by a wrapper: only those of `Monitor` are."""
+        return [issubclass(wrapper_class, Monitor)] * len(self._chosen(indices))
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return a frame of each environment, with `render_mode="rgb_array"`."""
+        return list(self.vector.render() or ())
 
     def _chosen(self, indices: int | Sequence[int] | None) -> list[int]:
         return list(self._get_indices(indices))

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,10 @@ from sampled_scenes import small_scenes
 pytest.importorskip("stable_baselines3")
 
 import torch
+from gymnasium.wrappers import TimeLimit
+from stable_baselines3 import PPO
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import domino_env as de
@@ -76,6 +81,24 @@ def test_it_agrees_with_single_environments_in_every_step(sampled: bool) -> None
                 assert mine["episode"]["l"] <= 8
                 assert mine.get("scene") == yours.get("scene")
     assert ended > 20
+
+
+def test_it_takes_options_of_the_environment_and_reports_episodes_as_monitor_does() -> None:
+    options: dict[str, object] = {"window": 4, "reference_speed": 0.5, "rtol": 1e-5}
+    ours = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)
+    theirs = DummyVecEnv([lambda: Monitor(DominoChain(SMALL, **options))])
+    assert ours.env_is_wrapped(Monitor) == [True, True]
+    assert ours.env_is_wrapped(TimeLimit) == [False, False]
+    model = PPO("MlpPolicy", ours, n_steps=8, batch_size=16, device="cpu")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        returns, lengths = evaluate_policy(model, ours, 4, return_episode_rewards=True)
+    expected = evaluate_policy(model, theirs, 4, return_episode_rewards=True)
+    assert returns == pytest.approx(expected[0], rel=1e-4)
+    assert lengths == expected[1]
+    frame = ours.render()
+    assert frame is not None
+    assert frame.ndim == 3
 
 
 # the policy of APG and PPO ------------------------------------------------------------------------
