@@ -25,6 +25,8 @@ def scene_schema() -> dict[str, Any]:
         name: _without_null(schema) | getattr(classes[name], "SCHEMA", {})
         for name, schema in found["$defs"].items()
     }
+    for schema in definitions.values():  # the first paragraph of the docstring
+        schema["description"] = schema["description"].partition("\n\n")[0]
     for name in SAMPLED:
         for key, field in definitions[name]["properties"].items():
             if field.get("type") in ("number", "integer"):
