@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--best", nargs="?", const="", metavar="SCENE",
-        help="export the best layout of a scene, or of the result with this key",
+        help="export the best layout of a scene, of a point of a sweep, or of a result's key",
     )  # fmt: skip
     parser.add_argument("--all", action="store_true", help="show: print every line of a long table")
 

@@ -300,8 +300,8 @@ def best_result(study: Study, name: str | None) -> TaskResult:
     study
         Study with the results.
     name
-        Name of the scene, or the beginning of the key of a result (four characters or more); None
-        for the scene of a study that has only one.
+        Name of the scene or of the point of a sweep, or the beginning of the key of a result (four
+        characters or more); None for the scene of a study that has only one.
 
     Raises
     ------
@@ -311,15 +311,18 @@ def best_result(study: Study, name: str | None) -> TaskResult:
     results = list(study.done().values())
     matching = [
         r for r in results
-        if name in (None, r.scene_name) or (len(name) >= 4 and r.key.startswith(name))
+        if name in (None, r.scene_name, r.problem) or (len(name) >= 4 and r.key.startswith(name))
     ]  # fmt: skip
     number = len({r.scene for r in matching})
     if number != 1:
-        names = ", ".join(sorted({r.scene_name for r in results})[:8]) or "no results yet"
+        names = (
+            ", ".join(list(dict.fromkeys(f"'{r.problem}'" for r in results))[:8])
+            or "no results yet"
+        )
         called = "in it" if name is None else f"called '{name}'"
         raise ValueError(
             f"study '{study.name}' has {number or 'no'} scenes {called}: name one of {names}, or "
-            "one result by the first eight characters of its key, which 'domino studies show' lists"
+            "give the first eight characters of a key that 'domino studies show' lists"
         )
     return max(matching, key=lambda r: r.score)
 

@@ -202,10 +202,10 @@ def scene_at(base: dict[str, Any], name: str, point: Point, file: str = "") -> S
     for key, value in point.items():
         *tables, last = key.split(".")
         table = document
-        for name in tables:
-            table = table.setdefault(name, {})
+        for part in tables:
+            table = table.setdefault(part, {})
             if not isinstance(table, dict):
-                raise ValueError(f"{where}: '{key}': {name} is no table of the scene's file")
+                raise ValueError(f"{where}: '{key}': {part} is no table of the scene's file")
         if tables in (["spacing"], ["thickness"]) and last in RANGE_KEYS:
             # one way of giving a range replaces the others; min, max and step are one way
             others = RANGE_KEYS if last in ("fixed", "values") else ("fixed", "values")

@@ -292,7 +292,8 @@ def test_only_the_points_of_a_file_must_be_possible(scenes, tmp_path: Path) -> N
     with pytest.raises(ValueError, match="cannot be met"):
         de.load_scene(path)
     tasks = plan_sweep(path, ["row.count=8:9:2"])
-    assert [task.labels["row.count"] for task in tasks] == [8, 9]
+    names = [(task.scene_name, task.labels["row.count"]) for task in tasks]
+    assert names == [("length", 8), ("length", 9)]
     with pytest.raises(
         ValueError, match=f"{path} at row.count = 41: .*cannot be met: .* would fit"
     ):
