@@ -247,9 +247,11 @@ def _best(scene: Scene, evaluator: Evaluator) -> tuple[Layout, Wave, float]:
 
     Near a stall, a wave may complete at the tolerance of the search and not at a closer one.
     """
-    finalists = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
-    # free-standing scores have one tolerance: a closer simulation does not exist
-    layouts = finalists if scene.floor_friction is None else finalists[:1]
+    if scene.floor_friction is not None:  # free-standing scores have one tolerance
+        score, design = evaluator.finalists[-1]
+        layout = evaluator.problem.layout(design)
+        return layout, scene.simulate(layout), score
+    layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]
     waves = [scene.simulate(layout) for layout in layouts]
     scores = scene.evaluate_waves(waves).score.tolist()
     return max(zip(layouts, waves, scores, strict=True), key=lambda one: one[2])
