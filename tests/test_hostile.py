@@ -1,4 +1,4 @@
-"""Odd files, one of a kind: each is read, or refused in one sentence that names it."""
+"""Unusual and damaged files: each is read, or rejected in one sentence with its name."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TRICKS = [
     b"\0", b"\xff", b"\xff\xfe", b"\xef\xbb\xbf", b"\r", b"\n", b'"', b'"""', b",", b";", b"\t",
     b"=1+1", b"1e400", b"-1", b"nan", b"1e-320", b"true", b"[" * 20, b"#", b"\x1b[2J", b"../x",
 ]  # fmt: skip
-# the words of the refusal, or None where the file is good
+# words of the message, or None for a good file
 EXPECTED: dict[str, str | None] = {
     "layouts/deep.json": "nested too deep",
     "layouts/empty.csv": "the file is empty",
@@ -62,7 +62,7 @@ EXPECTED: dict[str, str | None] = {
 
 @st.composite
 def mutated(draw: Any, data: bytes) -> bytes:
-    """Valid bytes with some damage: torn, doubled, with strange signs in them."""
+    """Return valid bytes with some damage: cut, doubled, with unusual bytes."""
     for _ in range(draw(st.integers(1, 5))):
         at = draw(st.integers(0, len(data)))
         to = at + draw(st.integers(0, 30) | st.just(len(data)))
@@ -73,22 +73,22 @@ def mutated(draw: Any, data: bytes) -> bytes:
 
 
 def outcome_of(read: Callable[[Path], Any], path: Path) -> Any:
-    """What a reader makes of a file; None where it refuses it in one line that names the file."""
+    """Return the result of a reader; None where it rejects a file in one line with its name."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", Advice)  # of a length that is read as it stands
         try:
             return read(path)
         except (ValueError, OSError) as error:
-            said = str(error)
-    assert said.isprintable()
-    assert str(path) in said
-    assert len(said) < 500 + len(str(path))
+            message = str(error)
+    assert message.isprintable()
+    assert str(path) in message
+    assert len(message) < 500 + len(str(path))
     return None
 
 
 def read_layout(path: Path) -> de.Layout:
-    """Read a layout; its wave holds nothing that is no number."""
+    """Read a layout whose wave has numbers only."""
     layout = de.Layout.read(path)
     if layout.count <= 12:
         wave = de.simulate(layout, de.Physics())
@@ -98,7 +98,7 @@ def read_layout(path: Path) -> de.Layout:
 
 
 def read_scene(path: Path) -> de.Scene:
-    """Read a scene; it is written down and read back the same, and its name is safe."""
+    """Read a scene that survives writing and reading, and whose name is safe."""
     scene = de.load_scene(path)
     assert parse_scene(scene.to_toml(), "x", str(path)) == scene
     assert scene.name not in ("", ".", "..")
@@ -115,7 +115,7 @@ def read_sound(path: Path) -> object:
 
 
 def read_run(path: Path) -> Racer:
-    """Write the page of a run with this trace or check in its folder."""
+    """Write the page of a run with this trace or verification in its folder."""
     run = path.parent / f"run-{path.name}"
     run.mkdir(exist_ok=True)
     de.Layout([0.018], 0.0075).to_csv(run / "layout.csv")
@@ -135,7 +135,7 @@ READERS: Any = {
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_the_corpus_is_refused_or_read(name: str, tmp_path: Path) -> None:
+def test_the_corpus_is_rejected_or_read(name: str, tmp_path: Path) -> None:
     words, read = EXPECTED[name], READERS[name.split("/")[0]]
     path = tmp_path / Path(name).name
     path.write_bytes((CORPUS / name).read_bytes())
@@ -152,7 +152,7 @@ DOCUMENT = b'{"spacing": [0.018], "thickness": [0.0075, 0.007], "width": 0.02}'
 
 
 @given(table=mutated(TABLE), document=mutated(DOCUMENT), scene=mutated(SPRINT.read_bytes()))
-def test_damaged_files_are_read_or_refused(
+def test_damaged_files_are_read_or_rejected(
     tmp_path_factory: pytest.TempPathFactory, table: bytes, document: bytes, scene: bytes
 ) -> None:
     folder = tmp_path_factory.getbasetemp()
@@ -161,22 +161,22 @@ def test_damaged_files_are_read_or_refused(
         outcome_of(read_scene if name == "any.toml" else read_layout, folder / name)
 
 
-def test_millimetres_that_pass_for_metres_are_seen_in_the_wave() -> None:
+def test_millimetres_read_as_metres_end_the_wave() -> None:
     with pytest.warns(Advice, match="lengths are in metres"):
-        row = de.Layout.read(CORPUS / "layouts" / "millimetres.csv")
-    assert de.simulate(row, de.Physics()).outcome == de.Outcome.OUT_OF_REACH
+        layout = de.Layout.read(CORPUS / "layouts" / "millimetres.csv")
+    assert de.simulate(layout, de.Physics()).outcome == de.Outcome.OUT_OF_REACH
 
 
 def test_the_command_line_prints_one_safe_line(tmp_path: Path, capsys: Any) -> None:
     path = tmp_path / "a\x1b[2J\nb.csv"
     path.write_text("spacing\n")
     assert main(["simulate", str(path)]) == 2
-    said = capsys.readouterr().err
-    assert said.removesuffix("\n").isprintable()
-    assert r"a\x1b[2J\nb.csv" in said
+    message = capsys.readouterr().err
+    assert message.removesuffix("\n").isprintable()
+    assert r"a\x1b[2J\nb.csv" in message
 
 
-def test_a_file_too_large_to_be_one_of_ours_is_not_read(tmp_path: Path, monkeypatch: Any) -> None:
+def test_a_file_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: Any) -> None:
     de.Layout([0.02] * 9, 0.0075).to_csv(tmp_path / "row.csv")
     monkeypatch.setattr("domino_env.physics.files.MOST_DOMINOES", 9)
     with pytest.raises(ValueError, match="it has 10 dominoes, where at most 9 are read"):
@@ -186,7 +186,7 @@ def test_a_file_too_large_to_be_one_of_ours_is_not_read(tmp_path: Path, monkeypa
         de.Layout.read(tmp_path / "row.csv")
 
 
-def test_what_would_take_ages_to_draw_or_hear_is_refused() -> None:
+def test_drawings_and_sounds_that_would_take_too_long_are_rejected() -> None:
     long = de.Layout([0.02] * 5000, 0.0075)
     with pytest.raises(ValueError, match="long: 5,001 dominoes: at most"):
         next(frames([Racer("long", de.simulate(long, de.Physics()))]))

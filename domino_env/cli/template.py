@@ -25,6 +25,6 @@ def run(arguments: argparse.Namespace) -> int:
     source = Path(arguments.layout)
     layout = read_layout(source, scene_beside(source))
     target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
-    title = f"Domino row {layout_name(source)}"
+    title = f"Layout {layout_name(source)}"
     print(f"{target}: {write_template(layout, target, arguments.paper, title)}")
     return 0

@@ -1,1 +1,1 @@
-"""What is measured: accuracy, run times, the article's figures, rows of real dominoes."""
+"""Accuracy, run times, the figures of the article, and measured chains."""

@@ -1,8 +1,8 @@
-"""Error against run time: the ODE solvers of the field and the simulator on the same layouts.
+"""Error against run time of the simulator and of general ODE solvers on the same layouts.
 
-The error of a run is the largest |t_k / exact t_k - 1| over the arrival times, exact being the
-simulator at its tightest tolerance (which the tests compare with a hundred digits). Run times are
-the best of repeated calls on one core, after a first one.
+The error of a run is the largest |t_k / exact t_k - 1| over the arrival times, where the exact ones
+are those of the simulator at its tightest tolerance (which the tests compare with a hundred
+digits). Run times are the best of repeated calls on one core, after a first one.
 """
 
 from __future__ import annotations
@@ -34,27 +34,26 @@ LONG_ENOUGH = 0.01  # [s] of repeated runs
 
 @dataclass(frozen=True)
 class Measurement:
-    """One run.
+    """Error and run time of one solver with one setting on one layout.
 
     Attributes
     ----------
     example
-        Group of the example, its short name.
+        Short name of the layout.
     solver
         One of `SOLVERS`.
     setting
         Step [s] or relative tolerance.
     error
-        Largest relative error of the arrival times; inf where the wave ended otherwise than the
-        exact one.
+        Largest relative error of the arrival times; inf where the outcome is wrong.
     estimate
         Error estimate of the simulator; nan for ODE solvers, which have none.
     seconds
-        Run time of one call, the best of several.
+        Run time of one call [s], the best of several.
     evaluations
-        Of the stack's acceleration; 0 for the simulator, which has none.
+        Evaluations of the stack's acceleration; 0 for the simulator.
     outcome
-        Name of the wave's `Outcome`; UNFINISHED where a solver did not get there.
+        Name of the wave's `Outcome`; UNFINISHED where a solver used up its evaluations.
     """
 
     example: str
@@ -68,7 +67,7 @@ class Measurement:
 
 
 def standard_examples() -> list[EdgeCase]:
-    """List a classic layout, a random one with face impacts, one near a stall and a stiff one."""
+    """Return a classic layout, a random one with face impacts, one near a stall, a stiff one."""
     random = np.random.default_rng(3).uniform(0.002, 0.040, 39)
     tight = Layout([0.02, 0.012, 0.004, *[0.015] * 36], 0.0075)
     equal, stiff = Layout.uniform(100, pitch=0.016), Layout.uniform(60, spacing=0.0015)
@@ -87,7 +86,7 @@ def standard_examples() -> list[EdgeCase]:
 
 
 def scene_examples(scene: Scene) -> list[EdgeCase]:
-    """List the uniform baseline of a scene and, where gaps are free, a random layout."""
+    """Return the uniform baseline of a scene and, where gaps are free, a random layout."""
     baseline, rng = scene.uniform().layout, np.random.default_rng(0)
     found = [EdgeCase("uniform", f"{scene.name}: uniform baseline", baseline, scene.physics)]
     for _ in range(200 if scene.free_spacing and scene.length is None else 0):
@@ -101,7 +100,7 @@ def scene_examples(scene: Scene) -> list[EdgeCase]:
 
 
 def settings(solver: str, example: EdgeCase, quick: bool = False) -> tuple[float, ...]:
-    """List the steps or tolerances of a solver, coarse to fine.
+    """Return the steps or tolerances of a solver, coarse to fine.
 
     Steps are 0.1 ms times powers of two for a standard domino on Earth, in units of √(L/g) for
     others.
@@ -117,7 +116,7 @@ def settings(solver: str, example: EdgeCase, quick: bool = False) -> tuple[float
 
 def measure(
     examples: Iterable[EdgeCase],
-    budget: float = 3.0,
+    seconds: float = 3.0,
     quick: bool = False,
     progress: Progress = lambda line: None,
 ) -> Iterator[Measurement]:
@@ -127,36 +126,36 @@ def measure(
     ----------
     examples
         Layouts, each with a short name as its group.
-    budget
-        Time for one solver on one example [s]; finer settings that would not fit are left out.
+    seconds
+        Time limit of one solver on one example [s]; finer settings that exceed it are left out.
     quick
-        Few settings.
+        Use few settings.
     progress
-        Called with a line of text before every run.
+        Function that is called with a line of text before every run.
     """
     for example in examples:
         exact = simulate(example.layout, example.physics, rtol=TIGHTEST)
         for solver in SOLVERS:
-            if solver != SIMULATE:  # compile
+            if solver != SIMULATE:  # compile it
                 integrate(Layout.uniform(3, pitch=0.016), Physics(), solver, 1e-3)
-            growth = 2.2 if solver in FIXED else 4.0  # how much longer the next setting may take
-            spent = 0.0
+            growth = 2.2 if solver in FIXED else 4.0  # largest factor to the next setting
+            used = 0.0
             for setting in settings(solver, example, quick):
                 progress(f"{example.group}: {solver} at {setting:.3g}")
                 one = _measured(example, exact, solver, setting)
                 yield one
-                spent += one.seconds
-                if spent + growth * one.seconds > budget:
+                used += one.seconds
+                if used + growth * one.seconds > seconds:
                     break
 
 
 def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Measurement:
-    """Measure one setting: the best of as many runs as fit into `LONG_ENOUGH`."""
+    """Return the best of as many runs of one setting as fit into `LONG_ENOUGH`."""
     seconds: list[float] = []
     estimate, evaluations = math.nan, 0
     outcome: Outcome | None
     while sum(seconds) < LONG_ENOUGH:
-        began = time.process_time()  # whatever else the machine does
+        began = time.process_time()  # which excludes other work of the machine
         if solver == SIMULATE:
             wave = simulate(example.layout, example.physics, rtol=setting)
             outcome, times, estimate = wave.outcome, wave.arrival_times, wave.error_estimate
@@ -173,9 +172,9 @@ def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Me
 
 
 def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
-    """Return the seconds of the fastest way to an error of `level`; nan where no run came so close.
+    """Return the shortest run time to an error of `level` [s]; nan where no run reaches it.
 
-    Between the settings measured, along the line in the logarithms.
+    Between settings it is interpolated in logarithms.
     """
     points = sorted((m.seconds, m.error) for m in runs if math.isfinite(m.error))
     before = (math.nan, 0.0)
@@ -190,10 +189,10 @@ def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
 
 
 def compare(measurements: Sequence[Measurement]) -> list[str]:
-    """Tabulate the run time to each level of error, and how many times that of `simulate` it is."""
+    """Return a table of run times to each error, with their ratios to that of `simulate`."""
     lines, levels = [], [f"{level:.0e}" for level in LEVELS]
     for example in dict.fromkeys(m.example for m in measurements):
-        rows, runs = [], [m for m in measurements if m.example == example]
+        table, runs = [], [m for m in measurements if m.example == example]
         ours = [m for m in runs if m.solver == SIMULATE]
         for solver in SOLVERS:
             mine = [m for m in runs if m.solver == solver]
@@ -202,14 +201,14 @@ def compare(measurements: Sequence[Measurement]) -> list[str]:
             for level in LEVELS:
                 seconds, first = time_to_reach(mine, level), time_to_reach(ours, level)
                 reached = f"{seconds:.2e} ({seconds / first:.0f})"
-                cells.append(f"ends at {best:.0e}" if math.isnan(seconds) else reached)
-            rows.append((solver, *cells))
+                cells.append(f"at best {best:.0e}" if math.isnan(seconds) else reached)
+            table.append((solver, *cells))
         lines += ["", f"{example}: seconds to an error of (times those of simulate)"]
-        lines += text_table(("", *levels), rows, right=levels)
+        lines += text_table(("", *levels), table, right=levels)
     return lines
 
 
 def as_csv(records: Sequence[Any]) -> str:
-    """Write measurements or answers as a table in CSV; SI units, empty where there is no number."""
+    """Return measurements or answers as CSV in SI units, with empty cells for missing numbers."""
     names = [field.name for field in fields(records[0])]
     return csv_table(names, (as_json(astuple(one)) for one in records))

@@ -30,7 +30,7 @@ from domino_env.validation.edge_cases import RTOL, Answer, EdgeCase
 
 FLOOR = 1e-16  # errors below rounding are drawn here
 
-# one colour a family: the simulator, fixed steps, SciPy's
+# one colour per family: the simulator, fixed steps, SciPy
 LOOKS = {
     SIMULATE: (BLUE, "o", "simulate"),
     "euler": (PALE, "v", "Euler, hits to the step"),
@@ -57,8 +57,8 @@ def draw_accuracy(
     across = 2
     figure, panels = new_panels(
         len(examples), across, (5.6, 4.1), (0.0, 0.4),
-        "What accuracy costs: the same equations, eight ways",
-        "best is below, on the left; arrows: how many times longer RK4 with located hits takes",
+        "Error against run time of eight solvers of the same equations",
+        "lower left is better; arrows: run time of RK4 with located hits over that of simulate",
         sharex=True, sharey=True,
     )  # fmt: skip
     for axes, example in zip(panels, examples, strict=True):
@@ -130,7 +130,7 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
 
 
 def _errors(axes: Axes, highest: float) -> None:
-    """Let the axis on the left span errors down to rounding."""
+    """Scale the vertical axis for errors down to rounding."""
     axes.set_yscale("log")
     axes.set_ylim(0.4 * FLOOR, highest)
     axes.yaxis.set_major_locator(LogLocator(base=100.0, numticks=20))
@@ -139,7 +139,7 @@ def _errors(axes: Axes, highest: float) -> None:
 
 
 def _draw_ratio(axes: Axes, runs: Sequence[Measurement], level: float) -> None:
-    """Write how many times longer the solver of order four takes to the same error."""
+    """Draw the ratio of the run times of RK4 and of the simulator to the same error."""
     ours, best = (
         time_to_reach([m for m in runs if m.solver == solver], level)
         for solver in (SIMULATE, "rk4")

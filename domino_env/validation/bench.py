@@ -1,8 +1,8 @@
 """Timings after a first call, with the error beside them: ``make bench``.
 
-Every row of the table times one callable: the median of several calls, divided by the number of
-units of work in a call. A reference, where a row has one, is timed in turns with it. Compare rows
-of one run only: machines differ, and so does what else they do.
+Each timing is the median of several calls, divided by the number of units of work in a call. A
+reference is timed in turns with it. Compare timings of one run only: machines differ, and so does
+their other work.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import cycle
+from itertools import chain, cycle
 from typing import Any
 
 import gymnasium
@@ -34,17 +34,17 @@ ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
 
 
 @dataclass(frozen=True)
-class Row:
-    """One row of the table.
+class Timing:
+    """One line of the table.
 
     Attributes
     ----------
     name
-        What is timed, and per what.
+        Task and unit of work.
     task
         The callable.
     units
-        Units of work in one call.
+        Number of units of work in one call.
     remark
         Last column; may use ``rate`` (units per second), ``ratio`` (seconds over those of the
         reference) and ``part`` (its inverse).
@@ -84,7 +84,7 @@ def median_times(tasks: tuple[Task, ...], runs: int) -> list[float]:
     return [float(seconds) for seconds in np.median(times[1:], axis=0)]
 
 
-def waves() -> Iterator[Row]:
+def waves() -> Iterator[Timing]:
     """Yield single waves with their errors, and gradients in plain simulations."""
     rng = np.random.default_rng(2)
     layouts = {
@@ -102,31 +102,31 @@ def waves() -> Iterator[Row]:
                 error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
                 note = f"error {error:.1e}, estimate {wave.error_estimate:.1e}"
                 case = f"{name}, friction {friction:g}, rtol {rtol:.0e}"
-                yield Row(f"wave: {case}", plain, remark=note)
+                yield Timing(f"wave: {case}", plain, remark=note)
                 gradient = partial(_gradient, plain)
-                yield Row(f"gradient: {case}", gradient, 1, "{ratio:.2f} waves", plain)
+                yield Timing(f"gradient: {case}", gradient, 1, "{ratio:.2f} waves", plain)
 
 
 def _gradient(plain: Callable[..., de.Wave]) -> object:
     return plain(gradient=True).gradient()
 
 
-def lengths_and_batches() -> Iterator[Row]:
+def lengths_and_batches() -> Iterator[Timing]:
     """Yield long layouts, whose cost is linear, and batches on all cores."""
     rng = np.random.default_rng(3)
     for count in (1_000, 10_000, 100_000):
         random = de.Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075)
         for name, layout in ("uniform", de.Layout.uniform(count, pitch=0.016)), ("random", random):
             wave = partial(de.simulate, layout, de.Physics())
-            yield Row(f"{count} {name}, per domino", wave, count, runs=3)
+            yield Timing(f"{count} {name}, per domino", wave, count, runs=3)
     spacing = np.random.default_rng(4).uniform(0.002, 0.040, (4000, 39))
     for rtol in (1e-4, 1e-6, 1e-8):
         batch = partial(de.simulate_batch, spacing, 0.0075, de.Physics(), rtol=rtol, record=False)
         name = f"batch of 4000 x 40, speed only, rtol {rtol:.0e}, per layout"
-        yield Row(name, batch, len(spacing), "{rate:,.0f} layouts per second", runs=7)
+        yield Timing(name, batch, len(spacing), "{rate:,.0f} layouts per second", runs=7)
 
 
-def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[Row]:
+def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[Timing]:
     """Yield steps of environments, random actions and resets included, beside bare simulation."""
     scene = de.load_scene("sprint")
     spacing = np.random.default_rng(0).uniform(*scene.spacing, (num_envs, scene.count - 1))
@@ -141,12 +141,12 @@ def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[Row]:
         together = [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(40)]
         for kind, env in (("unwrapped", wrapped.unwrapped), ("as made", wrapped)):
             play = partial(_play, env, actions, 4000)
-            yield Row(f"step of one {words}, {kind}", play, 4000, runs=7)
+            yield Timing(f"step of one {words}, {kind}", play, 4000, runs=7)
         vector = gymnasium.make_vec(
             name, num_envs=num_envs, vectorization_mode="vector_entry_point", **options
         )
         vector.reset(seed=0)
-        yield Row(
+        yield Timing(
             f"step of {num_envs} {words}, per environment",
             partial(_play_together, vector, together, steps), steps * num_envs,
             "{rate:,.0f} steps per second, {part:.2f} of bare simulation", simulation, intervals, 7,
@@ -211,9 +211,8 @@ def main() -> None:
         print(json.dumps(seconds))
         return
     print(f"{'':68}{'µs per unit':>14}   beside it")
-    for rows in (waves, lengths_and_batches, environments):
-        for row in rows():
-            print(row, flush=True)
+    for timing in chain(waves(), lengths_and_batches(), environments()):
+        print(timing, flush=True)
     with tempfile.TemporaryDirectory() as cache:
         compiling, loading = first_call_times(cache), first_call_times(cache)
     print(f"\n{'first call':30}{'compiling [s]':>14}{'loading [s]':>14}")

@@ -1,7 +1,7 @@
-"""Edge cases: layouts at the limits of what can be simulated, and how well each is answered.
+"""Edge cases: layouts at the limits of what can be simulated, and the errors of their waves.
 
-Each case is a layout that someone, or an optimiser, could hand in. The answer has to be right
-within its own error estimate and the tolerance, or an outcome that says why there is none.
+A person or an optimiser could simulate any of them. The result has to be right within its own error
+estimate and the tolerance, or an outcome has to give the reason why there is none.
 """
 
 from __future__ import annotations
@@ -36,14 +36,13 @@ class EdgeCase:
     Attributes
     ----------
     group
-        What is extreme.
+        The extreme property.
     name
-        How much.
+        Its size.
     layout, physics
         As of `simulate`.
     expected
-        Outcomes that are right where the case is built for some; empty where another solution has
-        to tell.
+        Right outcomes of a case that is built for them; empty where the reference decides.
     """
 
     group: str
@@ -58,26 +57,26 @@ class EdgeCase:
 
 @dataclass(frozen=True)
 class Answer:
-    """How one edge case is answered.
+    """Result of one edge case, compared with its reference.
 
     Attributes
     ----------
     group, name
-        The case.
+        Group and name of the case.
     outcome
         Name of the wave's `Outcome`.
     error
         True relative error of the arrival times.
     estimate
-        The wave's own.
+        Error estimate of the wave.
     converged
         As `Wave.converged`.
     against
-        "many digits" or "tightest run": what the error was taken against.
+        The reference: "many digits" or "tightest run".
     seconds
-        Run time.
+        Run time [s].
     faults
-        All that is not as it should be; empty where the answer is right.
+        Differences from the reference, in words; empty for a right result.
     """
 
     group: str
@@ -92,7 +91,7 @@ class Answer:
 
 
 def edge_cases(longest: int = 1_000_000) -> Iterator[EdgeCase]:
-    """Yield all cases, group by group; the longest layouts have so many dominoes."""
+    """Yield all cases, group by group; `longest` is the largest number of dominoes."""
     yield from short_cases()
     for mu in (0.25, 0.0):
         yield from _gaps(mu)
@@ -159,7 +158,7 @@ def short_cases() -> Iterator[EdgeCase]:
 
 
 def _gaps(mu: float) -> Iterator[EdgeCase]:
-    """Gaps of next to nothing, and gaps that the top edge only just bridges or does not."""
+    """Yield tiny gaps, and gaps that the top edge barely bridges or does not."""
     group = "near touching"
     for power in (2, 4, 6, 8):
         gap, gaps = 10.0**-power * H, np.full(19, 0.015)
@@ -187,7 +186,7 @@ def _gaps(mu: float) -> Iterator[EdgeCase]:
 
 
 def _shapes(mu: float) -> Iterator[EdgeCase]:
-    """Dominoes from razor blades to cubes, and neighbours that differ a thousandfold."""
+    """Yield dominoes from thin sheets to cubes, and neighbours that differ a thousandfold."""
     for a in (1e-6, 1e-4, 1e-2, 0.1, 0.3, 0.6, 1.0):
         for share in (0.3, 0.8):
             name = f"d/L = {a:g}, s/L = {share:g}, μ = {mu:g}"
@@ -206,7 +205,7 @@ def _shapes(mu: float) -> Iterator[EdgeCase]:
 
 
 def _uneven_ground(mu: float) -> Iterator[EdgeCase]:
-    """Ground that could hardly be steeper, more crooked or more stepped."""
+    """Yield ground that is nearly too steep, too curved or too stepped."""
     steepest, waves = math.atan(D / H), 0.12 * np.cos(1.6 * np.arange(20))
     rise = -0.0275 * np.sin(0.5 * (waves[1:] + waves[:-1]))
     turn = math.asin(0.01 / H) * (1.0 - 1e-6)  # the first all but leans on the second
@@ -220,7 +219,7 @@ def _uneven_ground(mu: float) -> Iterator[EdgeCase]:
 
 
 def _friction() -> Iterator[EdgeCase]:
-    """Friction up to where the stack passes no push on, and past it."""
+    """Yield friction up to the jam of the stack, and beyond."""
     layout = Layout.uniform(20, spacing=0.012)
     for mu in (0.5, 1.0, 2.0, 4.0, 6.0, 6.2, 6.19, 6.3, 8.0, 20.0, 1e3, 1e6):
         yield EdgeCase("friction", f"μ = {mu:g}, gap 12 mm", layout, Physics(mu, push=100.0))
@@ -232,7 +231,7 @@ def _friction() -> Iterator[EdgeCase]:
 
 
 def _face_impacts() -> Iterator[EdgeCase]:
-    """Face impacts one by one, many at once, and one after another within a hair."""
+    """Yield single face impacts, many at once, and many within a tiny interval."""
     for name, gaps in {
         "at every contact": np.linspace(0.004, 0.036, 30),
         "twelve at once": np.concatenate([np.full(12, 0.005), np.full(8, 0.030)]),
@@ -250,7 +249,7 @@ def _face_impacts() -> Iterator[EdgeCase]:
 
 
 def _sizes() -> Iterator[EdgeCase]:
-    """One random layout from micrometres to kilometres, under gravity 1e-6 to 1e3 m/s²."""
+    """Yield one random layout from micrometres to kilometres, at gravity 1e-6 to 1e3 m/s²."""
     rng = np.random.default_rng(5)
     gaps, thick = rng.uniform(0.05, 0.8, 29), rng.uniform(0.1, 0.25, 30)
     for mu in (0.25, 0.0):
@@ -262,7 +261,7 @@ def _sizes() -> Iterator[EdgeCase]:
                 yield EdgeCase("sizes and gravity", name, layout, physics)
 
 
-# How the cases are answered -----------------------------------------------------------------------
+# Results of the cases ----------------------------------------------------------------------------
 
 
 def error_of(arrival_times: Floats, exact: Floats) -> float:
@@ -305,7 +304,7 @@ def examine(case: EdgeCase, rtol: float = RTOL) -> Answer:
 
 
 def inconsistencies(wave: Wave) -> list[str]:
-    """List what is wrong with a wave whatever the truth."""
+    """Return the contradictions within a wave, in words."""
     times, struck = wave.arrival_times, np.isfinite(wave.arrival_times)
     moving = wave.release_velocity[struck][:-1]
     checks = {
@@ -322,16 +321,16 @@ def inconsistencies(wave: Wave) -> list[str]:
 
 
 def stability_table(answers: Sequence[Answer]) -> list[str]:
-    """Tabulate the answers, each with its faults."""
+    """Return a table of the answers with their faults."""
     names = ("group", "case", "outcome", "error", "estimate", "converged", "against", "faults")
-    rows = [
+    lines = [
         (
             one.group, one.name, one.outcome, f"{one.error:.1e}", f"{one.estimate:.1e}",
             "yes" if one.converged else "no", one.against, one.faults,
         )
         for one in answers
     ]  # fmt: skip
-    return text_table(names, rows, right=("error", "estimate"))
+    return text_table(names, lines, right=("error", "estimate"))
 
 
 if __name__ == "__main__":

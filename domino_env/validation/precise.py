@@ -1,6 +1,6 @@
-"""Multi-precision solution of short layouts: the reference for every other way of solving.
+"""Multi-precision solution of short layouts, the reference of all other solvers.
 
-Written from the bodies, not from the formulas of the simulator: contact points and arms are
+It follows from the bodies, not from the formulas of the simulator: contact points and arms are
 vectors, ratios of velocities are differences of positions, forces and impulses follow from one
 dense linear solve of Newton's and Euler's equations, and friction opposes the sliding that the
 positions show. In an interval u = ω² of the leader obeys u' = 2P + 2Qu in its angle, solved by
@@ -53,18 +53,18 @@ TOGETHER = 1e-9  # [rad] contacts that close within this do so in one impact
 
 @dataclass(frozen=True)
 class PreciseWave:
-    """Arrival times to many digits, and why the wave ended.
+    """Arrival times to many digits, and the outcome.
 
     Attributes
     ----------
     outcome
         As `Wave.outcome`.
     arrival_times
-        Of the dominoes that are hit [s].
+        Arrival times of the dominoes that are hit [s].
     flushes
-        Contacts that turned from the tip to the face.
+        Number of contacts that changed from the tip to the face.
     lowest
-        The smallest u over its value at release that was met, over all intervals.
+        Smallest u over its value at release, over all intervals.
     """
 
     outcome: Outcome
@@ -82,9 +82,7 @@ class PreciseWave:
 
 
 def precise_wave(layout: Layout, physics: Physics) -> PreciseWave:
-    """Solve for the wave of a layout whose numbers are taken to be exact.
-
-    Takes seconds for half a dozen dominoes.
+    """Solve for the wave of a layout of exact numbers, in seconds for half a dozen dominoes.
 
     Parameters
     ----------
@@ -128,13 +126,13 @@ class _Chain:
 
     # positions --------------------------------------------------------------------------------
     def shift(self, i: int) -> Pair:
-        """From pivot i to pivot i+1: upright to the rear face of i+1 lies the gap before it."""
+        """Return the vector from pivot i to pivot i+1, whose rear face is a gap away if upright."""
         slope, e = self.tilt[i + 1], self.rise[i]
         way = self.gap[i] + self.thick[i + 1] + e * mp.sin(slope)
         return way / mp.cos(slope), e
 
     def angles(self, n: int, angle: Number, last: int) -> Angles:
-        """Angles of dominoes n … last where n leads."""
+        """Return the angles of dominoes n … last where n leads."""
         lean = {n: angle}
         for i in range(n - 1, last - 1, -1):
             (p, e), d, b = self.shift(i), self.thick[i + 1], lean[i + 1]
@@ -145,7 +143,7 @@ class _Chain:
         return lean
 
     def motion(self, n: int, angle: Number) -> tuple[Angles, Angles, Angles]:
-        """Angles, their first and their second derivatives by the leader's."""
+        """Return the angles, their first and second derivatives by the leader's."""
         here, less, more = (self.angles(n, angle + k * self.nudge, self.back) for k in (0, -1, 1))
         rate = {i: (more[i] - less[i]) / (2 * self.nudge) for i in here}
         bend = {i: (more[i] - 2 * here[i] + less[i]) / self.nudge**2 for i in here}
@@ -153,7 +151,7 @@ class _Chain:
 
     # forces -----------------------------------------------------------------------------------
     def arms(self, i: int, lean: Angles, rate: Angles) -> Pair:
-        """Clockwise torque of the contact force per unit of normal force, on i and on i+1."""
+        """Return the clockwise torque of a unit normal contact force on i and on i+1."""
         a, b = lean[i], lean[i + 1]
         shift = self.shift(i)
         if self.on_face[i]:
@@ -175,21 +173,21 @@ class _Chain:
         return torque(at_i, force), torque(at_next, force)
 
     def solve(self, n: int, lean: Angles, rate: Angles, rhs: Angles, sliding: Angles) -> Number:
-        """Find the leader's x with I_k J_k x = rhs_k + torques of the contacts.
+        """Return the leader's x with I_k J_k x = rhs_k + torques of the contacts.
 
         sliding: rates of motion that friction opposes.
         """
         size = n + 1 - self.back
         matrix, column = mp.zeros(size), mp.zeros(size, 1)
-        for row, k in enumerate(range(self.back, n + 1)):
-            matrix[row, 0], column[row] = self.inertia[k] * rate[k], rhs[k]
+        for line, k in enumerate(range(self.back, n + 1)):
+            matrix[line, 0], column[line] = self.inertia[k] * rate[k], rhs[k]
             if k < n:
                 on_i, on_next = self.arms(k, lean, sliding)
-                matrix[row, row + 1], matrix[row + 1, row + 1] = on_i, -on_next
+                matrix[line, line + 1], matrix[line + 1, line + 1] = on_i, -on_next
         return mp.lu_solve(matrix, column)[0]
 
     def forces(self, n: int, angle: Number) -> Pair:
-        """P and Q of u' = 2P + 2Qu."""
+        """Return P and Q of u' = 2P + 2Qu."""
         lean, rate, bend = self.motion(n, angle)
         weight = {
             k: self.mass[k] * self.g / 2
@@ -233,7 +231,7 @@ class _Chain:
 
     # changes of contact -----------------------------------------------------------------------
     def due(self, i: int) -> tuple[Number, bool]:
-        """Angle of i+1 at which contact i changes, and whether to the face; else it opens."""
+        """Return the angle of i+1 at which contact i changes, and True for a change to the face."""
         length, (p, e), d = self.height[i], self.shift(i), self.thick[i + 1]
         far, up = mp.sqrt(p * p + e * e), mp.atan2(e, p)  # of pivot i+1, seen from pivot i
         if not self.on_face[i] and far * far - d * d < length * length:
@@ -242,7 +240,7 @@ class _Chain:
         return (mp.acos(cosine) - up if cosine > -1 else mp.inf), False
 
     def next_change(self, n: int, a: Number, b: Number) -> Number | None:
-        """The leader's least angle in (a, b] at which a contact changes."""
+        """Return the leader's least angle in (a, b] at which a contact changes."""
         lean = self.angles(n, b, self.back)
         found = None
         for i in range(n - 1, self.back - 1, -1):
@@ -258,7 +256,7 @@ class _Chain:
         return found
 
     def change(self, n: int, angle: Number, u: Number) -> Number | None:
-        """Change the contacts that are due, all face impacts together; u after it, None: jam."""
+        """Change the contacts that are due, in one impact; return u after it, None for a jam."""
         lean, rate, _ = self.motion(n, angle)
         flushed = self.flushes
         for i in range(n - 1, self.back - 1, -1):
@@ -353,7 +351,7 @@ def write_reference(cases: Mapping[str, tuple[Layout, Physics]]) -> None:
 
 @cache
 def _rule() -> tuple[list[Number], list[Number], Number]:
-    """Gauss-Legendre on [0, 1]: nodes, weights, and the matrix of integrals from 0 to each node."""
+    """Return the Gauss-Legendre nodes and weights on [0, 1], and integrals to each node."""
     with mp.workdps(2 * DIGITS):
         nodes, weights = mp.gauss_quadrature(NODES, "legendre")
         nodes = [(x + 1) / 2 for x in nodes]

@@ -31,7 +31,7 @@ PAGE = Path("docs/verification.md")
 
 
 def random_layouts(scene: Scene, rng: np.random.Generator) -> Iterator[Layout]:
-    """Draw gaps and thicknesses evenly within a scene's bounds, until a wave completes."""
+    """Yield random layouts within a scene's bounds whose waves complete."""
     while True:
         thickness = rng.uniform(*scene.thickness, scene.count)
         thickness[0] = scene.first_thickness
@@ -54,24 +54,24 @@ def random_verifications() -> dict[str, Verification]:
 
 
 def random_table(found: dict[str, Verification]) -> list[str]:
-    """Tabulate how far random layouts are from the model, and why."""
+    """Return a table of differences from the model and their reasons."""
     names = ("layout", "last hit over model", "largest of any hit", "uncertainty", "verdict")
-    rows = []
+    lines = []
     for name, one in found.items():
         word, _, rest = one.verdict.partition(":")
         reason = rest.partition("Why: ")[2].rstrip(".")
-        rows.append((
+        lines.append((
             name, percent(one.difference), percent(one.largest_difference),
             percent(one.fixed.error_estimate, sign=""),
             f"{word.lower()}: {reason}" if reason else word.lower(),
         ))  # fmt: skip
-    return markdown_table(names, rows)
+    return markdown_table(names, lines)
 
 
 def main() -> None:
-    """Simulate, tabulate; write the page."""
+    """Simulate the layouts and write the tables into the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kept", action="store_true", help="only what is kept; nothing random")
+    parser.add_argument("--kept", action="store_true", help="write the stored results only")
     tables = {"known": known_table(read_verified())}
     if not parser.parse_args().kept:
         tables["random"] = random_table(random_verifications())

@@ -21,8 +21,8 @@ GAPS, THICKNESS = [0.018, 0.0205, 0.022, 0.016], [0.0075, 0.007, 0.0075, 0.0075,
 
 
 @pytest.fixture
-def row(tmp_path: Path) -> Path:
-    """A row measured in millimetres, as a spreadsheet with decimal commas writes it."""
+def file(tmp_path: Path) -> Path:
+    """A layout in millimetres, as a spreadsheet with decimal commas writes it."""
     path = tmp_path / "row.csv"
     path.write_text("spacing_mm;thickness_mm\n18,0;7,5\n20,5;7\n22;7,5\n16;7,5\n;7,5\n")
     return path
@@ -36,8 +36,8 @@ def output_of(capsys: pytest.CaptureFixture[str], *words: object) -> str:
     return output.out
 
 
-def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, row: Path) -> None:
-    text = output_of(capsys, "simulate", row)
+def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, file: Path) -> None:
+    text = output_of(capsys, "simulate", file)
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics())
     table = [line.split() for line in text.splitlines()[1:6]]
     assert [int(cells[0]) for cells in table] == [0, 1, 2, 3, 4]
@@ -52,12 +52,12 @@ def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, row:
     assert "relative error of the times below" in text
 
 
-def test_simulate_shows_free_standing_dominoes_too(capsys, row: Path) -> None:
-    text = output_of(capsys, "simulate", row, "--floor", 0.4)
+def test_simulate_shows_free_standing_dominoes_too(capsys, file: Path) -> None:
+    text = output_of(capsys, "simulate", file, "--floor", 0.4)
     standing = de.simulate_standing(de.Layout(GAPS, THICKNESS), de.Physics(), 0.4)
     assert f"mean speed {standing.mean_speed:.5f} m/s, " in text
     assert "5 of 5 toppled" in text
-    document = json.loads(output_of(capsys, "simulate", row, "--floor", 0.4, "--json"))
+    document = json.loads(output_of(capsys, "simulate", file, "--floor", 0.4, "--json"))
     assert document["free_standing"]["arrival_times"] == standing.arrival_times.tolist()
 
 
@@ -72,22 +72,22 @@ def test_the_two_ends_of_a_long_layout_are_printed(capsys, tmp_path: Path) -> No
     assert len(whole) == 1 + 5000 + 5
 
 
-def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(capsys, row, tmp_path: Path) -> None:
+def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(capsys, file, tmp_path: Path) -> None:
     scene = de.load_scene("sprint")
     layout = scene.layout(0.012)
     layout.to_csv(tmp_path / "own.csv")
     text = output_of(capsys, "simulate", tmp_path / "own.csv", "--scene", "sprint")
     score, uniform = scene.score(layout), scene.uniform().score
     assert f"score {score:.6f} on 'sprint', {score / uniform - 1:+.2%} against the best" in text
-    text = output_of(capsys, "simulate", row, "--scene", "sprint", "--push", 9)
+    text = output_of(capsys, "simulate", file, "--scene", "sprint", "--push", 9)
     assert "not a layout of scene 'sprint': the layout has 5 dominoes, and the scene 40" in text
     assert "not a layout of scene 'sprint': friction, gravity or push differ" in text
     assert "score" not in text
 
 
-def test_the_table_for_other_programs(capsys, row: Path, tmp_path: Path) -> None:
+def test_the_table_for_other_programs(capsys, file: Path, tmp_path: Path) -> None:
     path = tmp_path / "new" / "table.csv"
-    text = output_of(capsys, "simulate", row, "--csv", path)
+    text = output_of(capsys, "simulate", file, "--csv", path)
     assert f"table written to {path}" in text
     with path.open(newline="") as file:
         table = list(csv.DictReader(file))
@@ -97,8 +97,8 @@ def test_the_table_for_other_programs(capsys, row: Path, tmp_path: Path) -> None
     assert table[-1]["impact_velocity"] == ""
 
 
-def test_json_for_other_programs(capsys, row: Path) -> None:
-    document = json.loads(output_of(capsys, "simulate", row, "--json", "--push", 1.5))
+def test_json_for_other_programs(capsys, file: Path) -> None:
+    document = json.loads(output_of(capsys, "simulate", file, "--json", "--push", 1.5))
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(push=1.5))
     assert document["outcome"] == "STALLED"
     assert "push harder" in document["explanation"]
@@ -110,14 +110,14 @@ def test_json_for_other_programs(capsys, row: Path) -> None:
 
 @pytest.mark.parametrize(("words", "message"), [
     (["nothing.csv"], "No such file or directory: 'nothing.csv'"),
-    (["ROW", "--friction", "-1"], "friction = -1.0: give a finite number from 0"),
-    (["ROW", "--scene", "sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
+    (["FILE", "--friction", "-1"], "friction = -1.0: give a finite number from 0"),
+    (["FILE", "--scene", "sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
     (["BAD"], "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
 ])  # fmt: skip
-def test_an_error_is_one_line(capsys, row: Path, words, message: str) -> None:
-    bad = row.with_name("bad.csv")
+def test_an_error_is_one_line(capsys, file: Path, words, message: str) -> None:
+    bad = file.with_name("bad.csv")
     bad.write_text("spacing_mm,thickness_mm\n18,7.5\n18,thin\n,7.5\n")
-    places = {"ROW": str(row), "BAD": str(bad)}
+    places = {"FILE": str(file), "BAD": str(bad)}
     assert main(["simulate", *(places.get(w, w) for w in words)]) == 2
     output = capsys.readouterr()
     assert output.out == ""
@@ -129,7 +129,7 @@ def test_an_error_is_one_line(capsys, row: Path, words, message: str) -> None:
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("becomes", [KeyboardInterrupt, ValueError, TypeError, None])
 def test_an_interruption_is_one_whatever_a_library_makes_of_it(
-    capsys, monkeypatch, row: Path, number: int, code: int, becomes: type[Exception] | None
+    capsys, monkeypatch, file: Path, number: int, code: int, becomes: type[Exception] | None
 ) -> None:
     """NumPy looks for an error of its own while it compares, and finds that of Ctrl-C.
 
@@ -147,25 +147,25 @@ def test_an_interruption_is_one_whatever_a_library_makes_of_it(
     monkeypatch.setattr("domino_env.cli.simulate.run", interrupted)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        assert main(["simulate", str(row)]) == code
+        assert main(["simulate", str(file)]) == code
     finally:
         signal.signal(signal.SIGINT, before)
     assert capsys.readouterr().err.startswith("domino: interrupted" if becomes else "")
 
 
 def test_a_disk_that_is_full_is_named_by_the_file_asked_for(
-    capsys, monkeypatch, row: Path, tmp_path: Path
+    capsys, monkeypatch, file: Path, tmp_path: Path
 ) -> None:
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
     table = tmp_path / "table.csv"
-    assert main(["simulate", str(row), "--csv", str(table)]) == 2
+    assert main(["simulate", str(file), "--csv", str(table)]) == 2
     assert capsys.readouterr().err == f"domino: No space left on device: '{table}'\n"
 
 
-def test_the_program_itself(row: Path) -> None:
+def test_the_program_itself(file: Path) -> None:
     program = Path(sys.executable).with_name("domino")
     assert program.exists(), "install the package: make test does"
     done = subprocess.run([program, "--help"], capture_output=True, text=True, check=True)
@@ -204,7 +204,7 @@ def test_ctrl_c_while_modules_are_imported_prints_no_traceback() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
 
 
-def test_a_reader_that_has_enough_is_no_error(row: Path, tmp_path: Path) -> None:
+def test_a_reader_that_has_enough_is_no_error(file: Path, tmp_path: Path) -> None:
     de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
     program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--all"]
     with subprocess.Popen(
@@ -214,12 +214,12 @@ def test_a_reader_that_has_enough_is_no_error(row: Path, tmp_path: Path) -> None
         assert running.stderr is not None
         running.stdout.readline()
         running.stdout.close()
-        said = running.stderr.read().splitlines()
-        assert [line for line in said if not line.startswith("compiling")] == []
+        lines = running.stderr.read().splitlines()
+        assert [line for line in lines if not line.startswith("compiling")] == []
         assert running.wait() == 0
 
 
-def test_a_command_tells_what_takes_long(capsys, monkeypatch, row: Path) -> None:
+def test_a_command_tells_what_takes_long(capsys, monkeypatch, file: Path) -> None:
     def run(_: object) -> int:
         with tqdm(total=2, desc="search") as bar:
             bar.update()
@@ -227,7 +227,7 @@ def test_a_command_tells_what_takes_long(capsys, monkeypatch, row: Path) -> None
         return 0
 
     monkeypatch.setattr("domino_env.cli.simulate.run", run)
-    assert main(["simulate", str(row)]) == 0
+    assert main(["simulate", str(file)]) == 0
     notice("no command is running")
     lines = capsys.readouterr().err.replace("\r", "\n").splitlines()
     assert "compiling ..." in lines  # not within the line of the bar

@@ -1,4 +1,4 @@
-"""How exact the answers are, and how that is measured: estimates against true errors."""
+"""Accuracy: error estimates against true errors, run times against errors."""
 
 from __future__ import annotations
 
@@ -94,15 +94,15 @@ SIX = EdgeCase("short", "six", Layout.uniform(6, pitch=0.016), Physics())
 
 
 def test_every_solver_is_measured_and_finer_is_better() -> None:
-    runs = list(accuracy.measure([SIX], budget=0.05, quick=True))
+    runs = list(accuracy.measure([SIX], seconds=0.05, quick=True))
     assert {m.solver for m in runs} == set(accuracy.SOLVERS)
     for solver in accuracy.SOLVERS:
         mine = [m for m in runs if m.solver == solver]
         assert all(m.outcome == "PROPAGATED" and m.seconds > 0.0 for m in mine)
         assert len(mine) == 1 or mine[-1].error < mine[0].error
         assert all(m.error <= m.estimate for m in mine if solver == accuracy.SIMULATE)
-    # finer settings that do not fit the budget are left out
-    assert len(list(accuracy.measure([SIX], budget=1e-9))) == len(accuracy.SOLVERS)
+    # finer settings that exceed the time are left out
+    assert len(list(accuracy.measure([SIX], seconds=1e-9))) == len(accuracy.SOLVERS)
 
 
 def test_a_wave_that_ends_otherwise_has_no_error() -> None:
@@ -128,19 +128,19 @@ def test_a_scene_gives_its_uniform_baseline_and_a_random_layout() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "said", "table", "lines"),
+    ("options", "summary", "table", "lines"),
     [
         ("--scene gentle --seconds 0.02", "uniform: seconds to an error", "accuracy", 20),
         ("--stability", "edge cases: none with a fault", "stability", 200),
     ],
 )
 def test_domino_accuracy_writes_table_and_picture(
-    options: str, said: str, table: str, lines: int, tmp_path: Path,
+    options: str, summary: str, table: str, lines: int, tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     assert main(["accuracy", *options.split(), "--quick", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr()
-    assert said in printed.out
+    assert summary in printed.out
     assert printed.err == ""
     assert len((tmp_path / f"{table}.csv").read_text("utf-8").splitlines()) > lines
     assert (tmp_path / f"{table}.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"

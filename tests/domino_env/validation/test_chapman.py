@@ -24,7 +24,7 @@ def test_the_tables_are_those_of_the_independent_solution() -> None:
     np.testing.assert_allclose(with_friction, [59.87259, 37.22842, 26.25904], atol=1e-5)
 
 
-def test_tables_mark_the_misprint_and_nothing_else() -> None:
+def test_one_printed_number_differs() -> None:
     assert markdown().count("(17.80*)") == markdown().count("*)") == 1
 
 

@@ -18,28 +18,28 @@ UNEQUAL = Layout(
     RNG.uniform(0.012, 0.03, 9), RNG.uniform(0.004, 0.012, 10), RNG.uniform(0.0475, 0.0485, 10),
     density=RNG.uniform(500.0, 2000.0, 10),
 )  # fmt: skip
-ROWS = {
+LAYOUTS = {
     "uniform": (Layout.uniform(8, pitch=0.016), Physics(push=8.0)),
-    "flush together": (Layout([*[0.005] * 4, *[0.03] * 3], 0.0075), Physics(push=12.0)),
-    "releases": (Layout([0.044, 0.042, 0.02, 0.045, 0.044], 0.01), Physics(0.1, push=10.0)),
+    "face impacts together": (Layout([*[0.005] * 4, *[0.03] * 3], 0.0075), Physics(push=12.0)),
+    "separations": (Layout([0.044, 0.042, 0.02, 0.045, 0.044], 0.01), Physics(0.1, push=10.0)),
     "unequal": (UNEQUAL, Physics(0.3, push=20.0)),
 }
 
 
 def _error(name: str, method: str, setting: float) -> float:
-    layout, physics = ROWS[name]
+    layout, physics = LAYOUTS[name]
     exact = simulate(layout, physics, rtol=1e-13)
     stepped = integrate(layout, physics, method, setting)
     assert stepped.outcome == exact.outcome
     return error_of(stepped.arrival_times, exact.arrival_times)
 
 
-def test_the_rows_show_every_state_of_contact() -> None:
-    assert simulate(*ROWS["flush together"]).flushes >= 4
-    assert simulate(*ROWS["releases"]).releases > 0
+def test_the_layouts_have_every_state_of_contact() -> None:
+    assert simulate(*LAYOUTS["face impacts together"]).flushes >= 4
+    assert simulate(*LAYOUTS["separations"]).releases > 0
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", LAYOUTS)
 def test_runge_kutta_with_located_hits_is_of_order_four(name: str) -> None:
     steps = np.array([2e-3, 1e-3, 5e-4, 2.5e-4])
     errors = [_error(name, "rk4", step) for step in steps]
@@ -49,7 +49,7 @@ def test_runge_kutta_with_located_hits_is_of_order_four(name: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["euler", "rk4-step"])
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", LAYOUTS)
 def test_hits_located_to_the_step_leave_order_one(name: str, method: str) -> None:
     # an error depends on where in its step a hit falls: the mean over several steps tells
     def mean_error(step: float) -> float:
@@ -61,7 +61,7 @@ def test_hits_located_to_the_step_leave_order_one(name: str, method: str) -> Non
 
 
 @pytest.mark.parametrize("method", ADAPTIVE)
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", LAYOUTS)
 def test_scipy_meets_the_answer(name: str, method: str) -> None:
     loose, tight = _error(name, method, 1e-4), _error(name, method, 1e-9)
     assert loose < 2e-2
@@ -73,7 +73,10 @@ DEAD = {
     "stalled": (Layout.uniform(6, spacing=0.003), Physics(0.5, push=3.0)),
     "out of reach": (Layout([0.02, 0.06, 0.02], 0.0075), Physics()),
     "jammed at a hit": (Layout.uniform(4, spacing=0.012), Physics(7.0, push=50.0)),
-    "jammed at a flush": (Layout([0.015, 0.001, *[0.015] * 6], 0.0075), Physics(1.0, push=20.0)),
+    "jammed at a face impact": (
+        Layout([0.015, 0.001, *[0.015] * 6], 0.0075),
+        Physics(1.0, push=20.0),
+    ),
     "one domino": (Layout([], 0.0075), Physics()),
     "one domino, too weak a push": (Layout([], 0.0075), Physics(push=1.0)),
 }
@@ -95,15 +98,15 @@ def test_a_wave_ends_for_the_same_reason(name: str, method: str) -> None:
 @pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
 def test_the_evaluations_allowed_are_kept(method: str) -> None:
     setting = 1e-5 if method in FIXED else 1e-8
-    stepped = integrate(*ROWS["uniform"], method, setting, most=100)
+    stepped = integrate(*LAYOUTS["uniform"], method, setting, most=100)
     assert stepped.outcome is None
     assert 0 < stepped.evaluations < 400
 
 
 @pytest.mark.parametrize(
-    ("method", "step", "said"),
+    ("method", "step", "message"),
     [("heun", 1e-3, "choose one of euler, rk4-step, rk4, RK45"), ("rk4", 0.0, "more than 0")],
 )
-def test_what_cannot_be_stepped_is_refused(method: str, step: float, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
-        integrate(*ROWS["uniform"], method, step)
+def test_what_cannot_be_stepped_is_refused(method: str, step: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        integrate(*LAYOUTS["uniform"], method, step)
