@@ -1,4 +1,4 @@
-"""The colours of everything that is drawn."""
+"""Colours of all drawings."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ INK, SOFT, PALE, FAINT, SHADE = "#1d2126", "#5c636d", "#969ea8", "#dfe2e6", "#f1
 BLUE, RED, GREEN, PINK, AMBER, SKY = (
     "#0b6e99", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9",
 )  # fmt: skip
-OURS, UNIFORM, KNOWN = BLUE, "#7c828c", RED  # what was found, the best uniform row, the best known
+OURS, UNIFORM, KNOWN = BLUE, "#7c828c", RED  # result, uniform baseline, best known
 
-# After those with a name, each is as far as can be, in OKLab, from all before it and the greys.
+# After the named ones, each is the farthest in OKLab from all before it and the greys.
 COLOURS = (
     BLUE, RED, GREEN, PINK, AMBER, SKY, "#8b1a1a", "#500890", "#005000", "#a03098", "#70d050",
     "#8070f0", "#004070", "#887000", "#5848c0", "#98b088", "#600848", "#d03868", "#f088f8",
@@ -17,6 +17,6 @@ COLOURS = (
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """Split "#rrggbb" into numbers of 0 to 255."""
+    """Return red, green and blue of "#rrggbb", 0 to 255."""
     red, green, blue = bytes.fromhex(colour[1:])
     return red, green, blue

@@ -1,8 +1,8 @@
-"""Models of documents: a class says fields, units and ranges; what breaks them is one sentence.
+"""Models of documents: a class has fields, units and ranges; a violation is one sentence.
 
-msgspec compares a document (what TOML or JSON was read into) with the class; this module turns its
-first complaint into a sentence with key, value and what is allowed.  A class may check relations
-between its fields in ``__post_init__``: a ValueError that begins with the name of a field.
+msgspec compares a document (parsed TOML or JSON) with the class; this module turns its first error
+into a sentence with key, value and accepted range.  A class may check relations between its fields
+in ``__post_init__`` by a ValueError that begins with the name of a field.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from msgspec import Meta, inspect
 from domino_env.core.checks import range_in_words
 from domino_env.core.files import one_line, shown
 
-SMALLEST, LARGEST = 1e-9, 1e9  # of every size in a file, SI: products of four still have digits
+SMALLEST, LARGEST = 1e-9, 1e9  # of sizes in files, SI: products of four keep their digits
 
 Size = Annotated[float, Meta(ge=SMALLEST, le=LARGEST)]
 """A size, more than 0, SI units."""
 Part = Annotated[float, Meta(ge=0, le=LARGEST)]
-"""0 or more, as small as it likes: nothing is divided by it."""
+"""A number of 0 or more, by which nothing is divided."""
 Number = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 """A finite number."""
 
 Model = TypeVar("Model")
-_PLACE = re.compile(r"(?P<said>.*) - at `\$(?P<path>.*)`", re.DOTALL)
+_PLACE = re.compile(r"(?P<error>.*) - at `\$(?P<path>.*)`", re.DOTALL)
 _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]")
 _FIELD = re.compile(r"(?:missing required|unknown) field `(.*)`", re.DOTALL)
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True):
-    """A table of a file, in which unknown keys are refused; fields that are None are not there."""
+    """A table of a file without unknown keys; fields that are None are left out."""
 
 
 class Value(Table, frozen=True):  # type: ignore[misc]
-    """A frozen table whose constructor checks as `model_of` does, and takes NumPy's numbers too."""
+    """A frozen table whose constructor checks as `model_of` does, also NumPy's numbers."""
 
     def __post_init__(self) -> None:
         checked = model_of(_fields_alone(type(self)), plain(self))
@@ -54,24 +54,24 @@ class Value(Table, frozen=True):  # type: ignore[misc]
 @cache
 def _fields_alone(kind: type[Value]) -> type[msgspec.Struct]:
     """Return a Struct with the fields of a class, without its checks and defaults."""
-    told = msgspec.structs.fields(kind)
-    names = {field.name: field.encode_name for field in told}
-    return msgspec.defstruct(kind.__name__, [(f.name, f.type) for f in told], rename=names)
+    entries = msgspec.structs.fields(kind)
+    names = {field.name: field.encode_name for field in entries}
+    return msgspec.defstruct(kind.__name__, [(f.name, f.type) for f in entries], rename=names)
 
 
 def plain(value: Any) -> Any:
-    """Return a value, its Structs as dictionaries and what is of NumPy as Python's own."""
+    """Return a value with Structs as dictionaries, and types of NumPy as those of Python."""
     return msgspec.to_builtins(value, enc_hook=_from_numpy)
 
 
 def _from_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    return shown(value)  # which no field takes
+    return shown(value)  # a string, which no field accepts
 
 
 class Document(msgspec.Struct):
-    """An object of a file that may hold more than is read of it."""
+    """An object of a file that may have other keys."""
 
 
 def model_of(kind: type[Model], document: object, where: str = "") -> Model:
@@ -82,24 +82,29 @@ def model_of(kind: type[Model], document: object, where: str = "") -> Model:
     kind
         A msgspec Struct, a dataclass, or a type annotated with `msgspec.Meta`.
     document
-        What `tomllib` or `json` made of a file.
+        Document read by `tomllib` or `json`.
     where
-        How places in it begin, such as "preset"; empty for the document itself.
+        Prefix of its keys, such as "preset"; empty for the document itself.
+
+    Returns
+    -------
+    object
+        Instance of the class.
 
     Raises
     ------
     ValueError
-        With the key, its value and what is allowed.
+        With the key, its value and the accepted range.
     """
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        _refuse(error, kind, document, where)
+        _raise(error, kind, document, where)
 
 
-def _refuse(error: msgspec.ValidationError, kind: Any, document: Any, where: str) -> NoReturn:
+def _raise(error: msgspec.ValidationError, kind: Any, document: Any, where: str) -> NoReturn:
     found = _PLACE.fullmatch(str(error))
-    said, path = (found["said"], found["path"]) if found else (str(error), "")
+    message, path = (found["error"], found["path"]) if found else (str(error), "")
     steps = [key or int(index) for key, index in _STEP.findall(path)]
     type_ = inspect.type_info(kind)
     value, meaning = document, _plain(type_)[1]
@@ -107,13 +112,15 @@ def _refuse(error: msgspec.ValidationError, kind: Any, document: Any, where: str
         value = value[step]
         type_, meaning = _inside(type_, step, meaning)
     place = _joined(where, *steps)
-    if error.__cause__ is not None:  # a relation; most of them begin with the key
-        said = str(error.__cause__)
-        first = re.match(r"\w+", said)
+    if error.__cause__ is not None:  # a relation, mostly with the key first
+        message = str(error.__cause__)
+        first = re.match(r"\w+", message)
         begins = first is not None and first[0] in _fields(type_)
-        raise ValueError(f"{place}{'.' if begins else ': '}{said}" if place else said) from None
-    named = _FIELD.search(said)
-    if named and "unknown" in said:
+        raise ValueError(
+            f"{place}{'.' if begins else ': '}{message}" if place else message
+        ) from None
+    named = _FIELD.search(message)
+    if named and "unknown" in message:
         allowed = tuple(_fields(type_))
         near = difflib.get_close_matches(named[1][:50], allowed, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
@@ -132,13 +139,13 @@ def _refuse(error: msgspec.ValidationError, kind: Any, document: Any, where: str
 
 
 def _joined(*steps: str | int) -> str:
-    """A place as in physics.push and spacing.values[3]."""
+    """Return a place such as physics.push or spacing.values[3]."""
     text = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps if s != "")
     return text.removeprefix(".")
 
 
 def _plain(type_: Any) -> tuple[Any, str]:
-    """A type without what surrounds it, and what its field means."""
+    """Return a type without metadata, and the description of its field."""
     meaning = ""
     while isinstance(type_, inspect.Metadata | inspect.UnionType):
         if isinstance(type_, inspect.Metadata):
@@ -156,7 +163,7 @@ def _fields(type_: Any) -> dict[str, Any]:
 
 
 def _inside(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
-    """The type of a field or an entry, and what it means."""
+    """Return the type of a field or an entry, and its description."""
     if isinstance(step, str):
         found = _fields(type_)[step]
         return found, _plain(found)[1]
@@ -172,7 +179,7 @@ def _inside(type_: Any, step: str | int, meaning: str) -> tuple[Any, str]:
 
 
 def _wanted(type_: Any) -> str:
-    """What a type allows, as an instruction."""
+    """Return what a type accepts, as an instruction."""
     while isinstance(type_, inspect.Metadata):
         type_ = type_.type
     if isinstance(type_, inspect.UnionType):

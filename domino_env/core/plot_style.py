@@ -1,4 +1,4 @@
-"""The look of every picture drawn with Matplotlib, without its global state."""
+"""Style of all Matplotlib figures, without its global state."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
 
 def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Give each method of a search a line that is told from the others.
+    """Return a distinct line style for each search method.
 
     Parameters
     ----------
     methods
-        Names.  The default method always has the colour `OURS`, the uniform pitch grey dots.
+        Names. The default method always has the colour `OURS`, the uniform pitch grey dots.
 
     Returns
     -------
     dict
-        `color` and `linestyle` by name; the second half of `COLOURS` is dashed, beyond them they
-        begin anew.
+        `color` and `linestyle` by name; the second half of `COLOURS` is dashed, and after it they
+        repeat.
     """
     others = [m for m in methods if m not in ("auto", "uniform")]
     half = len(COLOURS) // 2
@@ -51,7 +51,7 @@ def method_lines(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 class Picture(Figure):
-    """A figure that notebooks show, and that pyplot need not know of."""
+    """A figure that notebooks show without pyplot."""
 
     def _repr_png_(self) -> bytes:
         return png(self)
@@ -90,27 +90,27 @@ def new_panels(
     subtitle: str = "",
     **sharing: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """Open a figure with panels in lines of at most `most_across`.
+    """Return a figure with panels in lines of at most `most_across`.
 
     Parameters
     ----------
     number
-        Of panels.
+        Number of panels.
     most_across
         Panels in a line.
     size
         Width and height of each panel [in].
     margins
-        Width and height of what stands beside them, such as a legend [in].
+        Width and height of the space beside them, such as for a legend [in].
     headline, subtitle
-        What is said above all panels; no headline, no room for it.
+        Text above all panels; without headline there is no space for it.
     sharing
         `sharex`, `sharey`.
 
     Returns
     -------
     tuple
-        The figure and its panels, line by line, in the house's style.
+        The figure and its panels, line by line, in this style.
     """
     across = min(number, most_across)
     down = -(-number // across)
@@ -128,7 +128,7 @@ def new_panels(
 
 
 def style(axes: Axes, title: str = "") -> None:
-    """Give axes the house's lines and colours, and a title where they have one."""
+    """Set lines and colours of axes, and their title if there is one."""
     axes.grid(color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
@@ -141,7 +141,7 @@ def style(axes: Axes, title: str = "") -> None:
 
 
 def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -> None:
-    """Say above a picture what it shows, `left` inches from its edge; what it lays out is below."""
+    """Write headline and subtitle above a figure, `left` inches from its edge."""
     across, up = figure.get_size_inches()
     layout: Any = figure.get_layout_engine()
     if layout is not None:
@@ -155,7 +155,7 @@ def headings(figure: Figure, headline: str, subtitle: str, left: float = 0.12) -
 
 
 def label_line(axes: Axes, words: str, x: float, y: float, colour: str, *, above: bool) -> None:
-    """Write at a height of the curves, just above or below it; x is a part of the width."""
+    """Write a label just above or below a height of the curves; x is a fraction of the width."""
     axes.annotate(
         words, (x, y), (0.0, 4.0 if above else -4.0), size=9, color=colour,
         xycoords=("axes fraction", "data"), textcoords="offset points",
@@ -164,7 +164,7 @@ def label_line(axes: Axes, words: str, x: float, y: float, colour: str, *, above
 
 
 def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
-    """Let the axis below span rising times, with a logarithm where most happens early."""
+    """Set the time axis to rising times, logarithmic if they span more than a factor of 30."""
     if times[-1] > 30.0 * times[0] > 0.0:
         axes.set_xscale("log")
         plain_numbers(axes.xaxis, (1, 3))
@@ -172,14 +172,14 @@ def set_time_axis(axes: Axes, times: Sequence[float] | Floats) -> None:
 
 
 def plain_numbers(axis: Axis, digits: Sequence[float]) -> None:
-    """Write plain numbers on a logarithmic axis: those that begin with one of these digits."""
+    """Write plain numbers on a logarithmic axis, those that begin with one of these digits."""
     axis.set_major_locator(FixedLocator([a * 10.0**k for k in range(-7, 8) for a in digits]))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
 
 
 def escaped(text: str) -> str:
-    """Escape a user's text for a picture, where two dollar signs would begin a formula."""
+    """Return a user's text for a figure, in which two dollar signs would be a formula."""
     return text.replace("$", r"\$")
 
 
@@ -191,5 +191,5 @@ def png(figure: Figure) -> bytes:
 
 
 def write_png(figure: Figure, path: Path) -> None:
-    """Write the figure whole."""
+    """Write the figure as a PNG file."""
     write_bytes(path, lambda file: file.write(png(figure)))

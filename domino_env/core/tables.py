@@ -10,21 +10,21 @@ from pathlib import Path
 
 from domino_env.core.files import one_line, write_text
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # how what a spreadsheet runs begins
-_MARKED = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # first characters of what a spreadsheet runs
+_PLACE = re.compile(r"(<!-- (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 WIDEST = 60  # characters of a cell on a terminal
 
 
-def csv_table(names: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    """Write a table as CSV.
+def csv_table(names: Iterable[str], lines: Iterable[Iterable[object]]) -> str:
+    """Return a table as CSV.
 
     Parameters
     ----------
     names
-        Of the columns.
-    rows
-        Cells in that order. Numbers are written by their shortest digits that are exact, None as
-        an empty cell; text that a spreadsheet would take for a formula gets a ``'`` in front.
+        Names of the columns.
+    lines
+        Cells in that order. Numbers have their shortest exact digits, None is an empty cell; text
+        that a spreadsheet would run as a formula gets a ``'`` in front.
 
     Returns
     -------
@@ -33,66 +33,61 @@ def csv_table(names: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    for row in (names, *rows):
-        writer.writerow([_harmless(cell) if isinstance(cell, str) else cell for cell in row])
+    for line in (names, *lines):
+        writer.writerow([_harmless(cell) if isinstance(cell, str) else cell for cell in line])
     return text.getvalue()
 
 
-def write_csv(path: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    """Write a table to a file, whole or not at all; see `csv_table`."""
-    write_text(path, csv_table(names, rows))
+def write_csv(path: Path, names: Iterable[str], lines: Iterable[Iterable[object]]) -> None:
+    """Write a table to a file; see `csv_table`."""
+    write_text(path, csv_table(names, lines))
 
 
-def markdown_table(names: Sequence[str], rows: Iterable[Iterable[object]]) -> list[str]:
-    """Write a table as lines of Markdown; cells are Markdown too, but for ``|`` and line feeds."""
-    lines = [_marked(names), "|" + " --- |" * len(names)]
-    return lines + [_marked(row) for row in rows]
+def markdown_table(names: Sequence[str], lines: Iterable[Iterable[object]]) -> list[str]:
+    """Return a table as lines of Markdown; cells are Markdown too, but for ``|`` and line feeds."""
+    head = [_markdown_line(names), "|" + " --- |" * len(names)]
+    return head + [_markdown_line(line) for line in lines]
 
 
 def text_table(
-    names: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[str] = ()
+    names: Sequence[str], lines: Iterable[Sequence[str]], right: Collection[str] = ()
 ) -> list[str]:
-    """Write a table as lines for a terminal, each column as wide as its widest cell.
+    """Return a table as lines for a terminal, each column as wide as its widest cell.
 
     Parameters
     ----------
     names
-        Of the columns.
-    rows
-        Cells in that order; those of more than 60 characters are cut, and what moves a cursor is
-        shown, not sent.
+        Names of the columns.
+    lines
+        Cells in that order; those of more than 60 characters are cut, control characters escaped.
     right
-        Names of the columns that end at the same place, as numbers do.
+        Names of the columns that are aligned on the right, as of numbers.
     """
-    table = [[one_line(cell, WIDEST) for cell in row] for row in (names, *rows)]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = []
-    for row in table:
-        cells = (
-            cell.rjust(width) if name in right else cell.ljust(width)
-            for name, cell, width in zip(names, row, widths, strict=True)
-        )
-        lines.append("  ".join(cells).rstrip())
-    return lines
+    columns = []
+    for column in zip(names, *lines, strict=True):
+        cells = [one_line(cell, WIDEST) for cell in column]
+        align = str.rjust if column[0] in right else str.ljust
+        columns.append([align(cell, max(map(len, cells))) for cell in cells])
+    return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
 
 
 def fill(page: str, tables: dict[str, list[str]]) -> str:
-    """Write tables into a page, each between its mark and the next ``<!-- end -->``.
+    """Return a page with tables, each between its comment ``<!-- name -->`` and ``<!-- end -->``.
 
     Raises
     ------
     ValueError
-        For a table that the page has no mark for.
+        For a table without such a comment in the page.
     """
-    marks = {found[2] for found in _MARKED.finditer(page)}
-    if missing := set(tables) - marks:
-        raise ValueError(f"the page has no mark <!-- {min(missing)} --> with an <!-- end -->")
+    places = {found[2] for found in _PLACE.finditer(page)}
+    if missing := set(tables) - places:
+        raise ValueError(f"the page has no comment <!-- {min(missing)} --> with an <!-- end -->")
 
     def written(found: re.Match[str]) -> str:
         lines = tables.get(found[2])
         return found[0] if lines is None else f"{found[1]}\n" + "\n".join(lines) + f"\n\n{found[3]}"
 
-    return _MARKED.sub(written, page)
+    return _PLACE.sub(written, page)
 
 
 def _harmless(text: str) -> str:
@@ -105,6 +100,6 @@ def _harmless(text: str) -> str:
     return text  # a negative number, formatted by hand
 
 
-def _marked(cells: Iterable[object]) -> str:
-    told = (str(cell).replace("|", "\\|").replace("\n", " ") for cell in cells)
-    return f"| {' | '.join(told)} |"
+def _markdown_line(cells: Iterable[object]) -> str:
+    escaped = (str(cell).replace("|", "\\|").replace("\n", " ") for cell in cells)
+    return f"| {' | '.join(escaped)} |"

@@ -1,1 +1,1 @@
-"""A row and how it falls: layouts, physics, waves, their gradients, forces and motion."""
+"""Chains: layouts, physics, waves, their gradients, forces and motion."""

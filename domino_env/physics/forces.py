@@ -98,10 +98,8 @@ def diagnose(layout: Layout, physics: Physics = STANDARD, rtol: float = 1e-8) ->
     for least in ("contact_force", "hit_impulse", "flush_impulse", "load"):
         loads[least] = np.inf
     loads["floor_friction"] = -np.inf
-    row = arrays_of(layout)
-    outcome = kernels.diagnose_chain(
-        row, physics.friction, physics.gravity, physics.push, rtol, loads
-    )
+    setting = physics.friction, physics.gravity, physics.push, rtol
+    outcome = kernels.diagnose_chain(arrays_of(layout), *setting, loads)
     found = {}
     for name in kernels.LOADS.names or ():
         never = loads[name] == (-np.inf if name == "floor_friction" else np.inf)

@@ -58,7 +58,7 @@ _EXPLANATIONS = {
     "push harder, or use wider gaps or thinner dominoes near where it stopped",
     Outcome.OUT_OF_REACH: "a gap is out of reach: it is not smaller than the height of the domino "
     "before it; bring the next domino closer",
-    Outcome.JAMMED: "the row jammed: friction is too high for the stack to pass the push on; use "
+    Outcome.JAMMED: "the chain jammed: friction is too high for the stack to pass the push on; use "
     "less friction, thinner dominoes or narrower gaps there",
     Outcome.NO_RIGID_ANSWER: "rigid bodies have no answer here (Painlevé's paradox: the effective "
     "inertia is not positive); use less friction or thinner dominoes there",

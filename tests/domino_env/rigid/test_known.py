@@ -40,7 +40,7 @@ def test_every_layout_that_ships_is_verified_as_it_is(name: str) -> None:
 def test_the_page_shows_what_is_kept() -> None:
     page = (Path(__file__).parents[3] / PAGE).read_text("utf-8")
     assert fill(page, {"known": known_table(KEPT)}) == page, AGAIN
-    with pytest.raises(ValueError, match="no mark <!-- else -->"):
+    with pytest.raises(ValueError, match="no comment <!-- else -->"):
         fill(page, {"else": []})
 
 
