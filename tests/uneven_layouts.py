@@ -1,4 +1,4 @@
-"""Rows over hills, drawn by chance."""
+"""Random layouts on uneven ground."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ import domino_env as de
 
 
 def uneven_layout(seed: int, count: int, unequal: bool = False) -> de.Layout:
-    """Draw a row over crests, hollows and small steps, every other one of thin dominoes."""
+    """Return a layout over crests, hollows and small steps, with thin dominoes for odd seeds."""
     rng = np.random.default_rng(seed)
     while True:
         thick = rng.uniform(*((0.006, 0.011) if seed % 2 else (0.003, 0.01)), count)

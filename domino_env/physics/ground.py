@@ -121,9 +121,9 @@ class Ground(Value, frozen=True, dict=True):  # type: ignore[misc]
         flat = np.where((flat > 0.0) & (flat < np.diff(knots)), flat, 0.0)
         places = np.concatenate([knots, knots[:-1] + flat])
         t, c = self._piece(places)
-        slopes = np.abs((3.0 * c[0] * t + 2.0 * c[1]) * t + c[2])
-        worst = int(np.argmax(slopes))
-        return float(places[worst]), float(slopes[worst])
+        steepness = np.abs((3.0 * c[0] * t + 2.0 * c[1]) * t + c[2])
+        worst = int(np.argmax(steepness))
+        return float(places[worst]), float(steepness[worst])
 
     def curvature(self, way: float) -> tuple[float, float]:
         """Return the place at which the ground bends most one way, and its curvature there.

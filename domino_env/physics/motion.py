@@ -250,8 +250,8 @@ def outlines(layout: Layout, leans: Floats) -> Floats:
     return np.stack([foot, foot + up, foot + up + back, foot + back], axis=1)
 
 
-def _hermite(t: Floats, times: Floats, values: Floats, slopes: Floats) -> Floats:
-    """Interpolate a table by cubics that match its values and slopes."""
+def _hermite(t: Floats, times: Floats, values: Floats, derivatives: Floats) -> Floats:
+    """Interpolate a table by cubics that match values and derivatives."""
     i = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
     h = times[i + 1] - times[i]
     x = np.clip((t - times[i]) / np.where(h > 0.0, h, 1.0), 0.0, 1.0)
@@ -259,5 +259,5 @@ def _hermite(t: Floats, times: Floats, values: Floats, slopes: Floats) -> Floats
     return np.asarray(
         values[i] * y * y * (1.0 + 2.0 * x)
         + values[i + 1] * x * x * (1.0 + 2.0 * y)
-        + h * x * y * (slopes[i] * y - slopes[i + 1] * x)
+        + h * x * y * (derivatives[i] * y - derivatives[i + 1] * x)
     )

@@ -66,7 +66,7 @@ class Outer(Table):
         ({"count": 2, "label": "long"}, "label = 'long': give a line of text of at most 3 char"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_with_its_place(document: Any, sentence: str) -> None:
+def test_errors_have_their_place(document: Any, sentence: str) -> None:
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
         model_of(Outer, document)
     assert str(refused.value).startswith(sentence)

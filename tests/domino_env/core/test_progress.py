@@ -19,8 +19,8 @@ def test_without_a_terminal_a_line_comes_now_and_then(
         for _ in range(10):
             bar.update(1)
             bar.set_postfix_str("best 0.8", refresh=False)
-    said = capsys.readouterr().err.splitlines()
-    assert lines - 1 <= len(said) <= lines + 1
-    for line in said:
+    printed = capsys.readouterr().err.splitlines()
+    assert lines - 1 <= len(printed) <= lines + 1
+    for line in printed:
         assert " of 12 dominoes in " in line
         assert "\r" not in line

@@ -15,16 +15,16 @@ def read_back(text: str) -> list[list[str]]:
 
 def test_numbers_come_back_to_the_bit() -> None:
     values = [0.1, -1e-300, 5e-324, np.nextafter(0.8, 1.0), 1e16, 3, -7, np.float64(2) / 3]
-    names, row = read_back(csv_table("abcdefgh", [values]))
+    names, line = read_back(csv_table("abcdefgh", [values]))
     assert names == list("abcdefgh")
-    assert [float(cell) for cell in row] == values
+    assert [float(cell) for cell in line] == values
     assert read_back(csv_table("ab", [[None, 1]]))[1] == ["", "1"]
 
 
 def test_no_text_is_a_formula_and_a_number_formatted_by_hand_stays_one() -> None:
     formulas = ["=1+1", "+x", "-cmd|' /C calc'!A0", "@SUM(A1)", "\t=1", "\n=1"]
-    names, row = read_back(csv_table(formulas, [formulas]))
-    assert names == row == [f"'{text}" for text in formulas]
+    names, line = read_back(csv_table(formulas, [formulas]))
+    assert names == line == [f"'{text}" for text in formulas]
     numbers = ["-0.5", "-1.5e-07", "+3", "-inf"]
     assert read_back(csv_table("abcd", [numbers]))[1] == numbers
 

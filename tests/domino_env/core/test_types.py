@@ -1,4 +1,4 @@
-"""Distinct rows of a table, as NumPy finds them."""
+"""Unique points of a table, as of NumPy."""
 
 from __future__ import annotations
 
@@ -7,6 +7,6 @@ import numpy as np
 from domino_env.core.types import unique_points
 
 
-def test_they_are_those_that_numpy_finds() -> None:
+def test_unique_points_are_those_of_numpy() -> None:
     table = np.random.default_rng(0).integers(-2, 3, (60, 3)).astype(np.float64)
     assert np.array_equal(unique_points(table), np.unique(table, axis=0))

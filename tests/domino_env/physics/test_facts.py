@@ -26,9 +26,9 @@ def uniform_wave(pitch, friction, count=100, push=PUSH, gravity=9.8, **given):
     return de.simulate(layout, de.Physics(friction, gravity, push), rtol=1e-11)
 
 
-@pytest.mark.parametrize("row", UNIFORM)
-def test_uniform_chains(row):
-    pitch, friction, frequency, speed, after, before, last = row
+@pytest.mark.parametrize("known", UNIFORM)
+def test_uniform_chains(known):
+    pitch, friction, frequency, speed, after, before, last = known
     wave = uniform_wave(pitch, friction)
     between = wave.arrival_times[99] - wave.arrival_times[98]
     assert 1.0 / between == pytest.approx(frequency, abs=6e-6)
@@ -126,14 +126,14 @@ def test_least_gap_that_topples_the_second(slender, ratio):
     assert high / slender == pytest.approx(ratio, abs=2e-3)
 
 
-def test_hinged_rows_of_a_rigid_body_engine():
+def test_fixed_pivots_in_a_rigid_body_engine():
     document = json.loads((Path(__file__).parents[2] / "data" / "hinged_rows.json").read_text())
-    for row in document["rows"]:
+    for known in document["rows"]:
         layout = de.Layout(
-            row["spacing"], row["thickness"], row["height"], row["width"], row["density"]
+            known["spacing"], known["thickness"], known["height"], known["width"], known["density"]
         )
-        wave = de.simulate(layout, de.Physics(row["friction"], row["gravity"], row["push"]))
-        engine = np.array(row["hit_times"])
+        wave = de.simulate(layout, de.Physics(known["friction"], known["gravity"], known["push"]))
+        engine = np.array(known["hit_times"])
         ours, theirs = wave.arrival_times[39] - wave.arrival_times[10], engine[39] - engine[10]
         assert ours == pytest.approx(theirs, rel=1e-3)
 

@@ -15,55 +15,55 @@ COUNT, GRAVITY = 7, 9.81
 
 
 @entry_point
-def stand_all(ring, row):
-    for i in range(len(row.thickness)):
-        contact.place_domino(ring, len(ring) - 1, i, row, i)
-    for i in range(len(row.spacing)):
-        contact.place_contact(ring, len(ring) - 1, i, row, i, i + 1)
+def place_all(ring, arrays):
+    for i in range(len(arrays.thickness)):
+        contact.place_domino(ring, len(ring) - 1, i, arrays, i)
+    for i in range(len(arrays.spacing)):
+        contact.place_contact(ring, len(ring) - 1, i, arrays, i, i + 1)
 
 
 @entry_point
-def loads_at(row, ring, n, angle, states, gravity, mu, geometry, loads):
+def loads_at(arrays, ring, n, angle, states, gravity, mu, geometry, loads):
     run = Run(ring, ring, len(ring) - 1, mu, gravity, 0.0, states, False, ring)
-    diagnosis.stack_geometry(row, run, n, 0, angle, geometry, False)
-    diagnosis.contact_forces(row, run, n, 0, geometry, loads)
+    diagnosis.stack_geometry(arrays, run, n, 0, angle, geometry, False)
+    diagnosis.contact_forces(arrays, run, n, 0, geometry, loads)
 
 
 @entry_point
-def impulses_at(row, ring, n, mu, before, after, geometry, least):
+def impulses_at(arrays, ring, n, mu, before, after, geometry, least):
     run = Run(ring, ring, len(ring) - 1, mu, GRAVITY, 0.0, ring, False, ring)
-    diagnosis.stack_geometry(row, run, n, 0, 0.0, geometry, False)
+    diagnosis.stack_geometry(arrays, run, n, 0, 0.0, geometry, False)
     diagnosis.contact_impulses(run, n, 0, geometry, before, after, least)
 
 
-def stacks(seed, friction, hills):
-    """The same row in the kernels' ring and as the oracle's chain."""
+def stacks(seed, friction, uneven):
+    """Return the same chain in the kernels' ring and as the oracle's chain."""
     rng = np.random.default_rng(seed)
     spacing, thickness = rng.uniform(0.01, 0.03, COUNT - 1), rng.uniform(0.005, 0.01, COUNT)
     density = rng.uniform(500.0, 2000.0, COUNT)
     rise, tilt = rng.uniform(-0.001, 0.002, COUNT - 1), rng.uniform(-0.05, 0.05, COUNT)
-    row = spacing, thickness, np.full(COUNT, 0.048), density
-    ground = (hills * rise, hills * tilt)
-    row = kernels.Arrays(*row, *ground) if hills else kernels.Arrays(*row)
-    ring = np.zeros(8, kernels.UNEVEN_CONTACT if hills else kernels.CONTACT)
-    stand_all(ring, row)
+    arrays = spacing, thickness, np.full(COUNT, 0.048), density
+    ground = (uneven * rise, uneven * tilt)
+    arrays = kernels.Arrays(*arrays, *ground) if uneven else kernels.Arrays(*arrays)
+    ring = np.zeros(8, kernels.UNEVEN_CONTACT if uneven else kernels.CONTACT)
+    place_all(ring, arrays)
     chain = oracle.Chain(
         spacing, thickness, 0.048, density, friction, GRAVITY, 1.0, ground[0], ground[1]
     )
-    return row, ring, chain
+    return arrays, ring, chain
 
 
-@pytest.mark.parametrize("hills", [False, True])
+@pytest.mark.parametrize("uneven", [False, True])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("seed", range(4))
-def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, hills):
-    row, ring, chain = stacks(seed, friction, hills)
+def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, uneven):
+    arrays, ring, chain = stacks(seed, friction, uneven)
     n, angle, speed = COUNT - 1, 0.05, 6.0
     geometry, loads = np.zeros(COUNT, diagnosis.GEOMETRY), np.full(COUNT, np.inf, diagnosis.LOADS)
     loads["floor_friction"] = -np.inf
     states = np.zeros(1, kernels.STATE)
     states["u"] = speed**2
-    loads_at(row, ring, n, angle, states, GRAVITY, friction, geometry, loads)
+    loads_at(arrays, ring, n, angle, states, GRAVITY, friction, geometry, loads)
     angle += chain.stand[n]
     alpha, normals, _ = chain.motion(n, angle, speed)
     np.testing.assert_allclose(loads["contact_force"][:-1], normals, rtol=1e-9)
@@ -73,7 +73,7 @@ def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, hills):
     contacts = chain.contacts(n, theta)
     omega = chain.ratios(contacts) * speed
     up, ahead = oracle.up(theta), oracle.ahead(theta)
-    arm = 0.5 * (row.height[:, None] * up - row.thickness[:, None] * ahead)
+    arm = 0.5 * (arrays.height[:, None] * up - arrays.thickness[:, None] * ahead)
     turned = np.stack([arm[:, 1], -arm[:, 0]], -1)
     floor = chain.mass[:, None] * (alpha[:, None] * turned - omega[:, None] ** 2 * arm)
     floor[:, 1] += chain.mass * GRAVITY
@@ -95,7 +95,7 @@ def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, hills):
     omega[-1] = 0.0
     after, impulses = chain.impact(n, theta, omega, chain.state)
     least = np.full(COUNT, np.inf)
-    impulses_at(row, ring, n, friction, 9.0, after[-1], geometry, least)
+    impulses_at(arrays, ring, n, friction, 9.0, after[-1], geometry, least)
     np.testing.assert_allclose(least[:-1], impulses, rtol=1e-9)
 
 

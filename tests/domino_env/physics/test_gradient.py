@@ -32,7 +32,9 @@ def of_time(layout: Layout, physics: Physics, rtol: float = 1e-12) -> Gradient:
     return simulate(layout, physics, rtol=rtol, gradient=True).gradient()
 
 
-def random_row(rng: np.random.Generator, count: int, uneven: bool, unequal: bool = True) -> Layout:
+def random_layout(
+    rng: np.random.Generator, count: int, uneven: bool, unequal: bool = True
+) -> Layout:
     """Return a layout in which contacts become face contacts and separate."""
     if uneven:
         return uneven_layout(int(rng.integers(1, 1000)), count, unequal=True)
@@ -72,19 +74,19 @@ def test_all_of_a_layout_by_differences(friction: float, uneven: bool) -> None:
     rng = np.random.default_rng(round(100 * friction))
     checked = kinks = flushes = releases = 0
     while checked < 40:
-        row = random_row(rng, 9, uneven, unequal=checked % 2 == 0)
+        layout = random_layout(rng, 9, uneven, unequal=checked % 2 == 0)
         physics = Physics(friction, 9.81, rng.uniform(10.0, 40.0))
-        wave = simulate(row, physics, rtol=1e-12, gradient=True)
+        wave = simulate(layout, physics, rtol=1e-12, gradient=True)
         if wave.outcome != Outcome.PROPAGATED or wave.stall_margin.min() < 1e-3:
             continue
         of = "speed" if checked % 4 > 1 else "time"
         gradient = wave.gradient(of)
         for name in PARTS[: 6 if uneven else 4]:
             exact = getattr(gradient, name)
-            fine = differences(row, physics, name, uneven, of)
-            seen = np.isfinite(fine)
-            kinks += int((~seen).sum())
-            assert np.abs(exact - fine)[seen].max(initial=0.0) < 1e-7 * np.abs(exact).max()
+            fine = differences(layout, physics, name, uneven, of)
+            smooth = np.isfinite(fine)
+            kinks += int((~smooth).sum())
+            assert np.abs(exact - fine)[smooth].max(initial=0.0) < 1e-7 * np.abs(exact).max()
         flushes, releases = flushes + wave.flushes, releases + wave.releases
         checked += 1
     assert flushes > 60
@@ -99,14 +101,14 @@ def test_against_sixty_digits(friction: float, uneven: bool) -> None:
     With friction also by the friction alone; the scaling laws tie gravity and push to the rest.
     """
     flat = Layout([0.004, 0.03, 0.02], np.array([7.5, 6.0, 9.0, 5.0]) * 1e-3)
-    row, physics = uneven_layout(7, 3) if uneven else flat, Physics(friction, push=14.0)
-    wave = simulate(row, physics, rtol=1e-13, gradient=True)
+    layout, physics = uneven_layout(7, 3) if uneven else flat, Physics(friction, push=14.0)
+    wave = simulate(layout, physics, rtol=1e-13, gradient=True)
     assert wave.flushes > 0
     rng, gradient = np.random.default_rng(0), wave.gradient()
     way = {"spacing": 1e-9, "thickness": 1e-9} | ({"rise": 1e-9, "tilt": 1e-7} if uneven else {})
-    way = {n: size * rng.uniform(-1.0, 1.0, len(getattr(row, n))) for n, size in way.items()}
+    way = {n: size * rng.uniform(-1.0, 1.0, len(getattr(layout, n))) for n, size in way.items()}
     low, high = (
-        replace(row, **{n: getattr(row, n) + sign * move for n, move in way.items()})
+        replace(layout, **{n: getattr(layout, n) + sign * move for n, move in way.items()})
         for sign in (-1.0, 1.0)
     )
     before, after = (precise_wave(end, physics).arrival_times[-1] for end in (low, high))
@@ -115,23 +117,23 @@ def test_against_sixty_digits(friction: float, uneven: bool) -> None:
     if friction > 0.0:
         ends = (friction - 1e-8, friction + 1e-8)
         before, after = (
-            precise_wave(row, physics.replace(friction=x)).arrival_times[-1] for x in ends
+            precise_wave(layout, physics.replace(friction=x)).arrival_times[-1] for x in ends
         )
         slope = float(after - before) / (ends[1] - ends[0])
         assert gradient.friction == pytest.approx(slope, rel=1e-9)
 
 
 def test_near_a_stall_it_is_large_and_right() -> None:
-    row = Layout([0.011, 0.009, 0.012, 0.010], 0.0075)
-    least = smallest_push(row, Physics())
+    layout = Layout([0.011, 0.009, 0.012, 0.010], 0.0075)
+    least = smallest_push(layout, Physics())
     step, push = 1e-10 * least, least * (1.0 + 1e-7)  # small against the excess
-    wave = simulate(row, Physics(push=push), rtol=1e-10, gradient=True)
+    wave = simulate(layout, Physics(push=push), rtol=1e-10, gradient=True)
     assert wave.stall_margin.min() < 2e-6
     pushes = (push - step, push + step)
-    ends = [precise_wave(row, Physics(push=x)).arrival_times[-1] for x in pushes]
+    ends = [precise_wave(layout, Physics(push=x)).arrival_times[-1] for x in pushes]
     slope = float(ends[1] - ends[0]) / (pushes[1] - pushes[0])
     assert wave.gradient().push == pytest.approx(slope, rel=1e-6)
-    assert abs(slope) > 1e4 * abs(of_time(row, Physics(push=2.0 * least)).push)
+    assert abs(slope) > 1e4 * abs(of_time(layout, Physics(push=2.0 * least)).push)
 
 
 # laws -----------------------------------------------------------------------------------------
@@ -139,8 +141,8 @@ def test_near_a_stall_it_is_large_and_right() -> None:
 
 @pytest.fixture(params=[0.0, 0.25], ids=["without friction", "with friction"])
 def wave(request: pytest.FixtureRequest) -> Wave:
-    row = random_row(np.random.default_rng(8), 14, uneven=False)
-    wave = simulate(row, Physics(request.param, 9.81, 30.0), rtol=1e-12, gradient=True)
+    layout = random_layout(np.random.default_rng(8), 14, uneven=False)
+    wave = simulate(layout, Physics(request.param, 9.81, 30.0), rtol=1e-12, gradient=True)
     assert wave.outcome == Outcome.PROPAGATED
     assert wave.flushes > 0
     return wave
@@ -148,12 +150,14 @@ def wave(request: pytest.FixtureRequest) -> Wave:
 
 def test_scaling_laws(wave: Wave) -> None:
     """Times scale by the root of lengths and the inverse root of gravity, not by density."""
-    g, row, physics, total = wave.gradient(), wave.layout, wave.physics, wave.arrival_times[-1]
-    by_length = row.spacing @ g.spacing + row.thickness @ g.thickness + row.height @ g.height
+    g, layout, physics, total = wave.gradient(), wave.layout, wave.physics, wave.arrival_times[-1]
+    by_length = (
+        layout.spacing @ g.spacing + layout.thickness @ g.thickness + layout.height @ g.height
+    )
     by_push = physics.push * g.push
     assert by_length - 0.5 * by_push == pytest.approx(0.5 * total, rel=1e-9)
     assert physics.gravity * g.gravity + 0.5 * by_push == pytest.approx(-0.5 * total, rel=1e-9)
-    by_density = row.density * g.density
+    by_density = layout.density * g.density
     assert abs(by_density.sum()) < 1e-12 * np.abs(by_density).sum()
 
 
@@ -181,19 +185,19 @@ def test_a_pullback_is_linear(wave: Wave) -> None:
 def test_at_the_onset_of_a_face_contact_it_is_one_of_the_two_sides() -> None:
     physics = Physics(0.25, 9.81, 14.0)
 
-    def row(gap: float) -> Layout:
+    def layout(gap: float) -> Layout:
         return Layout([0.012, gap, 0.02, 0.03], 0.0075)
 
     low, high = 0.015, 0.03
-    flushes = [simulate(row(gap), physics).flushes for gap in (low, high)]
+    flushes = [simulate(layout(gap), physics).flushes for gap in (low, high)]
     assert flushes[0] != flushes[1]
     while high - low > 1e-15:
         middle = 0.5 * (low + high)
-        same = simulate(row(middle), physics, rtol=1e-13).flushes == flushes[0]
+        same = simulate(layout(middle), physics, rtol=1e-13).flushes == flushes[0]
         low, high = (middle, high) if same else (low, middle)
-    sides = [of_time(row(gap), physics).spacing[1] for gap in (low - 1e-9, high + 1e-9)]
+    sides = [of_time(layout(gap), physics).spacing[1] for gap in (low - 1e-9, high + 1e-9)]
     for gap in (low, high):
-        at = of_time(row(gap), physics).spacing[1]
+        at = of_time(layout(gap), physics).spacing[1]
         assert min(abs(at - side) for side in sides) < 1e-4 * max(map(abs, sides))
 
 
@@ -218,12 +222,12 @@ def test_equal_gaps(friction: float) -> None:
 @grounds
 def test_a_batch_gives_the_gradient_of_each(uneven: bool) -> None:
     rng = np.random.default_rng(3)
-    rows = [random_row(rng, 12, uneven, unequal=uneven) for _ in range(40)]
-    rows[7] = replace(rows[7], spacing=np.full(11, 0.06))
-    batch = simulate_batch(**batch_of(rows, uneven), physics=Physics(), rtol=1e-8, gradient=True)
+    layouts = [random_layout(rng, 12, uneven, unequal=uneven) for _ in range(40)]
+    layouts[7] = replace(layouts[7], spacing=np.full(11, 0.06))
+    batch = simulate_batch(**batch_of(layouts, uneven), physics=Physics(), rtol=1e-8, gradient=True)
     assert batch.outcome[7] == Outcome.OUT_OF_REACH
-    for b, row in enumerate(rows):
-        one = simulate(row, Physics(), rtol=1e-8, gradient=True)
+    for b, layout in enumerate(layouts):
+        one = simulate(layout, Physics(), rtol=1e-8, gradient=True)
         if one.outcome != Outcome.PROPAGATED:
             assert not any(np.any(part[b]) for part in parts(batch.gradient))
             continue
@@ -244,8 +248,8 @@ def test_a_long_chain_takes_as_many_bytes_a_domino_as_a_short_one() -> None:
 
 
 def test_a_wave_that_stopped_pulls_back_what_it_reached() -> None:
-    row = Layout([0.012, 0.02, 0.06, 0.02], 0.0075)
-    wave = simulate(row, Physics(0.25, push=10.0), gradient=True)
+    layout = Layout([0.012, 0.02, 0.06, 0.02], 0.0075)
+    wave = simulate(layout, Physics(0.25, push=10.0), gradient=True)
     assert wave.outcome == Outcome.OUT_OF_REACH
     g = wave.pullback([0.0, 0.0, 1.0, 0.0, 0.0])
     assert g.spacing[:2].all()

@@ -13,7 +13,7 @@ frictions = pytest.mark.parametrize("friction", [0.0, 0.25])
 grounds = pytest.mark.parametrize("uneven", [False, True], ids=["flat", "uneven"])
 
 
-def random_row(seed, uneven, count=25):
+def random_layout(seed, uneven, count=25):
     """A layout in which every domino differs, with face impacts and a separation now and then."""
     if uneven:
         return uneven_layout(seed, count, unequal=True)
@@ -33,8 +33,8 @@ def topple(layout, friction, gravity=9.81, push=16.0):
 @pytest.mark.parametrize("seed", range(4))
 def test_units(seed, friction, uneven):
     """Numbers of other units in a metre, a kilogram and a second; scaling laws among them."""
-    row = random_row(seed, uneven)
-    wave = topple(row, friction)
+    layout = random_layout(seed, uneven)
+    wave = topple(layout, friction)
     for metre, kilogram, second in (
         (1e3, 1e9, np.sqrt(1e3)),  # lengths × k and push/√k: times × √k
         (1e-4, 1e-12, 1e-2),
@@ -43,16 +43,18 @@ def test_units(seed, friction, uneven):
         (1.0 / 0.0254, 2.2046, 1.0),
         (1.0 / 0.048, 7.0, 14.3),
     ):
-        lengths = {n: getattr(row, n) * metre for n in ("spacing", "thickness", "height", "rise")}
+        lengths = {
+            n: getattr(layout, n) * metre for n in ("spacing", "thickness", "height", "rise")
+        }
         other = topple(
-            replace(row, **lengths, density=row.density * kilogram / metre**3),
+            replace(layout, **lengths, density=layout.density * kilogram / metre**3),
             friction, 9.81 * metre / second**2, 16.0 / second,
         )  # fmt: skip
         assert other.outcome is wave.outcome
         assert (other.flushes, other.releases) == (wave.flushes, wave.releases)
         np.testing.assert_allclose(other.arrival_times, wave.arrival_times * second, 2e-12)
         np.testing.assert_allclose(other.release_velocity * second, wave.release_velocity, 2e-12)
-    other = topple(replace(row, density=4.0 * row.density), friction)
+    other = topple(replace(layout, density=4.0 * layout.density), friction)
     np.testing.assert_array_equal(other.arrival_times, wave.arrival_times)
 
 
@@ -61,23 +63,28 @@ def test_units(seed, friction, uneven):
 @pytest.mark.parametrize("seed", range(4))
 def test_later_dominoes_change_nothing_earlier(seed, friction, uneven):
     """To the last bit, whether they differ, are missing or out of reach."""
-    row, rng = random_row(seed, uneven), np.random.default_rng(seed)
-    wave = topple(row, friction)
+    layout, rng = random_layout(seed, uneven), np.random.default_rng(seed)
+    wave = topple(layout, friction)
     assert wave.hit > 8
     last = min(16, wave.hit - 2)
     for n in (2, 7, last):
         part = de.Layout(
-            row.spacing[: n - 1], row.thickness[:n], row.height[:n], density=row.density[:n],
-            rise=row.rise[: n - 1], tilt=row.tilt[:n],
+            layout.spacing[: n - 1], layout.thickness[:n], layout.height[:n],
+            density=layout.density[:n],
+            rise=layout.rise[: n - 1], tilt=layout.tilt[:n],
         )  # fmt: skip
         first = topple(part, friction)
         np.testing.assert_array_equal(first.arrival_times, wave.arrival_times[:n])
-    thickness, density, spacing = row.thickness.copy(), row.density.copy(), row.spacing.copy()
+    thickness, density, spacing = (
+        layout.thickness.copy(),
+        layout.density.copy(),
+        layout.spacing.copy(),
+    )
     density[last:] *= rng.uniform(0.5, 1.5, len(density[last:]))
     thickness[last:] *= rng.uniform(0.5, 1.5, len(thickness[last:])) if not uneven else 1.0
-    spacing[last - 1] = 1.5 * row.height[last - 1]
-    different = replace(row, thickness=thickness, density=density)
-    for changed in (different, replace(row, spacing=spacing)):
+    spacing[last - 1] = 1.5 * layout.height[last - 1]
+    different = replace(layout, thickness=thickness, density=density)
+    for changed in (different, replace(layout, spacing=spacing)):
         other = topple(changed, friction)
         np.testing.assert_array_equal(other.arrival_times[:last], wave.arrival_times[:last])
         for name in ("release_velocity", "impact_velocity", "stall_margin"):
@@ -91,12 +98,12 @@ class Energies:
     """Energies of the stack under leader n, its contacts settled by geometry alone."""
 
     def __init__(self, layout, gravity=9.81):
-        self.row = (layout.spacing, layout.thickness, layout.height, layout.density)
+        self.arrays = (layout.spacing, layout.thickness, layout.height, layout.density)
         self.gravity, self.pitch = gravity, layout.pitch
 
     def chain(self, n, lead):
         """A contact is a face contact where the lean of the next has passed acos(d/p)."""
-        chain = oracle.Chain(*self.row, 0.0, self.gravity)
+        chain = oracle.Chain(*self.arrays, 0.0, self.gravity)
         for i in range(n - 1, -1, -1):
             chain.back = i + 1
             if chain.angles(n, lead)[0] > np.arccos(chain.d[i + 1] / self.pitch[i]):
@@ -154,7 +161,9 @@ def test_the_uniform_path_is_the_general_one(gap, friction):
     density = np.full(60, 1040.0)
     density[-1] = np.nextafter(1040.0, 2000.0)
     uniform = de.Layout.uniform(60, spacing=gap)
-    one, other = (topple(row, friction) for row in (uniform, replace(uniform, density=density)))
+    one, other = (
+        topple(layout, friction) for layout in (uniform, replace(uniform, density=density))
+    )
     assert one.outcome is other.outcome
     np.testing.assert_allclose(one.arrival_times, other.arrival_times, rtol=2e-11)
     np.testing.assert_allclose(one.stall_margin, other.stall_margin, rtol=1e-8)

@@ -140,7 +140,7 @@ def test_uniform_layouts_that_cannot_stand(arguments, words) -> None:
 
 # files ------------------------------------------------------------------------------------------
 
-endings = pytest.mark.parametrize("ending", ["csv", "json"])
+formats = pytest.mark.parametrize("ending", ["csv", "json"])
 
 
 def written(layout: Layout, path: Path) -> Path:
@@ -148,22 +148,22 @@ def written(layout: Layout, path: Path) -> Path:
     return path
 
 
-@endings
+@formats
 @given(
-    rows=st.lists(
+    dominoes=st.lists(
         st.tuples(*[st.floats(1e-4, 0.047), st.floats(1e-4, 0.1), st.floats(1.0, 2e4)]),
         min_size=1, max_size=8,
     ),
 )  # fmt: skip
-def test_files_keep_every_bit(tmp_path_factory, rows, ending) -> None:
-    gaps, thickness, density = (list(column) for column in zip(*rows, strict=True))
+def test_files_keep_every_bit(tmp_path_factory, dominoes, ending) -> None:
+    gaps, thickness, density = (list(column) for column in zip(*dominoes, strict=True))
     path = tmp_path_factory.getbasetemp() / f"any.{ending}"
     for layout in (Layout(gaps[:-1], thickness, density=density), UNEQUAL, uneven_layout(1, 7)):
         assert same(Layout.read(written(layout, path)), layout)
 
 
 def test_columns_that_a_file_may_have(tmp_path: Path) -> None:
-    path = tmp_path / "row.csv"
+    path = tmp_path / "layout.csv"
     path.write_text("spacing_mm,thickness_mm,height_mm,density\n20,7,48,1000\n,7,50,900\n")
     layout = Layout.read(path)
     assert layout.height.tolist() == [0.048, 0.05]
@@ -177,9 +177,9 @@ def test_columns_that_a_file_may_have(tmp_path: Path) -> None:
     assert "rise" not in written(UNEQUAL, path).read_text()
 
 
-@endings
+@formats
 def test_where_a_file_does_not_give_the_width_its_reader_may(tmp_path: Path, ending: str) -> None:
-    path = tmp_path / f"row.{ending}"
+    path = tmp_path / f"layout.{ending}"
     table = "spacing,thickness\n0.018,0.0075\n,0.0075\n"
     path.write_text(table if ending == "csv" else '{"spacing": [0.018], "thickness": 0.0075}')
     assert Layout.read(path).width == 0.024
@@ -205,7 +205,7 @@ SPREADSHEETS = {
 @pytest.mark.parametrize("text", SPREADSHEETS.values(), ids=SPREADSHEETS.keys())
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
 def test_tables_as_spreadsheets_write_them(tmp_path: Path, text: str, encoding: str) -> None:
-    path = tmp_path / "row.csv"
+    path = tmp_path / "layout.csv"
     path.write_bytes(text.removeprefix("\ufeff" if encoding == "utf-16" else "").encode(encoding))
     assert same(Layout.read(path), Layout([0.018, 0.0205], [0.0075, 0.007, 0.0075]))
 
@@ -237,11 +237,11 @@ def test_tables_as_spreadsheets_write_them(tmp_path: Path, text: str, encoding: 
     ('{"spacing": [0.01], "thickness": 0.0075, "heigth": 0.05}', "did you mean 'height'?"),
     ('{"spacing": [0.01], "thickness": 0.0075, "unit": "mm"}', "unit = 'mm'"),
     ('{"spacing": [-0.01], "thickness": 0.0075}', "spacing[0] = -0.01: give a finite"),
-    ('{"spacing": {"a": 1}, "thickness": 0.0075}', "row.json: "),
+    ('{"spacing": {"a": 1}, "thickness": 0.0075}', "layout.json: "),
 ])  # fmt: skip
 def test_a_file_that_cannot_be_read(tmp_path: Path, text: str, words: str) -> None:
     """File, line and column or key, value and what to give."""
-    path = tmp_path / ("row.json" if text[:1] in tuple("{[") else "row.csv")
+    path = tmp_path / ("layout.json" if text[:1] in tuple("{[") else "layout.csv")
     path.write_text(text)
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
         Layout.read(path)
@@ -257,11 +257,11 @@ def test_a_file_that_cannot_be_read(tmp_path: Path, text: str, words: str) -> No
     ("spacing,thickness,height\n18,7.5,48\n,7.5,48\n", "the dominoes are 48 m tall"),
 ])  # fmt: skip
 def test_lengths_of_another_unit_get_a_warning(tmp_path: Path, table: str, words: str) -> None:
-    (tmp_path / "row.csv").write_text(table)
-    with pytest.warns(Advice, match=rf"row\.csv: {words}.*: lengths are in metres"):
-        Layout.read(tmp_path / "row.csv")
+    (tmp_path / "layout.csv").write_text(table)
+    with pytest.warns(Advice, match=rf"layout\.csv: {words}.*: lengths are in metres"):
+        Layout.read(tmp_path / "layout.csv")
 
 
 def test_only_csv_and_json_are_read(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"row\.xlsx: a layout is a \.csv or \.json file"):
-        Layout.read(tmp_path / "row.xlsx")
+    with pytest.raises(ValueError, match=r"layout\.xlsx: a layout is a \.csv or \.json file"):
+        Layout.read(tmp_path / "layout.xlsx")

@@ -12,7 +12,7 @@ from domino_env.physics.motion import Motion, outlines, stack_leans
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, simulate
 
-ROWS = {
+LAYOUTS = {
     "flushes": Layout(np.random.default_rng(2).uniform(0.002, 0.04, 20), 0.0075),
     "unequal": Layout(
         np.random.default_rng(3).uniform(0.006, 0.03, 12),
@@ -22,62 +22,62 @@ ROWS = {
     "releases": Layout([0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], 0.0075),
     "uneven ground": uneven_layout(3, 10),
 }
-rows = pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
+layouts = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 
 
-@rows
+@layouts
 @pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_neighbours_touch_and_never_overlap(row: Layout, friction: float) -> None:
+def test_neighbours_touch_and_never_overlap(layout: Layout, friction: float) -> None:
     """Behind the leader a tip lies on a rear face or an edge on a front."""
-    wave = simulate(row, Physics(friction, push=24.0))
-    motion = Motion(row, wave.physics)
+    wave = simulate(layout, Physics(friction, push=24.0))
+    motion = Motion(layout, wave.physics)
     times = np.linspace(0.0, wave.arrival_times[wave.hit - 1], 60)
     leaders, _ = motion.leader(times)
-    touching = apart = 0
+    touching = separate = 0
     for leans, leader in zip(motion.angles(times), leaders, strict=True):
-        assert np.array_equal(leans[leader + 1 :], row.tilt[leader + 1 :])
-        foot, top, _, edge = outlines(row, leans).swapaxes(0, 1)
+        assert np.array_equal(leans[leader + 1 :], layout.tilt[leader + 1 :])
+        foot, top, _, edge = outlines(layout, leans).swapaxes(0, 1)
         tips = oracle.dot(edge[1:] - top[:-1], oracle.ahead(leans[1:]))  # short of the rear face
         edges = oracle.dot(edge[1:] - foot[:-1], oracle.ahead(leans[:-1]))
         distance = np.minimum(tips, edges)
         assert wave.releases > 0 or distance.min() > -1e-12  # else a tip may be past the edge
         assert (distance[leader + 1 :] > 0.0).all()
         touching += int((np.abs(distance[:leader]) < 1e-12).sum())
-        apart += int((np.abs(distance[:leader]) >= 1e-12).sum())
+        separate += int((np.abs(distance[:leader]) >= 1e-12).sum())
     assert touching > 80
-    assert (apart > 0) == (wave.releases > 0)
+    assert (separate > 0) == (wave.releases > 0)
 
 
-@rows
-def test_the_leader_keeps_the_time_of_the_wave_and_leans_only_grow(row: Layout) -> None:
-    wave = simulate(row, Physics(0.25, push=24.0))
-    motion = Motion(row, wave.physics)
+@layouts
+def test_the_leader_keeps_the_time_of_the_wave_and_leans_only_grow(layout: Layout) -> None:
+    wave = simulate(layout, Physics(0.25, push=24.0))
+    motion = Motion(layout, wave.physics)
     arrivals = wave.arrival_times[: wave.hit]
     leader, angle = motion.leader(arrivals * (1.0 + 1e-9))
     assert leader.tolist() == list(range(wave.hit))
-    stand = row.tilt[: wave.hit]
+    stand = layout.tilt[: wave.hit]
     assert angle == pytest.approx(stand, abs=1e-6)
     _, later = motion.leader(arrivals + 1e-6)
     assert (later - stand) / 1e-6 == pytest.approx(wave.release_velocity[: wave.hit], rel=1e-3)
     leans = motion.angles(np.linspace(-0.1, motion.end + 0.1, 2000))
     assert np.diff(leans, axis=0).min() > -1e-12
-    assert np.array_equal(leans[0], row.tilt)
+    assert np.array_equal(leans[0], layout.tilt)
     assert np.isfinite(leans).all()
 
 
 def test_many_pieces_agree_with_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    row, physics = ROWS["flushes"], Physics(0.25, push=12.0)
-    few = Motion(row, physics)
+    layout, physics = LAYOUTS["flushes"], Physics(0.25, push=12.0)
+    few = Motion(layout, physics)
     monkeypatch.setattr("domino_env.physics.motion.PIECES", 512)
-    many = Motion(row, physics)
+    many = Motion(layout, physics)
     assert few.end == pytest.approx(many.end, rel=1e-3)  # the last lies down after the wave
-    times = np.linspace(0.0, simulate(row, physics).arrival_times[-1], 500)
+    times = np.linspace(0.0, simulate(layout, physics).arrival_times[-1], 500)
     assert few.angles(times) == pytest.approx(many.angles(times), abs=2e-4)
 
 
 def test_a_wave_that_stops_stays_where_it_stopped() -> None:
-    row = Layout.uniform(8, spacing=0.002)
-    wave, motion = simulate(row, Physics()), Motion(row, Physics())
+    layout = Layout.uniform(8, spacing=0.002)
+    wave, motion = simulate(layout, Physics()), Motion(layout, Physics())
     assert wave.outcome == Outcome.STALLED
     leader, angle = motion.leader(np.array([motion.end, motion.end + 1.0]))
     assert leader.tolist() == [wave.hit - 1] * 2
@@ -88,8 +88,8 @@ def test_a_wave_that_stops_stays_where_it_stopped() -> None:
 
 
 def test_corners_of_a_domino_that_stands_and_one_that_lies() -> None:
-    row = Layout([0.02], [0.0075, 0.005])
-    standing, lying = (outlines(row, np.array([lean, 0.0])) for lean in (0.0, np.pi / 2))
+    layout = Layout([0.02], [0.0075, 0.005])
+    standing, lying = (outlines(layout, np.array([lean, 0.0])) for lean in (0.0, np.pi / 2))
     corners = np.array([[0.0, 0.0], [0.0, 0.048], [-0.0075, 0.048], [-0.0075, 0.0]])
     assert standing[0] == pytest.approx(corners)
     assert standing[1, 0] == pytest.approx([0.025, 0.0])
@@ -97,9 +97,9 @@ def test_corners_of_a_domino_that_stands_and_one_that_lies() -> None:
 
 
 def test_leans_of_many_instants_are_those_of_each() -> None:
-    row = ROWS["unequal"]
+    layout = LAYOUTS["unequal"]
     leaders, angles = np.array([3, 0, 12, 7]), np.array([0.1, 0.4, 0.0, 0.2])
-    together = stack_leans(row, leaders, angles)
+    together = stack_leans(layout, leaders, angles)
     for k in range(4):
-        alone = stack_leans(row, leaders[k : k + 1], angles[k : k + 1])[0]
+        alone = stack_leans(layout, leaders[k : k + 1], angles[k : k + 1])[0]
         assert np.array_equal(together[k], alone)

@@ -19,7 +19,7 @@ RECORD = ("arrival_times", "release_velocity", "impact_velocity", "stall_margin"
 PHYSICS = de.Physics(0.5, 9.81, 3.0)
 
 
-def rows(count=60, n=30):
+def random_batch(count=60, n=30):
     """Gentle chains: about a third propagate, the others stall; some gaps are out of reach."""
     rng = np.random.default_rng(0)
     spacing = rng.uniform(0.002, 0.026, (count, n - 1))
@@ -29,8 +29,8 @@ def rows(count=60, n=30):
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-10])
 def test_a_batch_is_bit_for_bit_its_layouts(rtol):
-    """Whether recorded or not, taken as waves or simulated alone."""
-    spacing, thickness = rows()
+    """With and without a record, as waves of the batch and simulated alone."""
+    spacing, thickness = random_batch()
     batch = de.simulate_batch(spacing, thickness, PHYSICS, rtol=rtol)
     brief = de.simulate_batch(spacing, thickness, PHYSICS, rtol=rtol, record=False)
     assert len(set(batch.outcome)) >= 2
@@ -49,7 +49,7 @@ def test_a_batch_is_bit_for_bit_its_layouts(rtol):
 
 
 def test_order_and_threads_change_nothing():
-    spacing, thickness = rows(200)
+    spacing, thickness = random_batch(200)
     expected = de.simulate_batch(spacing, thickness, PHYSICS).arrival_times
     order = np.random.default_rng(1).permutation(200)
     shuffled = de.simulate_batch(spacing[order], thickness[order], PHYSICS)
@@ -71,7 +71,7 @@ def test_order_and_threads_change_nothing():
 
 
 def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
-    """They may be told after Numba has been loaded with more."""
+    """The environment may be set after Numba has been loaded with more."""
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
     monkeypatch.setattr("numba.get_num_threads", lambda: 4)
     calls: list[tuple[int, int, int]] = []
@@ -131,7 +131,7 @@ def test_a_wave_that_stops_says_where_and_what_to_do():
 
 
 def test_looser_runs_agree_within_their_estimates():
-    spacing, thickness = rows(150)
+    spacing, thickness = random_batch(150)
     spacing = np.minimum(spacing, 0.026)
     tight = de.simulate_batch(spacing, thickness, de.Physics(0.3), rtol=1e-13)
     came = np.isfinite(tight.arrival_times[:, 1:])

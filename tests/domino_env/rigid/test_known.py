@@ -44,22 +44,22 @@ def test_the_page_shows_what_is_kept() -> None:
         fill(page, {"else": []})
 
 
-def test_a_row_is_known_under_its_own_physics_only() -> None:
-    scene, row = de.load_scene("sprint"), best_known()["sprint"].layout
-    assert known_verification(row, scene.physics) == KEPT["sprint"]
-    assert known_verification(row, de.Physics(friction=0.3, push=8.0)) is None
+def test_a_layout_is_known_under_its_own_physics_only() -> None:
+    scene, layout = de.load_scene("sprint"), best_known()["sprint"].layout
+    assert known_verification(layout, scene.physics) == KEPT["sprint"]
+    assert known_verification(layout, de.Physics(friction=0.3, push=8.0)) is None
     assert known_verification(scene.uniform().layout, scene.physics) is None
 
 
-def test_a_verification_anew_says_what_is_kept(tmp_path: Path) -> None:
-    name, said = "magnify", []  # the shortest
+def test_a_verification_repeated_agrees_with_the_kept_one(tmp_path: Path) -> None:
+    name, lines = "magnify", []  # the shortest
     record, scene = best_known()[name], de.load_scene(name)
-    found = verify_records({name: record}, {name: scene}, [0.5], report=said.append)[name]
+    found = verify_records({name: record}, {name: scene}, [0.5], report=lines.append)[name]
     kept = KEPT[name].floors
     for one, other in ((found.floors[0], kept[0]), (found.floors[1], kept[2])):
         assert one.floor == other.floor
         assert one.last == pytest.approx(other.last, abs=4e-4)  # of both uncertainties
         assert one.score == other.score
-    assert said == [f"{name}: {found.verdict}"]
+    assert lines == [f"{name}: {found.verdict}"]
     write_verified({name: found}, tmp_path / "v.json")
     assert read_verified(tmp_path / "v.json") == {name: found}
