@@ -189,7 +189,7 @@ def _noise_summary(noise: dict[str, float]) -> str:
     """Return the effect of placement noise in one line."""
     line = (
         f"placement noise of {1e3 * noise['deviation']:g} mm, {noise['draws']} draws: "
-        f"{noise['completes']:.4g} of them complete"
+        f"{100.0 * noise['completes']:.4g} % complete"
     )
     if "mean" in noise:
         line += (
