@@ -35,7 +35,7 @@ ACTIVATIONS: dict[str, ArrayFunction] = {"Tanh": np.tanh, "ReLU": _relu}
 
 
 class Kind(NamedTuple):
-    """How the actor of an algorithm is stored, and its function."""
+    """Names of the layers of an actor, and its functions."""
 
     hidden: str  # names of the hidden layers
     last: str  # name of the last layer, if it differs

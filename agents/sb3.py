@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -134,13 +134,13 @@ class Learner:
         arrays = weights(self.model.policy)
         write_bytes(path, lambda file: np.savez_compressed(file, **arrays))
 
-    def write_checkpoint(self, path: Path, progress: dict[str, Any]) -> None:
-        """Write weights, optimiser, counters, and the progress of the training."""
+    def write_checkpoint(self, path: Path, curve: Sequence[tuple[float, ...]]) -> None:
+        """Write weights, optimiser, counters, and the learning curve."""
         state = {
             "parameters": self.model.get_parameters(),
             "steps": self.model.num_timesteps,
             "updates": getattr(self.model, "_n_updates", 0),
-            "progress": progress,
+            "curve": [[float(value) for value in line] for line in curve],
         }
         write_bytes(path, lambda file: torch.save(state, file))
 

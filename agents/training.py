@@ -301,13 +301,13 @@ class Training:
             seed = (self.seed + int(state["steps"])) % 2**32  # no noise is sampled twice
             learner = Learner(self.target, self.algorithm, self.hyperparameters, seed)
             learner.restore(state)
-            progress = state["progress"]
-            self.curve = [tuple(line) for line in progress["curve"]]
-            self.best, self.sampled_best = progress["best"], progress["sampled_best"]
-            learner.reference_speed = progress["reference"]
+            self.curve = [tuple(map(float, line)) for line in state["curve"]]
+            last = dict(zip(COLUMNS, self.curve[-1], strict=True))
+            self.best, self.sampled_best = last["best_score"], last["sampled_best"]
+            learner.reference_speed = last["reference"]
             now = time.perf_counter(), time.process_time()
-            self.began = now[0] - progress["seconds"], now[1] - progress["processor_seconds"]
-        except (KeyError, TypeError, ValueError, RuntimeError) as error:
+            self.began = now[0] - last["seconds"], now[1] - last["processor_seconds"]
+        except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
             raise ValueError(f"{path}: it does not fit this training: {error}") from None
         self.next_evaluation = learner.steps + self.total // EVALUATIONS
         self.bar.update(learner.steps)
@@ -366,17 +366,8 @@ class Training:
         self.bar.set_postfix_str(f"best score {self.best:.4f}", refresh=False)
 
     def checkpoint(self) -> None:
-        """Write the checkpoint and the learning curve."""
-        seconds, processor_seconds = self.seconds
-        progress = {
-            "curve": [list(line) for line in self.curve],
-            "seconds": seconds,
-            "processor_seconds": processor_seconds,
-            "best": float(self.best),
-            "sampled_best": float(self.sampled_best),
-            "reference": self.learner.reference_speed,
-        }
-        self.learner.write_checkpoint(self.folder / CHECKPOINT, progress)
+        """Write the checkpoint and the learning curve, whose last line is part of the state."""
+        self.learner.write_checkpoint(self.folder / CHECKPOINT, self.curve)
         self._write_curve()
 
     def _write_curve(self) -> None:

@@ -273,7 +273,7 @@ def test_a_damaged_or_foreign_checkpoint_is_rejected_and_its_code_not_run(
     monkeypatch.chdir(tmp_path)
     for state in (
         {},
-        {"progress": 1},
+        {"curve": 1},
         whole | {"parameters": {}},
         whole | {"steps": "many"},
         _Code(),
