@@ -242,13 +242,13 @@ def require_same_versions(client: Any, address: str) -> None:
     from domino_env.core.results import versions
 
     try:
-        found = client.run(versions)
+        remote = client.run(versions)
     except ModuleNotFoundError as error:
         raise ValueError(
             f"the Dask workers at {address} cannot import {error.name}: install domino-chains "
             "there, and where the scheduler runs"
         ) from None
-    for worker, theirs in found.items():
+    for worker, theirs in remote.items():
         for name, ours in versions().items():
             if name != "python" and theirs.get(name) != ours:
                 raise ValueError(

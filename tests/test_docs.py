@@ -77,7 +77,7 @@ PARSED = {
 
 
 def few_steps(algorithm: str, episode: int, *, sampled: bool = False) -> Hyperparameters:
-    """Hyperparameters that learn for a second."""
+    """Return hyperparameters of a training that takes a second."""
     chosen = default_hyperparameters(algorithm, episode, sampled=sampled)
     return replace(chosen, num_envs=2, steps=4 * episode)
 
@@ -104,7 +104,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(line: str) -> int:
-    """A command's exit status."""
+    """Return the exit status of a command."""
     return main(shlex.split(line)[1:])
 
 
@@ -188,15 +188,15 @@ def test_the_scenes_of_a_page_can_be_read(page: str) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_commands_of_every_page_exist_with_their_options(
+def test_commands_in_the_text_have_their_options(
     page: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for line in commands(page):
         parser().parse_args(shlex.split(line)[1:])
     for module in re.findall(r"python -m ([a-z_.]+)", PAGES[page]):
         assert find_spec(module) is not None
-    for said in re.findall(r"`domino ([a-z-]+[^`]*)`", FENCED.sub("", PAGES[page])):
-        name, *words = said.split()
+    for command in re.findall(r"`domino ([a-z-]+[^`]*)`", FENCED.sub("", PAGES[page])):
+        name, *words = command.split()
         with pytest.raises(SystemExit, match="0"):
             parser().parse_args([name, "--help"])
         explained = capsys.readouterr().out
@@ -213,15 +213,15 @@ def test_targets_and_extras_exist() -> None:
         assert set(re.findall(r"\(extra:? `?([a-z]+)", text)) <= extras
 
 
-# pages that are made ----------------------------------------------------------------------------
+# generated pages --------------------------------------------------------------------------------
 
 
 def test_the_table_of_the_readme_is_that_of_the_records(pages: ModuleType) -> None:
-    """Otherwise `python docs/pages.py` writes it anew."""
+    """`python docs/pages.py` updates it."""
     assert pages.readme_with_table(README) == README
 
 
-def test_a_scene_has_a_page_with_its_row_drawn_and_numbers_from_the_data(pages: ModuleType) -> None:
+def test_the_page_of_a_scene_has_its_drawing_and_its_numbers(pages: ModuleType) -> None:
     record = best_known()["course"]
     text = pages.scene_page("course", record)
     assert f"**{record.score:.6f} m/s**" in text

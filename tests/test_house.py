@@ -1,4 +1,4 @@
-"""What is imported, what is installed, and how it is set up."""
+"""Imports, public names, the installed wheel, requirements and the Makefile."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 
 
 def output_of(*words: object, cwd: Path = ROOT, **environment: str) -> str:
-    """What a program prints that must succeed; all it said, where it did not."""
+    """Return the output of a program that must succeed."""
     done = subprocess.run(
         [str(w) for w in words],
         cwd=cwd,
@@ -42,7 +42,7 @@ def output_of(*words: object, cwd: Path = ROOT, **environment: str) -> str:
 
 
 def loaded_by(script: str) -> set[str]:
-    """The top-level modules (and scipy.optimize) that a fresh interpreter has after a script."""
+    """Return the top-level modules (and scipy.optimize) that a script imports."""
     tail = "; import sys; print(*sorted(sys.modules))"
     modules = output_of(sys.executable, "-W", "error", "-c", script + tail).split()
     return {m.partition(".")[0] for m in modules} | ({"scipy.optimize"} & set(modules))
@@ -53,7 +53,7 @@ def test_importing_the_package_loads_gymnasium_alone() -> None:
     assert more == {"domino_env", "lazy_loader"}
 
 
-def test_help_loads_nothing_that_is_heavy() -> None:
+def test_help_loads_no_heavy_module() -> None:
     loaded = loaded_by(
         "import contextlib, io, _domino_command as command, sys; sys.argv = ['domino', '--help']\n"
         "with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):"
@@ -79,7 +79,7 @@ def test_simulating_loads_no_search_and_no_picture() -> None:
     assert not loaded & heavy
 
 
-def test_an_environment_loads_nothing_that_draws() -> None:
+def test_an_environment_loads_no_drawing_module() -> None:
     loaded = loaded_by(
         "import gymnasium; env = gymnasium.make('domino_env:DominoChain-v0', scene='gentle');"
         "env.reset(); env.step(env.action_space.sample())"
@@ -91,7 +91,7 @@ def test_an_environment_loads_nothing_that_draws() -> None:
     "import domino_env, gymnasium, importlib; importlib.reload(domino_env)",
     "import gymnasium.vector, domino_env",
 ])  # fmt: skip
-def test_the_environments_are_known_in_whatever_order_things_are_imported(first: str) -> None:
+def test_the_environments_are_registered_in_any_order_of_imports(first: str) -> None:
     known = "assert {'DominoChain-v0', 'DominoLayout-v0'} < set(gymnasium.registry)"
     assert "gymnasium" in loaded_by(f"{first}; {known}")
 
@@ -116,12 +116,12 @@ def test_the_reference_shows_public_names() -> None:
         assert name in importlib.import_module(package).__all__
 
 
-# what is installed ------------------------------------------------------------------------------
+# installation -----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of the working tree, built in a copy: a build leaves files behind."""
+    """Path of the wheel, built in a copy of the working tree: a build leaves files behind."""
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     litter = shutil.ignore_patterns("__pycache__", "*.egg-info")
@@ -131,8 +131,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / name, source / name)
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "--no-deps"]
     output_of(*pip, "--no-build-isolation", "--no-index", "--wheel-dir", folder, source)
-    (built,) = folder.glob("*.whl")
-    return built
+    (path,) = folder.glob("*.whl")
+    return path
 
 
 def test_the_wheel_holds_the_packages_with_their_data(wheel: Path) -> None:
@@ -160,10 +160,10 @@ def test_an_installed_wheel_works_away_from_the_sources(wheel: Path, tmp_path: P
         "print(*(de.load_scene(n).count for n in de.scene_names()));"
         "from domino_env.cli.main import main; main(['--help'])"
     )
-    said = output_of(sys.executable, "-c", script, cwd=work, PYTHONPATH=str(site))
+    output = output_of(sys.executable, "-c", script, cwd=work, PYTHONPATH=str(site))
     counts = (domino_env.load_scene(name).count for name in domino_env.scene_names())
-    assert said.startswith(" ".join(map(str, counts)) + "\n")
-    assert "simulate" in said
+    assert output.startswith(" ".join(map(str, counts)) + "\n")
+    assert "simulate" in output
 
 
 def test_every_requirement_is_pinned_to_the_version_under_test() -> None:

@@ -1,4 +1,4 @@
-"""Executors: the same results as without one, and what happens when workers and schedulers die."""
+"""Executors: the same results as without one, and the loss of workers and schedulers."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ ROOT = Path(__file__).parents[2]
 
 
 def bits(result: TaskResult) -> tuple:
-    """All of a result that must be the same wherever it was computed."""
+    """Return the parts of a result that do not depend on who computes it."""
     trace = [(n, falls, score) for n, falls, _, score in result.trace]
-    row = (result.spacing, result.thickness, result.height)
-    return (result.key, result.score, result.uniform_score, row, result.evaluations, trace)
+    sizes = (result.spacing, result.thickness, result.height)
+    return (result.key, result.score, result.uniform_score, sizes, result.evaluations, trace)
 
 
 def results_of(tasks, executor=None, study=None) -> list[tuple]:
@@ -82,9 +82,9 @@ def kill_worker() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def kill_once(mark: str) -> str:
-    if not Path(mark).exists():
-        Path(mark).touch()
+def kill_once(path: str) -> str:
+    if not Path(path).exists():
+        Path(path).touch()
         kill_worker()
     return "done"
 
@@ -95,8 +95,8 @@ def surroundings() -> tuple[int, str | None]:
     return numba.get_num_threads(), os.environ.get("OMP_NUM_THREADS")
 
 
-def linger(mark: str) -> None:
-    Path(mark).write_text(str(os.getpid()))
+def linger(path: str) -> None:
+    Path(path).write_text(str(os.getpid()))
     time.sleep(60.0)
 
 
@@ -130,9 +130,9 @@ def test_bulk_scoring_gives_the_same_results(scenes, workers, monkeypatch) -> No
 def test_a_worker_that_dies_is_replaced_and_its_tasks_run_again(
     tasks, expected, workers, tmp_path: Path
 ) -> None:
-    mark = workers.submit(kill_once, str(tmp_path / "mark"))
+    killed = workers.submit(kill_once, str(tmp_path / "killed"))
     assert results_of(tasks, workers) == expected
-    assert mark.result() == "done"
+    assert killed.result() == "done"
 
 
 def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(workers) -> None:
@@ -154,38 +154,38 @@ def test_errors_of_a_task_are_its_own(tasks, expected, pool) -> None:
 
 
 def test_a_context_that_ends_by_an_exception_ends_its_workers(tmp_path: Path) -> None:
-    mark = tmp_path / "pid"
+    pid = tmp_path / "pid"
     with suppress(KeyError), open_executor(workers=1) as executor:
         assert executor is not None
-        calls = [executor.submit(linger, str(mark)), executor.submit(os.getpid)]
-        while not mark.exists() or not mark.read_text():
+        calls = [executor.submit(linger, str(pid)), executor.submit(os.getpid)]
+        while not pid.exists() or not pid.read_text():
             time.sleep(0.01)
         raise KeyError
     for call in calls:
         with pytest.raises(ExecutorLost, match="the executor was ended"):
             call.result()
     with pytest.raises(ProcessLookupError):
-        os.kill(int(mark.read_text()), 0)
+        os.kill(int(pid.read_text()), 0)
     with pytest.raises(RuntimeError, match="after shutdown"):
         executor.submit(os.getpid)
 
 
 def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
-    mark = tmp_path / "pid"
+    pid = tmp_path / "pid"
     script = (
         "import sys; sys.path.insert(0, 'tests/optimize')\n"
         "from test_executors import linger, open_executor\n"
         "if __name__ == '__main__':\n"
-        f"    with open_executor(workers=1) as pool: pool.submit(linger, {str(mark)!r}).result()\n"
+        f"    with open_executor(workers=1) as pool: pool.submit(linger, {str(pid)!r}).result()\n"
     )
     (tmp_path / "script.py").write_text(script)
     with subprocess.Popen([sys.executable, tmp_path / "script.py"], cwd=ROOT) as process:
-        while not mark.exists() or not mark.read_text():
+        while not pid.exists() or not pid.read_text():
             assert process.poll() is None
             time.sleep(0.05)
         process.kill()
     for _ in range(200):
-        if not Path(f"/proc/{mark.read_text()}").exists():
+        if not Path(f"/proc/{pid.read_text()}").exists():
             return
         time.sleep(0.05)
     pytest.fail("the worker computes on")
@@ -212,7 +212,7 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
     assert results_of(tasks, None, study) == expected  # what is missing
 
 
-# what cannot be ---------------------------------------------------------------------------------
+# errors -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("workers", "dask", "message"), [
@@ -220,26 +220,26 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
     (None, "nonsense", "--dask nonsense: give the address of a scheduler"),
     (2, "tcp://127.0.0.1:9", "its workers are its own"),
 ])  # fmt: skip
-def test_executors_that_cannot_be(workers, dask, message: str) -> None:
+def test_impossible_executors_are_rejected(workers, dask, message: str) -> None:
     if dask is not None:
         pytest.importorskip("distributed")
     with pytest.raises(ValueError, match=message), open_executor(workers, dask):
         pass
 
 
-def test_without_the_extra_it_says_what_installs_it(monkeypatch) -> None:
+def test_the_message_names_the_missing_extra(monkeypatch) -> None:
     monkeypatch.setattr(executors, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r'"domino-chains\[dist\]"'), open_executor(dask="local"):
         pass
 
 
-def test_workers_with_other_versions_are_refused() -> None:
+def test_workers_with_other_versions_are_rejected() -> None:
     client = SimpleNamespace(run=lambda _: {"tcp://worker": versions() | {"numba": "0.1"}})
     with pytest.raises(ValueError, match=r"tcp://worker has numba 0\.1, and here it is"):
         require_same_versions(client, "tcp://here")
 
 
-def test_an_executor_that_does_not_come_leaves_no_study(tmp_path: Path, monkeypatch) -> None:
+def test_an_executor_that_does_not_open_leaves_no_study(tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "SCHEDULER_TIMEOUT", 0.2)
     monkeypatch.chdir(tmp_path)

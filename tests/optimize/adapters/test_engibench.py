@@ -20,8 +20,8 @@ from optimize.adapters.engibench import DominoProblem
 KINDS = ["spacing", "both", "length-both", "dying"]
 
 
-def test_the_class_is_as_engibench_wants_its_problems() -> None:
-    """Its own test of problems, except for the data set."""
+def test_the_class_has_the_interface_of_engibench() -> None:
+    """Repeat EngiBench's test of problems, except for the data set."""
     (base,) = DominoProblem.__orig_bases__
     assert typing.get_origin(base) is Problem
     assert len(typing.get_args(base)) == len(Problem.__parameters__)
@@ -69,7 +69,7 @@ def test_conditions_are_those_given(scenes) -> None:
         assert problem.simulate(design, config) == pytest.approx(speed, rel=1e-7)
 
 
-def test_what_breaks_a_rule_is_a_violation(scenes) -> None:
+def test_a_broken_rule_is_a_violation(scenes) -> None:
     problem = DominoProblem(scene=scenes["length"])
     space = problem.design_space
     long, outside = space.high, space.high + 0.001

@@ -37,7 +37,7 @@ from optimize.experiments.task import describe_labels
 ROOT = Path(__file__).parents[3]
 
 
-def lines_of(path: Path) -> list[dict[str, str]]:
+def read_csv(path: Path) -> list[dict[str, str]]:
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
 
@@ -93,10 +93,10 @@ def test_targets_reached_are_counted(compared: Experiment) -> None:
 def test_the_report_of_a_comparison(compared: Experiment, tmp_path: Path) -> None:
     write_comparison(compared, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(COMPARISON_FILES)
-    for line, result in zip(lines_of(tmp_path / "runs.csv"), compared.results, strict=True):
+    for line, result in zip(read_csv(tmp_path / "runs.csv"), compared.results, strict=True):
         assert (float(line["score"]), float(line["gain"])) == (result.score, result.gain)
         assert "seconds_to_1_percent" in line
-    steps = lines_of(tmp_path / "traces.csv")
+    steps = read_csv(tmp_path / "traces.csv")
     assert len(steps) == sum(len(r.trace) for r in compared.results)
     lines = table(compared, ["spacing"])[2:]
     medians = [float(line.split("|")[2]) for line in lines]
@@ -122,8 +122,8 @@ def test_the_best_of_many_methods_have_a_colour(compared: Experiment, monkeypatc
 
 def test_a_title_cannot_write_markdown(scenes) -> None:
     evil = "![x](http://evil/x.png) <script> `a` | b"
-    found = compare([replace(scenes["spacing"], title=evil)], ["uniform"], [0], 1)
-    page = next(line for line in comparison_page(found).splitlines() if "evil" in line)
+    experiment = compare([replace(scenes["spacing"], title=evil)], ["uniform"], [0], 1)
+    page = next(line for line in comparison_page(experiment).splitlines() if "evil" in line)
     assert "![" not in page
     assert not any(c == "<" and page[i - 1] != "\\" for i, c in enumerate(page))
 
@@ -136,37 +136,39 @@ def test_a_title_cannot_write_markdown(scenes) -> None:
     (["sprint"], ["cma"], range(10**8), 1, "100000000 seeds are 100000000 searches: give fewer"),
     (["sprint"], ["cma"], [0], None, "give each run a budget or seconds"),
 ])  # fmt: skip
-def test_what_cannot_be_compared(scene_list, methods, seeds, budget, message: str) -> None:
+def test_impossible_comparisons_are_rejected(
+    scene_list, methods, seeds, budget, message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         compare(scene_list, methods, seeds, budget)
 
 
-def test_the_command_stops_and_continues(here: Path, monkeypatch, capsys) -> None:
+def test_an_interrupted_comparison_is_resumed(here: Path, monkeypatch, capsys) -> None:
     words = ["compare", "mine.toml", "--methods", "random, uniform", "--seeds", "2"]
     words += ["--budget", "20", "--update-best"]
     calls = []
 
-    def stopped_at_the_third(*asked, **more):
-        calls.append(asked)
+    def interrupt_the_third(*arguments, **options):
+        calls.append(arguments)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return search(*asked, **more)
+        return search(*arguments, **options)
 
-    monkeypatch.setattr("optimize.experiments.task.search", stopped_at_the_third)
+    monkeypatch.setattr("optimize.experiments.task.search", interrupt_the_third)
     assert main(words) == 130
     assert "2 runs are complete; " in capsys.readouterr().err
-    first = lines_of(here / "runs/comparison/runs.csv")
+    first = read_csv(here / "runs/comparison/runs.csv")
     assert len(first) == 2
     assert main([*words, "--resume"]) == 0
     assert len(calls) == 5  # the third once more, and the fourth
-    lines = lines_of(here / "runs/comparison/runs.csv")
+    lines = read_csv(here / "runs/comparison/runs.csv")
     runs = [(r["method"], r["seed"]) for r in lines]
     assert runs == [("random", "0"), ("uniform", "0"), ("random", "1"), ("uniform", "1")]
     assert lines[:2] == first
     assert "new records: none" in capsys.readouterr().out  # they are of scenes that ship
 
 
-# the best known ---------------------------------------------------------------------------------
+# best known layouts -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", scene_names())
@@ -194,7 +196,7 @@ def test_a_record_is_kept_where_it_is_better(scenes, tmp_path: Path) -> None:
     assert best_known.update([(tighter, found)], path) == []  # it breaks a rule
 
 
-# the points of sweeps ---------------------------------------------------------------------------
+# points of sweeps -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("text", "values"), [
@@ -221,7 +223,7 @@ def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
     ("spacing.values=[1, ", "not JSON"),
     ("spacing.values=[null]", "give a list of numbers"),
 ])  # fmt: skip
-def test_other_texts_are_rejected(text: str, message: str) -> None:
+def test_wrong_texts_are_rejected(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=f"--set .*{message}"):
         parse_axis(text)
 
@@ -235,7 +237,7 @@ def test_a_grid_has_every_combination_once() -> None:
         grid([many, replace(many, key="physics.gravity")])
 
 
-def test_drawn_points_are_within_their_ranges_and_repeat_with_their_seed() -> None:
+def test_sampled_points_are_in_their_ranges_and_reproducible() -> None:
     texts = ["row.count=5:9", "physics.friction=0.1:0.4", "robust.deviation=1e-5:1e-3:log"]
     axes = [parse_axis(text, sampled=True) for text in [*texts, "objective=mean_speed,robust"]]
     points = sample_points(axes, 300, np.random.default_rng(1))
@@ -281,7 +283,7 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
     ("physics.push=4,8", {"seeds": 10**7}, "10000000 seeds are 20000000 searches: give fewer"),
     ("physics.push=4:8", {"random": 0}, "random = 0: give a whole number from 1 to"),
 ])  # fmt: skip
-def test_what_cannot_be_swept(scenes, axis: str, more: dict, message: str) -> None:
+def test_impossible_sweeps_are_rejected(scenes, axis: str, more: dict, message: str) -> None:
     with pytest.raises(ValueError, match=f"^{message}"):
         plan_sweep(scenes["spacing"], [axis], **more)
 
@@ -326,7 +328,7 @@ def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experi
 def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> None:
     write_sweep(swept, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(SWEEP_FILES)
-    for line, r in zip(lines_of(tmp_path / "sweep.csv"), swept.results, strict=True):
+    for line, r in zip(read_csv(tmp_path / "sweep.csv"), swept.results, strict=True):
         assert [float(line[key]) for key in swept.keys] == list(r.labels.values())
         assert (float(line["score"]), float(line["gain"]), line["key"]) == (r.score, r.gain, r.key)
         best = swept.best[r.problem]
@@ -341,10 +343,10 @@ def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> Non
     ("dead", ["physics.push=0.3,0.5"]),
 ], ids=["line", "words", "three", "dead"])  # fmt: skip
 def test_pictures_of_other_sweeps(scenes, scene: str, axes: list[str], tmp_path: Path) -> None:
-    found = sweep(scenes[scene], axes, methods=["uniform"], budget=1)
-    write_sweep(found, tmp_path)
+    experiment = sweep(scenes[scene], axes, methods=["uniform"], budget=1)
+    write_sweep(experiment, tmp_path)
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
-    assert ("–" in sweep_page(found)) == (scene == "dead")  # it has no gain
+    assert ("–" in sweep_page(experiment)) == (scene == "dead")  # it has no gain
 
 
 WORDS = ["sweep", "mine.toml", "--set", "physics.push=6,8", "--methods", "random"]
@@ -352,23 +354,23 @@ WORDS += ["--budget", "20"]
 
 
 def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
-    def refused(*words: str) -> str:
+    def error_of(*words: str) -> str:
         assert main([*WORDS, *words]) == 2
         return capsys.readouterr().err
 
     assert main([*WORDS, "--resume"]) == 0  # nothing is there yet: it starts
-    out, said = capsys.readouterr()
+    out, err = capsys.readouterr()
     assert "study 'sweep-spacing' in runs/studies.sqlite: 2 searches" in out
-    assert [line.split()[0] for line in said.splitlines()] == ["1/2", "2/2"]  # no terminal
+    assert [line.split()[0] for line in err.splitlines()] == ["1/2", "2/2"]  # no terminal
     assert main(WORDS) == 0
     assert "study 'sweep-spacing-2'" in capsys.readouterr().out
-    assert "has no study 'sweep-spacing' of these tasks" in refused("--seeds", "2", "--resume")
-    assert "'sweep-spacing' with 2 results already: " in refused("--name", "sweep-spacing")
+    assert "has no study 'sweep-spacing' of these tasks" in error_of("--seeds", "2", "--resume")
+    assert "'sweep-spacing' with 2 results already: " in error_of("--name", "sweep-spacing")
     assert main([*WORDS, "--name", "other", "--resume"]) == 0
-    said = refused("--seeds", "2", "--name", "sweep-spacing", "--resume")
-    assert "was begun with" in said
+    other_tasks = error_of("--seeds", "2", "--name", "sweep-spacing", "--resume")
+    assert "was begun with" in other_tasks
     (here / "file").write_text("")
-    assert "cannot be written" in refused("--out", "file/below")
+    assert "cannot be written" in error_of("--out", "file/below")
     monkeypatch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
     assert main([*WORDS, "--resume"]) == 0
     assert "2 of them done before" in capsys.readouterr().out.splitlines()[-2]
@@ -388,11 +390,11 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
         assert process.stderr is not None
         first = process.stderr.readline()
         process.send_signal(number)
-        said = first + process.communicate(timeout=60)[1]
-    assert first.startswith("1/9"), said
-    assert process.returncode == status, said
-    assert "what is done is in study 'sweep-spacing'; the same command with --resume" in said
-    assert "Traceback" not in said
+        err = first + process.communicate(timeout=60)[1]
+    assert first.startswith("1/9"), err
+    assert process.returncode == status, err
+    assert "what is done is in study 'sweep-spacing'; the same command with --resume" in err
+    assert "Traceback" not in err
     study = open_store("runs/studies.sqlite").study("sweep-spacing")
     kept = study.done()
     assert 1 <= len(kept) < 9
@@ -405,11 +407,11 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
 # progress ---------------------------------------------------------------------------------------
 
 
-def test_a_line_moves_where_it_is_shown(scenes, capsys) -> None:
+def test_the_progress_line_shows_the_tasks(scenes, capsys) -> None:
     tasks = plan_sweep(scenes["spacing"], ["physics.push=6,8"], ["random"], budget=4000)
     run_experiment(tasks)
     assert capsys.readouterr() == ("", "")
     run_experiment(tasks, name="mine", progress=True)
     shown = capsys.readouterr().err
-    for said in ("mine, 0 of 2", "mine, 2 of 2", " left, physics.push = 8.0, random, seed 0"):
-        assert said in shown
+    for text in ("mine, 0 of 2", "mine, 2 of 2", " left, physics.push = 8.0, random, seed 0"):
+        assert text in shown
