@@ -199,19 +199,16 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
     ValueError
         For layouts of different scenes, and as `load_scene`.
     """
-    common: tuple[str | Path, Scene] | None = None
-    for path in paths:
-        scene = scene_beside(path)
-        if scene is None:
-            continue
-        if common is not None and scene != common[1]:
-            one, other = (one_line(str(name), 160, keep_end=True) for name in (common[0], path))
+    scenes = [(path, scene) for path in paths if (scene := scene_beside(path)) is not None]
+    for path, scene in scenes[1:]:
+        first, common = scenes[0]
+        if scene != common:
+            one, other = (one_line(str(name), 160, keep_end=True) for name in (first, path))
             raise ValueError(
-                f"{one} and {other} are of different scenes ('{common[1].name}' and "
-                f"'{scene.name}'): show layouts of one scene, or name one by --scene"
+                f"{one} and {other} are of different scenes ('{common.name}' and '{scene.name}'): "
+                "show layouts of one scene, or name one by --scene"
             )
-        common = common or (path, scene)
-    return common and common[1]
+    return scenes[0][1] if scenes else None
 
 
 def read_layout(path: str | Path, scene: Scene | None) -> Layout:
