@@ -222,20 +222,21 @@ def _find_contacts(chain, setting, state):
     found, low, leader = 0, state.run[0].low, state.run[0].leader
     hinged, now, mid, gaps = setting.floor < 0.0, state.now, state.mid, state.gaps
     for i in range(max(low - 1, 0), leader + 1):
+        sine, cosine = chain.slope[i, 0], chain.slope[i, 1]
         for kind in range(REAR, TIP):
             if i < low or (hinged and kind == FRONT):
                 continue
             px = chain.edge[i, 0] - (chain.thickness[i] if kind == REAR else 0.0)
             py = chain.edge[i, 1] + (chain.height[i] if kind == LYING else 0.0)
             rx, ry = px * mid[i, 3] + py * mid[i, 2], -px * mid[i, 2] + py * mid[i, 3]
-            gap = (mid[i, 0] + rx - chain.pivots[i, 0]) * chain.slope[i, 0]
-            gap += (mid[i, 1] + ry - chain.pivots[i, 1]) * chain.slope[i, 1]
+            gap = (mid[i, 0] + rx - chain.pivots[i, 0]) * sine
+            gap += (mid[i, 1] + ry - chain.pivots[i, 1]) * cosine
             if gap > TOUCHING * chain.height[i]:
                 state.impulse[i, kind] = 0.0
                 continue
-            _on_floor(state.contact, found, MOVES, rx, ry, chain.slope[i])
+            _write_directions(state.contact, found, MOVES, sine, cosine, rx, ry, 0.0, 0.0)
             rx, ry = px * now[i, 3] + py * now[i, 2], -px * now[i, 2] + py * now[i, 3]
-            _on_floor(state.contact, found, ACTS, rx, ry, chain.slope[i])
+            _write_directions(state.contact, found, ACTS, sine, cosine, rx, ry, 0.0, 0.0)
             _couple(state, found, i, -1, kind, 0.0 if hinged else setting.floor)
             found += 1
         if i == leader:
@@ -255,14 +256,13 @@ def _find_contacts(chain, setting, state):
 
 
 @compile_alone
-def _on_floor(contact, c, at, rx, ry, slope):
-    """Write the directions of a contact with the floor: out of it, and along it."""
-    sine, cosine = slope[0], slope[1]
-    contact[c, at], contact[c, at + 1] = sine, cosine
-    contact[c, at + 2], contact[c, at + 3] = ry * sine - rx * cosine, 0.0
+def _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy):
+    """Write normal and tangent of a contact at r from the first domino and q from the second."""
+    contact[c, at], contact[c, at + 1] = nx, ny
+    contact[c, at + 2], contact[c, at + 3] = ry * nx - rx * ny, qy * nx - qx * ny
     at += 4
-    contact[c, at], contact[c, at + 1] = cosine, -sine
-    contact[c, at + 2], contact[c, at + 3] = ry * cosine + rx * sine, 0.0
+    contact[c, at], contact[c, at + 1] = ny, -nx
+    contact[c, at + 2], contact[c, at + 3] = ry * ny + rx * nx, qy * ny + qx * nx
 
 
 @compile_alone
@@ -301,12 +301,7 @@ def _between(contact, c, at, kind, i, face, pose, chain):
     else:
         gap, met = past, -chain.thickness[owner] <= ahead <= 0.0
         nx, ny = -sine, -cosine
-    sx, sy = ny, -nx
-    contact[c, at], contact[c, at + 1] = nx, ny
-    contact[c, at + 2], contact[c, at + 3] = ry * nx - rx * ny, qy * nx - qx * ny
-    at += 4
-    contact[c, at], contact[c, at + 1] = sx, sy
-    contact[c, at + 2], contact[c, at + 3] = ry * sx - rx * sy, qy * sx - qx * sy
+    _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy)
     return gap, met, face
 
 
