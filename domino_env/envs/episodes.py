@@ -80,7 +80,7 @@ class EpisodeResults:
                 self.reach[episodes] = [wave.reach for wave in waves]
             else:
                 reaches = self.reach[episodes].tolist()
-                waves = list(map(_with_reach, waves, reaches))
+                waves = [replace(w, reach=r) for w, r in zip(waves, reaches, strict=True)]
             self._waves |= zip(episodes, waves, strict=True)
             self.score[episodes] = scene.evaluate_waves(waves).score
 
@@ -130,12 +130,7 @@ class EpisodeResults:
         if i in self._waves:
             return self._waves[i]
         wave = simulate(self.layout(i), self.scenes[i].physics, rtol=self.rtol)
-        return _with_reach(wave, float(self.reach[i]))
-
-
-def _with_reach(wave: Wave, reach: float) -> Wave:
-    """Return the wave with another reach, which counts against the scene's N dominoes."""
-    return replace(wave, reach=reach)
+        return replace(wave, reach=float(self.reach[i]))
 
 
 class _Lazy:

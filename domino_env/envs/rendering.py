@@ -110,10 +110,7 @@ class Renderer:
             tallest = float(uniform.height.max())
             self._scale = Scale.fitting(length, tallest, WIDTH, HEIGHT, relief(uniform))
             self._scaled_to = scene
-        ghost = snapshot.uniform_speed * snapshot.time if snapshot.uniform_speed > 0.0 else None
-        image = strip(
-            layout, leans, leader, self._scale, _line(snapshot), ghost, ground=scene.ground
-        )
+        image = strip(layout, leans, leader, self._scale, _line(snapshot), ground=scene.ground)
         if self.mode != "human":
             return np.array(image)
         if self._window is None:

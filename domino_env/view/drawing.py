@@ -78,7 +78,6 @@ def strip(
     leader: int,
     scale: Scale,
     line: str,
-    ghost: float | None = None,
     ahead: float = AHEAD,
     ground: Ground | None = None,
 ) -> Image.Image:
@@ -96,8 +95,6 @@ def strip(
         Scale of the layout in the picture.
     line
         Text above the chain.
-    ghost
-        Place of another wave along the chain [m], pointed at below the ground; None for none.
     ahead
         Part of the width beyond which the picture follows the leader.
     ground
@@ -129,17 +126,11 @@ def strip(
     for i in np.flatnonzero((x.max(axis=1) > 0.0) & (x.min(axis=1) < w)):
         colour = LEADS if i == leader else FALLS if i < leader else STANDS
         draw.polygon(list(zip(x[i], y[i], strict=True)), fill=colour, outline=PAPER)
-    _point_at(draw, left + front * k, base - high * k, LEADS)
-    if ghost is not None:
-        there, above = _place(layout, ghost, under)
-        place = left + there * k, base - above * k
-        _point_at(draw, *place, INK)
+    at, below, r = left + front * k, base - high * k, 5 * FINER  # a triangle points at the leader
+    triangle = [(at, below + FINER), (at - r, below + 2 * r), (at + r, below + 2 * r)]
+    draw.polygon(triangle, fill=LEADS)
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
-    draw = ImageDraw.Draw(image)
-    draw.text((20, 10), line, fill=INK, font=font(15))
-    if ghost is not None:
-        at = min(max(place[0] / FINER, 30.0), scale.width - 60.0), place[1] / FINER + 14
-        draw.text(at, "uniform", fill=INK, font=font(12), anchor="mt")
+    ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
     return image
 
 
@@ -181,18 +172,3 @@ def palette() -> Image.Image:
     image = Image.new("P", (1, 1))
     image.putpalette(shades + list(PAPER))
     return image
-
-
-def _place(layout: Layout, along: float, under: Floats) -> tuple[float, float]:
-    """Return x and z on the ground of a place along the layout or past its end [m]."""
-    if along >= layout.length:
-        x = float(layout.pivots[-1, 0] + (along - layout.length) * np.cos(layout.tilt[-1]))
-        return x, float(np.interp(x, *under.T))
-    x, z = (float(np.interp(along, layout.positions, axis)) for axis in layout.pivots.T)
-    return x, z
-
-
-def _point_at(draw: ImageDraw.ImageDraw, x: float, y: float, colour: tuple[int, ...]) -> None:
-    """Draw a small triangle that points at a place on the ground."""
-    r = 5 * FINER
-    draw.polygon([(x, y + FINER), (x - r, y + 2 * r), (x + r, y + 2 * r)], fill=colour)

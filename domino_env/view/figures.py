@@ -30,7 +30,6 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
 from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import gain
 from domino_env.view.ground import ground_line
 
 WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
@@ -222,7 +221,7 @@ def beside_uniform(
         f"{scene.title} · {scene.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
     )
-    headline = _headline(scene, wave, score)
+    headline = f"{scene.name}: {scene.against_uniform(score, wave)}"
     return layouts_figure(layouts, headline, subtitle, scene, last, register=register)
 
 
@@ -240,20 +239,6 @@ def _draw_alone(
         axes.legend(**LEGEND)
     figure: Any = axes.figure
     return cast("Figure", figure)
-
-
-def _headline(scene: Scene, wave: Wave, score: float) -> str:
-    uniform = scene.uniform()
-    if score <= 0.0:
-        return f"{scene.name}: no layout found that topples to the end"
-    if not scene.criterion.is_mean_speed:
-        result = scene.in_words(score, wave)
-        return f"{scene.name}: {result} (uniform: {scene.in_words(uniform.score, uniform.wave)})"
-    lead = gain(score, uniform.score)
-    if lead is None:
-        return f"{scene.name}: {score:.4f} m/s, where no uniform pitch topples to the end"
-    compared = "faster" if lead >= 0.0 else "slower"
-    return f"{scene.name}: {score:.4f} m/s, {abs(lead):.2%} {compared} than the best uniform pitch"
 
 
 _Panel = Callable[[Axes, Sequence[DrawnLayout], _Window, Scene | None], None]

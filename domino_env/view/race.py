@@ -87,44 +87,34 @@ def headline(racers: Sequence[Racer]) -> dict[str, str]:
     The scene's score decides where every layout has one, else the mean speed.
     """
     merits = _merits(racers)
-    by_speed = all(one.score is None or one.unit == "m/s" for one in racers)
-    by_speed |= any(one.score is None for one in racers)
+    by_speed = None in [one.score for one in racers] or {one.unit for one in racers} == {"m/s"}
     # the first of equals first
     order = sorted(range(len(racers)), key=lambda k: -merits[k])
     ranked, merits = [racers[k] for k in order], [merits[k] for k in order]
-    first = ranked[0]
-    if merits[0] <= 0.0:
-        if first.wave.mean_speed > 0.0:
-            return {"who": "No layout keeps the limits of the scene", "why": _shape(first.wave)}
-        far = max(racers, key=lambda one: one.wave.reach)
-        return {"who": "No layout topples to its end", "why": f"{far.name}: {far.wave.explanation}"}
+    first, shape = ranked[0], _shape(ranked[0].wave)
     name = first.name[0].upper() + first.name[1:]
+    results = []
+    for one, merit in zip(ranked, merits, strict=True):
+        result = f"{merit:.4f} m/s" if by_speed and merit > 0.0 else one.score_text
+        results.append(result if one.wave.mean_speed > 0.0 else one.wave.explanation)
+    why = "; ".join(f"{one.name}: {text}" for one, text in zip(ranked, results, strict=True))
+    if merits[0] <= 0.0:
+        keeps = "keeps the limits of the scene" if first.wave.mean_speed else "topples to its end"
+        return {"who": f"No layout {keeps}", "why": why}
     if len(ranked) == 1:
-        result = f"{merits[0]:.4f} m/s" if by_speed else first.score_text
-        return {"who": f"{name}: {result}", "why": _shape(first.wave)}
-    second = ranked[1]
-    if merits[1] <= 0.0:
-        why = f"{second.name} does not topple to its end: {second.wave.explanation}"
-        if second.wave.mean_speed > 0.0:
-            why = f"{second.name}: {second.score_text}."
-        return {"who": f"{name} wins", "why": why}
+        return {"who": f"{name}: {results[0]}", "why": shape}
+    if merits[1] <= 0.0 or not by_speed:
+        return {"who": f"{name} wins", "why": f"{why}. {shape}"}
     if merits[0] / merits[1] - 1.0 < DRAW:
-        return {"who": f"{name} and {second.name} draw", "why": _shape(first.wave)}
-    if not by_speed:
-        results = "; ".join(f"{one.name}: {one.score_text}" for one in ranked)
-        return {"who": f"{name} wins", "why": f"{results}. {_shape(first.wave)}"}
+        return {"who": f"{name} and {ranked[1].name} draw", "why": shape}
     leads = ", ".join(
-        f"{_lead(merits[0] / merits[k] - 1.0)} faster than {ranked[k].name}"
-        for k in range(1, len(ranked))
-        if merits[k] > 0.0
+        f"{_lead(merits[0] / merit - 1.0)} faster than {one.name}"
+        for one, merit in zip(ranked[1:], merits[1:], strict=True)
+        if merit > 0.0
     )
     return {
         "who": f"{name} wins: {leads}",
-        "why": (
-            "All layouts get the same push; the mean speed of the wave to the last domino counts: "
-            f" {merits[0]:.4f} m/s against {merits[1]:.4f} m/s. "
-            f"{_parts(first.wave, second.wave)} {_shape(first.wave)}"
-        ),
+        "why": f"{why}. {_parts(first.wave, ranked[1].wave)} {shape}",
     }
 
 

@@ -92,6 +92,7 @@ def test_plot_draws_into_given_axes(results, name: str, curves: int, label: str)
 def test_pyplot_shows_what_a_script_plots_and_nothing_else(results, name: str) -> None:
     import matplotlib.pyplot as plt
 
+    plt.close("all")
     plt.switch_backend("agg")
     figure = results[name].plot()
     assert plt.figure(figure.number) is figure
