@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 import time
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
@@ -25,8 +26,11 @@ BULK = 2_000_000  # dominoes that fill an executor, some 3 s of one core
 # Dominoes in a task: some 0.1 s of one core; sending takes some 1 ms to a pool, 10 ms with Dask.
 TASK = 60_000
 GRADIENT_COST = 4  # simulations that take as long as a gradient
-GAIN = 1e-5  # a smaller relative gain is none
-PATIENT = 20_000  # least evaluations of a search without any limit
+TOLERANCE = 1e-4  # relative gain of the second half of a search without a limit that ends it
+# Evaluations of a search without a limit, times dominoes: before its gain is considered, and at
+# most with the default tolerance. They are some 10 and 14 s of one core.
+LEAST_EFFORT, MOST_EFFORT = 3_000_000, 4_200_000
+SHORT, LONG = 40, 250  # dominoes below and above which the number of evaluations is the same
 KEPT = 8  # best designs kept, to be simulated closely at the end
 
 Step = tuple[int, int, float, float]
@@ -49,8 +53,11 @@ def gradient_left(design: Floats, gradient: Floats) -> float:
     return float(np.abs(np.where(held, 0.0, gradient)).max())
 
 
-class BudgetSpent(Exception):  # noqa: N818  no error: the ordinary end of a search
-    """Raised into a method when its evaluator has reached a limit."""
+class BudgetSpent(BaseException):  # no error: the ordinary end of a search
+    """Raised into a method when its evaluator has reached a limit.
+
+    An `except Exception` of a method does not catch it.
+    """
 
 
 class Evaluator:
@@ -67,6 +74,9 @@ class Evaluator:
         Largest number of layouts that may be simulated; None for no limit.
     max_seconds
         Time that may be spent; None for no limit.
+    tolerance
+        Relative gain of the second half of the effort below which the search ends, after a least
+        effort; the largest effort is inverse to it. None for no such end.
     callback
         Function that is called with the evaluator after every batch.
     journal
@@ -91,8 +101,8 @@ class Evaluator:
         The last improvements, (score, design) each, the best last.
     status
         Report of the method about its best so far: how reliable it is, what was tried.
-    gained
-        Evaluations at the last considerable gain.
+    effort
+        Number of evaluations so far, where a gradient counts as four.
     """
 
     def __init__(
@@ -101,6 +111,7 @@ class Evaluator:
         max_evaluations: int | None = None,
         max_seconds: float | None = None,
         *,
+        tolerance: float | None = None,
         callback: Callable[[Evaluator], None] | None = None,
         journal: Journal | None = None,
         executor: Executor | None = None,
@@ -115,9 +126,12 @@ class Evaluator:
         self.gradients_left: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self.status = ""
-        self.gained = 0
-        self._reached = np.nan  # before the first
-        self._unlimited = max_evaluations is None and max_seconds is None
+        self.effort = 0
+        self.tolerance = tolerance
+        self._efforts: list[int] = []  # at the improvements
+        each = min(max(problem.scene.count, SHORT), LONG) * problem.scene.simulations_per_score**0.5
+        self.least_effort = LEAST_EFFORT / each
+        self.most_effort = MOST_EFFORT / each * TOLERANCE / (tolerance or TOLERANCE)
         self._callback = callback
         self._journal = journal
         self._executor = executor
@@ -148,8 +162,8 @@ class Evaluator:
     def progress(self) -> float:
         """Part that is spent, 0 to 1, of the limit that is reached first."""
         parts = [0.0]
-        if self._unlimited:
-            parts.append(self.evaluations / max(PATIENT, 2 * self.gained))
+        if self.tolerance is not None:
+            parts.append(self.effort / self.most_effort)
         if self.max_evaluations is not None:
             parts.append(self.evaluations / self.max_evaluations)
         if self.max_seconds is not None:
@@ -158,19 +172,32 @@ class Evaluator:
 
     @property
     def stop_reason(self) -> str:
-        """Limit that is reached, in words; empty while more may be evaluated.
-
-        Without any limit a search stops where the second half of many evaluations gained nothing.
-        """
+        """Limit that is reached, in words; empty while more may be evaluated."""
         if not self.finalists:  # even a limit of no time allows a first evaluation
             return ""
         if self.max_evaluations is not None and self.evaluations >= self.max_evaluations:
             return f"limit of {self.max_evaluations} layouts reached"
         if self.max_seconds is not None and self.seconds >= self.max_seconds:
             return f"limit of {self.max_seconds:g} s reached"
-        if self._unlimited and self.evaluations >= max(PATIENT, 2 * self.gained):
-            return f"nothing gained in the last {self.evaluations - self.gained} layouts"
+        if self.tolerance is not None and self.effort >= min(self.least_effort, self.most_effort):
+            gain = self.late_gain
+            if gain < self.tolerance or self.effort >= self.most_effort:
+                return (
+                    f"the second half of the search gained {gain:.2g} of the score (tolerance "
+                    f"{self.tolerance:g}); as long again, by --seconds, may gain as much"
+                )
         return ""
+
+    @property
+    def late_gain(self) -> float:
+        """Gain of the second half of the effort, relative to the score.
+
+        The best score rises about with the logarithm of the effort, or more slowly, so that as much
+        effort again is not expected to gain more.
+        """
+        i = bisect_right(self._efforts, self.effort // 2) - 1
+        before = self.trace[i][3] if i >= 0 else -np.inf
+        return (self.best_score - before) / abs(self.best_score)
 
     def require_more(self) -> None:
         """Raise `BudgetSpent`, with the reason, where a limit is reached."""
@@ -325,6 +352,7 @@ class Evaluator:
             pass
         finally:
             self.evaluations += math.ceil(own.evaluations * share)
+            self.effort += math.ceil(own.effort * share)
             self.falls += own.falls
         self.require_more()
 
@@ -365,6 +393,7 @@ class Evaluator:
 
     def _count(self, scores: Scores) -> None:
         self.evaluations += len(scores.score)
+        self.effort += len(scores.score) * (1 if scores.gradient is None else GRADIENT_COST)
         self.falls += int(scores.falls.sum())
 
     def _note(self, scores: Scores, design: Callable[[int], Floats]) -> None:
@@ -374,10 +403,9 @@ class Evaluator:
             best = np.array(design(i))
             by = scores.gradient
             self.gradients_left.append(None if by is None else gradient_left(best, by[i]))
+            self._efforts.append(self.effort)
             self.trace.append((self.evaluations, self.falls, self.seconds, score))
             self.finalists.append((score, best))
-            if not score <= self._reached + GAIN * abs(self._reached):
-                self._reached, self.gained = score, self.evaluations
         self._call_back()
 
     def _call_back(self) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from domino_env.core.progress import progress_bar
+from domino_env.core.progress import notice, progress_bar
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
@@ -20,7 +20,7 @@ from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import gain, uniform_layouts
-from optimize.evaluator import BudgetSpent, Evaluator
+from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator
 from optimize.journal import Journal
 from optimize.methods import registry
 from optimize.problem import Problem
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 Callback = Callable[[Evaluator], None]
 
+LONG = 20.0  # [s] of processor time from which on a search announces its duration
 LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
 BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
 FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
@@ -44,6 +45,7 @@ def search(
     seed: int = 0,
     *,
     seconds: float | None = None,
+    tolerance: float | None = None,
     progress: bool | None = None,
     folder: str | Path | None = None,
     callback: Callback | None = None,
@@ -53,9 +55,9 @@ def search(
 ) -> SearchResult:
     """Search for a layout of a scene that is better than the uniform baseline.
 
-    A search ends when its method is done; budget and seconds limit it. Without a limit, a method
-    that is never done ends when its evaluations have gained nothing for long. Ctrl-C ends the
-    search with the best so far.
+    A search ends when its method is done; budget and seconds limit it. Without a limit it also ends
+    when as much time again is expected to gain less than a tolerance. Ctrl-C ends the search with
+    the best so far.
 
     Parameters
     ----------
@@ -74,6 +76,10 @@ def search(
     seconds
         Time that may be spent [s], that of the uniform baseline included where the scene object
         does not know it yet; None for no limit.
+    tolerance
+        Relative gain of the second half of the evaluations below which a search ends, after at
+        least some 10 s (for up to 250 dominoes), and after at most some 14 s times 1e-4 over the
+        tolerance. None for 1e-4 without a budget or seconds, and for no such end with them.
     progress
         Whether to show a line with the best so far; None for on a terminal.
     folder
@@ -121,6 +127,10 @@ def search(
         raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
     if resume and folder is None:
         raise ValueError("resume: name the folder of the search to go on with")
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
+        raise ValueError(f"tolerance = {tolerance}: give a relative gain between 0 and 1")
+    if tolerance is None and budget is None and seconds is None:
+        tolerance = TOLERANCE
     problem = Problem(scene)
     files = journal = None
     interrupted = False
@@ -144,9 +154,11 @@ def search(
 
         evaluator = Evaluator(
             problem, budget, seconds,
-            callback=after_batch, journal=journal, executor=executor, clock=clock,
+            tolerance=tolerance, callback=after_batch, journal=journal, executor=executor,
+            clock=clock,
         )  # fmt: skip
         evaluator.add_seconds(clock() - began)
+        _announce_duration(evaluator)
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
@@ -183,6 +195,21 @@ def search(
     if files is not None:
         files.finish(result)
     return result
+
+
+def _announce_duration(evaluator: Evaluator) -> None:
+    """Log about how long a search without a limit takes, where that is long."""
+    problem = evaluator.problem
+    if evaluator.tolerance is None or problem.scene.floor_friction is not None:
+        return
+    began = time.process_time()
+    problem.evaluate(problem.design(problem.scene.uniform().layout), True, differences=False)
+    seconds = (time.process_time() - began) * evaluator.most_effort / GRADIENT_COST
+    if seconds > LONG:
+        notice(
+            f"the search of {problem.scene.name} takes up to about {float(f'{seconds:.1g}'):.0f} s "
+            "of processor time; --seconds or --budget limit it"
+        )
 
 
 def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:

@@ -32,6 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="auto (default), cma, l-bfgs, slsqp, scp, …, or package.module:function",
     )  # fmt: skip
     add_limit_options(parser, "the search")
+    parser.add_argument(
+        "--tolerance", type=float, metavar="GAIN",
+        help="relative gain of the second half of the evaluations below which the search ends "
+        "(1e-4 without a limit)",
+    )  # fmt: skip
     parser.add_argument("--seed", type=int, default=0, help="seed of all randomness (0)")
     add_out_option(parser, "runs/SCENE", literal=False)
     parser.add_argument(
@@ -62,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     with executor_from(arguments) as executor:
         result = search(
             scene, arguments.method, arguments.budget, arguments.seed, seconds=arguments.seconds,
-            folder=folder, executor=executor, resume=arguments.resume,
+            tolerance=arguments.tolerance, folder=folder, executor=executor,
+            resume=arguments.resume,
         )  # fmt: skip
     if not early:
         print(f"best uniform:     {_uniform(scene)}")

@@ -1,4 +1,4 @@
-"""search(): what it asks for, and how it ends."""
+"""search(): its arguments and its end."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ from optimize import METHODS, search
     ({"budget": 0}, "budget = 0: give at least one evaluation"),
     ({"seconds": 0.0}, "seconds = 0.0: give a time of more than 0 s"),
     ({"seconds": float("nan")}, "seconds = nan: give a time"),
+    ({"tolerance": 0.0}, "tolerance = 0.0: give a relative gain between 0 and 1"),
     ({"seed": -1}, "seed = -1: give a whole number, 0 or more"),
     ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
 ])  # fmt: skip
-def test_what_cannot_be_searched_is_told(words, message: str) -> None:
+def test_what_cannot_be_searched_is_rejected(words, message: str) -> None:
     with pytest.raises(ValueError, match=message.replace("?", r"\?")):
         search(**({"scene": "sprint"} | words))
 
@@ -71,14 +72,36 @@ def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch) -> None:
     assert result.uniform is coarse
 
 
-def test_without_limits_a_search_ends_where_half_of_it_has_gained_nothing(
-    scenes, monkeypatch
+@pytest.mark.parametrize(("method", "tolerance"), [("random", None), ("powell", 1e-2)])
+def test_a_search_ends_where_its_second_half_gained_less_than_the_tolerance(
+    scenes, monkeypatch, method: str, tolerance: float | None
 ) -> None:
-    monkeypatch.setattr("optimize.evaluator.PATIENT", 300)
-    result = search(scenes["one-gap"], "random")
-    last = max(n for n, _, _, score in result.trace if score < result.trace[-1][3] * (1 - 1e-5))
-    assert result.evaluations >= max(300, 2 * last)
-    assert result.ended.startswith("nothing gained in the last ")
+    monkeypatch.setattr("optimize.evaluator.LEAST_EFFORT", 40_000)  # over 40 dominoes
+    result = search(scenes["both"], method, tolerance=tolerance)
+    half = max(score for n, _, _, score in result.trace if n <= result.evaluations // 2)
+    assert result.evaluations >= 1000
+    assert result.trace[-1][3] - half < (tolerance or 1e-4) * result.score
+    assert re.match(
+        r"the second half of the search gained .* of the score \(tolerance", result.ended
+    )
+    limited = search(scenes["both"], method, 2 * result.evaluations)
+    assert limited.ended.startswith("limit of ")
+    assert limited.score >= result.score
+
+
+def test_the_largest_effort_is_inverse_to_the_tolerance(scenes, monkeypatch) -> None:
+    monkeypatch.setattr("optimize.evaluator.MOST_EFFORT", 40_000)
+    for tolerance, effort in ((1e-4, 1000), (1e-5, 10_000)):
+        monkeypatch.setattr("optimize.evaluator.LEAST_EFFORT", 40 * effort)
+        result = search(scenes["both"], "random", tolerance=tolerance, budget=30_000)
+        assert effort <= result.evaluations < effort + 300
+
+
+def test_a_long_search_announces_its_duration(scenes, monkeypatch, caplog) -> None:
+    caplog.set_level("INFO", "domino_env")
+    monkeypatch.setattr("optimize.searching.LONG", 0.0)
+    search(scenes["both"], "uniform")
+    assert "the search of both takes up to about " in caplog.text
 
 
 def test_a_search_says_why_it_ended(scenes) -> None:
@@ -90,7 +113,7 @@ def test_a_search_says_why_it_ended(scenes) -> None:
     assert early.startswith("limit of 60 layouts reached; no independent searches have ended")
 
 
-def test_auto_ends_where_independent_climbs_agree_on_any_number_of_threads(
+def test_auto_ends_where_independent_searches_agree_on_any_number_of_threads(
     scenes, tmp_path
 ) -> None:
     kept = numba.get_num_threads()
@@ -109,16 +132,16 @@ def test_auto_ends_where_independent_climbs_agree_on_any_number_of_threads(
     assert (resumed.layout.spacing == alone.layout.spacing).all()
 
 
-def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypatch) -> None:
-    """A hair above a stall, the search's tolerance may see a wave where a closer look sees none."""
+def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypatch) -> None:
+    """Near a stall a wave may complete at the tolerance of the search and not at a closer one."""
     scene = scenes["spacing"]
     honest = search(scene, "random", budget=300)
-    original, rows = Scene.evaluate, []
+    original, gaps = Scene.evaluate, []
 
     def flattering(scene: Scene, batch, gradient=False):
-        rows.extend(batch.spacing)
+        gaps.extend(batch.spacing)
         found = original(scene, batch, gradient)
-        found.score[-1] = 5.0 if len(rows) == 302 else found.score[-1]  # two rows warm up
+        found.score[-1] = 5.0 if len(gaps) == 302 else found.score[-1]  # two of them compile
         return found
 
     monkeypatch.setattr(Scene, "evaluate", flattering)
@@ -127,7 +150,7 @@ def test_a_row_that_runs_through_only_by_rounding_does_not_win(scenes, monkeypat
     assert result.score == honest.score == scene.score(result.layout)
 
 
-def test_gain_needs_two_rows_that_run_through() -> None:
+def test_gain_needs_two_layouts_that_complete() -> None:
     assert gain(1.1, 1.0) == pytest.approx(0.1)
     assert gain(-0.5, 1.0) is None
     assert gain(1.0, -0.5) is None

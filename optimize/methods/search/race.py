@@ -1,18 +1,20 @@
 """The default: many local searches that use the structure of good layouts.
 
 1. Starts: the uniform baseline, as it is and with one to a few tight gaps (and thick dominoes) at
-   its end, which local searches get wrong. Local searches from all of them advance in lockstep, as
-   one batch, and every round the worse half is dropped (successive halving).
+   its end, which local searches cannot change. Local searches from all of them advance in lockstep,
+   as one batch, and every round the worse half is dropped (successive halving).
 2. Perturbations change good layouts. Many are scored, short local searches refine the best few, and
-   those that come near the best continue. Perturbations that gained are drawn more often.
+   those that come near the best continue. Perturbations that gained are drawn more often. Where
+   they gain nothing, layouts with other numbers of tight gaps at the end race as the starts did.
 3. Three islands do the same from random starts, each with its own generator and in the same
-   batches. Where an island gains no more, its best is an independent estimate of what can be
-   reached: it migrates to the main search, where it is joined with the best so far, start to end
+   batches. The best layout of an island that gains nothing more is an independent estimate of the
+   optimum: it migrates to the main search, where it is joined with the best so far, start to end
    and end to start, and the island begins anew.
 
-The search is done when perturbations gain nothing any more and enough of the islands agree with the
-best; where they never do, when twice as much was spent as the last gain took. Both count
-evaluations, so that the end does not depend on the machine.
+The search is done when perturbations gain nothing and enough of the islands agree with the best or,
+after many islands, the second half of the effort gained nothing. Both count evaluations, so that
+the end does not depend on the machine. Without a limit the evaluator ends the search when as much
+effort again is expected to gain less than the tolerance.
 
 A long layout begins as a stretched shorter one: see `long_layouts`. A free-standing layout is
 searched on the analytic model first: see `two_fidelities`. A schedule is first fitted by least
@@ -43,28 +45,30 @@ from optimize.methods.search.perturbations import (
     PERTURBATIONS,
     TIGHT_AT_MOST,
     bend,
+    ends_tight,
     free_the_end,
     tight_end,
 )
 from optimize.methods.starts import schedule, uniform_design
 from optimize.problem import Problem
 
-FIRST = 12  # gradients of every start
-WIDE = 8  # children that climb together
-DRAWN = 32  # children that are drawn for these
+FIRST = 12  # gradients of every start in the first round
+WIDE = 8  # children that are refined together
+DRAWN = 32  # children that are scored to select these
 SHORT, MORE = 10, 60  # gradients of a child, and of one that came near the best
 NEAR = 3e-4  # relative distance to the best that counts as near
-ELITE = 8  # rows that children come from
-COARSE = (28, 110)  # numbers of the schedules that long rows climb on first
-FEW = 2  # random starts of a long row, where each takes long
-LONG = 200  # places from which on a row is long
-PATIENCE, GAIN = 6, 3e-6  # generations without a relative gain after which a search has settled
-LONGEST = 2000  # dominoes up to which generations pay; then another shorter row gains more
-ALIKE = 1e-3  # largest distance of two designs that are one
+ELITE = 8  # layouts that children come from
+COARSE = (28, 110)  # variables of the schedules on which local searches of long layouts begin
+FEW = 2  # random starts of a long layout, where each takes long
+LONG = 200  # places above which a layout is long
+PATIENCE, GAIN = 4, 2e-5  # generations without a relative gain after which a search has settled
+LONGEST = 2000  # dominoes above which another stretched layout gains more than generations
+ALIKE = 1e-3  # largest distance of two designs that count as one
 ISLANDS = 3  # independent searches beside the main one
+ALONE = 64  # dominoes above which the islands begin when the main search has settled
 AGREE = 5e-5  # relative distance within which two of them agree
-ENOUGH = 3  # of them that agree, and the search is done
-MANY, AGAIN = 8, 2.0  # of them that need not agree, once so many times the evaluations were spent
+ENOUGH = 3  # islands that agree with the best before the search is done
+MANY, NOTHING = 8, 1e-5  # islands after which none has to agree, once the late gain is so small
 
 
 def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -93,21 +97,21 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
 
 
 def starts(problem: Problem) -> Floats:
-    """Change the end of the best uniform row: tight gaps, extreme thicknesses.
+    """Return the uniform baseline with other ends: tight gaps, extreme thicknesses.
 
     Returns
     -------
     ndarray
-        (B, n) designs, that of the best uniform row first, each once.
+        (B, n) different designs, the uniform baseline first.
     """
     uniform = problem.scene.uniform().layout
-    row = _columns(problem, problem.design(uniform))
-    found = [row]
+    columns = _columns(problem, problem.design(uniform))
+    found = [columns]
     if problem.scene.free_spacing:
-        most = min(TIGHT_AT_MOST - 2, row.shape[1] - 1)
-        # the end of a long row hardly matters
-        counts = range(1, most + 1) if row.shape[1] <= LONG else range(4, 5)
-        found += [tight_end(row, count) for count in counts]
+        most = min(TIGHT_AT_MOST - 2, columns.shape[1] - 1)
+        # the end of a long layout hardly matters
+        counts = range(1, most + 1) if columns.shape[1] <= LONG else range(4, 5)
+        found += [tight_end(columns, count) for count in counts]
     if problem.scene.free_thickness:
         for design in list(found):
             thick = design.copy()
@@ -117,24 +121,24 @@ def starts(problem: Problem) -> Floats:
 
 
 def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
-    """Draw rows with random hills and hollows, a random end, random thickness.
+    """Draw layouts with random bends, a random end, random thickness.
 
     Returns
     -------
     ndarray
-        (B, n) designs, based on the best uniform row, that keep the rules.
+        (B, n) designs, based on the uniform baseline, that keep the rules.
     """
-    mark = _columns(problem, uniform_design(problem))
+    uniform = _columns(problem, uniform_design(problem))
     found = []
-    for _ in range(WIDE if mark.shape[1] <= LONG else FEW):
-        design = mark.copy()
+    for _ in range(WIDE if uniform.shape[1] <= LONG else FEW):
+        design = uniform.copy()
         for part in design[1 if problem.scene.free_spacing else 0 :]:
             if rng.random() < 0.5:
                 part[:] = rng.random()
         for _ in range(int(rng.integers(0, 5))):
             design = bend(design, design, rng)
         if problem.scene.free_spacing:
-            most = min(TIGHT_AT_MOST, mark.shape[1] - 1)
+            most = min(TIGHT_AT_MOST, uniform.shape[1] - 1)
             design = tight_end(design, int(rng.integers(0, most + 1)))
         for _ in range(int(rng.integers(0, 3))):
             design = free_the_end(design, design, rng)
@@ -146,37 +150,38 @@ def random_starts(problem: Problem, rng: np.random.Generator) -> Floats:
 class _Elite:
     """The best layouts so far that are not alike, and the success of each perturbation.
 
+    ranked: score and design vector of each, the best first.
     migrants: the best of the islands, to be joined with.
-    idle: layouts tried since the last gain.
+    idle: number of layouts tried since the last gain.
     """
 
     problem: Problem
-    rows: list[tuple[float, Floats]] = field(default_factory=list)
+    ranked: list[tuple[float, Floats]] = field(default_factory=list)
     weights: Floats = field(default_factory=lambda: np.ones(len(PERTURBATIONS)))
     migrants: list[Floats] = field(default_factory=list)
     idle: int = 0
 
     @property
     def score(self) -> float:
-        return self.rows[0][0]
+        return self.ranked[0][0]
 
     def add(self, score: float, design: Floats) -> None:
         alike = [
             i
-            for i, (_, other) in enumerate(self.rows)
+            for i, (_, other) in enumerate(self.ranked)
             if float(np.abs(other - design).max()) < ALIKE
         ]
-        if any(self.rows[i][0] >= score for i in alike):
+        if any(self.ranked[i][0] >= score for i in alike):
             return
-        self.rows = [row for i, row in enumerate(self.rows) if i not in alike]
-        self.rows.append((score, design.copy()))
-        self.rows.sort(key=lambda row: -row[0])
-        del self.rows[ELITE:]
+        self.ranked = [one for i, one in enumerate(self.ranked) if i not in alike]
+        self.ranked.append((score, design.copy()))
+        self.ranked.sort(key=lambda one: -one[0])
+        del self.ranked[ELITE:]
 
     def child(self, rng: np.random.Generator) -> tuple[Floats, int]:
-        """A perturbed layout, and the index of its perturbation."""
-        ranks = np.minimum(rng.geometric(0.35, 2) - 1, len(self.rows) - 1)
-        parent, other = (_columns(self.problem, self.rows[r][1]) for r in ranks)
+        """Return a perturbed layout, and the index of its perturbation."""
+        ranks = np.minimum(rng.geometric(0.35, 2) - 1, len(self.ranked) - 1)
+        parent, other = (_columns(self.problem, self.ranked[r][1]) for r in ranks)
         if self.migrants and rng.random() < 0.5:
             other = _columns(self.problem, self.migrants[int(rng.integers(len(self.migrants)))])
         move = int(rng.choice(len(PERTURBATIONS), p=self.weights / self.weights.sum()))
@@ -187,13 +192,13 @@ class _Elite:
         return np.clip(child.ravel(), 0.0, 1.0), move
 
     def children(self, rng: np.random.Generator) -> tuple[Floats, list[int]]:
-        """A generation of perturbed layouts, and the indices of their perturbations."""
+        """Return a generation of perturbed layouts, and the indices of their perturbations."""
         drawn = [self.child(rng) for _ in range(DRAWN)]
         return np.array([design for design, _ in drawn]), [move for _, move in drawn]
 
     def joined(self, migrant: Floats, rng: np.random.Generator) -> Floats:
-        """The best layout and a migrant, the start of one joined to the end of the other."""
-        ours, theirs = (_columns(self.problem, row) for row in (self.rows[0][1], migrant))
+        """Join the best layout and a migrant, the start of one to the end of the other."""
+        ours, theirs = (_columns(self.problem, one) for one in (self.ranked[0][1], migrant))
         pairs = ours.shape[1]
         cuts = rng.choice(pairs, min(DRAWN // 2, pairs), replace=False)
         at = np.arange(pairs) < cuts[:, None, None]
@@ -208,27 +213,30 @@ class _Elite:
 class _Search:
     """The main search, which ends, and the islands, which begin anew.
 
-    ends: score and design vector that each island has come to.
+    ends: best score and design vector of each island.
+    settled: the main search has gained nothing for some generations.
     """
 
     evaluator: Evaluator
     elite: _Elite
     ends: list[tuple[float, Floats]] = field(default_factory=list)
+    settled: bool = False
 
     def stretch(self, rng: np.random.Generator) -> None:
         """Begin a long layout as a stretched shorter one; a very long one ends so too."""
         problem = self.elite.problem
-        mark = uniform_design(problem)
-        self.elite.add(float(self.evaluator.evaluate(mark).score), mark)
+        uniform = uniform_design(problem)
+        self.elite.add(float(self.evaluator.evaluate(uniform).score), uniform)
         self.elite.add(*best_stretched(self.evaluator, rng, run))
         while problem.scene.count > LONGEST and not self.done():
             self.ends.append(best_stretched(self.evaluator, rng, run))
             self.elite.add(*self.ends[-1])
 
     def main(self, rng: np.random.Generator) -> Search:
-        if not self.elite.rows:
+        if not self.elite.ranked:
             yield from _race(self.elite, starts(self.elite.problem))
         yield from _settle(self.elite, rng)
+        self.settled = True
         met = 0
         while not self.done():
             while met == len(self.ends):
@@ -241,26 +249,26 @@ class _Search:
             yield from _settle(self.elite, rng)
 
     def island(self, rng: np.random.Generator) -> Search:
+        while self.elite.problem.scene.count > ALONE and not self.settled:
+            yield None
         while True:
             elite = _Elite(self.elite.problem)
             yield from _race(elite, random_starts(self.elite.problem, rng))
             yield from _settle(elite, rng)
-            self.ends.append(elite.rows[0])
+            self.ends.append(elite.ranked[0])
 
     def done(self) -> bool:
         """Return whether to stop, and report how reliable the best is."""
         best = max([self.elite.score, *(score for score, _ in self.ends)])
-        # of a schedule, what is left to gain is what counts
+        # of a schedule, only the distance to the score 1 counts
         scale = abs(best) if self.elite.problem.scene.tempo is None else 1.0 - best
         agree = sum(score >= best - AGREE * scale for score, _ in self.ends)
-        words = f"{agree} of {len(self.ends)} independent searches agree to {AGREE:.3%}"
-        self.evaluator.status = f"{words}, {self.elite.idle} perturbations without gain"
+        report = f"{agree} of {len(self.ends)} independent searches agree to {AGREE:.3%}"
+        self.evaluator.status = f"{report}, {self.elite.idle} perturbations without gain"
         if agree >= ENOUGH:
             return True
         self.evaluator.status += "; a longer search may find more"
-        return (
-            len(self.ends) >= MANY and self.evaluator.evaluations >= AGAIN * self.evaluator.gained
-        )
+        return len(self.ends) >= MANY and self.evaluator.late_gain < NOTHING
 
 
 def _race(elite: _Elite, designs: Floats) -> Search:
@@ -269,7 +277,11 @@ def _race(elite: _Elite, designs: Floats) -> Search:
     for i in order:
         elite.add(float(scores[i]), designs[i])
     levels = _levels(elite.problem, COARSE)
-    arms = [CoarseToFine(designs[i], *levels) for i in order if scores[i] > 0.0]
+    yield from _halve(elite, [CoarseToFine(designs[i], *levels) for i in order if scores[i] > 0.0])
+
+
+def _halve(elite: _Elite, arms: list[CoarseToFine]) -> Search:
+    """Advance local searches in rounds; after each, the worse half ends and gradients double."""
     gradients = FIRST
     while arms:
         yield from advance(arms, gradients)
@@ -281,13 +293,36 @@ def _race(elite: _Elite, designs: Floats) -> Search:
 
 
 def _settle(elite: _Elite, rng: np.random.Generator) -> Search:
-    """One generation after the other until several in a row have gained nothing."""
-    idle = 0
-    while idle < PATIENCE:
+    """Run generations until several in a row, and layouts with other ends, gain nothing."""
+    tried: set[int] = set()
+    while True:
+        idle = 0
+        while idle < PATIENCE:
+            before = elite.score
+            children, moves = elite.children(rng)
+            yield from _generation(elite, children, rng, moves)
+            idle = 0 if elite.score > before + GAIN * abs(before) else idle + 1
+        best = _columns(elite.problem, elite.ranked[0][1])
+        tight = ends_tight(best)
+        if not elite.problem.scene.free_spacing or tight in tried:
+            return
+        tried.add(tight)
         before = elite.score
-        children, moves = elite.children(rng)
-        yield from _generation(elite, children, rng, moves)
-        idle = 0 if elite.score > before + GAIN * abs(before) else idle + 1
+        yield from _other_ends(elite, best, tight)
+        if elite.score <= before + GAIN * abs(before):
+            return
+
+
+def _other_ends(elite: _Elite, best: Floats, tight: int) -> Search:
+    """Refine layouts with other numbers of tight gaps; their thicknesses move along or stay."""
+    changed = []
+    for count in range(min(TIGHT_AT_MOST, best.shape[1])):
+        if count != tight:
+            moved = tight_end(best, count)
+            changed += [moved, np.concatenate([moved[:1], best[1:]])]
+    designs = elite.problem.project(unique_points(np.array([one.ravel() for one in changed])))
+    project = elite.problem.project if elite.problem.coupled else None
+    yield from _halve(elite, [CoarseToFine(one, [], project) for one in designs])
 
 
 def _generation(
@@ -298,7 +333,7 @@ def _generation(
     scores, _ = yield Request(designs)
     before = elite.score
     order = np.argsort(-scores, kind="stable")
-    # the best by their score, and some by chance: what a climb can make of them shows later
+    # the best by their score, and some by chance: a local search may gain more from these
     chosen = [*order[: WIDE // 2], *rng.permutation(order[WIDE // 2 :])[: WIDE // 2]]
     for i in order[: WIDE // 2]:
         elite.add(float(scores[i]), designs[i])
@@ -323,7 +358,7 @@ def _generation(
 def _levels(
     problem: Problem, most: Sequence[int]
 ) -> tuple[list[Floats], Callable[[Floats], Floats] | None]:
-    """The schedules that a row is long enough for, and the projection where there is a length."""
+    """Return schedules of fewer variables than places, and the projection where it is needed."""
     pairs = problem.scene.count - 1
     parts = problem.dimension // pairs
     matrices = [schedule(parts, pairs, parts * m) for m in most if m < pairs]
@@ -331,5 +366,5 @@ def _levels(
 
 
 def _columns(problem: Problem, design: Floats) -> Floats:
-    """(parts, pairs): gaps first, where they are free, then thicknesses."""
+    """Return a design as (parts, pairs): gaps, where they are free, then thicknesses."""
     return design.reshape(-1, problem.scene.count - 1)

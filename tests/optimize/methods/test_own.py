@@ -1,4 +1,4 @@
-"""Methods of one's own: by name, as functions, in other processes."""
+"""User-defined methods: by name, as functions, in other processes."""
 
 from __future__ import annotations
 
@@ -19,6 +19,13 @@ import numpy as np
 def run(evaluator, rng):
     while True:
         evaluator.evaluate(rng.random((7, evaluator.problem.dimension)))
+
+def stubborn(evaluator, rng):
+    while True:
+        try:
+            evaluator.evaluate(rng.random(evaluator.problem.dimension))
+        except Exception:
+            pass
 
 def nothing(budget, rng):
     pass
@@ -52,8 +59,13 @@ def test_a_method_is_named_or_given(folder: Path, scenes) -> None:
     assert search(scenes["spacing"], lambda e, _: e.evaluate([0.4] * 6), budget=9).evaluations == 1
 
 
+def test_a_method_that_catches_every_exception_ends(folder: Path, scenes) -> None:
+    result = search(scenes["spacing"], "my_methods:stubborn", budget=20)
+    assert result.ended == "limit of 20 layouts reached"
+
+
 def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
-    """Those are spawned, and find it where it was found here."""
+    """Spawned processes import it from the working folder."""
     chosen = [scenes["spacing"]], ["my_methods:run", "random"], range(1)
     here = compare(*chosen, budget=21)
     with ProcessExecutor(1) as executor:
@@ -76,12 +88,12 @@ def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
     ("my_typo:run", "'(' was never closed"),
     ("my_methods:", "there is no method 'my_methods:': choose auto, "),
 ])  # fmt: skip
-def test_what_is_no_method_is_told_in_a_line(folder, capsys, method: str, message: str) -> None:
+def test_what_is_no_method_is_rejected_in_a_line(folder, capsys, method: str, message: str) -> None:
     assert main(["optimize", "sprint", "--method", method, "--budget", "9"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("domino: ")
-    assert said.count("\n") == 1
-    assert any(part in said for part in message.split("|"))
+    error = capsys.readouterr().err
+    assert error.startswith("domino: ")
+    assert error.count("\n") == 1
+    assert any(part in error for part in message.split("|"))
 
 
 def test_what_other_processes_cannot_import_is_not_compared(folder: Path, scenes) -> None:
