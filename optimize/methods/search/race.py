@@ -65,7 +65,8 @@ PATIENCE, GAIN = 4, 2e-5  # generations without a relative gain after which a se
 LONGEST = 2000  # dominoes above which another stretched layout gains more than generations
 ALIKE = 1e-3  # largest distance of two designs that count as one
 ISLANDS = 3  # independent searches beside the main one
-ALONE = 64  # dominoes above which the islands begin when the main search has settled
+ALONE = 64  # dominoes above which one island at a time begins when the main search has settled
+QUICK = (2, 1e-4)  # its PATIENCE and GAIN
 AGREE = 5e-5  # relative distance within which two of them agree
 ENOUGH = 3  # islands that agree with the best before the search is done
 MANY, NOTHING = 8, 1e-5  # islands after which none has to agree, once the late gain is so small
@@ -92,7 +93,7 @@ def run(evaluator: Evaluator, rng: np.random.Generator) -> None:
             return
     elif evaluator.problem.scene.count <= LONG:  # a batch by itself, and soon over
         run_in_lockstep(evaluator, [_race(search.elite, starts(evaluator.problem))])
-    first, *others = rng.spawn(1 + ISLANDS)
+    first, *others = rng.spawn(2 if evaluator.problem.scene.count > ALONE else 1 + ISLANDS)
     run_in_lockstep(evaluator, [search.main(first), *map(search.island, others)])
 
 
@@ -249,12 +250,13 @@ class _Search:
             yield from _settle(self.elite, rng)
 
     def island(self, rng: np.random.Generator) -> Search:
-        while self.elite.problem.scene.count > ALONE and not self.settled:
+        large = self.elite.problem.scene.count > ALONE
+        while large and not self.settled:
             yield None
         while True:
             elite = _Elite(self.elite.problem)
             yield from _race(elite, random_starts(self.elite.problem, rng))
-            yield from _settle(elite, rng)
+            yield from _settle(elite, rng, *(QUICK if large else (PATIENCE, GAIN)))
             self.ends.append(elite.ranked[0])
 
     def done(self) -> bool:
@@ -292,16 +294,18 @@ def _halve(elite: _Elite, arms: list[CoarseToFine]) -> Search:
         gradients *= 2
 
 
-def _settle(elite: _Elite, rng: np.random.Generator) -> Search:
+def _settle(
+    elite: _Elite, rng: np.random.Generator, patience: int = PATIENCE, gain: float = GAIN
+) -> Search:
     """Run generations until several in a row, and layouts with other ends, gain nothing."""
     tried: set[int] = set()
     while True:
         idle = 0
-        while idle < PATIENCE:
+        while idle < patience:
             before = elite.score
             children, moves = elite.children(rng)
             yield from _generation(elite, children, rng, moves)
-            idle = 0 if elite.score > before + GAIN * abs(before) else idle + 1
+            idle = 0 if elite.score > before + gain * abs(before) else idle + 1
         best = _columns(elite.problem, elite.ranked[0][1])
         tight = ends_tight(best)
         if not elite.problem.scene.free_spacing or tight in tried:
@@ -309,7 +313,7 @@ def _settle(elite: _Elite, rng: np.random.Generator) -> Search:
         tried.add(tight)
         before = elite.score
         yield from _other_ends(elite, best, tight)
-        if elite.score <= before + GAIN * abs(before):
+        if elite.score <= before + gain * abs(before):
             return
 
 
