@@ -28,8 +28,8 @@ TASK = 60_000
 GRADIENT_COST = 4  # simulations that take as long as a gradient
 TOLERANCE = 1e-4  # relative gain of the second half of a search without a limit that ends it
 # Evaluations of a search without a limit, times the mean of dominoes and variables: before its gain
-# is considered, and at most with the default tolerance. They are some 10 and 13 s of one core.
-LEAST_EFFORT, MOST_EFFORT = 3_600_000, 4_200_000
+# is considered, and at most with the default tolerance. They are some 12 and 13 s of one core.
+LEAST_EFFORT, MOST_EFFORT = 5_000_000, 5_500_000
 SHORT, LONG = 40, 250  # such means below and above which the number of evaluations is the same
 KEPT = 8  # best designs kept, to be simulated closely at the end
 
@@ -130,7 +130,7 @@ class Evaluator:
         self.tolerance = tolerance
         self._efforts: list[int] = []  # at the improvements
         each = min(max(0.5 * (problem.scene.count + problem.dimension), SHORT), LONG)
-        each *= problem.scene.simulations_per_score**0.5
+        each *= (problem.dominoes / problem.scene.count) ** 0.5  # simulations of a score
         self.least_effort = LEAST_EFFORT / each
         self.most_effort = MOST_EFFORT / each * TOLERANCE / (tolerance or TOLERANCE)
         self._callback = callback

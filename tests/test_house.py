@@ -183,6 +183,39 @@ def test_every_requirement_is_pinned_to_the_version_under_test() -> None:
         assert version(requirement.name) == pins[canonicalize_name(requirement.name)]
 
 
+def test_everything_is_compiled_through_one_decorator() -> None:
+    """Only that one knows what to do where no folder can be written."""
+    sources = [path for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
+    plain = re.compile(r"\bn?jit\(|@\S*\bn?jit\b|import n?jit\b|\bcache=True")
+    found = {str(path.relative_to(ROOT)) for path in sources if plain.search(path.read_text())}
+    assert all(place.startswith("domino_env/kernels/jit/") for place in found), found
+
+
+ALONE = """
+import numpy as np
+from domino_env.rigid import dynamics
+from domino_env.validation import equations
+from optimize import search
+from optimize.constraints.lists import Lists
+lists = Lists([(0.002, 0.004, 0.011)] * 3, np.full(2, np.inf), (0.017, 0.017))
+print(lists.nearest(np.ones((1, 3))))
+"""
+
+
+def test_searches_run_without_a_folder_for_compiled_code(tmp_path: Path) -> None:
+    for package in ("domino_env", "optimize"):
+        copied = shutil.copytree(
+            ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
+        for folder in [copied, *(p for p in copied.rglob("*") if p.is_dir())]:
+            (folder / "__pycache__").write_text("a file where the folder should be")
+    nowhere = dict.fromkeys(("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"), os.devnull)
+    printed = output_of(
+        sys.executable, "-c", ALONE, cwd=tmp_path, PYTHONPATH=str(tmp_path), **nowhere
+    )
+    assert sorted(map(float, re.findall(r"0\.\d+", printed))) == [0.002, 0.004, 0.011]
+
+
 # make -------------------------------------------------------------------------------------------
 
 
