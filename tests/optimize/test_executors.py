@@ -216,7 +216,7 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
 
 
 @pytest.mark.parametrize(("workers", "dask", "message"), [
-    (0, None, "--workers 0: give 1 to"),
+    (0, None, "workers = 0: give a whole number from 1 to"),
     (None, "nonsense", "--dask nonsense: give the address of a scheduler"),
     (2, "tcp://127.0.0.1:9", "its workers are its own"),
 ])  # fmt: skip
