@@ -71,6 +71,7 @@ PARSED = {
     "best-known --verify": "minutes, see tests/domino_env/rigid/test_known.py",
     "--update": "changes files of the package",
     "--dask tcp:": "a scheduler of the reader",
+    "model.zip": "a model of the reader, see tests/agents/test_policy.py",
     "domino dataset": "half an hour, see tests/agents/test_dataset.py",
 }
 """Parts of commands that are parsed only, and the reasons."""
