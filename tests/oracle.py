@@ -1,13 +1,13 @@
 """An independent, slow solution of a toppling chain, to test the simulator against.
 
-The whole Newton-Euler system, with nothing eliminated: one torque equation a domino about its
-pivot, one contact condition a link, forces and arms as plane vectors, solved at every instant as
-one dense linear system for all angular accelerations and contact forces.  DOP853 moves it on in
-time; hits, flushes, releases and stalls are located on its dense output.  Impacts are dense solves
-for all angular velocities and impulses at once.  It knows of no weights, no leading angle as the
-variable, no closed form of a switch, and shares no code with the package.
+The whole Newton-Euler system, with nothing eliminated: one torque equation per domino about its
+pivot, one condition per contact, forces and arms as plane vectors, solved at every instant as one
+dense linear system for all angular accelerations and contact forces.  DOP853 integrates it over
+time; hits, face impacts, separations and stalls are located on its dense output.  Impacts are dense
+solves for all angular velocities and impulses at once.  It uses no weights, no leading angle as the
+variable, no closed form of a change of contact, and shares no code with the package.
 
-Axes: x along the row, z up.  Angles and torques are positive in the direction of the fall.
+Axes: x along the chain, z up.  Angles and torques are positive in the direction of the fall.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 TIP, CORNER = 0, 1
-TOGETHER = 1e-9  # [rad] links this close to flush switch in one impact
+TOGETHER = 1e-9  # [rad] contacts whose faces are this close change in one impact
 PARADOX = 1e-5  # of the leader's inertia: where less is effective, DOP853 crawls; counts as none
 
 
 @dataclass
 class Result:
-    """What became of a wave.  Times and velocities get an entry a domino, as far as it came."""
+    """Result of a wave; times and velocities have one entry per domino that it reached."""
 
-    outcome: str = ""  # as the names of domino_env.Outcome
-    leader: int = 0  # who led at the end
+    outcome: str = ""  # name of a domino_env.Outcome
+    leader: int = 0  # leading domino at the end
     lead: float = 0.0  # its angle then, from the vertical [rad]
     hit: int = 1  # dominoes struck, the first and one struck in vain among them
     toppled: int = 0  # dominoes past their tipping angle
-    reach: float = 0.0  # falls done and the part of the last one, over all
+    reach: float = 0.0  # falls done and the fraction of the last one, over all
     arrival: list[float] = field(default_factory=lambda: [0.0])  # [s]
     release_velocity: list[float] = field(default_factory=list)  # just after being hit [rad/s]
     impact_velocity: list[float] = field(default_factory=list)  # just before hitting [rad/s]
@@ -43,12 +43,12 @@ class Result:
 
 
 def up(angle):
-    """Unit vector from the foot of a domino to its top."""
+    """Return the unit vector from the foot of a domino to its top."""
     return np.stack([np.sin(angle), np.cos(angle)], axis=-1)
 
 
 def ahead(angle):
-    """Unit vector normal to its front; the derivative of `up` by the angle, -`up` that of this."""
+    """Return the unit vector normal to its front: the derivative of `up`; its own is -`up`."""
     return np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
 
 
@@ -57,16 +57,16 @@ def dot(a, b):
 
 
 def torque(arm, force):
-    """In the direction of the fall."""
+    """Return the torque in the direction of the fall."""
     return arm[..., 1] * force[..., 0] - arm[..., 0] * force[..., 1]
 
 
 @dataclass
 class Contacts:
-    """The links of a stack, an entry each: i behind, i+1 ahead.
+    """Contacts of a stack, one entry each: i behind, i+1 ahead.
 
-    condition(θ_i, θ_{i+1}) = 0 while they touch; its derivatives.  Arms are the contact point seen
-    from either pivot.  normal: the direction of the force on the one ahead; along: the surface.
+    condition(θ_i, θ_{i+1}) = 0 while they touch; its derivatives.  Arms point from
+    either pivot to the contact.  normal: direction of the force on the one ahead; along: surface.
     """
 
     first: np.ndarray  # (m, 2) by θ_i and θ_{i+1}
@@ -78,7 +78,7 @@ class Contacts:
 
 
 class Chain:
-    """A row, the states of its links, and the equations of its stack."""
+    """A layout, the kinds of its contacts, and the equations of its stack."""
 
     def __init__(
         self, spacing, thickness, height, density, friction, gravity, width=0.024, rise=0.0,
@@ -93,7 +93,7 @@ class Chain:
         self.mass = self.mass * width
         self.inertia = self.mass * (self.height**2 + self.d**2) / 3.0
         self.tipping = np.arctan2(self.d, self.height)
-        # pivot to pivot: as far forward as leaves the free gap before the next one's rear face
+        # pivot to pivot: the free gap ends at the rear face of the next domino
         step = np.zeros((count - 1, 2))
         step[:, 1] = rise
         face = ahead(self.stand[1:])
@@ -101,12 +101,12 @@ class Chain:
         self.foot = np.concatenate((np.zeros((1, 2)), np.cumsum(step, axis=0)))
         self.friction = friction
         self.gravity = gravity * np.array([np.sin(turned), -np.cos(turned)])  # a vector
-        self.state = np.full(count - 1, TIP)  # of the link of i and i+1
+        self.state = np.full(count - 1, TIP)  # of the contact of i and i+1
         self.back = 0  # the last domino that still leans on another
 
     # geometry ---------------------------------------------------------------------------------
     def angles(self, n, lead):
-        """Angles of dominoes back … n where n leans by `lead` and each rests against the next."""
+        """Return the angles of back … n where n leans by `lead` and each touches the next."""
         theta = [lead]
         for i in range(n - 1, self.back - 1, -1):
             b = theta[-1]
@@ -120,7 +120,7 @@ class Chain:
         return np.array(theta[::-1])
 
     def contacts(self, n, theta, state=None):
-        """The links of back … n, in the states given or in those of the chain."""
+        """Return the contacts of back … n, of the kinds given or those of the chain."""
         links = slice(self.back, n)
         state = self.state if state is None else state
         a, b = theta[:-1], theta[1:]
@@ -152,16 +152,16 @@ class Chain:
         )
 
     def ratios(self, contacts):
-        """ω_i/ω_n of back … n: the conditions, differentiated once."""
+        """Return ω_i/ω_n of back … n, from the derivatives of the conditions."""
         links = -contacts.first[:, 1] / contacts.first[:, 0]
         return np.append(np.cumprod(links[::-1])[::-1], 1.0)
 
     # equations --------------------------------------------------------------------------------
     def system(self, n, contacts):
-        """The matrix of torque equations and contact conditions.
+        """Return the matrix of torque equations and contact conditions.
 
         Unknowns: angular accelerations (or velocities after an impact) of back … n, then the
-        normal forces (or impulses) of their links, each with its friction.
+        normal forces (or impulses) of their contacts, each with its friction.
         """
         ratio = self.ratios(contacts)[:, None]
         # material points move at ω (z, -x) of their arms
@@ -170,7 +170,7 @@ class Chain:
             ratio[:-1] * (contacts.arm_behind @ turn) - ratio[1:] * (contacts.arm_ahead @ turn),
             contacts.along,
         )
-        # behind a link just laid flush nothing moves: what will slide, slides down
+        # behind a face contact nothing moves yet: it will slide down
         sense = np.where(np.abs(sliding) < 1e-13, -1.0, np.sign(sliding))
         force = contacts.normal + self.friction * sense[:, None] * contacts.along  # on the next
         size = len(ratio)
@@ -184,7 +184,7 @@ class Chain:
         return matrix
 
     def motion(self, n, lead, speed):
-        """(accelerations of back … n, normal forces, effective inertia of the leader).
+        """Return (accelerations of back … n, normal forces, effective inertia of the leader).
 
         The last is a unit torque on the leader over the acceleration it causes: where it is not
         positive, rigid bodies have no answer (Painlevé).
@@ -201,25 +201,25 @@ class Chain:
         squares = np.stack([a * a, 2.0 * a * b, b * b], -1)
         right[size:, 0] = -(contacts.second * squares).sum(axis=1)
         right[size - 1, 1] = 1.0
-        found = np.linalg.solve(self.system(n, contacts), right)
-        return found[:size, 0], found[size:, 0], 1.0 / found[size - 1, 1]
+        solution = np.linalg.solve(self.system(n, contacts), right)
+        return solution[:size, 0], solution[size:, 0], 1.0 / solution[size - 1, 1]
 
     def impact(self, n, theta, omega, state):
-        """(angular velocities after, impulses) of an inelastic impact into the states given."""
+        """Return (angular velocities, impulses) of an inelastic impact into given contacts."""
         size = len(theta)
         momenta = np.zeros(2 * size - 1)
         momenta[:size] = self.inertia[self.back : n + 1] * omega
-        found = np.linalg.solve(self.system(n, self.contacts(n, theta, state)), momenta)
-        return found[:size], found[size:]
+        solution = np.linalg.solve(self.system(n, self.contacts(n, theta, state)), momenta)
+        return solution[:size], solution[size:]
 
     # switches ---------------------------------------------------------------------------------
     def short_of_flush(self, n, lead):
-        """By what angle each link is short of its faces meeting; inf where they have met."""
+        """Return the angle of each contact to face contact; inf where the faces have met."""
         theta = self.angles(n, lead)
         return np.where(self.state[self.back : n] == TIP, theta[:-1] - theta[1:], np.inf)
 
     def short_of_slipping(self, n, lead):
-        """How far each contact is from the end of its face, over the height."""
+        """Return the distance of each contact from the end of its face, over the height."""
         theta = self.angles(n, lead)
         links = slice(self.back, n)
         contacts = self.contacts(n, theta)
@@ -233,9 +233,9 @@ def topple(
     spacing, thickness, friction=0.25, gravity=9.81, push=8.0, height=0.048, density=1040.0,
     rtol=1e-13, rise=0.0, tilt=0.0, turned=0.0,
 ):  # fmt: skip
-    """Let a row fall: the reference for `simulate`.
+    """Simulate a layout: the reference for `simulate`.
 
-    turned: how far gravity is turned forward from straight down [rad].
+    turned: angle by which gravity is turned forward [rad].
     """
     chain = Chain(
         spacing, thickness, height, density, friction, gravity, rise=rise, tilt=tilt, turned=turned
@@ -298,7 +298,7 @@ def topple(
 
 
 def advance(chain, n, lead, speed, target, rtol):
-    """Let n fall on to the target or the next event: (angle, speed, time, lowest speed, event)."""
+    """Advance n to the target or the next event: (angle, speed, time, lowest speed, event)."""
 
     def fall(_, y):
         return [y[1], chain.motion(n, y[0], y[1])[0][-1]]
@@ -339,7 +339,7 @@ def lowest_speed(solution, end):
 
 
 def flush(chain, n, lead, speed, result):
-    """The impact that lays links flush, all that are within TOGETHER: the speed after it."""
+    """Apply the face impact of all contacts within TOGETHER; return the speed after it."""
     theta = chain.angles(n, lead)
     omega = chain.ratios(chain.contacts(n, theta)) * speed
     now = chain.short_of_flush(n, lead) <= TOGETHER
@@ -349,7 +349,7 @@ def flush(chain, n, lead, speed, result):
 
 
 def release(chain, n, lead, result):
-    """The foremost link that slips off leaves with all behind it."""
+    """Separate the foremost contact that slips off, with all behind it."""
     slipping = np.flatnonzero(chain.short_of_slipping(n, lead) < 1e-9)
     chain.back += int(slipping[-1]) + 1
     result.releases += 1

@@ -6,10 +6,10 @@ import pytest
 
 
 @pytest.mark.parametrize("state", [oracle.TIP, oracle.CORNER])
-def test_contact_conditions_are_differentiated_rightly(state):
-    """By central differences of the angle that a link gives to the one behind."""
+def test_derivatives_of_contact_conditions(state):
+    """Compare with central differences of the angle of the domino behind."""
     chain = oracle.Chain([0.015, 0.02], [0.007, 0.008, 0.009], 0.048, 1040.0, 0.3, 9.81)
-    chain.state[1] = state  # the corner would be past its flush
+    chain.state[1] = state  # a corner before face contact
     lead, h = 1.25 if state == oracle.CORNER else 0.3, 1e-4
     rear = [chain.angles(2, lead + k * h)[1] for k in (-2, -1, 0, 1, 2)]
     first = (rear[0] - 8 * rear[1] + 8 * rear[3] - rear[4]) / (12 * h)
@@ -23,7 +23,7 @@ def test_contact_conditions_are_differentiated_rightly(state):
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_forces_and_power_balance(friction):
-    """What gravity does, less what friction takes, is what the kinetic energy gains."""
+    """The power of gravity less that of friction is the rate of kinetic energy."""
     rng = np.random.default_rng(3)
     chain = oracle.Chain(
         rng.uniform(0.01, 0.03, 4), rng.uniform(0.005, 0.01, 5), 0.048, 1040.0, friction, 9.81

@@ -107,6 +107,13 @@ class Shape(NamedTuple):
 
 # --- The state of a chain between two falls -------------------------------------------------------
 STATE = record_type(
+    # settings, which the kernels pass on with the state
+    mask=int,  # of the ring
+    mu=float,
+    gravity=float,  # [m/s²]
+    rtol=float,  # of arrival times
+    exact_minimum=np.bool_,  # find the minimum of u in every interval, not only near a stall
+    # the wave
     u=float,
     u_error=float,
     u_round=float,
@@ -165,21 +172,6 @@ EVENT = record_type(
     m=float,  # HIT: M of the stack
     slowest_at=float,  # INTERVAL: as in the state
 )
-
-
-class Run(NamedTuple):
-    """Arrays and settings of one simulation, which the kernels pass on together."""
-
-    lanes: Any
-    ring: Any
-    mask: int
-    mu: float
-    gravity: float  # [m/s²]
-    rtol: float  # of arrival times
-    states: Any  # (1,) STATE
-    exact_minimum: bool  # find the minimum of u in every interval, not only near a stall
-    tape: Any  # EVENTs; empty where no gradient is wanted
-
 
 # --- Results --------------------------------------------------------------------------------------
 PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4

@@ -19,7 +19,6 @@ from domino_env.kernels.arrays import (
     STATE,
     TAIL_SHARE,
     Arrays,
-    Run,
     is_uneven,
 )
 from domino_env.kernels.contact import (
@@ -34,6 +33,7 @@ from domino_env.kernels.fall import (
     add_next_domino,
     begin_fall,
     close_fall,
+    configure,
     fall,
     fall_and_hit,
     fall_angle,
@@ -107,40 +107,39 @@ def is_uniform(layout):
 
 
 @internal
-def uniform_rule(run, count, b):
+def uniform_rule(lanes, domino, state, count, b):
     """Return the rule that resolves P and Q of a uniform stack; -1 where none does."""
-    lanes, domino, mu = run.lanes, run.ring[0], run.mu
-    tol = MAP_SHARE * (INTERVAL_SHARE * run.rtol)
+    mu, tol = state.mu, MAP_SHARE * (INTERVAL_SHARE * state.rtol)
     for k in range(1, len(ORDERS)):
         used = set_angles(lanes, k, 0.0, b)
         add_leader(lanes, used, domino, mu)
         for _ in range(min(count - 2, 12)):
             add_domino(lanes, used, domino, mu)
-        ok, error = affine_map(lanes, k, b, mu, run.gravity)
+        ok, error = affine_map(lanes, k, b, mu, state.gravity)
         if ok and error.log_e <= tol and error.u <= tol * lanes[MAP_U + ORDERS[k] + 1]:
             return k
     return -1
 
 
 @noinline
-def uniform_chain(run, count, arrivals):
+def uniform_chain(lanes, ring, state, count, arrivals, tape):
     """Simulate falls 0 … N-2 of a uniform layout, each with one contact more in the same lanes.
 
     Returns (outcome, falls done).
     """
-    lanes, domino, mu, gravity, state = run.lanes, run.ring[0], run.mu, run.gravity, run.states[0]
+    domino, mu, gravity = ring[0], state.mu, state.gravity
     b = fall_angle(domino, True)
-    k = uniform_rule(run, count, b)
+    k = uniform_rule(lanes, domino, state, count, b)
     if k < 0:
         return PROPAGATED, 0
-    tail_tol = TAIL_SHARE * (INTERVAL_SHARE * run.rtol)
+    tail_tol = TAIL_SHARE * (INTERVAL_SHARE * state.rtol)
     used = set_angles(lanes, k, 0.0, b)
     add_leader(lanes, used, domino, mu)
     inertia = domino.inertia
     error, tail, behind = MapError(0.0, 0.0, 0.0, 0.0), 0.0, 0.0
     depth, closed, missed = 0, False, 0
     for n in range(count - 1):
-        u_start = begin_fall(run, n)
+        u_start = begin_fall(ring, state, n)
         force = 2.0 * b * gravity * state.kappa / state.u
         if closed:  # the neglected tail weighs more as u falls
             tail = tail_size(lanes, used, mu, force, b, behind)
@@ -164,23 +163,23 @@ def uniform_chain(run, count, arrivals):
             ok, error = affine_map(lanes, k, b, mu, gravity)
             if not ok:
                 return PROPAGATED, n
-        status = propagate(run, k, 0.0, b, error, tail, NEAR_STALL)
+        status = propagate(lanes, k, 0.0, b, error, tail, state, NEAR_STALL)
         if status == ACCEPTED:
             state.depth = depth
-            if has_tape(run):
-                record_interval(run, n, 0.0, b, k, n - depth, u_start)
+            if has_tape(tape):
+                record_interval(tape, state, n, 0.0, b, k, n - depth, u_start)
         missed = missed + 1 if status == UNRESOLVED else 0
         outcome = STALLED if status == STALLED else PROPAGATED
         if status == UNRESOLVED:
             if is_uneven(domino) and missed > 1:
                 k = min(k + 1, len(ORDERS) - 1)
-            outcome = fall(run, n, 0.0, b)
+            outcome = fall(lanes, ring, n, state, 0.0, b, tape)
             depth, closed = 0, False  # the lanes were overwritten
             used = set_angles(lanes, k, 0.0, b)
             add_leader(lanes, used, domino, mu)
-        outcome = close_fall(run, n, b, u_start, True, outcome)
-        if has_tape(run) and outcome == PROPAGATED:
-            record_hit(run, n)
+        outcome = close_fall(ring, state, n, b, u_start, True, outcome)
+        if has_tape(tape) and outcome == PROPAGATED:
+            record_hit(tape, state, n)
         record_fall(arrivals, n, outcome, state)
         if outcome != PROPAGATED:
             return outcome, n
@@ -209,90 +208,76 @@ def no_tape():
 
 
 @always_inline
-def new_run(arrays, mu, gravity, rtol, exact_minimum, tape):
-    """Return a run over the arrays of `new_arrays`."""
-    states, lanes, ring = borrow(arrays)
-    tape = borrow(tape)
-    return Run(lanes, ring, len(ring) - 1, mu, gravity, rtol, states, exact_minimum, tape)
-
-
-@always_inline
-def changed(run, mask, rtol):
-    """Return a run with another mask and tolerance."""
-    lanes, ring, _, mu, gravity, _, states, exact_minimum, tape = run
-    return Run(lanes, ring, mask, mu, gravity, rtol, states, exact_minimum, tape)
-
-
-@always_inline
-def next_fall(layout, run, n):
+def next_fall(layout, lanes, ring, n, state, tape):
     """Advance a chain by the fall of leader n: place the domino ahead, fall, and hit it."""
-    if run.mask != ONE_FOR_ALL:
-        add_next_domino(layout, run, n)
+    if state.mask != ONE_FOR_ALL:
+        add_next_domino(layout, ring, state, n)
         if n % 4 == 0 and n > 0:
-            renew_tails(run.ring, run.mask, max(n - 1 - run.states[0].depth, 0, n - run.mask), n)
-    return fall_and_hit(run, n, strikes_next(layout, n), n + 1 == len(layout.thickness))
+            renew_tails(ring, state.mask, max(n - 1 - state.depth, 0, n - state.mask), n)
+    strikes, is_last = strikes_next(layout, n), n + 1 == len(layout.thickness)
+    return fall_and_hit(lanes, ring, n, state, strikes, is_last, tape)
 
 
 @noinline
-def remaining_falls(layout, run, first, arrivals):
+def remaining_falls(layout, lanes, ring, state, first, arrivals, tape):
     """Simulate the falls from leader `first` on.
 
     Returns (outcome, leader at the end, dominoes struck, dominoes past tipping).
     """
-    state, n, outcome = run.states[0], first, PROPAGATED
+    n, outcome = first, PROPAGATED
     for n in range(first, len(layout.thickness)):
-        outcome = next_fall(layout, run, n)
+        outcome = next_fall(layout, lanes, ring, n, state, tape)
         record_fall(arrivals, n, outcome, state)
         if outcome != PROPAGATED:
             break
-    return end_of_chain(run, n, outcome)
+    return end_of_chain(ring, state, n, outcome)
 
 
 @always_inline
-def end_of_chain(run, n, outcome):
+def end_of_chain(ring, state, n, outcome):
     """Return (outcome, leader, dominoes struck, dominoes past tipping) of a wave that ends at n."""
-    s, v = sin_versine(run.states[0].angle)
-    toppled = count_toppled(run, n, s, v)
+    s, v = sin_versine(state.angle)
+    toppled = count_toppled(ring, state, n, s, v)
     if outcome in (OUT_OF_REACH, PROPAGATED):  # the leader is at its tipping angle
         toppled = n + 1
-    struck = n + 2 if outcome == JAMMED and run.states[0].fraction == 1.0 else n + 1
+    struck = n + 2 if outcome == JAMMED and state.fraction == 1.0 else n + 1
     return outcome, n, struck, toppled
 
 
 @internal
-def chain(layout, push, run, arrivals):
+def chain(layout, lanes, ring, state, push, arrivals, tape):
     """Simulate a chain; return the same four as `remaining_falls`.
 
     arrivals: of each domino, or empty where only the state is wanted.
     """
-    count = len(layout.thickness)
-    start_chain(layout, push, run.ring, run.states[0])
+    count, first = len(layout.thickness), 0
+    start_chain(layout, push, ring, state)
     clear_arrivals(arrivals, push)
+    state.mask = len(ring) - 1
     if count > 3 and is_uniform(layout):
-        uniform = changed(run, ONE_FOR_ALL, run.rtol)
-        place_contact(run.ring, ONE_FOR_ALL, 0, layout, 0, 0)
-        run.ring[0].tail = count * run.ring[0].inertia
-        outcome, first = uniform_chain(uniform, count, arrivals)
+        state.mask = ONE_FOR_ALL
+        place_contact(ring, ONE_FOR_ALL, 0, layout, 0, 0)
+        ring[0].tail = count * ring[0].inertia
+        outcome, first = uniform_chain(lanes, ring, state, count, arrivals, tape)
         if outcome != PROPAGATED:
-            return end_of_chain(uniform, first, outcome)
-        return remaining_falls(layout, uniform, first, arrivals)
-    return remaining_falls(layout, run, 0, arrivals)
+            return end_of_chain(ring, state, first, outcome)
+    return remaining_falls(layout, lanes, ring, state, first, arrivals, tape)
 
 
 @internal
-def solve(layout, push, run, arrivals):
-    """Simulate a chain, with a smaller tolerance while its estimate exceeds that of the run.
+def solve(layout, lanes, ring, state, push, arrivals, tape):
+    """Simulate a chain, with a smaller tolerance while its estimate exceeds that of the state.
 
     Where rounding alone exceeds it no rule helps, and the estimate includes it.
     """
-    state, rtol = run.states[0], run.rtol
-    inner = rtol
+    rtol = state.rtol
     result = PROPAGATED, 0, 0, 0
     for _ in range(MOST_TRIES):
-        result = chain(layout, push, changed(run, run.mask, inner), arrivals)
-        if state.worst <= rtol or state.worst_round > 0.5 * rtol or inner < LEAST_RTOL:
+        result = chain(layout, lanes, ring, state, push, arrivals, tape)
+        if state.worst <= rtol or state.worst_round > 0.5 * rtol or state.rtol < LEAST_RTOL:
             break
-        inner *= max(0.3 * rtol / state.worst, 1e-3)
+        state.rtol *= max(0.3 * rtol / state.worst, 1e-3)
+    state.rtol = rtol
     return result
 
 
@@ -320,12 +305,15 @@ def solve_batch(
     """
     count = layouts.thickness.shape[1]
     arrays, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, ARRIVAL)
-    run = new_run(arrays, mu, gravity, rtol, exact_minimum, tape)
+    states, lanes, ring = borrow(arrays)
+    state = states[0]
+    configure(state, ring, mu, gravity, rtol, exact_minimum)
     for b in range(first, last):
+        arrivals_b = arrivals[b] if len(arrivals) > 0 else unrecorded
         outcome, leader, struck, toppled = solve(
-            layout_of(layouts, b), push, run, arrivals[b] if len(arrivals) > 0 else unrecorded
+            layout_of(layouts, b), lanes, ring, state, push, arrivals_b, tape
         )
-        summarise(summaries[b], count, outcome, leader, struck, toppled, run.states[0])
+        summarise(summaries[b], count, outcome, leader, struck, toppled, state)
     keep_alive(arrays)
 
 
@@ -333,25 +321,28 @@ def solve_batch(
 def compose_falls(layout, mu, gravity, rtol):
     """Compose the maps of all falls; return (outcome, least u_0 for which the wave completes)."""
     arrays = new_arrays(layout, ring_length(len(layout.thickness)))
-    run = new_run(arrays, mu, gravity, rtol, True, no_tape())
-    start_chain(layout, 0.0, run.ring, run.states[0])
-    run.states[0].composing = True
-    outcome, _, _, _ = remaining_falls(layout, run, 0, np.empty(0, ARRIVAL))
-    least_start = run.states[0].least_start
+    states, lanes, ring = borrow(arrays)
+    state = states[0]
+    configure(state, ring, mu, gravity, rtol, True)
+    start_chain(layout, 0.0, ring, state)
+    state.composing = True
+    unrecorded = np.empty(0, ARRIVAL)
+    outcome, _, _, _ = remaining_falls(layout, lanes, ring, state, 0, unrecorded, no_tape())
+    least_start = state.least_start
     keep_alive(arrays)
     return outcome, least_start
 
 
 @internal
-def repeat_behind(run, n, pattern):
+def repeat_behind(ring, state, n, pattern):
     """Fill the ring with a pattern of P dominoes, repeated without end behind leader n."""
-    period, mask = len(pattern.thickness), run.mask
-    run.states[0].back = 0
+    period, mask = len(pattern.thickness), state.mask
+    state.back = 0
     for i in range(n - mask, n + 2):
         j, ahead = i % period, (i + 1) % period
-        place_domino(run.ring, mask, i, pattern, j)
-        place_contact(run.ring, mask, i, pattern, j, ahead)
-        domino = run.ring[i & mask]
+        place_domino(ring, mask, i, pattern, j)
+        place_contact(ring, mask, i, pattern, j, ahead)
+        domino = ring[i & mask]
         domino.tail = domino.inertia * (i - n + mask + 2)
 
 
@@ -366,8 +357,9 @@ def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
     """
     period = len(pattern.thickness)
     arrays = new_arrays(pattern, ring_size)
-    run = new_run(arrays, mu, gravity, rtol, True, no_tape())
-    state = run.states[0]
+    states, lanes, ring = borrow(arrays)
+    state, tape = states[0], no_tape()
+    configure(state, ring, mu, gravity, rtol, True)
     initialise(state, 1.0)
     state.u, state.composing = u, composing
     for j in range(period):
@@ -376,10 +368,10 @@ def period_falls(pattern, mu, gravity, rtol, ring_size, u, composing, falls):
     base = period * (1 + 2 * ring_size // period)
     outcome, leader, tail = PROPAGATED, period, 0.0
     for j in range(period):
-        repeat_behind(run, base + j, pattern)
+        repeat_behind(ring, state, base + j, pattern)
         state.depth = 0
         u_start = state.u
-        outcome = fall_and_hit(run, base + j, True, False)
+        outcome = fall_and_hit(lanes, ring, base + j, state, True, False, tape)
         if outcome != PROPAGATED:
             leader = j
             break

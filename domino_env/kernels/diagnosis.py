@@ -14,19 +14,20 @@ from domino_env.kernels.arrays import (
     record_type,
     rise_of,
 )
-from domino_env.kernels.chain import new_arrays, new_run, no_tape, ring_length
+from domino_env.kernels.chain import new_arrays, no_tape, ring_length
 from domino_env.kernels.contact import at_or_zero, contact_at, past_flush, sin_versine
 from domino_env.kernels.fall import (
     add_next_domino,
     begin_fall,
     close_fall,
+    configure,
     fall,
     fall_angle,
     hit_ratio,
     start_chain,
     strikes_next,
 )
-from domino_env.kernels.jit import always_inline, entry_point, internal, keep_alive
+from domino_env.kernels.jit import always_inline, borrow, entry_point, internal, keep_alive
 
 LAST_ANGLE = 1.55  # [rad] at which the motion of the last leader ends, all but flat
 DEEPEST = 400  # dominoes behind the leader whose forces are computed
@@ -63,21 +64,22 @@ def trace_motion(layout, mu, gravity, push, rtol, snapshots):
     """
     count, pieces = len(layout.thickness), snapshots.shape[1] - 1
     arrays = new_arrays(layout, ring_length(count))
-    run = new_run(arrays, mu, gravity, rtol, True, no_tape())
-    state, falls = run.states[0], 0
-    start_chain(layout, push, run.ring, state)
+    states, lanes, ring = borrow(arrays)
+    state, tape, falls = states[0], no_tape(), 0
+    configure(state, ring, mu, gravity, rtol, True)
+    start_chain(layout, push, ring, state)
     for n in range(count):
         falls = n + 1
         strikes = strikes_next(layout, n)
-        add_next_domino(layout, run, n)
-        u_start = begin_fall(run, n)
-        b = fall_angle(run.ring[n & run.mask], True) if strikes else LAST_ANGLE
+        add_next_domino(layout, ring, state, n)
+        u_start = begin_fall(ring, state, n)
+        b = fall_angle(ring[n & state.mask], True) if strikes else LAST_ANGLE
         snapshots[n, 0].speed = math.sqrt(state.u)
         outcome = PROPAGATED
         for j in range(1, pieces + 1):
             a = b * (j - 1) / pieces
             before, here = snapshots[n, j - 1], snapshots[n, j]
-            outcome = fall(run, n, a, b * j / pieces)
+            outcome = fall(lanes, ring, n, state, a, b * j / pieces, tape)
             if outcome != PROPAGATED:  # uniformly decelerated until it stops
                 rest = 2.0 * max(state.angle - a, 0.0) / max(before.speed, TINY)
                 for i in range(j, pieces + 1):
@@ -87,7 +89,7 @@ def trace_motion(layout, mu, gravity, push, rtol, snapshots):
             here.angle, here.time, here.speed = b * j / pieces, state.fall_time, math.sqrt(state.u)
         if outcome != PROPAGATED or not strikes:
             break
-        if close_fall(run, n, b, u_start, True, outcome) != PROPAGATED:
+        if close_fall(ring, state, n, b, u_start, True, outcome) != PROPAGATED:
             break
     keep_alive(arrays)
     return falls
@@ -134,12 +136,12 @@ def arm_behind(contact, s, v, mu):
 
 
 @internal
-def stack_geometry(layout, run, n, low, angle, geometry, flushing):
+def stack_geometry(layout, ring, state, n, low, angle, geometry, flushing):
     """Write the geometry of dominoes low … n.
 
     flushing: contacts at which faces meet count as tip contacts before and corner contacts after.
     """
-    ring, mask, mu = run.ring, run.mask, run.mu
+    mask, mu = state.mask, state.mu
     s, v = sin_versine(angle)
     before, after, drv, w = 1.0, 1.0, 0.0, 1.0
     here = geometry[n]
@@ -167,12 +169,12 @@ def stack_geometry(layout, run, n, low, angle, geometry, flushing):
 
 
 @internal
-def contact_impulses(run, n, low, geometry, speed_before, speed_after, least):
+def contact_impulses(ring, state, n, low, geometry, speed_before, speed_after, least):
     """Update the least impulses (N,) of contacts by those that change the speed of the leader."""
     passed, arm_back = 0.0, 0.0
     for i in range(low, n):
         here = geometry[i]
-        turn = run.ring[i & run.mask].inertia * (
+        turn = ring[i & state.mask].inertia * (
             here.after * speed_after - here.before * speed_before
         )
         passed = (arm_back * passed - turn) / here.arm
@@ -181,9 +183,9 @@ def contact_impulses(run, n, low, geometry, speed_before, speed_after, least):
 
 
 @internal
-def contact_forces(layout, run, n, low, geometry, loads):
+def contact_forces(layout, ring, state, n, low, geometry, loads):
     """Update the least contact forces and loads on the pivots by those at one instant."""
-    ring, mask, mu, gravity, u = run.ring, run.mask, run.mu, run.gravity, run.states[0].u
+    mask, mu, gravity, u = state.mask, state.mu, state.gravity, state.u
     m, g, d = 0.0, 0.0, 0.0
     for i in range(low, n + 1):
         domino, here = ring[i & mask], geometry[i]
@@ -225,42 +227,47 @@ def diagnose_chain(layout, mu, gravity, push, rtol, loads):
     """Simulate a chain and write loads (N,); return the outcome."""
     count = len(layout.thickness)
     arrays, geometry = new_arrays(layout, ring_length(count)), np.zeros(count, GEOMETRY)
-    run = new_run(arrays, mu, gravity, rtol, True, no_tape())
-    state, outcome = run.states[0], PROPAGATED
-    start_chain(layout, push, run.ring, state)
+    states, lanes, ring = borrow(arrays)
+    state, tape, outcome = states[0], no_tape(), PROPAGATED
+    configure(state, ring, mu, gravity, rtol, True)
+    start_chain(layout, push, ring, state)
     for n in range(count):
         strikes = strikes_next(layout, n)
-        add_next_domino(layout, run, n)
-        u_start = begin_fall(run, n)
+        add_next_domino(layout, ring, state, n)
+        u_start = begin_fall(ring, state, n)
         state.flush_loss = 0.0
-        b = fall_angle(run.ring[n & run.mask], strikes)
+        b = fall_angle(ring[n & state.mask], strikes)
         for piece in range(PIECES + 1):
             at = b * piece / PIECES
             if piece > 0:
                 flushes, lost = state.flushes, state.flush_loss
-                outcome = fall(run, n, b * (piece - 1) / PIECES, at)
+                outcome = fall(lanes, ring, n, state, b * (piece - 1) / PIECES, at, tape)
                 if outcome != PROPAGATED:
                     break
                 if state.flushes > flushes:
                     low, least = max(state.back, n - DEEPEST), loads["flush_impulse"]
-                    stack_geometry(layout, run, n, low, state.switched, geometry, True)
-                    contact_impulses(run, n, low, geometry, state.w_before, state.w_after, least)
+                    stack_geometry(layout, ring, state, n, low, state.switched, geometry, True)
+                    contact_impulses(
+                        ring, state, n, low, geometry, state.w_before, state.w_after, least
+                    )
                 state.flush_loss = max(lost, state.flush_loss)
             low = max(state.back, n - DEEPEST)
-            stack_geometry(layout, run, n, low, at, geometry, False)
-            contact_forces(layout, run, n, low, geometry, loads)
+            stack_geometry(layout, ring, state, n, low, at, geometry, False)
+            contact_forces(layout, ring, state, n, low, geometry, loads)
         loads[n].flush_loss = state.flush_loss
         speed = math.sqrt(state.u)
-        outcome = close_fall(run, n, b, u_start, strikes, outcome)
+        outcome = close_fall(ring, state, n, b, u_start, strikes, outcome)
         loads[n].margin = state.margin
         if outcome == PROPAGATED and not strikes and n + 1 < count:
             outcome = OUT_OF_REACH
         if outcome != PROPAGATED or not strikes:
             break
         low = max(state.back, n + 1 - DEEPEST)
-        stack_geometry(layout, run, n + 1, low, 0.0, geometry, False)
-        speed /= hit_ratio(run.ring[n & run.mask])  # expressed by the J of the new stack
-        contact_impulses(run, n + 1, low, geometry, speed, math.sqrt(state.u), loads["hit_impulse"])
+        stack_geometry(layout, ring, state, n + 1, low, 0.0, geometry, False)
+        speed /= hit_ratio(ring[n & state.mask])  # expressed by the J of the new stack
+        contact_impulses(
+            ring, state, n + 1, low, geometry, speed, math.sqrt(state.u), loads["hit_impulse"]
+        )
     keep_alive(arrays)
     keep_alive(geometry)
     return outcome

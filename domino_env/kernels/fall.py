@@ -84,6 +84,13 @@ def initialise(state, push):
     state.flushes = state.releases = state.taped = 0
 
 
+@always_inline
+def configure(state, ring, mu, gravity, rtol, exact_minimum):
+    """Store the settings of a simulation in its state."""
+    state.mask, state.mu, state.gravity = len(ring) - 1, mu, gravity
+    state.rtol, state.exact_minimum = rtol, exact_minimum
+
+
 @internal
 def start_chain(layout, push, ring, state):
     """Place the first domino and push it."""
@@ -93,9 +100,9 @@ def start_chain(layout, push, ring, state):
 
 
 @always_inline
-def add_next_domino(layout, run, n):
+def add_next_domino(layout, ring, state, n):
     """Place domino n+1, if there is one, in front of leader n, and bound the tail behind n."""
-    ring, mask, state = run.ring, run.mask, run.states[0]
+    mask = state.mask
     if n + 1 < len(layout.thickness):
         place_domino(ring, mask, n + 1, layout, n + 1)
         place_contact(ring, mask, n, layout, n, n + 1)
@@ -107,14 +114,14 @@ def add_next_domino(layout, run, n):
 
 
 @always_inline
-def begin_fall(run, n):
+def begin_fall(ring, state, n):
     """Reset the quantities of a single fall; return u at its start."""
-    state, units = run.states[0], TORQUE_ROUNDING
-    if is_uneven(run.ring[n & run.mask]) and run.mu == 0.0:
+    units = TORQUE_ROUNDING
+    if is_uneven(ring[n & state.mask]) and state.mu == 0.0:
         # u is a difference of energies there.  A lean is not small where a gap is, and each
         # contact passes its rounding on to all behind it.
         units = TORQUE_ROUNDING + TORQUE_ROUNDING * state.depth
-    state.noise = units * EPS * run.gravity * state.kappa
+    state.noise = units * EPS * state.gravity * state.kappa
     state.fall_time = 0.0
     state.margin = state.u
     return state.u
@@ -157,21 +164,19 @@ def choose_rule(state, h, tol):
 
 
 @internal
-def stack_at(run, n, angle, detect):
+def stack_at(lanes, ring, n, state, angle, detect):
     """Compute M of the stack at one angle of the leader; return the lowest domino included."""
-    count = set_angles(run.lanes, 0, angle, 0.0)
-    low, _, _ = sweep(run, count, n, 0.0, 0.0, detect)
-    run.states[0].m_end = run.lanes[SUM_M]
-    run.states[0].depth = n - low
+    count = set_angles(lanes, 0, angle, 0.0)
+    low, _, _ = sweep(lanes, count, ring, n, state, 0.0, 0.0, detect)
+    state.m_end = lanes[SUM_M]
+    state.depth = n - low
     return low
 
 
 @noinline
-def fall(run, n, a, b):
-    """Advance leader n from angle a to b: u, time and their errors in `run.states[0]`."""
-    lanes, ring, mask, mu, gravity, state = (
-        run.lanes, run.ring, run.mask, run.mu, run.gravity, run.states[0],
-    )  # fmt: skip
+def fall(lanes, ring, n, state, a, b, tape):
+    """Advance leader n from angle a to b: u, time and their errors in the state."""
+    mask, gravity = state.mask, state.gravity
     step, end, located, least_rule = b, b, False, 0
     due_contact = n
     for _ in range(MOST_INTERVALS):
@@ -182,31 +187,31 @@ def fall(run, n, a, b):
             if b - end < REMAINDER * (end - a):
                 end = b
         h = end - a
-        k = choose_rule(state, h, INTERVAL_SHARE * run.rtol)
+        k = choose_rule(state, h, INTERVAL_SHARE * state.rtol)
         k = max(k, least_rule, FIRST_RULE if n < SHALLOW else 0)
         count = set_angles(lanes, k, a, h)
         force = 2.0 * h * gravity * state.kappa / state.u
         detect = IGNORE_SWITCHES
         if mask != ONE_FOR_ALL:
             detect = END_AT_SWITCH if located else END_AT_HIT
-        low, tail, flagged = sweep(run, count, n, force, h, detect)
+        low, tail, flagged = sweep(lanes, count, ring, n, state, force, h, detect)
         if flagged:
             guess = switch_guess(lanes, k, a, h, ring[low & mask].v_switch)
-            end = switch_angle(run, n, low, a, end, guess)
+            end = switch_angle(ring, state, n, low, a, end, guess)
             located, due_contact = True, low
             if end - a > 4.0 * EPS * b:
                 continue
-            low = stack_at(run, n, a, END_AT_SWITCH)
+            low = stack_at(lanes, ring, n, state, a, END_AT_SWITCH)
         else:
             status, u_start = UNRESOLVED, state.u
-            ok, error = affine_map(lanes, k, h, mu, gravity)
+            ok, error = affine_map(lanes, k, h, state.mu, gravity)
             if ok and state.composing:
-                status = compose(run, k, h, error, tail)
+                status = compose(lanes, k, h, error, tail, state)
             elif ok:
                 effort = NEAR_STALL if k == len(ORDERS) - 1 or n > DEEP else NORMAL
                 if h <= SHORT * b:
                     effort = LAST_RESORT
-                status = propagate(run, k, a, h, error, tail, effort)
+                status = propagate(lanes, k, a, h, error, tail, state, effort)
             if status == STALLED:
                 return STALLED
             if status == UNRESOLVED:
@@ -220,9 +225,9 @@ def fall(run, n, a, b):
                 step = 0.5 * h
                 located = False
                 continue
-            if has_tape(run):
-                record_flips(run, n, low)
-                record_interval(run, n, a, h, k, low, u_start)
+            if has_tape(tape):
+                record_flips(tape, ring, state, n, low)
+                record_interval(tape, state, n, a, h, k, low, u_start)
             least_rule = 0
             state.depth = n - low
             a = end
@@ -230,9 +235,9 @@ def fall(run, n, a, b):
         if located:
             located, step = False, b
             flushes = can_flush(ring[due_contact & mask])
-            keep = switch(run, n, due_contact, low, end)
-            if has_tape(run):
-                record_switch(run, n, due_contact, low, end, flushes)
+            keep = switch(ring, state, n, due_contact, low, end)
+            if has_tape(tape):
+                record_switch(tape, ring, state, n, due_contact, low, end, flushes)
             if not keep > 0.0:
                 state.angle = end
                 return JAMMED
@@ -241,7 +246,7 @@ def fall(run, n, a, b):
             slow_down(state, keep)
             state.w_after = math.sqrt(state.u)
             if a >= b:  # the hit follows at once, with M of the new contacts
-                stack_at(run, n, b, IGNORE_SWITCHES)
+                stack_at(lanes, ring, n, state, b, IGNORE_SWITCHES)
     if a < b:
         state.angle = a
         return NO_RIGID_ANSWER
@@ -255,9 +260,9 @@ def hit_ratio(leader):
 
 
 @always_inline
-def hit(leader, struck, mu, state):
+def hit(leader, struck, state):
     """Apply the impact of the leader on the next domino: Chapman, eqs. 8-9, with friction."""
-    s_l, d_l = leader.s_l, leader.d_l
+    s_l, d_l, mu = leader.s_l, leader.d_l, state.mu
     cd = math.sqrt(leader.rest * (1.0 + s_l))
     m = state.m_end * (cd - rise_of(leader) - mu * d_l) / (cd + mu * s_l)
     if not m > 0.0:
@@ -284,9 +289,8 @@ def strikes_next(layout, n):
 
 
 @always_inline
-def close_fall(run, n, b, u_start, strikes, outcome):
+def close_fall(ring, state, n, b, u_start, strikes, outcome):
     """Complete the results of a fall to angle b, and hit the next domino; return the outcome."""
-    state = run.states[0]
     state.margin = 0.0 if outcome == STALLED else state.margin / u_start
     state.lowest_margin = min(state.lowest_margin, state.margin)
     if outcome != PROPAGATED:
@@ -298,21 +302,21 @@ def close_fall(run, n, b, u_start, strikes, outcome):
         if not state.composing:
             add_time(state)
         state.u_impact = state.u
-        return hit(run.ring[n & run.mask], run.ring[(n + 1) & run.mask], run.mu, state)
+        return hit(ring[n & state.mask], ring[(n + 1) & state.mask], state)
     return PROPAGATED
 
 
 @always_inline
-def fall_and_hit(run, n, strikes, is_last):
+def fall_and_hit(lanes, ring, n, state, strikes, is_last, tape):
     """Advance a chain by one fall and the hit that ends it; return the outcome."""
-    state = run.states[0]
     if state.composing:
-        state.u = run.gravity * state.kappa  # of its order of magnitude, for the bound on the tail
-    u_start = begin_fall(run, n)
-    b = fall_angle(run.ring[n & run.mask], strikes)
-    outcome = close_fall(run, n, b, u_start, strikes, fall(run, n, 0.0, b))
+        state.u = state.gravity * state.kappa  # its order of magnitude, for the tail
+    u_start = begin_fall(ring, state, n)
+    b = fall_angle(ring[n & state.mask], strikes)
+    outcome = fall(lanes, ring, n, state, 0.0, b, tape)
+    outcome = close_fall(ring, state, n, b, u_start, strikes, outcome)
     if outcome == PROPAGATED and not strikes and not is_last:
         return OUT_OF_REACH
-    if has_tape(run) and strikes and outcome == PROPAGATED:
-        record_hit(run, n)
+    if has_tape(tape) and strikes and outcome == PROPAGATED:
+        record_hit(tape, state, n)
     return outcome

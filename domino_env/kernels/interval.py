@@ -125,18 +125,17 @@ def affine_map(lanes, k, h, mu, gravity):
 
 
 @always_inline
-def end_interval(run, k, h, mismatch, tail):
+def end_interval(lanes, k, h, mismatch, tail, state):
     """Store the properties of an accepted interval on which the next depends."""
-    state = run.states[0]
     decay = min(max(mismatch, LEAST_MISMATCH), MOST_MISMATCH)
     state.log_rho = math.log(1.0 / decay) / ORDERS[k]
     state.last_h = h
     state.cut = tail
-    state.m_end = run.lanes[SUM_M + ORDERS[k] + 1]
+    state.m_end = lanes[SUM_M + ORDERS[k] + 1]
 
 
 @noinline
-def propagate(run, k, a, h, error, tail, effort):
+def propagate(lanes, k, a, h, error, tail, state, effort):
     """Advance u and the time over the interval [a, a + h], whose map is in the lanes.
 
     ACCEPTED: done, errors added up.  UNRESOLVED: the rule is too coarse, nothing has changed.
@@ -144,7 +143,7 @@ def propagate(run, k, a, h, error, tail, effort):
     effort: NEAR_STALL, where only the root of u is unresolved: integrate the polynomial of u in
         small panels; LAST_RESORT: accept the error, however large.
     """
-    lanes, state, tol = run.lanes, run.states[0], INTERVAL_SHARE * run.rtol
+    tol = INTERVAL_SHARE * state.rtol
     last_resort = effort == LAST_RESORT
     last = ORDERS[k] + 1
     u0 = state.u
@@ -158,7 +157,7 @@ def propagate(run, k, a, h, error, tail, effort):
     e_end, u_end = lanes[MAP_E + last], lanes[SPEED2 + last]
     local = (u0 + abs(lanes[MAP_U + last])) * error.log_e + error.u
     map_error = error.r + error.q * size
-    known = run.exact_minimum or u_low < DEEP_DIP * size
+    known = state.exact_minimum or u_low < DEEP_DIP * size
     x_low = 0.0
     if known:
         series(lanes, SPEED2, k)
@@ -222,14 +221,14 @@ def propagate(run, k, a, h, error, tail, effort):
     state.u = u_end
     state.fall_time += h * t
     state.margin = min(state.margin, u_low)
-    end_interval(run, k, h, max(mismatch, map_error / size), tail)
+    end_interval(lanes, k, h, max(mismatch, map_error / size), tail, state)
     return ACCEPTED
 
 
 @internal
-def compose(run, k, h, error, tail):
+def compose(lanes, k, h, error, tail, state):
     """Add the map of an interval to the composed map of all falls so far, for any start u_0."""
-    lanes, state, tol = run.lanes, run.states[0], INTERVAL_SHARE * run.rtol
+    tol = INTERVAL_SHARE * state.rtol
     last = ORDERS[k] + 1
     size = TINY
     for j in range(1, last + 1):
@@ -245,5 +244,5 @@ def compose(run, k, h, error, tail):
     state.least_start = max(state.least_start, -(state.offset + u_low) / gain)
     state.offset = lanes[MAP_E + last] * (state.offset + lanes[MAP_U + last])
     state.gain *= lanes[MAP_E + last]
-    end_interval(run, k, h, mismatch / size, tail)
+    end_interval(lanes, k, h, mismatch / size, tail, state)
     return ACCEPTED

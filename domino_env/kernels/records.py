@@ -49,62 +49,62 @@ def summarise(summary, count, outcome, leader, struck, toppled, state):
 
 
 @always_inline
-def has_tape(run):
-    """Return whether events are recorded."""
-    return len(run.tape) > 0
+def has_tape(tape):
+    """Return whether events are recorded: an empty tape is for a simulation without gradient."""
+    return len(tape) > 0
 
 
 @always_inline
-def next_event(run):
+def next_event(tape, state):
     """Return the index of the next event, and whether the tape has room for it."""
-    at = run.states[0].taped
-    run.states[0].taped += 1
-    return at, at < len(run.tape)
+    at = state.taped
+    state.taped += 1
+    return at, at < len(tape)
 
 
 @internal
-def record_interval(run, n, a, h, rule, low, u):
+def record_interval(tape, state, n, a, h, rule, low, u):
     """Record the interval [a, a + h] of leader n, with u at its start."""
-    at, has_room = next_event(run)
+    at, has_room = next_event(tape, state)
     if has_room:
-        event = run.tape[at]
+        event = tape[at]
         event.kind, event.leader, event.low = INTERVAL, n, low
         event.angle, event.length, event.rule = a, h, rule
-        event.u, event.slowest_at = u, run.states[0].slowest_at
+        event.u, event.slowest_at = u, state.slowest_at
 
 
 @internal
-def record_hit(run, n):
+def record_hit(tape, state, n):
     """Record that leader n struck the next domino."""
-    at, has_room = next_event(run)
+    at, has_room = next_event(tape, state)
     if has_room:
-        event, state = run.tape[at], run.states[0]
+        event = tape[at]
         event.kind, event.leader, event.low = HIT, n, n - state.depth
         event.u, event.m = state.u_impact, state.m_end
 
 
 @internal
-def record_flips(run, n, low):
+def record_flips(tape, ring, state, n, low):
     """Record the contacts that went to the corner since the last event; return their number."""
     flips = 0
     for i in range(low, n):
-        contact = run.ring[i & run.mask]
+        contact = ring[i & state.mask]
         if contact.kind == CORNER and contact.on_tape == 0:
             contact.on_tape = 1
-            at, has_room = next_event(run)
+            at, has_room = next_event(tape, state)
             if has_room:
-                run.tape[at].kind, run.tape[at].leader = FLIP, i
+                tape[at].kind, tape[at].leader = FLIP, i
             flips += 1
     return flips
 
 
 @internal
-def record_switch(run, n, due_contact, low, angle, flushes):
+def record_switch(tape, ring, state, n, due_contact, low, angle, flushes):
     """Record a change of contact at the leader's angle, and the contacts that it concerns."""
-    at, has_room = next_event(run)
-    flips = record_flips(run, n, low)
+    at, has_room = next_event(tape, state)
+    flips = record_flips(tape, ring, state, n, low)
     if has_room:
-        event = run.tape[at]
+        event = tape[at]
         event.kind, event.leader, event.low = SWITCH, n, low
         event.contact, event.flushed, event.flips = due_contact, flushes, flips
-        event.angle, event.u = angle, run.states[0].u
+        event.angle, event.u = angle, state.u

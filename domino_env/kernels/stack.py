@@ -175,14 +175,13 @@ def tail_size(lanes, count, mu, force, h, behind):
 
 
 @noinline
-def sweep(run, count, n, force, h, detect):
+def sweep(lanes, count, ring, n, state, force, h, detect):
     """Add the dominoes behind leader n to the sums until the rest is negligible.
 
     Returns the lowest domino included, the bound on the tail, and whether a contact changes on the
     way.  state.last_due is the lowest contact that changes at the very end of the interval, or n.
     """
-    lanes, ring, mask, mu, state = run.lanes, run.ring, run.mask, run.mu, run.states[0]
-    tol = TAIL_SHARE * (INTERVAL_SHARE * run.rtol)
+    mask, mu, tol = state.mask, state.mu, TAIL_SHARE * (INTERVAL_SHARE * state.rtol)
     end = count - 1
     add_leader(lanes, count, ring[n & mask], mu)
     back = state.back
@@ -258,16 +257,16 @@ def switch_guess(lanes, k, a, h, due):
 
 
 @internal
-def switch_angle(run, n, i, a, b, guess):
+def switch_angle(ring, state, n, i, a, b, guess):
     """Return the leader's angle in [a, b] at which contact i changes, by Newton's method."""
-    ring, mask = run.ring, run.mask
+    mask, mu = state.mask, state.mu
     due = ring[i & mask].v_switch
     lo, hi, x = a, b, guess
     for _ in range(100):
         s, v = sin_versine(x)
         jac = 1.0
         for j in range(n - 1, i, -1):
-            s, v, omega, _, _ = contact_at(ring[j & mask], s, v, run.mu)
+            s, v, omega, _, _ = contact_at(ring[j & mask], s, v, mu)
             jac *= omega
         over = v - due
         if over >= 0.0:
@@ -286,13 +285,12 @@ def switch_angle(run, n, i, a, b, guess):
 
 
 @internal
-def count_toppled(run, n, s, v):
+def count_toppled(ring, state, n, s, v):
     """Update all contacts behind domino n, which leans by (s, v); count dominoes past tipping.
 
     Dominoes behind a separated contact, or no longer in the ring, count as past it.
     """
-    ring, mask, state = run.ring, run.mask, run.states[0]
-    fallen, i, back = 0, n, state.back
+    mask, mu, fallen, i, back = state.mask, state.mu, 0, n, state.back
     while True:
         if s > ring[i & mask].slender * (1.0 - v):
             fallen += 1
@@ -306,11 +304,11 @@ def count_toppled(run, n, s, v):
             catch_up(contact, i, v, state)
             if contact.kind == SEPARATED:
                 return fallen + i + 1
-        s, v, _, _, _ = contact_at(contact, s, v, run.mu)
+        s, v, _, _, _ = contact_at(contact, s, v, mu)
 
 
 @noinline
-def switch(run, n, due_contact, low, angle):
+def switch(ring, state, n, due_contact, low, angle):
     """Change every contact that is due at the leader's angle; return ω⁺/ω⁻ of the impact.
 
     The angle was located for due_contact; those that change with it reach down to state.last_due.
@@ -318,7 +316,7 @@ def switch(run, n, due_contact, low, angle):
     new contacts, J⁺ = 0 behind the first of them.  state.m_end holds Σ w I J⁻ with the old w down
     to domino `low`; behind the last contact that changes, w changes by a common factor.
     """
-    ring, mask, mu, state = run.ring, run.mask, run.mu, run.states[0]
+    mask, mu = state.mask, state.mu
     s, v = sin_versine(angle)
     jac, w_old, w_new = 1.0, 1.0, 1.0
     momentum = ring[n & mask].inertia  # Σ w_old I J⁻ so far
@@ -333,7 +331,7 @@ def switch(run, n, due_contact, low, angle):
         due = past_flush(contact, over) >= -TOGETHER
         if not can_flush(contact) and over >= -LOCATED * contact.v_switch:
             s, v, _, _, _ = contact_at(contact, s, v, mu)
-            count_toppled(run, i, s, v)
+            count_toppled(ring, state, i, s, v)
             separate(contact, i, state)
             break
         s_i, v_i, omega, _, ratio = contact_at(contact, s, v, mu)

@@ -46,10 +46,10 @@ from domino_env.kernels.arrays import (
     is_uneven,
     turn_of,
 )
-from domino_env.kernels.chain import is_uniform, layout_of, new_arrays, new_run, ring_length, solve
+from domino_env.kernels.chain import is_uniform, layout_of, new_arrays, ring_length, solve
 from domino_env.kernels.contact import at_or_zero, new_ring, place_contact, place_domino
-from domino_env.kernels.fall import fall_angle
-from domino_env.kernels.jit import entry_point, internal, keep_alive, noinline
+from domino_env.kernels.fall import configure, fall_angle
+from domino_env.kernels.jit import borrow, entry_point, internal, keep_alive, noinline
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import summarise
 
@@ -248,24 +248,25 @@ def vjp_batch(first, last, layouts, mu, gravity, push, rtol, summaries, bars, ph
     """
     count = layouts.thickness.shape[1]
     arrays, unrecorded = new_arrays(layouts, ring_length(count)), np.empty(0, ARRIVAL)
+    states, lanes, ring = borrow(arrays)
+    state = states[0]
+    configure(state, ring, mu, gravity, rtol, True)
     tape, arrival_bar = np.empty(4 * count + 16, EVENT), np.zeros(count)
     arrival_bar[count - 1] = 1.0
     for b in range(first, last):
-        layout, bar = layout_of(layouts, b), layout_of(bars, b)
+        layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]
         while True:
-            run = new_run(arrays, mu, gravity, rtol, True, tape)
-            outcome, leader, struck, toppled = solve(layout, push, run, unrecorded)
-            used = run.states[0].taped
-            if used <= len(tape):
+            outcome, leader, struck, toppled = solve(
+                layout, lanes, ring, state, push, unrecorded, tape
+            )
+            if state.taped <= len(tape):
                 break
-            tape = np.empty(int(1.5 * used), EVENT)  # the same run writes as many again
-        summarise(summaries[b], count, outcome, leader, struck, toppled, run.states[0])
+            tape = np.empty(int(1.5 * state.taped), EVENT)  # the same run writes as many again
+        summarise(summaries[b], count, outcome, leader, struck, toppled, state)
         if outcome == PROPAGATED:
-            events = tape[:used]
-            chain_vjp(layout, mu, gravity, push, events, arrival_bar, bar, physics_bars[b])
+            events = tape[: state.taped]
+            chain_vjp(layout, mu, gravity, push, events, arrival_bar, bar, physics_bar)
         else:
             clear(bar, bar.tilt)
-            bar_b = physics_bars[b]
-            bar_b.friction = bar_b.gravity = bar_b.push = 0.0
-    keep_alive(tape)
+            physics_bar.friction = physics_bar.gravity = physics_bar.push = 0.0
     keep_alive(arrays)

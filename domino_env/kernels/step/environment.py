@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from domino_env.kernels.arrays import LANES, PROPAGATED, Run
+from domino_env.kernels.arrays import LANES, PROPAGATED
 from domino_env.kernels.chain import is_uniform, next_fall, no_tape
 from domino_env.kernels.contact import contact_rise
-from domino_env.kernels.fall import start_chain
+from domino_env.kernels.fall import configure, start_chain
 from domino_env.kernels.ground import next_place, piece_at
 from domino_env.kernels.jit import (
     always_inline,
@@ -80,11 +80,7 @@ def fall_onto_next(rules, batch, b, lanes, layout, tape):
 
     Returns the lead gained over a wave at the reference speed, in heights.
     """
-    ring, states, episode = batch.rings[b], batch.states[b : b + 1], batch.episodes[b]
-    state = states[0]
-    run = Run(
-        lanes, ring, len(ring) - 1, rules.friction, rules.gravity, rules.rtol, states, False, tape
-    )
+    ring, state, episode = batch.rings[b], batch.states[b], batch.episodes[b]
     count, first = len(layout.thickness), episode.placed
     pitch = pitch_of(layout, layout.tilt, first)
     episode.placed = first + 1
@@ -92,7 +88,7 @@ def fall_onto_next(rules, batch, b, lanes, layout, tape):
     lead = 0.0
     last = first + 1 if first + 2 == count else first  # the last domino falls freely
     for n in range(first, last + 1):
-        outcome = next_fall(layout, run, n)
+        outcome = next_fall(layout, lanes, ring, n, state, tape)
         if n == first:
             lead = (pitch - rules.reference_speed * state.fall_time) / rules.unit
         if outcome != PROPAGATED or n + 1 == count:
@@ -113,7 +109,9 @@ def reset_batch(first, last, batch, chosen, given, observations):
             continue
         rules, layout = rules_of(batch, b), layout_in(batch, b)
         episode, left = batch.episodes[b], batch.left[b]
-        start_chain(layout, rules.push, batch.rings[b], batch.states[b])
+        ring, state = batch.rings[b], batch.states[b]
+        configure(state, ring, rules.friction, rules.gravity, rules.rtol, False)
+        start_chain(layout, rules.push, ring, state)
         episode.distance = episode.rewarded = episode.reach = episode.score = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
         for k in range(len(left)):

@@ -8,7 +8,6 @@ from uneven_layouts import uneven_layout
 import domino_env as de
 from domino_env import kernels
 from domino_env.kernels import contact, diagnosis
-from domino_env.kernels.arrays import Run
 from domino_env.kernels.jit import entry_point
 
 COUNT, GRAVITY = 7, 9.81
@@ -23,17 +22,15 @@ def place_all(ring, arrays):
 
 
 @entry_point
-def loads_at(arrays, ring, n, angle, states, gravity, mu, geometry, loads):
-    run = Run(ring, ring, len(ring) - 1, mu, gravity, 0.0, states, False, ring)
-    diagnosis.stack_geometry(arrays, run, n, 0, angle, geometry, False)
-    diagnosis.contact_forces(arrays, run, n, 0, geometry, loads)
+def loads_at(arrays, ring, states, n, angle, geometry, loads):
+    diagnosis.stack_geometry(arrays, ring, states[0], n, 0, angle, geometry, False)
+    diagnosis.contact_forces(arrays, ring, states[0], n, 0, geometry, loads)
 
 
 @entry_point
-def impulses_at(arrays, ring, n, mu, before, after, geometry, least):
-    run = Run(ring, ring, len(ring) - 1, mu, GRAVITY, 0.0, ring, False, ring)
-    diagnosis.stack_geometry(arrays, run, n, 0, 0.0, geometry, False)
-    diagnosis.contact_impulses(run, n, 0, geometry, before, after, least)
+def impulses_at(arrays, ring, states, n, before, after, geometry, least):
+    diagnosis.stack_geometry(arrays, ring, states[0], n, 0, 0.0, geometry, False)
+    diagnosis.contact_impulses(ring, states[0], n, 0, geometry, before, after, least)
 
 
 def stacks(seed, friction, uneven):
@@ -62,8 +59,8 @@ def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, uneven):
     geometry, loads = np.zeros(COUNT, diagnosis.GEOMETRY), np.full(COUNT, np.inf, diagnosis.LOADS)
     loads["floor_friction"] = -np.inf
     states = np.zeros(1, kernels.STATE)
-    states["u"] = speed**2
-    loads_at(arrays, ring, n, angle, states, GRAVITY, friction, geometry, loads)
+    states[["mask", "mu", "gravity", "u"]] = len(ring) - 1, friction, GRAVITY, speed**2
+    loads_at(arrays, ring, states, n, angle, geometry, loads)
     angle += chain.stand[n]
     alpha, normals, _ = chain.motion(n, angle, speed)
     np.testing.assert_allclose(loads["contact_force"][:-1], normals, rtol=1e-9)
@@ -95,7 +92,7 @@ def test_forces_at_one_instant_and_impulses_of_a_hit(seed, friction, uneven):
     omega[-1] = 0.0
     after, impulses = chain.impact(n, theta, omega, chain.state)
     least = np.full(COUNT, np.inf)
-    impulses_at(arrays, ring, n, friction, 9.0, after[-1], geometry, least)
+    impulses_at(arrays, ring, states, n, 9.0, after[-1], geometry, least)
     np.testing.assert_allclose(least[:-1], impulses, rtol=1e-9)
 
 
