@@ -45,6 +45,7 @@ NORMAL, NEAR_STALL, LAST_RESORT = 0, 1, 2  # effort of `propagate`
 DEEP_DIP = 0.3  # of the largest term of u: where a node is lower, the minimum of u is located
 SURE_STALL = 1e-6  # of the depth below zero: an error of u that leaves no doubt of a stall
 SHARP = 1e-3  # mismatch from which 1/√u may have a narrow feature between the nodes of rule 3
+SLOW = 4.0  # mismatch over the last coefficients from which these decay slowly
 LEAST_MISMATCH, MOST_MISMATCH = 1e-15, 0.5  # between rounding and no decay at all
 # Bounds on rounding errors: of u at the end of an interval, and of the polynomial through up to 32
 # lanes, in EPS times the largest term of u; of that polynomial in noises of the torques; of a time
@@ -212,6 +213,11 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
         state.slowest_at = x_low
         if limit:
             state.time_round += h * t_error
+    elif mismatch > SLOW * max(high, top):
+        # With a slow decay the first coefficients that a Gauss rule confuses with others are hardly
+        # smaller than the last two.
+        decay = mismatch / (mismatch + max(high, top))
+        t_error = max(t_error, t * min(max(high, top) * decay ** ORDERS[k], tol))
     noise = U_ROUNDING * EPS * size + state.noise
     cut = tail * u0
     state.time_error += h * (sens * (state.u_error + local + cut + noise) + t_error)
