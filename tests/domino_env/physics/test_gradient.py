@@ -123,17 +123,18 @@ def test_against_sixty_digits(friction: float, uneven: bool) -> None:
         assert gradient.friction == pytest.approx(slope, rel=1e-9)
 
 
-def test_near_a_stall_it_is_large_and_right() -> None:
-    layout = Layout([0.011, 0.009, 0.012, 0.010], 0.0075)
-    least = smallest_push(layout, Physics())
+@pytest.mark.parametrize("friction", [0.25, 0.0])
+def test_near_a_stall_it_is_large_and_right(friction: float) -> None:
+    layout = Layout([0.011, 0.009], 0.0075)
+    least = smallest_push(layout, Physics(friction))
     step, push = 1e-10 * least, least * (1.0 + 1e-7)  # small against the excess
-    wave = simulate(layout, Physics(push=push), rtol=1e-10, gradient=True)
+    wave = simulate(layout, Physics(friction, push=push), rtol=1e-10, gradient=True)
     assert wave.stall_margin.min() < 2e-6
     pushes = (push - step, push + step)
-    ends = [precise_wave(layout, Physics(push=x)).arrival_times[-1] for x in pushes]
+    ends = [precise_wave(layout, Physics(friction, push=x)).arrival_times[-1] for x in pushes]
     slope = float(ends[1] - ends[0]) / (pushes[1] - pushes[0])
     assert wave.gradient().push == pytest.approx(slope, rel=1e-6)
-    assert abs(slope) > 1e4 * abs(of_time(layout, Physics(push=2.0 * least)).push)
+    assert abs(slope) > 1e4 * abs(of_time(layout, Physics(friction, push=2.0 * least)).push)
 
 
 # laws -----------------------------------------------------------------------------------------
