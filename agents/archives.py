@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from agents.algorithms import require_learning
 from agents.network import Network, Policy, acting
-from agents.policy import ScenePolicy
+from agents.policy import ScenePolicy, require_size
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
 
@@ -78,7 +78,8 @@ def load_archive(
     Raises
     ------
     ValueError
-        If the file is no such archive, and without `trust` if its policy cannot be rebuilt.
+        If the file is no such archive, if observations of the distribution have another size, and
+        without `trust` if the policy cannot be rebuilt.
     ImportError
         If the extra "rl" is missing.
     """
@@ -94,6 +95,8 @@ def load_archive(
         )  # fmt: skip
         reason = str(error) if isinstance(error, _NoMLPError) else "damaged, or no such archive"
         raise ValueError(f"{path}: {reason}{advice}") from None
+    if distribution is not None:
+        require_size(distribution, size)
     return ScenePolicy(path, policy, size, distribution)
 
 

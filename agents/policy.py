@@ -162,11 +162,17 @@ class ScenePolicy:
         target = scene or self.scene
         if target is None:
             raise ValueError(f"{self.source} names no scene: name one to build for (--scene)")
-        shape = DominoChain(target).observation_space.shape
-        if shape != (self.size,):
-            raise ValueError(
-                f"an observation of scene '{target.name}' has shape {shape}, this policy was "
-                f"trained on ({self.size},): choose a scene with the same free variables"
-            )
+        require_size(target, self.size)
         speed = self.reference * target.uniform().wave.mean_speed
         return build(self.policy, target, speed or None)
+
+
+def require_size(target: Scene | SceneDistribution, size: int) -> None:
+    """Raise ValueError if observations of a scene or of sampled scenes have another size."""
+    shape = DominoChain(target).observation_space.shape
+    if shape != (size,):
+        raise ValueError(
+            f"an observation of scene '{target.name}' has shape {shape}, this policy was trained "
+            f"on ({size},): choose a scene with the same free variables, or for a policy of "
+            "sampled scenes their distribution (--distribution)"
+        )

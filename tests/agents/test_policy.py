@@ -111,7 +111,7 @@ def test_a_policy_of_another_scene_is_rejected() -> None:
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("algorithm", ["PPO", "SAC", "TD3", "TQC", "ARS"])
 def test_an_archive_is_evaluated_without_running_its_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, algorithm: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys, algorithm: str
 ) -> None:
     sb3 = pytest.importorskip("stable_baselines3")
     kind = getattr(sb3, algorithm, None) or getattr(pytest.importorskip("sb3_contrib"), algorithm)
@@ -137,7 +137,9 @@ def test_an_archive_is_evaluated_without_running_its_code(
         assert policy.build(scene).score == pytest.approx(trusted.build(scene).score, abs=1e-3)
     assert main(["evaluate", str(path), "--scene", "varied", "--scenes", "2"]) == 0
     assert main(["evaluate", str(path), "--scene", "sprint", "--distribution", "varied"]) == 0
-    assert main(["evaluate", str(path), "--scene", "sprint"]) == 2  # observations of another size
+    assert main(["evaluate", str(path), "--scene", "sprint"]) == 2
+    assert main(["evaluate", str(path), "--scene", "varied-thickness"]) == 2
+    assert capsys.readouterr().err.count("this policy was trained on (26,): choose a scene") == 2
 
 
 def _doubled():
