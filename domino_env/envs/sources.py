@@ -80,8 +80,7 @@ class SceneSource:
         _require_choice(self.first)
         count, sampled, features = self.first.count, 1, 0
         if isinstance(scene, SceneDistribution):
-            _require_same_lists(scene)
-            _require_flat(scene)
+            _require_shared(scene)
             sampled, features = len(pool_of(scene)), len(scene.features)
             count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
         self.sampled, self.window = sampled, min(int(window), count - 1)
@@ -152,11 +151,8 @@ def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
     # where even the baseline stops, compare with free fall
     free = float(np.sqrt(scene.physics.gravity * scene.height))
     growth = scene.growth or (1.0, 1.0)
-    values = {
+    values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
         "count": scene.count,
-        "friction": scene.physics.friction,
-        "gravity": scene.physics.gravity,
-        "push": scene.physics.push,
         "rtol": rtol,
         "reference_speed": speed if speed > 0.0 else free,
         "length": scene.length or 0.0,
@@ -192,27 +188,23 @@ def _require_choice(scene: Scene) -> None:
         )
 
 
-def _require_flat(distribution: SceneDistribution) -> None:
-    """Reject uneven ground: the observation of it belongs to one scene."""
-    if distribution.first.ground is not None:
+def _require_shared(distribution: SceneDistribution) -> None:
+    """Reject ground, and lists and a stock that differ, as environments share them."""
+    first, sampled = distribution.first, distribution.ranges
+    if first.ground is not None:
         raise ValueError(
             f"'{distribution.name}' has uneven ground, which environments take of a fixed scene "
             "only: leave out [ground], or the ranges"
         )
-
-
-def _require_same_lists(distribution: SceneDistribution) -> None:
-    """Reject lists and a stock that differ between scenes, as environments share them."""
-    first, sampled = distribution.first, distribution.ranges
-    for rule, name, places in (
-        (first.spacing_values, "a list or steps of gaps", [("spacing", "min"), ("spacing", "max")]),
+    gaps, thicknesses = ("spacing.min", "spacing.max"), ("thickness.min", "thickness.max")
+    for rule, name, keys in (
+        (first.spacing_values, "a list or steps of gaps", gaps),
         (
-            first.thickness_values,
-            "a list, steps or a box of thicknesses",
-            [("thickness", "min"), ("thickness", "max"), ("row", "first_thickness")],
+            first.thickness_values, "a list, steps or a box of thicknesses",
+            (*thicknesses, "row.first_thickness"),
         ),
-    ):
-        varied = [".".join(place) for place in places if place in sampled]
+    ):  # fmt: skip
+        varied = [key for key in keys if tuple(key.split(".")) in sampled]
         if rule is not None and varied:
             raise ValueError(
                 f"'{distribution.name}' has {name} and samples {', '.join(varied)}: leave one out"
