@@ -36,6 +36,9 @@ from domino_env.kernels.jit import compile_alone
 # its tip with the rear face of the next, the next one's rear bottom edge with its front face
 REAR, FRONT, LYING, TIP, CORNER = range(5)
 KINDS = 5
+FLOOR = -1  # second partner of a contact with the floor
+FRONT_FACE, END_FACE, EITHER = 0, 1, -1  # of a domino that a vertex meets; the farther one
+FIXED_PIVOTS = -1.0  # in place of the friction of a floor
 MOST_SWEEPS = 4096  # of a step
 STAGNATION = 0.98  # of the change half as many sweeps ago: more sweeps change nothing
 TURN = 2.5e-3  # [rad] largest turn of the leader in a step of fineness 1
@@ -58,7 +61,7 @@ COLUMNS = 22
 # sine and cosine (N, 2), and the front bottom edge from the reference point, on level ground
 Chain = namedtuple("Chain", "height thickness mass inertia pivots tilt slope edge")
 
-# A run: friction, that of the floor (below 0: fixed pivots), gravity; fineness of the steps (1 for
+# A run: friction, that of the floor or FIXED_PIVOTS, gravity; fineness of the steps (1 for
 # the coarsest that make sense), change of velocity at which sweeps end [m/s], dominoes behind the
 # leader that still move, time without progress after which nothing more is expected [s]
 Setting = namedtuple("Setting", "friction floor gravity fineness tolerance window patience")
@@ -71,7 +74,7 @@ Record = namedtuple("Record", "arrivals lean slid opened opened_at")
 # mass and inertia (N,), 0 for what does not move; impulse (N, KINDS, 2), normal and tangential;
 # pose now and half a step ahead (N, 4), x, y, sine and cosine of the lean; gaps (N,) of the nearer
 # contact with the next, inf where neither face is met; columns of closed contacts; their partners,
-# first domino, second (-1: floor), kind; velocities before the step; a record of RUN
+# first domino, second or FLOOR, kind; velocities before the step; a record of RUN
 State = namedtuple(
     "State",
     "place velocity inverse_mass inverse_inertia impulse now mid gaps contact partners before run",
@@ -87,7 +90,7 @@ RUN = np.dtype([(name, np.int64) for name in COUNTS] + [(name, np.float64) for n
 
 def start(chain: Chain, setting: Setting, push: float) -> State:
     """Return the state at the push, an angular velocity of the first domino [rad/s]."""
-    count, hinged = len(chain.height), setting.floor < 0.0
+    count, hinged = len(chain.height), setting.floor == FIXED_PIVOTS
     sine, cosine = chain.slope.T
     ex, ey = chain.edge.T
     x = chain.pivots[:, 0] - ex * cosine - ey * sine
@@ -116,7 +119,7 @@ def advance(chain, setting, state, record, most_steps):
     """Advance by at most so many steps, fill the record; returns RUNNING, ENDED or FAILED."""
     run = state.run[0]
     place, velocity, impulse = state.place, state.velocity, state.impulse
-    hinged, last = setting.floor < 0.0, len(chain.height) - 1
+    hinged, last = setting.floor == FIXED_PIVOTS, len(chain.height) - 1
     scale = math.sqrt(chain.height.max() / setting.gravity)
     for _ in range(most_steps):
         low, leader = run.low, run.leader
@@ -220,7 +223,7 @@ def _slip(i, place, chain):
 def _find_contacts(chain, setting, state):
     """Write every contact that is closed half a step ahead; return how many there are."""
     found, low, leader = 0, state.run[0].low, state.run[0].leader
-    hinged, now, mid, gaps = setting.floor < 0.0, state.now, state.mid, state.gaps
+    hinged, now, mid, gaps = setting.floor == FIXED_PIVOTS, state.now, state.mid, state.gaps
     for i in range(max(low - 1, 0), leader + 1):
         sine, cosine = chain.slope[i, 0], chain.slope[i, 1]
         for kind in range(REAR, TIP):
@@ -237,13 +240,13 @@ def _find_contacts(chain, setting, state):
             _write_directions(state.contact, found, MOVES, sine, cosine, rx, ry, 0.0, 0.0)
             rx, ry = px * now[i, 3] + py * now[i, 2], -px * now[i, 2] + py * now[i, 3]
             _write_directions(state.contact, found, ACTS, sine, cosine, rx, ry, 0.0, 0.0)
-            _couple(state, found, i, -1, kind, 0.0 if hinged else setting.floor)
+            _couple(state, found, i, FLOOR, kind, 0.0 if hinged else setting.floor)
             found += 1
         if i == leader:
             break
         gaps[i] = np.inf
         for kind in range(TIP, KINDS):
-            gap, met, face = _between(state.contact, found, MOVES, kind, i, -1, mid, chain)
+            gap, met, face = _between(state.contact, found, MOVES, kind, i, EITHER, mid, chain)
             if met:
                 gaps[i] = min(gaps[i], gap)
             if gap > TOUCHING * chain.height[i] or not met:
@@ -269,8 +272,8 @@ def _write_directions(contact, c, at, nx, ny, rx, ry, qx, qy):
 def _between(contact, c, at, kind, i, face, pose, chain):
     """Write the directions of a contact of i with the next; return gap, whether it is met, face.
 
-    The tip of i meets the rear face (0) or the bottom (1) of the next, the next one's edge the
-    front face (0) or the top (1) of i: the face from which the vertex is farther outside, unless
+    The tip of i meets the rear face or the bottom end of the next, the next one's edge the front
+    face or the top end of i: the face from which the vertex is farther outside, unless
     given. It is met where the vertex lies before or behind that face. The normal points towards i.
     """
     j = i + 1
@@ -293,9 +296,9 @@ def _between(contact, c, at, kind, i, face, pose, chain):
         fx = rx - ex * cosine - ey * sine
         fy = ry + ex * sine - ey * cosine
         ahead, past = fx * cosine - fy * sine, fx * sine + fy * cosine - chain.height[i]
-    if face < 0:
-        face = 0 if ahead >= past else 1
-    if face == 0:
+    if face == EITHER:
+        face = FRONT_FACE if ahead >= past else END_FACE
+    if face == FRONT_FACE:
         gap, met = ahead, -chain.height[owner] <= past <= 0.0
         nx, ny = -cosine, sine
     else:
@@ -307,13 +310,13 @@ def _between(contact, c, at, kind, i, face, pose, chain):
 
 @compile_alone
 def _couple(state, c, i, j, kind, friction):
-    """Write partners, friction and the response to unit impulses of a contact; j = -1: floor."""
+    """Write partners, friction and the response to unit impulses of a contact."""
     contact = state.contact
     state.partners[c, 0], state.partners[c, 1], state.partners[c, 2] = i, j, kind
     contact[c, FRICTION] = friction
     mass, turn = state.inverse_mass[i], state.inverse_inertia[i]
     mass2 = turn2 = 0.0
-    if j >= 0:
+    if j != FLOOR:
         mass2, turn2 = state.inverse_mass[j], state.inverse_inertia[j]
     for place, move, act in (
         (NORMAL, MOVES, ACTS), (CROSS, MOVES + 4, ACTS), (TANGENTIAL, MOVES + 4, ACTS + 4),
@@ -340,7 +343,7 @@ def _act(state, c, normal, tangential):
     velocity[i, 0] += state.inverse_mass[i] * px
     velocity[i, 1] += state.inverse_mass[i] * py
     velocity[i, 2] += state.inverse_inertia[i] * turn
-    if j >= 0:
+    if j != FLOOR:
         turn = contact[c, ACTS + 3] * normal + contact[c, ACTS + 7] * tangential
         velocity[j, 0] -= state.inverse_mass[j] * px
         velocity[j, 1] -= state.inverse_mass[j] * py
@@ -362,7 +365,7 @@ def _sweep(state, found, tolerance):
             speed = contact[c, 0] * x + contact[c, 1] * y + contact[c, 2] * w
             slip = contact[c, 4] * x + contact[c, 5] * y + contact[c, 6] * w
             x2 = y2 = w2 = 0.0
-            if j >= 0:
+            if j != FLOOR:
                 x2, y2, w2 = v[j, 0], v[j, 1], v[j, 2]
                 speed -= contact[c, 0] * x2 + contact[c, 1] * y2 + contact[c, 3] * w2
                 slip -= contact[c, 4] * x2 + contact[c, 5] * y2 + contact[c, 7] * w2
@@ -379,7 +382,7 @@ def _sweep(state, found, tolerance):
             v[i, 0] = x + light[i] * px
             v[i, 1] = y + light[i] * py
             v[i, 2] = w + easy[i] * (contact[c, 10] * more + contact[c, 14] * more2)
-            if j >= 0:
+            if j != FLOOR:
                 v[j, 0] = x2 - light[j] * px
                 v[j, 1] = y2 - light[j] * py
                 v[j, 2] = w2 - easy[j] * (contact[c, 11] * more + contact[c, 15] * more2)

@@ -275,8 +275,9 @@ def _run(
         height, thickness, mass, inertia, layout.pivots, layout.tilt, slope, edge
     )
     tallest = float(height.max())
+    friction = dynamics.FIXED_PIVOTS if floor is None else floor
     setting = dynamics.Setting(
-        physics.friction, -1.0 if floor is None else floor, physics.gravity, fineness,
+        physics.friction, friction, physics.gravity, fineness,
         SWEEP_TOLERANCE * fineness * math.sqrt(physics.gravity * tallest), window_of(layout),
         PATIENCE * math.sqrt(tallest / physics.gravity) + 2.0 / physics.push,
     )  # fmt: skip
