@@ -14,7 +14,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from itertools import chain, cycle
 from typing import Any
@@ -33,11 +32,13 @@ ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
 )
 
 
-@dataclass(frozen=True)
-class Timing:
-    """One line of the table.
+def timing(
+    name: str, task: Task, units: int = 1, remark: str = "", reference: Task | None = None,
+    reference_units: int = 1, runs: int = 60,
+) -> str:  # fmt: skip
+    """Time a task and return its line of the table.
 
-    Attributes
+    Parameters
     ----------
     name
         Task and unit of work.
@@ -49,24 +50,14 @@ class Timing:
         Last column; may use ``rate`` (units per second), ``ratio`` (seconds over those of the
         reference) and ``part`` (its inverse).
     reference, reference_units
-        Timed in turns with the task; None for no reference.
+        Callable timed in turns with the task, and its units; None for no reference.
     runs
         Number of timed calls.
     """
-
-    name: str
-    task: Task
-    units: int = 1
-    remark: str = ""
-    reference: Task | None = None
-    reference_units: int = 1
-    runs: int = 60
-
-    def __str__(self) -> str:
-        seconds, reference = median_times((self.task, self.reference or _nothing), self.runs)
-        seconds, reference = seconds / self.units, reference / self.reference_units
-        numbers = {"rate": 1 / seconds, "ratio": seconds / reference, "part": reference / seconds}
-        return f"{self.name:68}{1e6 * seconds:14.2f}   {self.remark.format(**numbers)}"
+    seconds, other = median_times((task, reference or _nothing), runs)
+    seconds, other = seconds / units, other / reference_units
+    numbers = {"rate": 1 / seconds, "ratio": seconds / other, "part": other / seconds}
+    return f"{name:68}{1e6 * seconds:14.2f}   {remark.format(**numbers)}"
 
 
 def _nothing() -> None:
@@ -84,7 +75,7 @@ def median_times(tasks: tuple[Task, ...], runs: int) -> list[float]:
     return [float(seconds) for seconds in np.median(times[1:], axis=0)]
 
 
-def waves() -> Iterator[Timing]:
+def waves() -> Iterator[str]:
     """Yield single waves with their errors, and gradients in plain simulations."""
     rng = np.random.default_rng(2)
     layouts = {
@@ -102,31 +93,31 @@ def waves() -> Iterator[Timing]:
                 error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
                 note = f"error {error:.1e}, estimate {wave.error_estimate:.1e}"
                 case = f"{name}, friction {friction:g}, rtol {rtol:.0e}"
-                yield Timing(f"wave: {case}", plain, remark=note)
+                yield timing(f"wave: {case}", plain, remark=note)
                 gradient = partial(_gradient, plain)
-                yield Timing(f"gradient: {case}", gradient, 1, "{ratio:.2f} waves", plain)
+                yield timing(f"gradient: {case}", gradient, 1, "{ratio:.2f} waves", plain)
 
 
 def _gradient(plain: Callable[..., de.Wave]) -> object:
     return plain(gradient=True).gradient()
 
 
-def lengths_and_batches() -> Iterator[Timing]:
+def lengths_and_batches() -> Iterator[str]:
     """Yield long layouts, whose cost is linear, and batches on all cores."""
     rng = np.random.default_rng(3)
     for count in (1_000, 10_000, 100_000):
         random = de.Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075)
         for name, layout in ("uniform", de.Layout.uniform(count, pitch=0.016)), ("random", random):
             wave = partial(de.simulate, layout, de.Physics())
-            yield Timing(f"{count} {name}, per domino", wave, count, runs=3)
+            yield timing(f"{count} {name}, per domino", wave, count, runs=3)
     spacing = np.random.default_rng(4).uniform(0.002, 0.040, (4000, 39))
     for rtol in (1e-4, 1e-6, 1e-8):
         batch = partial(de.simulate_batch, spacing, 0.0075, de.Physics(), rtol=rtol, record=False)
         name = f"batch of 4000 x 40, speed only, rtol {rtol:.0e}, per layout"
-        yield Timing(name, batch, len(spacing), "{rate:,.0f} layouts per second", runs=7)
+        yield timing(name, batch, len(spacing), "{rate:,.0f} layouts per second", runs=7)
 
 
-def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[Timing]:
+def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[str]:
     """Yield steps of environments, random actions and resets included, beside bare simulation."""
     scene = de.load_scene("sprint")
     spacing = np.random.default_rng(0).uniform(*scene.spacing, (num_envs, scene.count - 1))
@@ -141,12 +132,12 @@ def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[Timing]:
         together = [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(40)]
         for kind, env in (("unwrapped", wrapped.unwrapped), ("as made", wrapped)):
             play = partial(_play, env, actions, 4000)
-            yield Timing(f"step of one {words}, {kind}", play, 4000, runs=7)
+            yield timing(f"step of one {words}, {kind}", play, 4000, runs=7)
         vector = gymnasium.make_vec(
             name, num_envs=num_envs, vectorization_mode="vector_entry_point", **options
         )
         vector.reset(seed=0)
-        yield Timing(
+        yield timing(
             f"step of {num_envs} {words}, per environment",
             partial(_play_together, vector, together, steps), steps * num_envs,
             "{rate:,.0f} steps per second, {part:.2f} of bare simulation", simulation, intervals, 7,
@@ -211,8 +202,8 @@ def main() -> None:
         print(json.dumps(seconds))
         return
     print(f"{'':68}{'µs per unit':>14}   beside it")
-    for timing in chain(waves(), lengths_and_batches(), environments()):
-        print(timing, flush=True)
+    for line in chain(waves(), lengths_and_batches(), environments()):
+        print(line, flush=True)
     with tempfile.TemporaryDirectory() as cache:
         compiling, loading = first_call_times(cache), first_call_times(cache)
     print(f"\n{'first call':30}{'compiling [s]':>14}{'loading [s]':>14}")
