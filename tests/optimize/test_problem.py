@@ -117,7 +117,7 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes) -> None:
     ("project", np.zeros(6), r"designs have shape \(6,\)"),
     ("project", np.full((1, 6), np.inf), "design 0 has inf"),
 ])  # fmt: skip
-def test_what_is_no_design_is_told(scenes, ask: str, designs, message: str) -> None:
+def test_what_is_no_design_is_rejected(scenes, ask: str, designs, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         getattr(Problem(scenes["spacing"]), ask)(designs)
 

@@ -26,29 +26,29 @@ def result(scenes) -> SearchResult:
 def test_both_layouts_stand_to_scale_and_on_the_same_scale(result: SearchResult) -> None:
     figure = result.figure()
     figure.draw_without_rendering()
-    rows = figure.axes[:2]
-    for axes, layout in zip(rows, (result.uniform.layout, result.layout), strict=True):
+    drawings = figure.axes[:2]
+    for axes, layout in zip(drawings, (result.uniform.layout, result.layout), strict=True):
         boxes = dominoes(axes)
         assert boxes[:, 0] + boxes[:, 2] == pytest.approx(1e3 * layout.positions)
         assert boxes[:, 2:] == pytest.approx(1e3 * np.stack([layout.thickness, layout.height], 1))
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
         place = axes.get_window_extent()
         assert place.width / (right - left) == pytest.approx(place.height / (high - low))
-    assert rows[0].get_xlim() == rows[1].get_xlim() == figure.axes[2].get_xlim()
+    assert drawings[0].get_xlim() == drawings[1].get_xlim() == figure.axes[2].get_xlim()
 
 
 def test_the_panels_show_spacing_thickness_speed_and_search(result: SearchResult) -> None:
     spacing, thickness, speed, trace = result.figure().axes[2:]
-    rows = [(result.uniform.layout, result.uniform.wave), (result.layout, result.wave)]
-    for i, (layout, wave) in enumerate(rows):
+    both = [(result.uniform.layout, result.uniform.wave), (result.layout, result.wave)]
+    for i, (layout, wave) in enumerate(both):
         lines = [axes.get_lines()[i - 2] for axes in (spacing, thickness, speed)]
         assert lines[0].get_ydata() == pytest.approx(1e3 * layout.spacing)
         assert lines[1].get_ydata() == pytest.approx(1e3 * layout.thickness[1:])
         assert lines[2].get_ydata() == pytest.approx(wave.local_speed)
         middles = 500.0 * (layout.positions[1:] + layout.positions[:-1])
         assert lines[2].get_xdata() == pytest.approx(middles)
-    mark, steps = trace.get_lines()
-    assert set(mark.get_ydata()) == {result.uniform.score}
+    uniform, steps = trace.get_lines()
+    assert set(uniform.get_ydata()) == {result.uniform.score}
     assert steps.get_ydata().tolist() == [score for _, _, _, score in result.trace]
 
 

@@ -40,11 +40,11 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path: Path) -> None:
         assert layout == result.layout
         assert scenes["both"].score(layout) == result.score
     with (folder / "trace.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+        lines = list(csv.DictReader(file))
     names = ("evaluations", "simulated_falls", "seconds", "best_score")
-    trace = [[float(row[name]) for name in names] for row in rows]
+    trace = [[float(line[name]) for name in names] for line in lines]
     assert np.array(trace) == pytest.approx(np.array(result.trace), abs=1e-6)
-    gradients = [float(row["gradient_left"]) for row in rows]
+    gradients = [float(line["gradient_left"]) for line in lines]
     assert gradients == pytest.approx(result.gradients_left, rel=1e-3)
     problem = Problem(scenes["both"])
     design = problem.design(result.layout)
@@ -136,7 +136,7 @@ def test_the_best_so_far_is_on_disk_while_the_search_runs(
     scenes, monkeypatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("optimize.run_folder.PAUSE", 0.0)
-    seen = []
+    scores = []
 
     def look(evaluator: Evaluator) -> None:
         summary = json.loads((tmp_path / "summary.json").read_text())
@@ -145,10 +145,10 @@ def test_the_best_so_far_is_on_disk_while_the_search_runs(
         assert summary["score"] == evaluator.best_score
         assert scenes["both"].score(layout) == pytest.approx(evaluator.best_score, abs=2e-6)
         assert not (tmp_path / "result.png").exists()
-        seen.append(evaluator.best_score)
+        scores.append(evaluator.best_score)
 
     search(scenes["both"], "cma", budget=300, folder=tmp_path, callback=look)
-    assert len(set(seen)) > 3
+    assert len(set(scores)) > 3
 
 
 def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_path: Path) -> None:

@@ -61,12 +61,13 @@ ELITE = 8  # layouts that children come from
 COARSE = (28, 110)  # variables of the schedules on which local searches of long layouts begin
 FEW = 2  # random starts of a long layout, where each takes long
 LONG = 200  # places above which a layout is long
-PATIENCE, GAIN = 4, 2e-5  # generations without a relative gain after which a search has settled
+GAIN = 3e-6  # a smaller relative gain counts as none
+PATIENCE = (6, GAIN)  # generations without a relative gain after which a search has settled
+LARGE, ISLAND = (4, 2e-5), (2, 1e-4)  # the same for the main search of many dominoes, and an island
 LONGEST = 2000  # dominoes above which another stretched layout gains more than generations
 ALIKE = 1e-3  # largest distance of two designs that count as one
 ISLANDS = 3  # independent searches beside the main one
 ALONE = 64  # dominoes above which one island at a time begins when the main search has settled
-QUICK = (2, 1e-4)  # its PATIENCE and GAIN
 AGREE = 5e-5  # relative distance within which two of them agree
 ENOUGH = 3  # islands that agree with the best before the search is done
 MANY, NOTHING = 8, 1e-5  # islands after which none has to agree, once the late gain is so small
@@ -236,7 +237,8 @@ class _Search:
     def main(self, rng: np.random.Generator) -> Search:
         if not self.elite.ranked:
             yield from _race(self.elite, starts(self.elite.problem))
-        yield from _settle(self.elite, rng)
+        settled = LARGE if self.elite.problem.scene.count > ALONE else PATIENCE
+        yield from _settle(self.elite, rng, *settled)
         self.settled = True
         met = 0
         while not self.done():
@@ -247,7 +249,7 @@ class _Search:
                 self.elite.add(score, design)
                 self.elite.migrants.append(design)
                 yield from _generation(self.elite, self.elite.joined(design, rng), rng)
-            yield from _settle(self.elite, rng)
+            yield from _settle(self.elite, rng, *settled)
 
     def island(self, rng: np.random.Generator) -> Search:
         large = self.elite.problem.scene.count > ALONE
@@ -256,7 +258,7 @@ class _Search:
         while True:
             elite = _Elite(self.elite.problem)
             yield from _race(elite, random_starts(self.elite.problem, rng))
-            yield from _settle(elite, rng, *(QUICK if large else (PATIENCE, GAIN)))
+            yield from _settle(elite, rng, *(ISLAND if large else PATIENCE))
             self.ends.append(elite.ranked[0])
 
     def done(self) -> bool:
@@ -294,9 +296,7 @@ def _halve(elite: _Elite, arms: list[CoarseToFine]) -> Search:
         gradients *= 2
 
 
-def _settle(
-    elite: _Elite, rng: np.random.Generator, patience: int = PATIENCE, gain: float = GAIN
-) -> Search:
+def _settle(elite: _Elite, rng: np.random.Generator, patience: int, gain: float) -> Search:
     """Run generations until several in a row, and layouts with other ends, gain nothing."""
     tried: set[int] = set()
     while True:

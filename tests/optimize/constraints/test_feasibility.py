@@ -1,4 +1,4 @@
-"""Scenes whose rules clash are found before the search, and the clash is named."""
+"""Scenes whose rules conflict are found before the search, and the rules are named."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GRID = tuple(round(0.002 + 0.0005 * k, 6) for k in range(77))
 BOX = {"stock": Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
        "thickness_values": (0.005, 0.01), "first_thickness": 0.005}  # fmt: skip
 
-CLASHES = [
+CONFLICTS = [
     (asking(length=0.18025, spacing_values=GRID),
      ["spacing only 0.002, 0.0025, … 0.04 m", "thickness = 0.0075 m", "row.length = 0.18025 m"]),
     # 2 mm and 40 mm would do, but not next to each other
@@ -32,14 +32,14 @@ CLASHES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("scene", "names"), CLASHES)
-def test_the_rules_that_clash_are_named_and_no_others(scene: Scene, names: list[str]) -> None:
+@pytest.mark.parametrize(("scene", "names"), CONFLICTS)
+def test_the_rules_that_conflict_are_named_and_no_others(scene: Scene, names: list[str]) -> None:
     assert conflicting_rules(scene) == names
     with pytest.raises(
         ValueError, match=r"scene 'asking': no layout of 9 dominoes keeps all"
-    ) as told:
+    ) as error:
         search(scene, "random", budget=10)
-    assert all(name in str(told.value) for name in names)
+    assert all(name in str(error.value) for name in names)
 
 
 @pytest.mark.parametrize("scene", [

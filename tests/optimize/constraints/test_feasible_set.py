@@ -74,8 +74,8 @@ def test_every_design_keeps_the_rules_and_stays_where_it_is(name: str) -> None:
             coefficients, total = problem.equality
             assert coefficients @ y == pytest.approx(total, abs=1e-12)
         if problem.linear is not None:
-            rows, most = problem.linear
-            assert np.all(rows @ y <= most + 1e-12)
+            matrix, most = problem.linear
+            assert np.all(matrix @ y <= most + 1e-12)
     assert len(np.unique(near.round(9), axis=0)) > 30
     if name in ("length-list", "length-spacing-list"):
         return  # no gap of the list meets the length: the uniform baseline ignores the list
@@ -91,7 +91,7 @@ def test_every_design_keeps_the_rules_and_stays_where_it_is(name: str) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.booleans(), st.booleans())
-def test_no_allowed_row_is_nearer(seed: int, even: bool, length: bool, smooth: bool) -> None:
+def test_no_allowed_layout_is_nearer(seed: int, even: bool, length: bool, smooth: bool) -> None:
     random = np.random.default_rng(seed)
     n = int(random.integers(1, 5))
     step = 0.001
@@ -99,21 +99,21 @@ def test_no_allowed_row_is_nearer(seed: int, even: bool, length: bool, smooth: b
     values = tuple((0.002 + step * rise).tolist())
     change = np.full(n - 1, 0.0021 if smooth else np.inf)
     wanted = random.uniform(0.0, values[-1] + 0.002, n)
-    rows = [r for r in product(values, repeat=n) if np.all(np.abs(np.diff(r)) <= change + 1e-12)]
+    layouts = [r for r in product(values, repeat=n) if np.all(np.abs(np.diff(r)) <= change + 1e-12)]
     total = None
     if length:
-        sums = [sum(row) for row in rows]
+        sums = [sum(layout) for layout in layouts]
         low = sums[int(random.integers(len(sums)))]
         total = low, low + (0.0 if random.random() < 0.5 else 0.003)
-        rows = [r for r, s in zip(rows, sums, strict=True)
+        layouts = [r for r, s in zip(layouts, sums, strict=True)
                 if total[0] - 1e-10 <= s <= total[1] + 1e-10]  # fmt: skip
     found = Lists([values] * n, change, total).nearest(wanted[None])[0]
-    assert any(np.allclose(found, row, atol=1e-12, rtol=0.0) for row in rows)
-    least = min(float(np.square(np.array(row) - wanted).sum()) for row in rows)
+    assert any(np.allclose(found, layout, atol=1e-12, rtol=0.0) for layout in layouts)
+    least = min(float(np.square(np.array(layout) - wanted).sum()) for layout in layouts)
     assert float(np.square(found - wanted).sum()) == pytest.approx(least, abs=1e-15)
 
 
-def test_where_no_row_of_the_list_will_do_it_is_told() -> None:
+def test_lists_that_no_layout_meets_are_rejected() -> None:
     free, tight = np.full(2, np.inf), np.full(2, 0.001)
     for change, total in ((free, (0.011, 0.011)), (tight, (0.014, 0.014)), (free, (-1.0, -0.5))):
         lists = Lists([(0.002, 0.004, 0.01)] * 3, change, total)
@@ -146,11 +146,11 @@ def test_an_assignment_that_changes_few_places() -> None:
     for changes in (0, 2, 3, 5):
         prices = random.random((5, 3))
         allowed = [
-            row for row in product(range(3), repeat=5)
-            if np.all(np.bincount(row, minlength=3) <= kinds)
-            and np.sum(np.array(row) != current) <= changes
+            one for one in product(range(3), repeat=5)
+            if np.all(np.bincount(one, minlength=3) <= kinds)
+            and np.sum(np.array(one) != current) <= changes
         ]  # fmt: skip
-        least = min(prices[np.arange(5), row].sum() for row in allowed)
+        least = min(prices[np.arange(5), one].sum() for one in allowed)
         found = assign(prices, kinds, current, changes)
         assert tuple(found.tolist()) in allowed
         assert prices[np.arange(5), found].sum() == pytest.approx(least)
@@ -168,7 +168,7 @@ def test_assign_orders_a_small_box_as_well_as_can_be() -> None:
 
 
 @pytest.mark.parametrize("length", [False, True])
-def test_the_nearest_smooth_row_is_that_of_a_convex_programme(length: bool) -> None:
+def test_the_nearest_smooth_layout_is_that_of_a_convex_programme(length: bool) -> None:
     random = np.random.default_rng(5)
     for _ in range(12):
         n = int(random.integers(2, 12))
@@ -243,7 +243,7 @@ def test_every_method_keeps_what_is_asked(method: str, name: str) -> None:
     assert result.score == ASKING[name].score(result.layout)
 
 
-def test_the_schedule_of_a_known_row_is_found_again() -> None:
+def test_the_schedule_of_a_known_layout_is_found_again() -> None:
     plain = SLOPED["tempo"]
     layout = Problem(plain).layout(np.random.default_rng(4).random(12))
     times = plain.simulate(layout).arrival_times[1:]
@@ -251,14 +251,14 @@ def test_the_schedule_of_a_known_row_is_found_again() -> None:
     assert search(scene, "gauss-newton", budget=300).score > 1.0 - 1e-6
 
 
-def test_the_slopes_of_lateness() -> None:
+def test_the_gradient_of_lateness() -> None:
     problem = Problem(SLOPED["tempo"])
     x = np.full(problem.dimension, 0.4)
-    _, late, slopes = problem.lateness(x)
+    _, late, gradient = problem.lateness(x)
     for i in (0, 3, 8):
         step = 1e-6 * np.eye(problem.dimension)[i]
         rise = problem.lateness(x + step)[1] - problem.lateness(x - step)[1]
-        assert slopes[:, i] == pytest.approx(rise / 2e-6, abs=1e-6)
+        assert gradient[:, i] == pytest.approx(rise / 2e-6, abs=1e-6)
     assert late.shape == (6,)
     with pytest.raises(ValueError, match="has no schedule"):
         Problem(ASKING["smooth"]).lateness(np.full(8, 0.5))

@@ -34,20 +34,20 @@ def test_climbs_that_ask_side_by_side_share_every_batch(scenes) -> None:
 
 
 def test_who_waits_is_asked_again_and_the_first_ends_it(scenes) -> None:
-    problem, told = Problem(scenes["one-gap"]), []
+    problem, answers = Problem(scenes["one-gap"]), []
 
     def waiting() -> Search:
-        while len(told) < 3:
+        while len(answers) < 3:
             yield None
 
     def working() -> Search:
         while True:
-            scores, slopes = yield Request(np.full((2, 1), 0.5))
-            told.append((scores.shape, slopes.size))
+            scores, gradients = yield Request(np.full((2, 1), 0.5))
+            answers.append((scores.shape, gradients.size))
 
     budget = Evaluator(problem, 100)
     run_in_lockstep(budget, [waiting(), working()])
-    assert told == [((2,), 0)] * 3
+    assert answers == [((2,), 0)] * 3
     assert budget.evaluations == 8  # the last two before anybody could know
     with pytest.raises(BudgetSpent, match="limit of 100 layouts reached"):
         run_in_lockstep(budget, [working()])

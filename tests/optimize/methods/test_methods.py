@@ -1,4 +1,4 @@
-"""What every method owes, whatever its idea."""
+"""Properties that every method has."""
 
 from __future__ import annotations
 
