@@ -40,7 +40,7 @@ Method = Callable[[Evaluator, np.random.Generator], None]
 
 RUNS, ANALYTIC = 2, 3000  # analytic searches, and evaluations of each
 TOGETHER = 8  # layouts that are simulated free-standing in one batch
-APART = 0.02  # largest difference of design vectors that are one candidate
+LEAST_DISTANCE = 0.02  # of two candidates: largest difference of their design vectors
 WORSE = 0.02  # relative distance to the analytic best up to which a layout is a candidate
 PARENTS, SEARCHES, STEPS = 4, 24, 80  # layouts that are changed, local searches, gradients of each
 ALIKE = 1e-3  # largest difference of layouts of which only one is simulated free-standing
@@ -92,8 +92,8 @@ def _candidates(
     found.sort(key=lambda one: -one[0])
     chosen: list[Floats] = []
     for score, design in found:
-        apart = min((float(np.abs(design - other).max()) for other in chosen), default=1.0)
-        if apart > APART and score > found[0][0] - WORSE * abs(found[0][0]):
+        distance = min((float(np.abs(design - other).max()) for other in chosen), default=1.0)
+        if distance > LEAST_DISTANCE and score > found[0][0] - WORSE * abs(found[0][0]):
             chosen.append(design)
     return np.array(chosen[:TOGETHER])
 
@@ -178,8 +178,8 @@ class _Known:
 
 def _correlation(some: Floats, others: Floats) -> Floats:
     """Return the correlation (B, C) of the residuals of designs, from 0 to 1."""
-    apart = np.sum((some[:, None] - others[None]) ** 2, axis=2)
-    return np.asarray(np.exp(-0.5 * apart / FAR**2))
+    distance = np.sum((some[:, None] - others[None]) ** 2, axis=2)
+    return np.asarray(np.exp(-0.5 * distance / FAR**2))
 
 
 def _proposed(known: _Known, rng: np.random.Generator) -> Floats:
