@@ -215,7 +215,7 @@ def _rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
     else:
         lines.append(f"the wave stops after {rigid.hit} of {count} dominoes were hit")
     lines.append(
-        f"{rigid.toppled} of {count} toppled; the foot of domino {rigid.slid.argmax()} slid "
+        f"{rigid.toppled} of {count} toppled; the pivot of domino {rigid.slid.argmax()} slid "
         f"furthest, {rigid.slid.max() * 1e3:.2f} mm"
     )
     if count > 1 and rigid.opened.max() > OPEN:

@@ -7,7 +7,10 @@ THICKNESS = 0.0075  # [m]
 
 TALLEST, SHORTEST = 10.0, 1e-3  # [m] far beyond what people build
 MOST, LEAST = 10.0, 1e-3  # of a thickness or a gap over the height
-ADVICE = "lengths are in metres, 18 mm is 0.018 (a layout's columns may be named spacing_mm, …)"
+ADVICE = (
+    "lengths are in metres in Python and in files, 18 mm is 0.018; options and columns named …_mm "
+    "are in millimetres, 18"
+)
 
 Range = tuple[float, float]
 

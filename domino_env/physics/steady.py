@@ -103,12 +103,12 @@ def steady_wave(
     >>> steady_wave([0.016, 0.024, 0.032], 0.0075).speed.round(3)
     array([0.958, 0.894, 0.841])
     """
-    chains = np.broadcast_arrays(*map(np.atleast_1d, (pitch, thickness, height, density)))
+    chain = (pitch, thickness, height, density)
+    shape = np.broadcast_shapes(*map(np.shape, chain))
     waves = [
-        steady_pattern([p], [d], [h], physics, density=[rho], slope=slope, rtol=rtol)
-        for p, d, h, rho in zip(*(part.ravel() for part in chains), strict=True)
+        steady_pattern(p, d, h, physics, density=rho, slope=slope, rtol=rtol)
+        for p, d, h, rho in ([chain] if not shape else np.broadcast(*chain))
     ]
-    shape = np.broadcast_shapes(*map(np.shape, (pitch, thickness, height, density)))
     columns = [np.array([getattr(wave, f.name) for wave in waves]) for f in fields(SteadyWave)]
     return SteadyWave(*(c.reshape(shape) if shape else c.item() for c in columns))
 

@@ -53,7 +53,7 @@ class Outcome(enum.IntEnum):
 
 
 _EXPLANATIONS = {
-    Outcome.PROPAGATED: "the wave ran through: the last domino passed its tipping angle",
+    Outcome.PROPAGATED: "the wave completed: the last domino passed its tipping angle",
     Outcome.STALLED: "the wave stalled: the leading domino stopped before it reached the next; "
     "push harder, or use wider gaps or thinner dominoes near where it stopped",
     Outcome.OUT_OF_REACH: "a gap is out of reach: it is not smaller than the height of the domino "
@@ -245,8 +245,8 @@ class Wave:
         leader = int(np.isfinite(self.stall_margin).sum()) - 1
         hint = f"; {self.layout.unit_hint}" if self.layout.unit_hint else ""
         return (
-            f"{self.outcome.explanation} (domino {leader} led; {self.hit} of "
-            f"{len(self.arrival_times)} were struck, {self.toppled} toppled){hint}."
+            f"{self.outcome.explanation} (leading domino {leader}; {self.hit} of "
+            f"{len(self.arrival_times)} were hit, {self.toppled} toppled){hint}."
         )
 
 

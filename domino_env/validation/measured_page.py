@@ -21,7 +21,8 @@ from domino_env.validation.source import UNITS
 
 PLOT, PAGE = "measured.png", "measured.md"
 COLUMNS = (
-    "spacing", "measured", "model", "model/measured", "deviation", "friction alone", "predicted",
+    "gap or pitch", "measured", "model", "model/measured", "deviation", "friction alone",
+    "predicted",
 )  # fmt: skip
 READINGS = (
     "reading or effect", "on speeds", "friction", "largest deviation", "χ²", "explained",

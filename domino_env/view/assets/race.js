@@ -224,8 +224,8 @@
     });
     const note = document.createElement("li");
     const lost = racer.flush_loss < 5e-5 ? "less than 0.01" : (racer.flush_loss * 100).toFixed(2);
-    const flushes = !racer.flushes ? "" : racer.flushes === 1 ? ` One flush takes ${lost} % of the front's speed.`
-      : ` ${racer.flushes} flushes, the largest takes ${lost} % of the front's speed.`;
+    const flushes = !racer.flushes ? "" : racer.flushes === 1 ? ` One face impact takes ${lost} % of the leading domino's speed.`
+      : ` ${racer.flushes} face impacts, the largest takes ${lost} % of the leading domino's speed.`;
     note.textContent = `${racer.name}: ${racer.explanation} Relative error of the times below ${racer.error.toExponential(0)}.${flushes}`;
     $("notes").append(note);
   });
@@ -281,7 +281,7 @@
     $("budgetname").textContent = `Where the energy goes: ${racers[0].name} [mJ]`;
     chart("budget", e.time, [{ name: "given by gravity", values: milli(e.released) }, { name: "kinetic", values: milli(e.kinetic) },
       { name: "lost to hits", values: milli(e.hits) }, { name: "lost to friction", values: milli(e.friction) },
-      ...(racers[0].flushes ? [{ name: "lost to flushes", values: milli(e.flushes) }] : [])], "time [s]");
+      ...(racers[0].flushes ? [{ name: "lost in face impacts", values: milli(e.flushes) }] : [])], "time [s]");
     curves("search", "Search: best score so far", (r) => r.trace, true, "seconds of search");
     curves("learning", "Learning: score of the agent's layout during training", (r) => r.learning, false, "dominoes placed");
     const side = racers.flatMap((r, k) => {

@@ -48,7 +48,7 @@ def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, file
     )
     speeds = np.diff(wave.layout.positions) / np.diff(wave.arrival_times)
     assert [float(cells[4]) for cells in table[1:4]] == pytest.approx(speeds[:3], abs=1e-4)
-    assert "PROPAGATED: the wave ran through" in text
+    assert "PROPAGATED: the wave completed" in text
     assert f"mean speed {wave.mean_speed:.6f} m/s over 0.1060 m" in text
     assert "relative error of the times below" in text
 

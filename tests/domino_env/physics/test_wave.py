@@ -126,7 +126,7 @@ def test_a_wave_that_stops_says_where_and_what_to_do():
     assert 0.0 < wave.reach < 1.0
     assert wave.stall_margin[wave.hit - 1] == 0.0
     assert np.isnan(wave.stall_margin[wave.hit :]).all()
-    assert f"domino {wave.hit - 1} led" in wave.explanation
+    assert f"leading domino {wave.hit - 1};" in wave.explanation
     assert "push harder" in wave.explanation
 
 
