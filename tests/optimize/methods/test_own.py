@@ -40,11 +40,12 @@ number = 3
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch) -> Path:
     """The working folder, with a module in it; what Python has loaded is forgotten afterwards."""
+    others = [path for path in sys.path if path == "" or (Path(path) / "my_methods.py").exists()]
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path not in others])
     (tmp_path / "my_methods.py").write_text(MINE)
     (tmp_path / "my_broken.py").write_text("import no_such_thing_here")
     (tmp_path / "my_typo.py").write_text("def run(")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [p for p in sys.path if p != ""])
     for name in ("my_methods", "my_broken", "my_typo"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     return tmp_path
