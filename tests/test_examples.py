@@ -1,4 +1,4 @@
-"""Examples: short trainings improve the policy."""
+"""Examples: short trainings improve the policy; the tables of pages are those of their programs."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-pytest.importorskip("stable_baselines3")
-
 from domino_env import load_test_set
+from domino_env.core.tables import fill
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+ROOT = Path(__file__).parent.parent
+EXAMPLES = ROOT / "examples"
 
 
 def loaded(name: str) -> ModuleType:
@@ -33,9 +33,23 @@ def loaded(name: str) -> ModuleType:
 def test_an_example_learns(
     name: str, short: int, longer: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    pytest.importorskip("stable_baselines3")
     example, scenes = loaded(name), load_test_set("varied")[:20]
     monkeypatch.setattr(example, "NUM_ENVS", 64)
     before, after = (example.gains(example.train(much), scenes) for much in (short, longer))
     assert after.shape == (20,)
     assert after.mean() > before.mean()
     assert np.all((after >= -1.0) & (after < 0.1))
+
+
+def test_the_page_of_the_bathtub_has_the_numbers_of_its_program() -> None:
+    """`python examples/why_the_bathtub_wins.py --write` updates it."""
+    example, page = loaded("why_the_bathtub_wins"), (ROOT / "docs" / "why.md").read_text("utf-8")
+    assert fill(page, example.cheap_tables()) == page
+    shown = example.other_scenes(cases={"40 dominoes": example.SPRINT})[-1]
+    assert shown in page
+    gap, steady = example.clock_started_late(), example.endless_gap(0.25)
+    assert f"{1e3 * gap:.1f} mm as well" in page.replace("\n", " ")
+    assert abs(gap - steady) < 1e-4
+    assert len(example.draw_map(8).axes) == 2
+    assert len(example.draw_gaps(budget=20).axes[0].lines) == 2 * len(example.FRICTIONS)

@@ -1,0 +1,292 @@
+"""Why the best layouts have wide gaps at both ends and narrow ones in between.
+
+    python examples/why_the_bathtub_wins.py          # prints the tables of docs/why.md
+    python examples/why_the_bathtub_wins.py --write  # writes them and the two pictures there
+
+It takes half a minute. Chains are those of the scene `sprint` unless a column says otherwise.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+import domino_env as de
+from domino_env.core.colours import COLOURS, INK, PALE
+from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
+from domino_env.core.tables import fill, markdown_table
+from optimize import search
+from optimize.experiments.best_known import best_known
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+SPRINT, BEST = de.load_scene("sprint"), best_known()["sprint"].layout.spacing
+THICKNESS, NARROW, WIDE = 0.0075, 0.002, 0.040  # [m]
+PARTS = {
+    "start, 1 to 8": slice(0, 8),
+    "middle, 9 to 28": slice(8, 28),
+    "end, 29 to 39": slice(28, 39),
+}
+START = 12  # gaps that are free where the end effect is excluded
+FRICTIONS = (0.0, 0.1, 0.25, 0.5)
+BEHIND = 60  # dominoes that are added behind a layout
+BUDGET = 2000  # evaluations of a search
+
+
+def simulate(spacing, physics=SPRINT.physics):
+    return de.simulate(de.Layout(spacing, THICKNESS), physics)
+
+
+def percent(speed, reference):
+    return f"{speed / reference - 1.0:+.2%}"
+
+
+# what each part contributes -----------------------------------------------------------------------
+
+
+def parts():
+    """Apply each part of the best known layout alone, and leave it out; count its lead."""
+    equal = SPRINT.uniform()
+    gaps = {"equal": equal.layout.spacing, "best": BEST}
+    lead = {}  # [m] over a runner with the speed of the equal gaps
+    for name, spacing in gaps.items():
+        times = np.diff(simulate(spacing).arrival_times)
+        lead[name] = spacing + THICKNESS - equal.score * times
+    rows = []
+    for name, part in PARTS.items():
+        alone, without = gaps["equal"].copy(), BEST.copy()
+        alone[part], without[part] = BEST[part], gaps["equal"][part]
+        speeds = [percent(simulate(one).mean_speed, equal.score) for one in (alone, without)]
+        ahead = [f"{1e3 * lead[one][part].sum():+.1f}" for one in gaps]
+        rows.append((name, *speeds, *ahead))
+    speed = percent(simulate(BEST).mean_speed, equal.score)
+    rows.append(("all", speed, "+0.00%", *(f"{1e3 * lead[one].sum():+.1f}" for one in gaps)))
+    names = ("gaps", "applied alone", "all but these", "lead, equal gaps [mm]", "lead, best [mm]")
+    return markdown_table(names, rows)
+
+
+def fastest(sizes, starts, physics=SPRINT.physics):
+    """Return the fastest spacing whose groups of gaps are equal, by local searches."""
+    first = np.cumsum([0, *sizes[:-1]])
+
+    def negative_speed(values):
+        wave = de.simulate(
+            de.Layout(np.repeat(1e-3 * values, sizes), THICKNESS), physics, gradient=True
+        )
+        if wave.outcome is not de.Outcome.PROPAGATED:
+            return 0.0, np.zeros(len(values))
+        gradient = np.add.reduceat(wave.gradient("speed").spacing, first)
+        return -wave.mean_speed, -1e-3 * gradient
+
+    bounds = [(1e3 * NARROW, 1e3 * WIDE)] * len(sizes)
+    ends = (
+        minimize(negative_speed, 1e3 * start[first], jac=True, method="L-BFGS-B", bounds=bounds)
+        for start in starts
+    )
+    return np.repeat(1e-3 * min(ends, key=lambda end: end.fun).x, sizes)
+
+
+def only_the_start(count, gap, physics=SPRINT.physics):
+    """Return the fastest spacing of which all gaps but the first twelve are equal."""
+    sizes = [1] * START + [count - 1 - START]
+    rest = (np.full(count - 1 - START, factor * gap) for factor in (1.0, 0.6, 0.4))
+    starts = [np.r_[BEST[:START], gaps] for gaps in rest]
+    return fastest(sizes, starts, physics)
+
+
+def freedom():
+    """Return gains if only some gaps may differ from the others."""
+    equal, count = SPRINT.uniform(), SPRINT.count - 1
+    gap = equal.layout.spacing[0]
+    rows = []
+    for name, first, last in (
+        ("the first", 1, 0), ("the first 12", START, 0), ("the first 27", 27, 0),
+        ("the last 3", 0, 3), ("the last 12", 0, 12), ("all", count, 0),
+    ):  # fmt: skip
+        sizes = [1] * first + [count - first - last] * (first + last < count) + [1] * last
+        starts = []
+        for middle, end in ((0.6 * gap, BEST), (gap, BEST), (gap, np.roll(BEST, 2))):
+            start = np.full(count, middle)
+            start[:first], start[count - last :] = BEST[:first], end[count - last :]
+            starts.append(start)
+        spacing = fastest(sizes, starts)
+        rows.append((name, percent(simulate(spacing).mean_speed, equal.score)))
+    return markdown_table(("gaps that may differ", "gain"), rows)
+
+
+def continued():
+    """Return what happens if the chain goes on behind its last domino with the equal gaps."""
+    equal = SPRINT.uniform()
+    gap = equal.layout.spacing[0]
+    layouts = {
+        "equal gaps": equal.layout.spacing,
+        "best known": BEST,
+        "start free, rest equal": only_the_start(SPRINT.count, gap),
+    }
+    ends = SPRINT.count - 1, SPRINT.count + 2, SPRINT.count - 1 + BEHIND
+    leads, rows = {}, []
+    for name, spacing in layouts.items():
+        spacing = np.r_[spacing, np.full(BEHIND, gap)]
+        wave, positions = simulate(spacing), de.Layout(spacing, THICKNESS).positions
+        speeds = positions[list(ends)] / wave.arrival_times[list(ends)]
+        leads[name] = speeds
+        gains = [percent(a, b) for a, b in zip(speeds, leads["equal gaps"], strict=True)]
+        released = wave.release_velocity[SPRINT.count - 1]
+        rows.append((name, f"{released:.1f} rad/s", *gains))
+    names = ("first 39 gaps", "last domino starts with", *(f"to domino {end + 1}" for end in ends))
+    return markdown_table(names, rows)
+
+
+# equal gaps ---------------------------------------------------------------------------------------
+
+
+def equal_gaps():
+    """Return why forty dominoes prefer wider gaps than an endless chain."""
+    rows = []
+    for gap in (0.003, 0.006, 0.011, 0.018, 0.025):
+        steady = de.steady_wave(gap + THICKNESS, THICKNESS, physics=SPRINT.physics).speed
+        forty, wave = (simulate(np.full(count, gap)) for count in (SPRINT.count - 1, 300))
+        numbers = ["stops", "0", "–", "–"]
+        if forty.outcome is de.Outcome.PROPAGATED:
+            settled = np.flatnonzero(wave.local_speed < 0.99 * steady)[-1] + 1
+            lost = wave.arrival_times[-1] - 300 * (gap + THICKNESS) / steady
+            slowest = forty.release_velocity.min()
+            numbers = [f"{forty.mean_speed:.3f}", f"{slowest:.1f}", settled, f"{1e3 * lost:.0f}"]
+        lean = np.degrees(np.arcsin(gap / SPRINT.height))
+        rows.append((f"{1e3 * gap:g}", f"{lean:.1f}°", f"{steady:.3f}", *numbers))
+    names = ("gap [mm]", "lean at the hit", "endless chain [m/s]", "forty dominoes [m/s]")
+    names += ("slowest start of a domino [rad/s]", "dominoes to within 1 % of steady")
+    return markdown_table((*names, "time lost at the start [ms]"), rows)
+
+
+def clock_started_late(late=200):
+    """Return the fastest equal gap [m] of forty dominoes that follow many others."""
+    gaps, last = np.arange(0.001, 0.025, 0.0001), late + SPRINT.count - 1
+    spacing = np.repeat(gaps[:, None], last, axis=1)
+    times = de.simulate_batch(spacing, THICKNESS, de.Physics(push=60.0)).arrival_times
+    return gaps[np.argmax((gaps + THICKNESS) / (times[:, last] - times[:, late]))]
+
+
+def endless_gap(friction):
+    """Return the gap of the fastest endless chain [m]."""
+    physics = de.Physics(friction=friction)
+    gaps = np.arange(0.0005, 0.012, 0.00001)
+    return gaps[np.argmax(de.steady_wave(gaps + THICKNESS, THICKNESS, physics=physics).speed)]
+
+
+# other scenes -------------------------------------------------------------------------------------
+
+
+def scenes():
+    """Return the scenes of the last table by name, one change of `sprint` each."""
+    friction, push = SPRINT.physics.friction, SPRINT.physics.push
+    cases = {f"{n} dominoes": SPRINT.replace(count=n) for n in (20, 40, 100)}
+    cases["1000 dominoes"] = de.load_scene("marathon")
+    for mu in (0.0, 0.1, 0.4, 0.5):
+        cases[f"friction {mu:g}"] = SPRINT.replace(physics=de.Physics(friction=mu, push=push))
+    for omega in (3.0, 30.0):
+        physics = de.Physics(friction=friction, push=omega)
+        cases[f"push {omega:g} rad/s"] = SPRINT.replace(physics=physics)
+    cases["length 998 mm"] = SPRINT.replace(length=SPRINT.uniform().layout.length)
+    return cases
+
+
+def best_layout(name, scene, budget):
+    """Return the best known layout, or that of a search."""
+    record = {"40 dominoes": "sprint", "1000 dominoes": "marathon"}.get(name)
+    if record:
+        return best_known()[record].layout
+    return search(scene, budget=budget, seed=0).layout
+
+
+def other_scenes(budget=BUDGET, cases=None):
+    """Return baseline and gains, with and without the end effect, of other scenes."""
+    rows = []
+    for name, scene in (cases or scenes()).items():
+        equal = scene.uniform()
+        gap = equal.layout.spacing[0]
+        best = best_layout(name, scene, budget)
+        speed = scene.simulate(best).mean_speed
+        start = ("–", "–")
+        if not scene.length:
+            spacing = only_the_start(scene.count, gap, scene.physics)
+            gain = percent(simulate(spacing, scene.physics).mean_speed, equal.score)
+            start = (f"{1e3 * spacing[-1]:.1f}", gain)
+        middle = f"{1e3 * np.median(best.spacing):.1f}"
+        numbers = f"{1e3 * gap:.1f}", f"{equal.score:.3f}", middle, percent(speed, equal.score)
+        rows.append((name, *numbers, *start))
+    names = ("chain", "best equal gap [mm]", "its speed [m/s]", "best layout: median gap [mm]")
+    names += ("its gain", "first 12 free: equal gap of the rest [mm]", "its gain")
+    return markdown_table(names, rows)
+
+
+# pictures -----------------------------------------------------------------------------------------
+
+
+def draw_gaps(budget=BUDGET):
+    """Draw the best gaps along the chain for several frictions."""
+    figure = new_figure(7.5, 3.6)
+    axes = figure.add_subplot()
+    style(axes, "The fastest layouts of forty dominoes, push 8 rad/s")
+    for friction, colour in zip(FRICTIONS, COLOURS, strict=False):
+        scene = SPRINT.replace(physics=de.Physics(friction=friction, push=SPRINT.physics.push))
+        spacing = BEST if scene == SPRINT else search(scene, budget=budget, seed=0).layout.spacing
+        equal = 1e3 * scene.uniform().layout.spacing[0]
+        number = np.arange(1, len(spacing) + 1)
+        axes.plot(number, 1e3 * spacing, ".-", color=colour, label=f"friction {friction:g}")
+        axes.axhline(equal, color=colour, linewidth=0.8, linestyle=":")
+    axes.set_xlabel("number of the gap from the pushed domino; dotted: the best equal gap")
+    axes.set_ylabel("gap [mm]")
+    axes.set_ylim(0.0, 42.0)
+    axes.legend(**LEGEND, ncols=2, loc="upper center")
+    return figure
+
+
+def draw_map(size=240):
+    """Draw speed over equal gap and push; grey where the wave stops."""
+    gaps = np.linspace(0.0005, 0.047, size)
+    pushes = np.linspace(0.5, 16.0, size)
+    spacing = np.repeat(gaps[:, None], SPRINT.count - 1, axis=1)
+    speed = np.full((size, size), np.nan)
+    for line, push in zip(speed, pushes, strict=True):
+        waves = de.simulate_batch(spacing, THICKNESS, de.Physics(push=push))
+        complete = waves.outcome == de.Outcome.PROPAGATED
+        line[complete] = waves.mean_speed[complete]
+    figure = new_figure(7.5, 3.9)
+    axes = figure.add_subplot()
+    style(axes, "Forty dominoes with equal gaps, friction 0.25: mean speed")
+    axes.grid(visible=False)
+    axes.set_facecolor(PALE)
+    image = axes.pcolormesh(1e3 * gaps, pushes, speed, cmap="viridis", rasterized=True)
+    completing = ~np.isnan(speed).all(axis=1)
+    best = gaps[np.nanargmax(speed[completing], axis=1)]
+    axes.plot(1e3 * best, pushes[completing], color=INK, linewidth=1.5)
+    axes.annotate("fastest gap for each push", (19.5, 7.5), color=INK, size=9)
+    axes.annotate("stops", (1.5, 0.9), color=INK, size=9)
+    axes.set_xlabel("gap between neighbours [mm]")
+    axes.set_ylabel("push: angular velocity of the first domino [rad/s]")
+    figure.colorbar(image, label="mean speed [m/s]")
+    return figure
+
+
+def cheap_tables():
+    """Return the tables that need no search."""
+    return {"parts": parts(), "freedom": freedom(), "continued": continued(), "equal": equal_gaps()}
+
+
+if __name__ == "__main__":
+    tables = cheap_tables() | {"others": other_scenes()}
+    print("\n\n".join("\n".join(table) for table in tables.values()))
+    print(f"\nclock started at domino 200: best equal gap {1e3 * clock_started_late():.1f} mm")
+    wide = de.steady_wave(0.035 + THICKNESS, THICKNESS, physics=SPRINT.physics).speed
+    print(f"endless chain with gaps of 35 mm: {wide:.3f} m/s")
+    print("local speeds of the best layout:", *np.round(simulate(BEST).local_speed, 2))
+    for mu in (0.0, 0.1, 0.25, 0.5):
+        print(f"friction {mu:g}: an endless chain prefers {1e3 * endless_gap(mu):.2f} mm")
+    if "--write" in sys.argv:
+        page = DOCS / "why.md"
+        page.write_text(fill(page.read_text("utf-8"), tables), "utf-8")
+        write_png(draw_gaps(), DOCS / "why-gaps.png")
+        write_png(draw_map(), DOCS / "why-map.png")
