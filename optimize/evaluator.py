@@ -10,12 +10,13 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
+from domino_env.rigid.simulation import StoppedError
 from optimize.executors import loss_as_error
 from optimize.journal import Journal
 from optimize.problem import Problem, Scores
@@ -137,8 +138,10 @@ class Evaluator:
         self._journal = journal
         self._executor = executor
         self._piece = min(max(8, PIECE // problem.dominoes), MOST_DESIGNS)
+        self._stop: Callable[[], bool] | None = None
         if max_seconds is not None and problem.scene.floor_friction is not None:
-            self._piece = min(self._piece, allowed_threads())  # each may take a second
+            self._piece = min(self._piece, allowed_threads())  # each may take seconds
+            self._stop = self._is_late
         self._clock = clock
         self._before = self._replayed = 0.0  # [s] spent before the search, and at the last replay
         self._since = clock()
@@ -188,6 +191,10 @@ class Evaluator:
                     f"{self.tolerance:g}); as long again, by --seconds, may gain as much"
                 )
         return ""
+
+    def _is_late(self) -> bool:
+        limit = self.max_seconds
+        return limit is not None and bool(self.finalists) and self.seconds >= limit
 
     @property
     def late_gain(self) -> float:
@@ -291,13 +298,16 @@ class Evaluator:
             size = int(min(most, len(designs) - at, self.remaining))
             pieces = [designs[i : min(i + step, at + size)] for i in range(at, at + size, step)]
             answers = self._answers(pieces, gradient, rtol or self.problem.rtol, relaxed)
-            for piece, scores in zip(pieces, answers, strict=True):
-                self._count(scores)
-                if gradient and differences:
-                    self.problem.fill_gradients(piece, scores, self.evaluate)
-                self._note(scores, piece.__getitem__)
-                found.append(scores)
-                at += len(piece)
+            try:
+                for piece, scores in zip(pieces, answers, strict=True):
+                    self._count(scores)
+                    if gradient and differences:
+                        self.problem.fill_gradients(piece, scores, self.evaluate)
+                    self._note(scores, piece.__getitem__)
+                    found.append(scores)
+                    at += len(piece)
+            except StoppedError:  # amid a simulation of seconds
+                raise BudgetSpent(self.stop_reason) from None
         return found[0] if len(found) == 1 else _joined(found)
 
     def lateness(self, design: Floats) -> tuple[Scores, Floats, Floats]:
@@ -368,10 +378,12 @@ class Evaluator:
             pieces.pop(0)
             yield _unpacked(known)
         if gradient:
-            options = {"differences": False, "relaxed": relaxed}
-            found = (self.problem.evaluate(piece, True, **options) for piece in pieces)
+            evaluate = partial(
+                self.problem.evaluate, differences=False, relaxed=relaxed, stop=self._stop
+            )
+            found = (evaluate(piece, True) for piece in pieces)
         else:
-            found = simulate_pieces(self.problem, pieces, rtol, self._executor)
+            found = simulate_pieces(self.problem, pieces, rtol, self._executor, self._stop)
         for piece, scores in zip(pieces, found, strict=True):
             self._keep(kind, piece, _packed(scores))
             yield scores
@@ -415,7 +427,11 @@ class Evaluator:
 
 
 def simulate_pieces(
-    problem: Problem, pieces: Sequence[Floats], rtol: float, executor: Executor | None
+    problem: Problem,
+    pieces: Sequence[Floats],
+    rtol: float,
+    executor: Executor | None,
+    stop: Callable[[], bool] | None = None,
 ) -> Iterator[Scores]:
     """Score pieces of designs here or, where there are enough of them, by an executor.
 
@@ -431,6 +447,8 @@ def simulate_pieces(
         Relative error allowed in the arrival times.
     executor
         The executor; None for this process.
+    stop
+        As of `Problem.evaluate`, in this process.
 
     Yields
     ------
@@ -445,7 +463,7 @@ def simulate_pieces(
     per_task = max(1, round(TASK / (problem.dominoes * len(pieces[0])))) if pieces else 1
     tasks = [pieces[i : i + per_task] for i in range(0, len(pieces), per_task)]
     if executor is None or len(tasks) < 2:
-        yield from (problem.evaluate(piece, rtol=rtol) for piece in pieces)
+        yield from (problem.evaluate(piece, rtol=rtol, stop=stop) for piece in pieces)
         return
     pickled = pickle.dumps(problem)
     futures = [executor.submit(run_task, pickled, task, rtol) for task in tasks]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -129,6 +129,7 @@ class Problem(DesignSpace):
         rtol: float | None = None,
         differences: bool = True,
         relaxed: bool = False,
+        stop: Callable[[], bool] | None = None,
     ) -> Scores:
         """Simulate design vectors and score them; higher is better.
 
@@ -150,6 +151,8 @@ class Problem(DesignSpace):
         relaxed
             Differentiate by values from a list or the stock as if they could move; otherwise
             these derivatives are 0.
+        stop
+            As of `simulate_standing`, for scenes with a floor; None for no such end.
 
         Returns
         -------
@@ -160,20 +163,23 @@ class Problem(DesignSpace):
         ------
         ValueError
             For another shape, or entries outside of [0, 1].
+        StoppedError
+            Where `stop` returned True.
         """
         designs = np.asarray(designs, dtype=np.float64)
         if designs.ndim == 1:
             return self.evaluate(
-                self.one(designs), gradient, rtol=rtol, differences=differences, relaxed=relaxed
-            ).of_one()
+                self.one(designs), gradient,
+                rtol=rtol, differences=differences, relaxed=relaxed, stop=stop,
+            ).of_one()  # fmt: skip
         designs = self.checked(designs)
         values = self.values(designs)
-        spacing, thickness, height = self.split(values)
+        sizes = self.split(values)
+        rtol = GRADIENT_RTOL if gradient else rtol or self.rtol
+        batch = replace(self.scene.batch(*sizes, rtol), stop=stop)
         if not gradient:
-            batch = self.scene.batch(spacing, thickness, height, rtol or self.rtol)
             result = self.scene.evaluate(batch)
             return Scores(result.score, result.reach, result.falls)
-        batch = self.scene.batch(spacing, thickness, height, GRADIENT_RTOL)
         result = self.scene.evaluate(batch, gradient=True)
         assert result.gradient is not None
         gradients = self.design_gradient(designs, values, result.gradient, relaxed=relaxed)

@@ -19,11 +19,12 @@ from domino_env.physics.wave import Wave
 from domino_env.rigid.simulation import simulate_standing
 from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import gain, uniform_layouts
+from domino_env.scenes.uniform import UniformBaseline, gain, uniform_layouts
+from domino_env.scenes.waves import Waves
 from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator
 from optimize.journal import Journal
 from optimize.methods import registry
-from optimize.problem import Problem
+from optimize.problem import Problem, Scores
 from optimize.result import SearchResult
 from optimize.run_folder import JOURNAL, RunFolder
 
@@ -52,6 +53,7 @@ def search(
     executor: Executor | None = None,
     resume: bool = False,
     clock: Callable[[], float] = time.perf_counter,
+    spent: float = 0.0,
 ) -> SearchResult:
     """Search for a layout of a scene that is better than the uniform baseline.
 
@@ -75,7 +77,8 @@ def search(
         or none (not with one of seconds), for any number of threads.
     seconds
         Time that may be spent [s], that of the uniform baseline included where the scene object
-        does not know it yet; None for no limit.
+        does not know it yet; None for no limit. On a floor, the best uniform layout counts as the
+        first evaluation.
     tolerance
         Relative gain of the second half of the evaluations below which a search ends, after at
         least some 10 s (for up to 250 dominoes), and after at most some 14 s times 1e-4 over the
@@ -96,6 +99,9 @@ def search(
     clock
         Returns the seconds of a search, such as `time.process_time`: processor time, which does not
         include other work of the machine.
+    spent
+        Time that counts as spent before the search [s], such as that of a uniform baseline which
+        several searches share.
 
     Returns
     -------
@@ -142,7 +148,7 @@ def search(
             stack.callback(journal.close)
         compile_for(scene, gradients=True)
         began = clock()
-        uniform = scene.uniform(None if seconds is None else BASELINE_SHARE * seconds)
+        uniform = find_baseline(scene, seconds)
         show = stack.enter_context(progress_line(scene, method, progress))
 
         def after_batch(evaluator: Evaluator) -> None:
@@ -157,7 +163,9 @@ def search(
             tolerance=tolerance, callback=after_batch, journal=journal, executor=executor,
             clock=clock,
         )  # fmt: skip
-        evaluator.add_seconds(clock() - began)
+        evaluator.add_seconds(spent + clock() - began)
+        if seconds is not None and scene.floor_friction is not None:
+            _record_baseline(evaluator, uniform)
         _announce_duration(evaluator)
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
@@ -174,7 +182,7 @@ def search(
         if interrupted:
             raise KeyboardInterrupt
         raise ValueError(f"method '{method}' ended without asking its evaluator for a score")
-    layout, wave, score = _best(scene, evaluator)
+    layout, wave, score = _best(scene, evaluator, uniform)
     end = (evaluator.evaluations, evaluator.falls, took, evaluator.best_score)
     result = SearchResult(
         scene=scene,
@@ -195,6 +203,25 @@ def search(
     if files is not None:
         files.finish(result)
     return result
+
+
+def find_baseline(scene: Scene, seconds: float | None) -> UniformBaseline:
+    """Return the uniform baseline of a scene, found within the limit [s] of a search."""
+    return scene.uniform(None if seconds is None else BASELINE_SHARE * seconds)
+
+
+def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
+    """Make the uniform baseline the first evaluation, unless its gaps are on no list of the scene.
+
+    A free-standing layout may take longer than the time that is left.
+    """
+    problem = evaluator.problem
+    design = problem.design(uniform.layout)
+    again = problem.layout(design)
+    if np.allclose(again.pitch, uniform.layout.pitch, rtol=0.0, atol=1e-12):
+        found = Waves.of_waves([uniform.wave], problem.scene.count)
+        score = np.array([uniform.score])
+        evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), found.falls), lambda _: design)
 
 
 def _announce_duration(evaluator: Evaluator) -> None:
@@ -269,13 +296,17 @@ def progress_line(scene: Scene, method: str, shown: bool | None) -> Iterator[Cal
         yield update
 
 
-def _best(scene: Scene, evaluator: Evaluator) -> tuple[Layout, Wave, float]:
+def _best(
+    scene: Scene, evaluator: Evaluator, uniform: UniformBaseline
+) -> tuple[Layout, Wave, float]:
     """Simulate the finalists closely and return the best of them.
 
     Near a stall, a wave may complete at the tolerance of the search and not at a closer one.
     """
     if scene.floor_friction is not None:  # free-standing scores have one tolerance
         score, design = evaluator.finalists[-1]
+        if score == uniform.score:
+            return uniform.layout, uniform.wave, score
         layout = evaluator.problem.layout(design)
         return layout, scene.simulate(layout), score
     layouts = [evaluator.problem.layout(design) for _, design in reversed(evaluator.finalists)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -135,6 +136,10 @@ def largest_difference(times: Floats, others: Floats) -> float:
     return float(np.max(np.abs(times[struck] / others[struck] - 1.0), initial=0.0))
 
 
+class StoppedError(Exception):
+    """Raised by a simulation whose `stop` returned True."""
+
+
 def simulate_standing(
     layout: Layout,
     physics: Physics | None = None,
@@ -142,6 +147,7 @@ def simulate_standing(
     rtol: float = 1e-3,
     *,
     progress: bool | None = False,
+    stop: Callable[[], bool] | None = None,
 ) -> RigidWave:
     """Simulate rigid bodies that stand free on a floor, or turn about fixed pivots.
 
@@ -162,6 +168,9 @@ def simulate_standing(
         Relative error allowed in the arrival times, 1e-5 or more: steps are halved until it is met.
     progress
         True shows a progress bar, None one on a terminal or a line every half minute elsewhere.
+    stop
+        Called before every some 0.1 s of the simulation, which ends where it returns True; None
+        for no such end.
 
     Returns
     -------
@@ -173,6 +182,8 @@ def simulate_standing(
     ValueError
         For a friction or tolerance out of its range, and for a layout that would take more than
         half an hour.
+    StoppedError
+        Where `stop` returned True.
     ArithmeticError
         Where a velocity is not a number, which no layout is known to cause.
 
@@ -193,11 +204,11 @@ def simulate_standing(
         require("floor_friction", floor_friction, 0.0, hint="None for fixed pivots")
         floor_friction = float(floor_friction)
     require("rtol", rtol, 1e-5, below=1.0, hint="1e-3 is quick")
-    run, steps = _run(layout, physics, floor_friction, COARSEST, progress)
+    run, steps = _run(layout, physics, floor_friction, COARSEST, progress, stop)
     fineness, largest = COARSEST, 0.0
     while fineness > FINEST:
         fineness /= 2.0
-        finer, steps = _run(layout, physics, floor_friction, fineness, progress)
+        finer, steps = _run(layout, physics, floor_friction, fineness, progress, stop)
         # an error halves with the steps; a change smaller than that may be small by chance
         largest = max(largest_difference(run.arrivals, finer.arrivals), 0.5 * largest)
         uncertainty = SAFETY * largest + GRAIN * fineness
@@ -262,6 +273,7 @@ def _run(
     floor: float | None,
     fineness: float,
     progress: bool | None = False,
+    stop: Callable[[], bool] | None = None,
 ) -> tuple[dynamics.Record, int]:
     """Simulate with steps of one fineness; return the results and the number of steps."""
     count, height, thickness = layout.count, layout.height, layout.thickness
@@ -292,6 +304,8 @@ def _run(
         progress, total=count, desc=words, unit=" dominoes", leave=False, delay=1.0
     ) as bar:
         while status == dynamics.RUNNING:  # in pieces, between which Python handles signals
+            if stop is not None and stop():
+                raise StoppedError
             status = advance(chain, setting, state, record, STEPS_AT_ONCE)
             struck = int(state.run["leader"][0]) + 1
             bar.update(struck - bar.n)

@@ -339,9 +339,9 @@ class Scene(Specification):
 def _find_baseline(
     scene: Scene, known: tuple[float, float] | None, seconds: float | None = None
 ) -> UniformBaseline:
-    layout = best_uniform(scene, known, seconds)
+    layout, score = best_uniform(scene, known, seconds)
     wave = scene.simulate(layout)
-    return UniformBaseline(layout, wave, scene.score(wave))
+    return UniformBaseline(layout, wave, scene.score(wave) if score is None else score)
 
 
 _baseline = lru_cache(maxsize=32)(_find_baseline)

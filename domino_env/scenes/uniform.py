@@ -21,6 +21,7 @@ from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats, unique_points
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
+from domino_env.rigid.simulation import StoppedError
 from domino_env.scenes.specification import Specification
 from domino_env.scenes.uniform_layouts import UniformLayouts
 
@@ -106,7 +107,7 @@ def best_uniform(
     scene: Specification,
     known: tuple[float, float] | None = None,
     seconds: float | None = None,
-) -> Layout:
+) -> tuple[Layout, float | None]:
     """Return the best layout of one pitch and one thickness within the scene's rules.
 
     The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
@@ -123,20 +124,35 @@ def best_uniform(
     known
         Result of `best_point`; None to find it.
     seconds
-        As of `best_point`.
+        Time after which the search on a floor ends, with the best so far [s]; at least one layout
+        is simulated. None for no limit.
+
+    Returns
+    -------
+    layout : Layout
+        The layout.
+    score : float or None
+        Its score where its search has found it on a floor; None where it has to be computed.
 
     Raises
     ------
     ValueError
         If the rules allow no uniform layout.
     """
-    point = known or _shipped_points().get(stamp(scene)) or best_point(scene, seconds=seconds)
-    return uniform_layouts(scene).layout(np.array(point))
+    layouts, score = uniform_layouts(scene), None
+    point = known or _shipped_points().get(stamp(scene))
+    if point is not None:
+        return layouts.layout(np.array(point)), None
+    if scene.count >= LONG:
+        notice(f"finding the uniform baseline of '{one_line(scene.name, 40)}' ...")
+    if scene.floor_friction is None:
+        found = best_point(scene)
+    else:
+        found, score = _best_standing(layouts, math.inf if seconds is None else seconds)
+    return layouts.layout(found), score
 
 
-def best_point(
-    scene: Specification, *, quick: bool = False, seconds: float | None = None
-) -> Floats:
+def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     """Return the two numbers (2,) of the best uniform layout, as of `UniformLayouts`.
 
     Parameters
@@ -146,8 +162,6 @@ def best_point(
     quick
         Simulate some hundred layouts instead of thousands: the gap has an error of 1 µm, and of
         two peaks of nearly the same height the lower one may be found.
-    seconds
-        Time after which no further layout is simulated on a floor [s]; None for no limit.
 
     Raises
     ------
@@ -165,11 +179,9 @@ def best_point(
     its best places, some distance apart, are the first that are simulated on the floor. The gap
     then has an error of about 0.3 mm, the speed, as the maximum is flat, of about 3e-4.
     """
-    if scene.count >= LONG and not quick:
-        notice(f"finding the uniform baseline of '{one_line(scene.name, 40)}' ...")
     layouts = uniform_layouts(scene)
     if scene.floor_friction is not None:
-        return _best_standing(layouts, math.inf if seconds is None else seconds)
+        return _best_standing(layouts, math.inf)[0]
     fineness = QUICK if quick else DRAWN if scene.criterion.simulates_anew else FULL
     points = grid(_axes(layouts, fineness))
     if layouts.steady and not quick and scene.count * len(points) > LARGEST_GRID:
@@ -192,19 +204,17 @@ def uniform_layouts(scene: Specification) -> UniformLayouts:
         return UniformLayouts(scene.replace(spacing_values=None, thickness_values=None))
 
 
-class _TimeUpError(Exception):
-    """The time of a search on a floor is up."""
-
-
-def _best_standing(layouts: UniformLayouts, seconds: float) -> Floats:
-    """Return the best point (2,) on a floor; after `seconds`, the best so far."""
+def _best_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats, float]:
+    """Return the best point (2,) on a floor and its score; after `seconds`, the best so far."""
     began, tried = time.perf_counter(), list[tuple[float, Floats]]()
+
+    def is_late() -> bool:
+        return bool(tried) and time.perf_counter() > began + seconds
 
     def score(points: Floats, _: float) -> Floats:
         for piece in np.array_split(points, -(-len(points) // allowed_threads())):
-            if tried and time.perf_counter() > began + seconds:
-                raise _TimeUpError
-            tried.extend(zip(layouts.scores(piece, STANDING.rtol).tolist(), piece, strict=True))
+            scores = layouts.scores(piece, STANDING.rtol, is_late)
+            tried.extend(zip(scores.tolist(), piece, strict=True))
         return np.array([value for value, _ in tried[-len(points) :]])
 
     analytic = UniformLayouts(layouts.scene.replace(floor_friction=None))
@@ -212,10 +222,12 @@ def _best_standing(layouts: UniformLayouts, seconds: float) -> Floats:
     cell = (layouts.high - layouts.low) / STANDING.line
     chosen = _distant(points, analytic.scores(points, FULL.rtol), cell, STANDING.line)
     try:
-        return _search(layouts, STANDING, score, points[chosen])
-    except _TimeUpError:
+        point = _search(layouts, STANDING, score, points[chosen])
+        return point, next(value for value, at in tried if np.array_equal(at, point))
+    except StoppedError:
         notice("the best uniform layout on the floor is approximate: its search reached its limit")
-        return max(tried, key=lambda one: one[0])[1]
+        best, point = max(tried, key=lambda one: one[0])
+        return point, best
 
 
 def _axes(layouts: UniformLayouts, fineness: Fineness) -> list[Floats]:
@@ -308,7 +320,7 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
     return best_uniform(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,
         limits=None, placement_deviation=0.0,
-    ))  # fmt: skip
+    ))[0]  # fmt: skip
 
 
 def stamp(scene: Specification) -> str:

@@ -7,6 +7,7 @@ rest of the long one is known.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -177,12 +178,14 @@ class UniformLayouts:
             or (scene.ground is not None and not scene.ground.is_even)
         )
 
-    def scores(self, points: Floats, rtol: float) -> Floats:
-        """Return (B,) scores of the layouts at points (B, 2)."""
+    def scores(self, points: Floats, rtol: float, stop: Callable[[], bool] | None = None) -> Floats:
+        """Return (B,) scores of the layouts at points (B, 2); `stop` as of `LayoutBatch`."""
         scene = self.scene
         piece = max(1, LARGEST_BATCH // (scene.count * scene.criterion.simulations_per_score))
         scores = [
-            scene.criterion.evaluate(scene.batch(spacing, thickness, height, rtol)).score
+            scene.criterion.evaluate(
+                replace(scene.batch(spacing, thickness, height, rtol), stop=stop)
+            ).score
             for i in range(0, len(points), piece)
             for spacing, thickness, height in [self.at(points[i : i + piece])]
         ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -42,6 +42,8 @@ class LayoutBatch:
         Relative tolerance of the arrival times.
     ground
         Ground on which they stand; None for flat ground.
+    stop
+        As of `simulate_standing`, where they stand free on a floor; None for no such end.
     """
 
     spacing: Floats
@@ -52,6 +54,7 @@ class LayoutBatch:
     physics: Physics
     rtol: float
     ground: Ground | None = None
+    stop: Callable[[], bool] | None = None
 
     __repr__ = brief
 

@@ -17,7 +17,7 @@ from domino_env.physics.wave import Wave
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.scene import Scene
 from optimize.evaluator import Evaluator, Step
-from optimize.searching import search
+from optimize.searching import compile_for, find_baseline, search
 
 Label = float | int | str
 Sizes = tuple[float, ...]
@@ -152,11 +152,10 @@ class Task:
         KeyboardInterrupt
             The search was interrupted: its result is not that of the task.
         """
-        scene = scene_of(self.scene)
-        scene.uniform()  # once for all runs in this process, so it counts in none
+        scene, spent = scene_with_baseline(self.scene, self.seconds, clock)
         result = search(
             scene, self.method, self.budget, self.seed, seconds=self.seconds,
-            progress=False, callback=callback, clock=clock,
+            progress=False, callback=callback, clock=clock, spent=spent,
         )  # fmt: skip
         if result.interrupted:
             raise KeyboardInterrupt
@@ -199,6 +198,21 @@ def describe_labels(labels: Mapping[str, Label]) -> str:
 def digest(values: list[object]) -> str:
     """Return a short digest of plain data."""
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:32]
+
+
+@lru_cache(CACHED_SCENES)
+def scene_with_baseline(
+    text: str, seconds: float | None, clock: Callable[[], float]
+) -> tuple[Scene, float]:
+    """Return a scene that knows its uniform baseline, and the time that the baseline took [s].
+
+    It is found once for all runs in this process, and counts into the limit of each.
+    """
+    scene = parse_scene(text, "scene", "scene")
+    compile_for(scene)
+    began = clock()
+    find_baseline(scene, seconds)
+    return scene, clock() - began
 
 
 @lru_cache(CACHED_SCENES)

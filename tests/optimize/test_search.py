@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numba
 import numpy as np
@@ -14,10 +15,12 @@ import pytest
 import domino_env as de
 import optimize
 from domino_env.core.threads import allowed_threads
+from domino_env.rigid import dynamics
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import gain
 from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize import METHODS, search
+from optimize.experiments.task import Task
 
 
 @pytest.mark.parametrize(("words", "message"), [
@@ -47,20 +50,46 @@ def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatc
     now, found = [0.0], Scene.uniform
 
     def slow(scene: Scene, seconds: float | None = None) -> object:
-        now[0] += 0.0 if seconds is None else 5.0
+        now[0] += 0.0 if "_uniform" in vars(scene) else 5.0
         return found(scene, seconds)
 
+    def clock() -> float:
+        return now[0]
+
     monkeypatch.setattr(Scene, "uniform", slow)
-    result = search(scenes["spacing"], "random", seconds=4.0, clock=lambda: now[0])
+    scene = replace(scenes["spacing"], count=8)
+    result = search(scene, "random", seconds=4.0, clock=clock)
     assert (result.ended, result.seconds) == ("limit of 4 s reached", 5.0)
+    tasks = [Task(scene.to_toml(), "random", seed, seconds=4.0) for seed in range(3)]
+    assert [task.run(clock=clock).seconds for task in tasks] == [5.0] * 3
+    assert now == [10.0]  # found once for all tasks
+
+
+@pytest.mark.parametrize("method", ["auto", "random"])
+def test_a_limit_ends_a_search_amid_a_simulation_on_a_floor(scenes, monkeypatch, method) -> None:
+    now, advance = [0.0], dynamics.advance
+
+    def slow(*arguments: object) -> object:
+        now[0] += 1.0  # each piece takes a second
+        return advance(*arguments)
+
+    monkeypatch.setattr(dynamics, "advance", slow)
+    monkeypatch.setattr(
+        "domino_env.scenes.uniform.time", SimpleNamespace(perf_counter=lambda: now[0])
+    )
+    scene = scenes["spacing"].replace(floor_friction=0.11, spacing=(0.01, 0.02))
+    result = search(scene, method, seconds=100.0, clock=lambda: now[0])
+    assert 100.0 <= result.seconds <= 100.0 + 2 * allowed_threads()
+    assert now[0] <= 100.0 + 4 * allowed_threads()  # threads end their pieces
 
 
 def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch) -> None:
     simulated, scores = [0], UniformLayouts.scores
 
-    def counted(layouts: UniformLayouts, points: np.ndarray, rtol: float) -> np.ndarray:
+    def counted(layouts: UniformLayouts, points: np.ndarray, *more: object) -> np.ndarray:
+        found = scores(layouts, points, *more)
         simulated[0] += len(points) if layouts.scene.floor_friction is not None else 0
-        return scores(layouts, points, rtol)
+        return found
 
     monkeypatch.setattr(UniformLayouts, "scores", counted)
     scene = scenes["spacing"].replace(floor_friction=0.31, count=5)

@@ -20,12 +20,19 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
 
     A layout completes if all its dominoes topple; else its reach is the part of the dominoes that
     topple from the first on.
+
+    Raises
+    ------
+    StoppedError
+        Where the `stop` of the batch returned True.
     """
     found: list[RigidWave | None] = [None] * len(batch)
 
     def simulate(first: int, last: int) -> None:
         for b in range(first, last):
-            found[b] = simulate_standing(batch.layout(b), batch.physics, floor_friction, RTOL)
+            found[b] = simulate_standing(
+                batch.layout(b), batch.physics, floor_friction, RTOL, stop=batch.stop
+            )
 
     if found:
         share_pieces(simulate, len(found), COST * batch.count)

@@ -212,6 +212,7 @@ def _refine(known: _Known, arms: list[LocalSearch], coefficients: Floats) -> Non
         left = [i for i, arm in enumerate(arms) if not arm.done]
         if not left:
             return
+        known.evaluator.require_more()
         wanted = np.array([arms[i].wanted for i in left])
         scores, gradients = known.corrected(wanted, coefficients[left])
         for i, score, gradient in zip(left, scores, gradients, strict=True):

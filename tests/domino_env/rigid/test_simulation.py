@@ -3,7 +3,6 @@
 import json
 import math
 import signal
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -136,10 +135,11 @@ def test_what_makes_no_sense_is_refused(arguments: dict[str, float], words: str)
 def test_a_long_simulation_is_interrupted_between_pieces_and_one_of_hours_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    layout = de.Layout.uniform(20_000, spacing=0.012)
-    threading.Timer(0.5, signal.raise_signal, [signal.SIGINT]).start()
+    layout, calls = de.Layout.uniform(20_000, spacing=0.012), iter([False, False, True])
+    with pytest.raises(simulation.StoppedError):
+        de.simulate_standing(layout, PHYSICS, stop=lambda: next(calls))
     with pytest.raises(KeyboardInterrupt):
-        de.simulate_standing(layout, PHYSICS)
+        de.simulate_standing(layout, PHYSICS, stop=lambda: signal.raise_signal(signal.SIGINT))
     monkeypatch.setattr(simulation, "LONGEST", 1.0)
     with pytest.raises(ValueError, match=r"20,000 .* \(floor 0.5\) would take about .* hours"):
         de.simulate_standing(layout, PHYSICS)
