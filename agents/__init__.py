@@ -5,7 +5,7 @@
     evaluate(run.folder).score
     design(scene).layout  # for a new scene, in milliseconds, by a policy that ships
 
-Policies build layouts in the environment DominoChain-v0 and are evaluated by the score of the
+Policies build layouts in the environment DominoChain-v1 and are evaluated by the score of the
 scene, as searches are. The import loads no torch; training needs the extra "rl":
 pip install "domino-chains[rl]".
 """

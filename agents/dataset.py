@@ -256,7 +256,7 @@ def write_episodes(
 
     env = DominoChainVector(1, distribution)
     returns = {}
-    single = gymnasium.make("DominoChain-v0", scene=distribution.name)
+    single = gymnasium.make("DominoChain-v1", scene=distribution.name)
     for quality in QUALITIES:
         buffers = []
         for i, (scene, layout) in enumerate(zip(scenes, layouts, strict=True)):

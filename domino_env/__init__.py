@@ -5,7 +5,7 @@
     layout = de.Layout.uniform(100, pitch=0.024, thickness=0.0075)
     wave = de.simulate(layout, de.Physics(friction=0.25, push=8.0))
 
-    env = gymnasium.make("DominoChain-v0", scene="sprint")
+    env = gymnasium.make("DominoChain-v1", scene="sprint")
 
 Names load when they are first used.  All that importing the package does is to register the
 environments with Gymnasium.

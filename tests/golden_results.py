@@ -203,7 +203,7 @@ class Actions:
 
 
 def single_episodes(digests: Digests, scene: str) -> None:
-    env = gymnasium.make("DominoChain-v0", scene=scene)
+    env = gymnasium.make("DominoChain-v1", scene=scene)
     start = None
     for episode in range(EPISODES + 1):
         options = {"layout": start} if episode == EPISODES else None
@@ -228,7 +228,7 @@ def single_episodes(digests: Digests, scene: str) -> None:
 def vector_episodes(digests: Digests, scene: str, mode: str) -> None:
     count = de.load_scene(scene).count
     env = gymnasium.make_vec(
-        "DominoChain-v0", num_envs=EPISODES, scene=scene,
+        "DominoChain-v1", num_envs=EPISODES, scene=scene,
         autoreset_mode=gymnasium.vector.AutoresetMode(mode),
     )  # fmt: skip
     actions = Actions(20, EPISODES, env.single_action_space.shape[0])  # type: ignore[index]
@@ -248,7 +248,7 @@ def episodes(digests: Digests) -> None:
         single_episodes(digests, scene)
         for mode in ("NextStep", "SameStep", "Disabled"):
             vector_episodes(digests, scene, mode)
-        env = gymnasium.make("DominoLayout-v0", scene=scene)
+        env = gymnasium.make("DominoLayout-v1", scene=scene)
         actions = Actions(21, EPISODES, env.action_space.shape[0])  # type: ignore[index]
         for values in actions.draw():
             digests.add(f"{scene}, whole rows", env.reset(seed=0)[0])

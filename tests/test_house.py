@@ -81,7 +81,7 @@ def test_simulating_loads_no_search_and_no_picture() -> None:
 
 def test_an_environment_loads_no_drawing_module() -> None:
     loaded = loaded_by(
-        "import gymnasium; env = gymnasium.make('domino_env:DominoChain-v0', scene='gentle');"
+        "import gymnasium; env = gymnasium.make('domino_env:DominoChain-v1', scene='gentle');"
         "env.reset(); env.step(env.action_space.sample())"
     )
     assert not loaded & {"PIL", "matplotlib", "pygame"}
@@ -92,7 +92,7 @@ def test_an_environment_loads_no_drawing_module() -> None:
     "import gymnasium.vector, domino_env",
 ])  # fmt: skip
 def test_the_environments_are_registered_in_any_order_of_imports(first: str) -> None:
-    known = "assert {'DominoChain-v0', 'DominoLayout-v0'} < set(gymnasium.registry)"
+    known = "assert {'DominoChain-v1', 'DominoLayout-v1'} < set(gymnasium.registry)"
     assert "gymnasium" in loaded_by(f"{first}; {known}")
 
 

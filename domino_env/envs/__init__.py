@@ -1,7 +1,7 @@
 """Gymnasium environments: a layout is chosen while its wave runs.
 
-    chain      DominoChain-v0: one domino per step
-    layout     DominoLayout-v0: a whole layout per step
+    chain      DominoChain-v1: one domino per step
+    layout     DominoLayout-v1: a whole layout per step
     vector     batches of environments, and a single one as a batch of one
     spaces     names and bounds of observations; the number of entries of an action
     sources    scenes of episodes: always the same one, or sampled at every reset
@@ -19,9 +19,9 @@ import gymnasium
 def register() -> None:
     """Add the environments to Gymnasium's registry, once."""
     for module, name in (("chain", "DominoChain"), ("layout", "DominoLayout")):
-        if f"{name}-v0" not in gymnasium.registry:
+        if f"{name}-v1" not in gymnasium.registry:
             gymnasium.register(
-                id=f"{name}-v0",
+                id=f"{name}-v1",
                 entry_point=f"domino_env.envs.{module}:{name}",
                 vector_entry_point=f"domino_env.envs.{module}:{name}Vector",
                 reward_threshold=0.0,  # per cent above the best uniform layout, in every scene

@@ -1,4 +1,4 @@
-"""DominoChain-v0: a layout chosen one domino at a time, alone or in a batch."""
+"""DominoChain-v1: a layout chosen one domino at a time, alone or in a batch."""
 
 from __future__ import annotations
 
@@ -101,17 +101,26 @@ class DominoChain(DominoEnv):
     The reward of each step but the last is (pitch - reference speed × time of the fall) / h: the
     lead gained over a wave at the reference speed, in domino heights. The reference speed is by
     default that of the uniform baseline. The reward of the last step completes the undiscounted
-    return to 100 (score / score of the uniform baseline - 1), whatever the reference speed. So the
-    return orders layouts as `scene.score` does. A wave that stops scores between -1 and 0, higher
-    the further it came (see `Scene.score`): its return is below -100, and below that of every
-    layout that completes. (Where even the uniform baseline scores 0 or less, the return is 100
-    (score - its score) / |its score|.) Where the objective is not a speed ("tempo", "toppled",
-    "magnify"), all rewards but the last are 0.
+    return to 100 times the gain, whatever the reference speed. Where the objective is not a speed
+    ("tempo", "toppled", "magnify"), all rewards but the last are 0.
+
+    The gain compares the score with that of the uniform baseline:
+
+    | score          | gain                                                        |
+    |----------------|-------------------------------------------------------------|
+    | more than 0    | score / score of the uniform baseline - 1                   |
+    | 0 or less      | score - 1: the wave stops, or breaks a limit of the scene   |
+
+    A wave that stops scores between -1 and 0, higher the further it came (see `Scene.score`), so
+    its return is between -200 and -100 and below that of every layout that completes. The return
+    orders layouts as `scene.score` does and does not depend on the size of the dominoes. Where the
+    uniform baseline itself scores 0 or less, the gain is the score less that of the baseline, and a
+    score above 0 counts in √(g h) if it is a speed and in h if it is a height.
 
     On a floor (`floor_friction`) the rewards of single steps follow the analytic wave, and the last
-    step settles the difference: a complete layout is simulated free-standing, and the return is 100
-    (its score / that of the uniform baseline on this floor - 1), negative where it does not topple.
-    `score` and `gain` in the info are of the free-standing layout, `outcome` and `wave` of the
+    step settles the difference: a complete layout is simulated free-standing, and its gain is over
+    the uniform baseline on this floor. `score` and `gain` in the info are of the free-standing
+    layout, `outcome` and `wave` of the
     analytic wave; where it stops, the episode ends here too. With forty dominoes (`table`) an
     episode takes some 130 ms of one core instead of 0.4; layouts that end together in a batch are
     shared among all threads.
@@ -142,6 +151,8 @@ class DominoChain(DominoEnv):
     of the reset.
 
     ## Version history
+    - v1: the return of a wave that stops is 100 (score - 1); it was 100 (score / score of the
+      uniform baseline - 1), which depended on the size of the dominoes.
     - v0: first version.
 
     Parameters
@@ -159,11 +170,14 @@ class DominoChain(DominoEnv):
         baseline. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
     window
         W, number of gaps and thicknesses observed; at most N - 1.
+    potential
+        True to reward each step by the change of the gain [%] expected if the rest of the chain
+        were that of the uniform baseline, False by the lead gained.
 
     Examples
     --------
     >>> import gymnasium, domino_env
-    >>> env = gymnasium.make("DominoChain-v0", scene="sprint")
+    >>> env = gymnasium.make("DominoChain-v1", scene="sprint")
     >>> observation, info = env.reset(seed=0)
     >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
@@ -177,8 +191,11 @@ class DominoChain(DominoEnv):
         rtol: float = RTOL,
         reference_speed: float | None = None,
         window: int = WINDOW,
+        potential: bool = False,
     ) -> None:
-        vector = DominoChainVector(1, scene, None, rtol, reference_speed, window)
+        vector = DominoChainVector(
+            1, scene, None, rtol, reference_speed, window, potential=potential
+        )
         super().__init__(vector, render_mode)
 
     @property
@@ -236,11 +253,13 @@ class DominoChainVector(DominoVectorEnv):
         - SAME_STEP: with the last step itself; the last observation and info are in
           infos["final_obs"] and infos["final_info"].
         - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
+    potential
+        As of `DominoChain`.
 
     Examples
     --------
     >>> import gymnasium, domino_env
-    >>> envs = gymnasium.make_vec("DominoChain-v0", num_envs=1024, scene="sprint")
+    >>> envs = gymnasium.make_vec("DominoChain-v1", num_envs=1024, scene="sprint")
     >>> observations, infos = envs.reset(seed=0)
     """
 
@@ -255,8 +274,9 @@ class DominoChainVector(DominoVectorEnv):
         reference_speed: float | None = None,
         window: int = WINDOW,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        potential: bool = False,
     ) -> None:
-        super().__init__(num_envs, scene, render_mode, rtol, window, autoreset_mode)
+        super().__init__(num_envs, scene, render_mode, rtol, window, autoreset_mode, potential)
         self._rules = self._batch.rules
         self._reference: float | None = None  # reference speed of all episodes, where given
         self._enter(np.arange(self.num_envs))
@@ -337,7 +357,7 @@ class DominoChainVector(DominoVectorEnv):
         _words(self._rules)[envs] = _words(source.rules)[which]
         if self._reference is not None:
             self._rules["reference_speed"][envs] = self._reference
-        batch.features[envs] = source.features[which]
+        batch.features[envs], batch.rest[envs] = source.features[which], source.rest[which]
         batch.thickness[envs, 0] = source.first_thickness[which]
         if len(batch.height) == self.num_envs:  # else all share one
             batch.height[envs] = source.rules["unit"][which, None]

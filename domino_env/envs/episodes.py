@@ -33,6 +33,8 @@ class EpisodeResults:
         Scene of each episode.
     baseline
         Scores of their uniform baselines, (E,).
+    unit
+        Scores by which successes are divided in `gain`, (E,).
     rtol
         Relative error allowed in the arrival times.
     spacing
@@ -53,6 +55,7 @@ class EpisodeResults:
 
     scenes: list[Scene]
     baseline: Floats
+    unit: Floats
     rtol: float
     spacing: Floats
     thickness: Floats
@@ -100,10 +103,8 @@ class EpisodeResults:
     @cached_property
     def returns(self) -> Floats:
         """Gains over the uniform baseline, (E,) [%], once all scores are known."""
-        baseline, positive = self.baseline, self.baseline > 0.0
-        ratio = 100.0 * (self.score / np.where(positive, baseline, 1.0) - 1.0)
-        rise = 100.0 * (self.score - baseline) / np.maximum(-baseline, 1e-9)
-        return np.where(positive, ratio, rise)
+        relative = np.where(self.score > 0.0, self.score / self.unit, self.score)
+        return 100.0 * (relative - np.where(self.baseline > 0.0, 1.0, self.baseline))
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """Return the last info of each episode, an array (E,) for each key."""

@@ -1,4 +1,4 @@
-"""DominoLayout-v0: a whole layout as one action, single or in a vector environment."""
+"""DominoLayout-v1: a whole layout as one action, single or in a vector environment."""
 
 from __future__ import annotations
 
@@ -29,27 +29,28 @@ class DominoLayout(DominoEnv):
     """A whole layout as one action: for bandits and black-box search.
 
     ## Description
-    Scenes and scores are those of `DominoChain-v0`; an episode is one step.
+    Scenes and scores are those of `DominoChain-v1`; an episode is one step.
 
     ## Action space
     `Box(-1, 1, (A,), float32)`: one entry for each of the N - 1 gaps, then for each of the N - 1
     thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
     them free; -1 stands for the smallest, 1 for the largest value, beyond them it is clipped.
     Where the scene has a total length, the layout is the nearest one (in metres) that has it;
-    other rules narrow the entries from the first domino to the last, as in `DominoChain-v0`.
+    other rules narrow the entries from the first domino to the last, as in `DominoChain-v1`.
 
     ## Observation space
     `Box(0, 1, (1,), float32)`: 0 before the layout is placed, 1 after.
 
     ## Rewards
-    100 (score / score of the uniform baseline - 1), as the return of `DominoChain-v0`. On a floor
+    100 times the gain, as the return of `DominoChain-v1`. On a floor
     the layout is simulated free-standing, some 130 ms of one core with forty dominoes.
 
     ## Starting state, episode end, info
     The first domino alone; every step ends its episode. `info` has `score`, `gain`, `outcome`,
-    `layout`, `wave`, as in `DominoChain-v0`.
+    `layout`, `wave`, as in `DominoChain-v1`.
 
     ## Version history
+    - v1: the reward of a wave that stops is 100 (score - 1).
     - v0: first version.
 
     Parameters
@@ -102,7 +103,7 @@ class DominoLayoutVector(DominoVectorEnv):
         if self.distribution is not None:
             raise ValueError(
                 f"'{self.distribution.name}' samples a scene for every episode, and the length of "
-                "an action would change with its number of dominoes: use DominoChain-v0"
+                "an action would change with its number of dominoes: use DominoChain-v1"
             )
         first = self.source.first
         self._batch.rules["length"] = 0.0  # met by a projection of the whole layout

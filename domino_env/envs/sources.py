@@ -40,6 +40,8 @@ class SceneSource:
         Relative error allowed in the arrival times.
     window
         Number of gaps (and thicknesses) observed, at most.
+    potential
+        True to reward by the expected gain, False by the lead gained.
 
     Attributes
     ----------
@@ -61,6 +63,11 @@ class SceneSource:
         Thickness of the first domino of each, (S,) [m].
     score, speed
         Score and speed [m/s] of the uniform baseline of each, (S,).
+    unit
+        Score by which a success is divided in the gain, (S,): that of the baseline. Where that is
+        no success: √(g h), h, or 1, by the unit of the objective.
+    rest
+        Length [m] and time [s] that the baseline has left with k dominoes placed, (S, N, 2).
 
     Raises
     ------
@@ -69,12 +76,19 @@ class SceneSource:
         for a tolerance out of the simulator's range.
     """
 
-    def __init__(self, scene: SceneLike, num_envs: int, rtol: float, window: int) -> None:
+    def __init__(
+        self,
+        scene: SceneLike,
+        num_envs: int,
+        rtol: float,
+        window: int,
+        potential: bool = False,
+    ) -> None:
         require("rtol", rtol, TIGHTEST, LOOSEST)
         require("window", window, 0, whole=True, hint="the number of dominoes observed")
         if not isinstance(scene, Scene | SceneDistribution):
             scene = load_any(scene)
-        self.rtol = float(rtol)
+        self.rtol, self.potential = float(rtol), potential
         self.distribution = scene if isinstance(scene, SceneDistribution) else None
         self.first = scene.first if isinstance(scene, SceneDistribution) else scene
         _require_choice(self.first)
@@ -89,7 +103,8 @@ class SceneSource:
         self.scenes: list[Scene | None] = [None] * places
         self.rules = np.zeros(places, kernels.RULES)
         self.features = np.zeros((places, features), np.float32)
-        self.first_thickness, self.score, self.speed = np.zeros((3, places))
+        self.first_thickness, self.score, self.unit, self.speed = np.zeros((4, places))
+        self.rest = np.zeros((places, self.longest, 2))
         if isinstance(scene, Scene):
             self._keep(0, scene, np.empty(0))
 
@@ -100,7 +115,7 @@ class SceneSource:
         i = int(self.sampled * generator.random())
         if self.scenes[i] is None:
             pool = pool_of(self.distribution)
-            self._keep(i, pool.scene(i), pool.features[i], *pool.uniform_scores[i])
+            self._keep(i, pool.scene(i), pool.features[i])
         return i
 
     def give(self, env: int, scene: Scene) -> int:
@@ -123,21 +138,22 @@ class SceneSource:
         self._keep(self.sampled + env, scene, self.distribution.scaled(numbers))
         return self.sampled + env
 
-    def _keep(
-        self,
-        i: int,
-        scene: Scene,
-        features: Floats,
-        score: float | None = None,
-        speed: float | None = None,
-    ) -> None:
-        if score is None or speed is None:
-            baseline = scene.uniform()
-            score, speed = baseline.score, baseline.wave.mean_speed
+    def _keep(self, i: int, scene: Scene, features: Floats) -> None:
+        baseline = scene.uniform()
+        speed, positions = baseline.wave.mean_speed, baseline.layout.positions
         self.scenes[i] = scene
-        self.rules[i] = _rules_of(scene, self.rtol, speed)
+        self.rules[i] = _rules_of(scene, self.rtol, speed, self.potential)
         self.features[i] = np.minimum(np.maximum(features, -FEATURE_LIMIT), FEATURE_LIMIT)
-        self.first_thickness[i], self.score[i], self.speed[i] = scene.first_thickness, score, speed
+        self.first_thickness[i], self.score[i] = scene.first_thickness, baseline.score
+        self.speed[i] = speed
+        units = {"m/s": free_fall_speed(scene), "m": scene.height}
+        success = baseline.score > 0.0
+        self.unit[i] = baseline.score if success else units.get(scene.unit, 1.0)
+        times = baseline.wave.arrival_times
+        if not speed > 0.0:  # where the baseline stops, free fall
+            times = positions / free_fall_speed(scene)
+        left = self.rest[i, : scene.count]
+        left[:, 0], left[:, 1] = positions[-1] - positions, times[-1] - times
 
 
 @lru_cache(maxsize=8)
@@ -146,15 +162,18 @@ def pool_of(distribution: SceneDistribution) -> ScenePool:
     return ScenePool(distribution)
 
 
-def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
+def free_fall_speed(scene: Scene) -> float:
+    """Return √(g h), the speed with which a scene is compared where its baseline stops [m/s]."""
+    return float(np.sqrt(scene.physics.gravity * scene.height))
+
+
+def _rules_of(scene: Scene, rtol: float, speed: float, potential: bool) -> tuple[Any, ...]:
     """Return the fields of RULES of a scene whose uniform baseline has a speed [m/s]."""
-    # where even the baseline stops, compare with free fall
-    free = float(np.sqrt(scene.physics.gravity * scene.height))
     growth = scene.growth or (1.0, 1.0)
     values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
         "count": scene.count,
         "rtol": rtol,
-        "reference_speed": speed if speed > 0.0 else free,
+        "reference_speed": speed if speed > 0.0 else free_fall_speed(scene),
         "length": scene.length or 0.0,
         "gap_low": scene.spacing[0],
         "gap_high": scene.spacing[1],
@@ -167,6 +186,7 @@ def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
         "unit": scene.height,
         "grows": scene.growth is not None,
         "in_heights": scene.in_heights,
+        "potential": potential,
         "reward_scale": float(scene.criterion.rewards_speed),
         "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
     }

@@ -57,6 +57,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Number of gaps and thicknesses observed.
     autoreset_mode
         Beginning of the episode after an ended one, as of `DominoChainVector`.
+    potential
+        As of `DominoChain`.
 
     Attributes
     ----------
@@ -76,6 +78,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         rtol: float,
         window: int,
         autoreset_mode: str | AutoresetMode,
+        potential: bool = False,
     ) -> None:
         require("num_envs", num_envs, 1, whole=True)
         self.num_envs = int(num_envs)
@@ -87,7 +90,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             "render_fps": FRAMES_PER_SECOND,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.source = SceneSource(scene, self.num_envs, rtol, window)
+        self.source = SceneSource(scene, self.num_envs, rtol, window, potential)
         features = self.source.features.shape[1]
         self.observation_layout = ObservationLayout(self.source.first, self.source.window, features)
         self._batch = _new_batch(self.source, self.observation_layout, self.num_envs)
@@ -357,6 +360,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         results = EpisodeResults(
             scenes=[self._scene(env) for env in envs],
             baseline=self.source.score[self._which[envs]],
+            unit=self.source.unit[self._which[envs]],
             rtol=self.source.rtol,
             spacing=batch.spacing[envs],
             thickness=batch.thickness[envs],
@@ -585,6 +589,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
     batch = kernels.Batch(
         rules=np.zeros(1 if sampled is None else num_envs, kernels.RULES),
         entries=layout.starts,
+        rest=np.zeros((1 if sampled is None else num_envs, longest, 2)),
         features=np.zeros((num_envs, source.features.shape[1]), np.float32),
         closeness=closeness(longest),
         gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
@@ -599,7 +604,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         height=np.full((num_envs if own_height else 1, longest), scene.height),
         density=np.full((1, longest), scene.density),
     )
-    batch.rules[0] = source.rules[0]
+    batch.rules[0], batch.rest[0] = source.rules[0], source.rest[0]
     if scene.ground is None:
         return batch
     _, tilt = scene.ground.lay(np.empty(0), batch.thickness[0, :1])

@@ -26,8 +26,8 @@ from domino_env.physics.wave import TIGHTEST
 
 Task = Callable[[], object]
 ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("DominoChain-v0", {"scene": "sprint"}),
-    ("DominoChain-v0", {"scene": "varied"}),
+    ("DominoChain-v1", {"scene": "sprint"}),
+    ("DominoChain-v1", {"scene": "varied"}),
     ("CartPole-v1", {}),
 )
 

@@ -30,6 +30,7 @@ RULES = record_type(  # of a scene
     grows=np.bool_,
     in_heights=np.bool_,
     reward_scale=float,  # 1 where single steps have rewards, else 0
+    potential=np.bool_,  # reward by the expected gain, else by the lead gained
     score_is_speed=np.bool_,  # known when the wave ends, without another simulation
 )
 EPISODE = record_type(  # between two steps, besides the ring and the state
@@ -50,6 +51,7 @@ class Batch(NamedTuple):
     rules: NDArray[np.record]  # (1,) RULES, or (B,) where each has its own scene
     entries: NDArray[np.record]  # (1,) OBSERVATION
     features: NDArray[np.float32]  # (B, F) of sampled scenes; F = 0 where the scene is fixed
+    rest: NDArray[np.float64]  # (1, N, 2) or (B, N, 2) length [m] and time [s] left, uniform
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c) of k dominoes to an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or empty
     kinds: NDArray[np.float64]  # (2, K) thicknesses in stock, and how many of each

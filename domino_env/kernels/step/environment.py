@@ -97,6 +97,31 @@ def fall_onto_next(rules, batch, b, lanes, layout, tape):
     return lead
 
 
+@always_inline
+def expected_gain(rules, rest, state, episode):
+    """Return the gain [%] if the rest of the chain were that of the uniform baseline.
+
+    rest: (N, 2) length and time that the baseline has left with k dominoes placed.
+    """
+    uniform_length, time = rest[episode.placed]
+    length = uniform_length
+    if rules.length > 0.0:  # the same speed over what is left
+        length = rules.length - episode.distance
+        time *= length / uniform_length
+    speed = (episode.distance + length) / (state.time + time)
+    return 100.0 * (speed / rules.reference_speed - 1.0)
+
+
+@always_inline
+def step_reward(rules, batch, b, lead):
+    """Return the reward of a step that gained a lead and did not end the episode."""
+    episode = batch.episodes[b]
+    if rules.potential and rules.reward_scale > 0.0:
+        rest = batch.rest[b if len(batch.rest) > 1 else 0]
+        return expected_gain(rules, rest, batch.states[b], episode) - episode.rewarded
+    return lead * rules.reward_scale
+
+
 @entry_point
 def reset_batch(first, last, batch, chosen, given, observations):
     """Begin episodes in the chosen environments, with the first `given` gaps of their arrays.
@@ -121,9 +146,9 @@ def reset_batch(first, last, batch, chosen, given, observations):
                 left[nearest_left(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
             stand_on_ground(batch, batch.curve, b, layout, i)
             lead = fall_onto_next(rules, batch, b, lanes, layout, tape)
-            episode.rewarded += lead * rules.reward_scale
             if episode.phase == OVER:
                 break
+            episode.rewarded += step_reward(rules, batch, b, lead)
         observe(batch, b, layout, observations[b])
 
 
@@ -151,7 +176,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
         if episode.phase == OVER:
             ended[b] = True
         else:
-            rewards[b] = lead * rules.reward_scale
+            rewards[b] = step_reward(rules, view, b, lead)
             episode.rewarded += rewards[b]
         observe(view, b, layout, observations[b])
     keep_alive(own_lanes)

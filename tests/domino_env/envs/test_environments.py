@@ -16,6 +16,7 @@ import domino_env as de
 from domino_env import DominoChain, DominoChainVector, DominoLayout
 
 KINDS = (DominoChain, DominoLayout)
+BOUNDS = ("spacing", "thickness")
 SLOW = ("stock", "jitter", "table")  # to find the uniform baseline of
 
 
@@ -55,6 +56,24 @@ def completed(scene, layout):
     )
 
 
+def gain_of(scene, score):
+    """Return the gain as the page of the environment defines it."""
+    uniform, free = scene.uniform().score, np.sqrt(scene.physics.gravity * scene.height)
+    if uniform > 0.0:
+        return score / uniform - 1.0 if score > 0.0 else score - 1.0
+    unit = {"m/s": free, "m": scene.height}.get(scene.unit, 1.0)
+    return (score / unit if score > 0.0 else score) - uniform
+
+
+def scaled(scene, factor):
+    """Return the scene with all lengths multiplied by a factor, and the same waves in its units."""
+    physics = scene.physics.replace(push=scene.physics.push / np.sqrt(factor))
+    names = "height", "width", "first_thickness"
+    sizes = {name: factor * getattr(scene, name) for name in names}
+    bounds = {name: tuple(factor * x for x in getattr(scene, name)) for name in BOUNDS}
+    return scene.replace(physics=physics, **sizes, **bounds)
+
+
 # returns of episodes ------------------------------------------------------------------------------
 
 
@@ -62,7 +81,7 @@ def completed(scene, layout):
 @pytest.mark.parametrize("name", SCENES)
 def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
     scene, rng = SCENES[name], np.random.default_rng(7)
-    env, baseline = kind(scene), SCENES[name].uniform().score
+    env = kind(scene)
     spreads = [(-1.0, 1.0), (-1.5, 1.5), (-7.0, -7.0), (7.0, 7.0), *rng.uniform(-1, 1, (4, 2))]
     returns, scores = [], []
     for spread in spreads[: 3 if name == "table" else None]:
@@ -71,7 +90,7 @@ def test_an_episode_keeps_all_rules_and_returns_the_gain_in_score(name, kind):
         assert all(observation in env.observation_space for observation in observations)
         if kind is DominoLayout:
             assert observations.tolist() == [[0.0], [1.0]]
-        exact = score / baseline - 1.0 if baseline > 0.0 else (score - baseline) / -baseline
+        exact = gain_of(scene, score)
         assert info["gain"] == pytest.approx(exact, rel=1e-9, abs=1e-12)
         assert rewards.sum() == pytest.approx(100.0 * exact, abs=1e-9)
         if scene.objective in ("tempo", "toppled", "magnify"):
@@ -103,6 +122,58 @@ def test_scores_beyond_the_steps_come_from_the_whole_layout():
     *_, info = play(env, lambda k: np.sin([1.0 + k, 2.0 * k]))
     again = de.simulate(info["layout"], env.scene.physics, rtol=1e-13)
     assert info["score"] == env.scene.score(again)
+
+
+@pytest.mark.parametrize("potential", [False, True])
+@pytest.mark.parametrize(("name", "push"), [("sprint", 3.0), ("gentle", 5.0)])
+def test_rewards_do_not_depend_on_the_size_of_the_dominoes(name, push, potential):
+    scene = short(name, 12)
+    scene = scene.replace(physics=scene.physics.replace(push=push))
+    outcomes, paid = set(), []
+    for factor in (0.1, 1.0, 10.0):
+        env = DominoChain(scaled(scene, factor), rtol=1e-10, potential=potential)
+        rng, rewards = np.random.default_rng(1), []
+        for low, high in ((-0.1, 0.1), (-1.0, 1.0), (-7.0, -7.0), (7.0, 7.0)):
+            *_, some, info = play(env, at_random(env, rng, low, high))
+            rewards.append(some)
+            outcomes.add(info["outcome"])
+        paid.append(np.concatenate(rewards))
+    np.testing.assert_allclose(paid, paid[1][None].repeat(3, axis=0), rtol=1e-6, atol=1e-6)
+    assert len(outcomes) > 1
+
+
+STOPPING = de.Scene(  # gaps so small that the weak push carries few dominoes
+    count=30, spacing=(0.004, 0.006), thickness=(0.0075, 0.0075), physics=de.Physics(push=3.0)
+)
+
+
+@pytest.mark.parametrize("name", ["sprint", "sprint-thickness", "course", "hills", "stops"])
+def test_rewards_are_changes_of_the_gain_expected_with_the_rest_uniform(name):
+    scene = STOPPING if name == "stops" else short(name, 12)
+    uniform, free = scene.uniform(), np.sqrt(scene.physics.gravity * scene.height)
+    at, times, speed = uniform.layout.positions, uniform.wave.arrival_times, uniform.wave.mean_speed
+    assert (speed > 0.0) == (name != "stops")
+    if name == "stops":
+        times, speed = at / free, free
+    envs = DominoChainVector(1, scene, rtol=1e-10, potential=True)
+    env, rng = DominoChain(scene, rtol=1e-10, potential=True), np.random.default_rng(2)
+    for spread in (0.2, 1.0):
+        *_, rewards, info = play(env, at_random(env, rng, -spread, spread))
+        x, t = (
+            some[1 : len(rewards)]
+            for some in (info["layout"].positions, info["wave"].arrival_times)
+        )
+        left, time = at[-1] - at[1 : len(rewards)], times[-1] - times[1 : len(rewards)]
+        if scene.length is not None:
+            left, time = scene.length - x, time * (scene.length - x) / left
+        expected = 100.0 * ((x + left) / (t + time) / speed - 1.0)
+        np.testing.assert_allclose(np.cumsum(rewards)[:-1], expected, rtol=1e-6, atol=1e-6)
+        assert rewards.sum() == pytest.approx(100.0 * gain_of(scene, info["score"]), abs=1e-9)
+    if name != "stops":
+        envs.reset()
+        for _ in range(scene.count - 1):
+            rewards = envs.step(envs.actions_towards(uniform.layout))[1]
+            assert abs(rewards[0]) < 1e-9
 
 
 def test_rewards_of_single_steps_are_the_lead_gained():
@@ -351,7 +422,7 @@ def test_misuse_is_explained(kind):
 
 
 @pytest.mark.parametrize("name", [*de.scene_names(), "two dominoes"])
-@pytest.mark.parametrize("id_", ["DominoChain-v0", "DominoLayout-v0"])
+@pytest.mark.parametrize("id_", ["DominoChain-v1", "DominoLayout-v1"])
 def test_checkers_of_gymnasium_and_stable_baselines_accept(id_, name):
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     scene = short("sprint-thickness", 2) if name == "two dominoes" else name

@@ -109,14 +109,14 @@ def test_scenes_that_the_distribution_does_not_cover_are_rejected():
         DominoChain("sprint").reset(options={"scene": scene})
     with pytest.raises(ValueError, match="2 scenes to build in: give one for all"):
         DominoChainVector(3, SMALL).reset(options={"scene": [scene, None]})
-    with pytest.raises(ValueError, match="use DominoChain-v0"):
+    with pytest.raises(ValueError, match="use DominoChain-v1"):
         DominoLayout(SMALL)
 
 
 def test_checkers_and_frames_accept_sampled_scenes():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        check_env(gymnasium.make("DominoChain-v0", scene=SMALL, render_mode="ansi").unwrapped)
+        check_env(gymnasium.make("DominoChain-v1", scene=SMALL, render_mode="ansi").unwrapped)
     envs = DominoChainVector(2, SMALL, render_mode="ansi")
     envs.reset(seed=0)
     envs.step(np.zeros((2, 2)))

@@ -72,7 +72,8 @@ def assert_same(mine, theirs):
 @pytest.mark.parametrize(("kind", "name"), CASES)
 def test_together_and_alone_agree_across_the_ends_of_episodes(kind, name, mode):
     together, alone = KINDS[kind]
-    scene, window = (FIXED | SAMPLED)[name], {"window": 5} if kind == "chain" else {}
+    scene = (FIXED | SAMPLED)[name]
+    window = {"window": 5, "potential": mode == SAME} if kind == "chain" else {}
     mine = together(6, scene, autoreset_mode=mode, rtol=1e-5, **window)
     theirs = SyncVectorEnv([lambda: alone(scene, rtol=1e-5, **window)] * 6, autoreset_mode=mode)
     for space in ("single_observation_space", "action_space", "observation_space"):
@@ -188,7 +189,7 @@ def test_every_environment_has_its_own_seed():
 
 
 def test_gymnasium_makes_and_wraps_them():
-    env = gymnasium.make_vec("DominoChain-v0", num_envs=4, scene="sprint", autoreset_mode=SAME)
+    env = gymnasium.make_vec("DominoChain-v1", num_envs=4, scene="sprint", autoreset_mode=SAME)
     assert isinstance(env.unwrapped, DominoChainVector)
     assert env.metadata["autoreset_mode"] is SAME
     env = gymnasium.wrappers.vector.RecordEpisodeStatistics(env)
@@ -198,7 +199,7 @@ def test_gymnasium_makes_and_wraps_them():
     np.testing.assert_allclose(
         infos["episode"]["r"], 100.0 * infos["final_info"]["gain"], atol=1e-3
     )
-    listed = gymnasium.make_vec("DominoLayout-v0", num_envs=2, scene="gentle")
+    listed = gymnasium.make_vec("DominoLayout-v1", num_envs=2, scene="gentle")
     assert isinstance(listed.unwrapped, DominoLayoutVector)
     listed = gymnasium.wrappers.vector.DictInfoToList(listed)
     listed.reset()
