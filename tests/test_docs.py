@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import re
 import shlex
 import shutil
 import sqlite3
 import tomllib
 import warnings
-from contextlib import closing
+from contextlib import closing, nullcontext, redirect_stdout
 from dataclasses import replace
 from importlib.metadata import metadata
 from importlib.util import find_spec
@@ -105,8 +106,14 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(line: str) -> int:
-    """Return the exit status of a command."""
-    return main(shlex.split(line)[1:])
+    """Return the exit status of a command, whose output may go to a file."""
+    command, _, file = line.partition(" > ")
+    output = io.StringIO()
+    with redirect_stdout(output) if file else nullcontext():
+        status = main(shlex.split(command)[1:])
+    if file:
+        Path(file.strip()).write_text(output.getvalue(), "utf-8")
+    return status
 
 
 # Python -----------------------------------------------------------------------------------------
@@ -193,7 +200,7 @@ def test_commands_in_the_text_have_their_options(
     page: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for line in commands(page):
-        parser().parse_args(shlex.split(line)[1:])
+        parser().parse_args(shlex.split(line.partition(" > ")[0])[1:])
     for module in re.findall(r"python -m ([a-z_.]+)", PAGES[page]):
         assert find_spec(module) is not None
     for command in re.findall(r"`domino ([a-z-]+[^`]*)`", FENCED.sub("", PAGES[page])):
