@@ -127,6 +127,7 @@ def uniform_chain(lanes, ring, state, count, arrivals, tape):
 
     Returns (outcome, falls done).
     """
+    lanes, ring, arrivals, tape = borrow((lanes, ring, arrivals, tape))
     domino, mu, gravity = ring[0], state.mu, state.gravity
     b = fall_angle(domino, True)
     k = uniform_rule(lanes, domino, state, count, b)
@@ -224,6 +225,7 @@ def remaining_falls(layout, lanes, ring, state, first, arrivals, tape):
 
     Returns (outcome, leader at the end, dominoes struck, dominoes past tipping).
     """
+    layout, lanes, ring, arrivals, tape = borrow((layout, lanes, ring, arrivals, tape))
     n, outcome = first, PROPAGATED
     for n in range(first, len(layout.thickness)):
         outcome = next_fall(layout, lanes, ring, n, state, tape)

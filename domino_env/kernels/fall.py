@@ -27,7 +27,7 @@ from domino_env.kernels.interval import (
     compose,
     propagate,
 )
-from domino_env.kernels.jit import always_inline, internal, leaf, noinline
+from domino_env.kernels.jit import always_inline, borrow, internal, leaf, noinline
 from domino_env.kernels.quadrature import ORDERS
 from domino_env.kernels.records import (
     has_tape,
@@ -176,6 +176,7 @@ def stack_at(lanes, ring, n, state, angle, detect):
 @noinline
 def fall(lanes, ring, n, state, a, b, tape):
     """Advance leader n from angle a to b: u, time and their errors in the state."""
+    lanes, ring, tape = borrow((lanes, ring, tape))
     mask, gravity = state.mask, state.gravity
     step, end, located, least_rule = b, b, False, 0
     due_contact = n

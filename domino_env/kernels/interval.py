@@ -24,7 +24,7 @@ from domino_env.kernels.arrays import (
     SUM_M,
     TINY,
 )
-from domino_env.kernels.jit import always_inline, internal, noinline
+from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import (
     HIGH,
     ORDERS,
@@ -144,6 +144,7 @@ def propagate(lanes, k, a, h, error, tail, state, effort):
     effort: NEAR_STALL, where only the root of u is unresolved: integrate the polynomial of u in
         small panels; LAST_RESORT: accept the error, however large.
     """
+    lanes = borrow(lanes)
     tol = INTERVAL_SHARE * state.rtol
     last_resort = effort == LAST_RESORT
     last = ORDERS[k] + 1

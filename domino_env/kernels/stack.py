@@ -38,7 +38,7 @@ from domino_env.kernels.contact import (
     span2,
     tip,
 )
-from domino_env.kernels.jit import always_inline, internal, noinline
+from domino_env.kernels.jit import always_inline, borrow, internal, noinline
 from domino_env.kernels.quadrature import ORDERS, POSITIONS
 
 IGNORE_SWITCHES, END_AT_HIT, END_AT_SWITCH = 0, 1, 2  # changes of contact that `sweep` detects
@@ -181,6 +181,7 @@ def sweep(lanes, count, ring, n, state, force, h, detect):
     Returns the lowest domino included, the bound on the tail, and whether a contact changes on the
     way.  state.last_due is the lowest contact that changes at the very end of the interval, or n.
     """
+    lanes, ring = borrow((lanes, ring))
     mask, mu, tol = state.mask, state.mu, TAIL_SHARE * (INTERVAL_SHARE * state.rtol)
     end = count - 1
     add_leader(lanes, count, ring[n & mask], mu)
@@ -316,6 +317,7 @@ def switch(ring, state, n, due_contact, low, angle):
     new contacts, J⁺ = 0 behind the first of them.  state.m_end holds Σ w I J⁻ with the old w down
     to domino `low`; behind the last contact that changes, w changes by a common factor.
     """
+    ring = borrow(ring)
     mask, mu = state.mask, state.mu
     s, v = sin_versine(angle)
     jac, w_old, w_new = 1.0, 1.0, 1.0

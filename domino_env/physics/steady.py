@@ -8,7 +8,7 @@ on u_0 the smallest push.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -104,13 +104,14 @@ def steady_wave(
     array([0.958, 0.894, 0.841])
     """
     chain = (pitch, thickness, height, density)
-    shape = np.broadcast_shapes(*map(np.shape, chain))
+    shape = np.broadcast(*chain).shape
     waves = [
-        steady_pattern(p, d, h, physics, density=rho, slope=slope, rtol=rtol)
-        for p, d, h, rho in ([chain] if not shape else np.broadcast(*chain))
+        vars(steady_pattern(p, d, h, physics, density=rho, slope=slope, rtol=rtol)).values()
+        for p, d, h, rho in (np.broadcast(*chain) if shape else [chain])
     ]
-    columns = [np.array([getattr(wave, f.name) for wave in waves]) for f in fields(SteadyWave)]
-    return SteadyWave(*(c.reshape(shape) if shape else c.item() for c in columns))
+    if not shape:
+        return SteadyWave(*(x.item() if isinstance(x, np.ndarray) else x for x in waves[0]))
+    return SteadyWave(*(np.array(column).reshape(shape) for column in zip(*waves, strict=True)))
 
 
 def steady_pattern(

@@ -196,8 +196,10 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
 
     tape: of the simulation.  bar: `Arrays`.
     """
+    layout, tape, arrival_bar, bar = borrow((layout, tape, arrival_bar, bar))
     count = len(layout.thickness)
-    ring = new_ring(layout, count)
+    own_ring = new_ring(layout, count)
+    ring = borrow(own_ring)
     for i in range(count):
         place_domino(ring, ALL_KEPT, i, layout, i)
         if i + 1 < count:
@@ -215,14 +217,14 @@ def chain_vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
     table = np.empty((0, 0))
     if count > 3 and is_uniform(layout):
         table = room_for_table(depth, count_lanes)
-    param_bars = np.zeros((count, PARAMS))
-    reverse = Reverse(
-        ring, mu, gravity, np.zeros(LANES), np.zeros(BARS),
-        np.empty((depth + 2, 8 * PITCH)), param_bars, physics_bar,
-    )  # fmt: skip
+    saved = np.empty((depth + 2, 8 * PITCH))
+    own = np.zeros(LANES), np.zeros(BARS), saved, np.zeros((count, PARAMS)), table
+    lanes, bars, saved, param_bars, table = borrow(own)
+    reverse = Reverse(ring, mu, gravity, lanes, bars, saved, param_bars, physics_bar)
     physics_bar.push = 2.0 * push * backward(tape, reverse, arrival_bar, table)
     layout_back(layout, ring, param_bars, bar)
-    keep_alive(ring)
+    keep_alive(own_ring)
+    keep_alive(own)
 
 
 @internal

@@ -81,7 +81,10 @@ def leaf(function: Callable[..., Any]) -> Any:
 
 
 def noinline(function: Callable[..., Any]) -> Any:
-    """Compile a function once, on its own."""
+    """Compile a function once, on its own.
+
+    Its first statement should `borrow` its arrays, which its callers keep alive.
+    """
     return _compiled(function, "NoInline")
 
 
@@ -100,7 +103,7 @@ def _compiled(function: Callable[..., Any], library: str, **options: Any) -> Any
 def borrow(_: Any, value: Any) -> Any:
     """Return an array or tuple of arrays without reference counts; the owners must outlive it.
 
-    Atomic counting took an eighth of the time of a step.
+    Atomic counting took an eighth of the time of a step, and 5 % of that of a simulation.
     """
 
     def without_owner(context: Any, builder: Any, kind: Any, held: Any) -> Any:
