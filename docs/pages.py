@@ -1,12 +1,14 @@
-"""Generate the pages of scenes and methods when the site is built.
+"""Generate the pages of scenes, methods and public names.
 
-Run as a program it updates the tables of README.md.
-
-MkDocs calls `on_config`, `on_files` and `on_page_markdown` (mkdocs.yml, hooks).
+``python docs/pages.py`` writes the tables of README.md and those generated pages that readers of
+the repository have too: docs/scenes/index.md, docs/methods.md and docs/reference.md. MkDocs calls
+`on_config`, `on_files` and `on_page_markdown` (mkdocs.yml, hooks) and adds a page for every scene
+and every public name.
 """
 
 from __future__ import annotations
 
+import ast
 import re
 from functools import cache
 from importlib.resources import files as package_files
@@ -25,6 +27,8 @@ from optimize.experiments.best_known import BestKnown, best_known
 from optimize.methods.registry import METHODS, PEERS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mkdocs.structure.files import Files
 
 WIDE, ROOM = 940.0, 10.0  # [px]
@@ -32,41 +36,71 @@ ENDS = 36  # dominoes that are drawn at either end of a long layout
 BREAK = 2.0  # [heights] between the two ends
 FALLEN = 0.6  # of the wave's time: the moment that is drawn
 STANDARD = 0.0075  # thickness of a standard domino [m]
+README_FLOOR = 0.5  # friction of the floor of README's table
 FLOOR_NOTE = (
     "",
-    "The last column is the gain on floors of the given friction (`domino best-known --verify`),",
-    "with the number of dominoes that do not topple.",
+    "The last columns are gains on floors of the given friction (`domino best-known --verify`). A",
+    "layout of which dominoes stay up has no gain; of `marathon` only the first 100 dominoes are",
+    "simulated on floors ([verification](../verification.md)). The score of `jitter` is the speed",
+    "that 95 % of inexact placements reach; on floors its mean speed without errors is compared.",
 )
+QUESTIONS = {
+    "course": "How fast can sixty dominoes cover 1.2 m?",
+    "downhill": "How fast are forty dominoes down a slope of 3°?",
+    "gentle": "How fast are thirty rough dominoes after a faint push?",
+    "hills": "Which gaps lead fastest over two hills?",
+    "ideal": "How fast are forty dominoes of any thickness without friction?",
+    "jitter": "Which forty gaps are fast although they are placed inexactly?",
+    "magnify": "How tall a domino can twelve growing ones topple?",
+    "marathon": "How fast are a thousand dominoes?",
+    "sprint": "How fast are forty standard dominoes?",
+    "sprint-thickness": "How fast are they if each may have another thickness?",
+    "stock": "Which order of forty dominoes from a box of three thicknesses is fastest?",
+    "table": "Which layout is fastest on a table, where dominoes slip?",
+    "tempo": "Which gaps accelerate the hits from 30 a second to 45, in tempo?",
+    "uphill": "How fast are forty dominoes up a slope of 4°?",
+}
 MADE = r"(<!-- {} -->\n).*?(<!-- end -->)"  # the text between two comments
-SCENES_HERE, BENCHMARK_HERE = "made by python docs/pages.py", "summary of docs/benchmark.md"
-METHOD_OPTIONS = (  # of mkdocstrings: only the module's docstring, under a heading of this page
-    "    options:",
-    "      members: false",
-    "      show_root_heading: false",
-    "      show_root_toc_entry: false",
-)
+SCENES_HERE = "made by python docs/pages.py"
+DOCS = Path(__file__).resolve().parent
+PACKAGES = {
+    "domino_env": "the simulator, the scenes and the environments",
+    "optimize": "the searches",
+    "agents": "training, evaluation and design by policies",
+}
+UNDERLINED = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)  # a section of a docstring
 
 
 def on_config(config: Any) -> Any:
-    """Add every scene to the menu."""
+    """Add every scene and every public name to the menu."""
     for section in config.nav:
         if "Scenes" in section:
             section["Scenes"] = ["scenes/index.md"] + [
                 {name: f"scenes/{name}.md"} for name in de.scene_names()
             ]
+        if "Reference" in section:
+            section["Reference"] = ["reference.md"] + [
+                {package: [{name: _page_of(package, name)} for name in public_names(package)]}
+                for package in PACKAGES
+            ]
     return config
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the generated pages."""
+    """Add the generated pages; those of the repository with links to the others."""
     from mkdocs.structure.files import File
 
     records = best_known()
-    for name in de.scene_names():
-        page = scene_page(name, records.get(name))
-        files.append(File.generated(config, f"scenes/{name}.md", content=page))
-    files.append(File.generated(config, "scenes/index.md", content=scenes_page(records)))
-    files.append(File.generated(config, "methods.md", content=methods_page()))
+    pages = {f"scenes/{name}.md": scene_page(name, records.get(name)) for name in de.scene_names()}
+    pages["scenes/index.md"] = scenes_page(records, "{}.md")
+    pages["reference.md"] = reference_page(_page_of)
+    for package in PACKAGES:
+        for name in public_names(package):
+            pages[_page_of(package, name)] = object_page(package, name)
+    for path, content in pages.items():
+        if present := files.get_file_from_path(path):
+            files.remove(present)
+        files.append(File.generated(config, path, content=content))
     return files
 
 
@@ -92,24 +126,27 @@ def shipped(name: str) -> de.Scene:
     return de.load_scene(name)
 
 
-def scenes_page(records: dict[str, BestKnown]) -> str:
-    """Return the page with the table of all scenes."""
+def scenes_page(
+    records: dict[str, BestKnown], link: str = "../../domino_env/scenes/shipped/{}.toml"
+) -> str:
+    """Return the page with the table of all scenes, each with a link."""
     lines = [
         "---",
         "hide: [toc]",  # the table is wide
         "---",
         "# Scenes",
         "",
-        "A scene is a design problem in one TOML file: dominoes, physics, free variables, rules,",
-        "objective. Copy one of these as a start.",
+        "For everyone who looks for a design problem, or writes one. A scene is a problem in one",
+        "TOML file: dominoes, physics, free variables, rules, objective. Copy one of these as a",
+        "start. This page is generated by `python docs/pages.py`.",
         "",
-        *scenes_table(records, "{}.md"),
+        *scenes_table(records, link),
         "",
         "## Keys of a scene file",
         "",
-        "[Searching for a better layout](../searching.md) explains how to write one.",
-        "",
         *keys(),
+        "",
+        "Continue with [scene files](../scene-files.md).",
     ]
     return "\n".join(lines) + "\n"
 
@@ -128,23 +165,31 @@ def scenes_table(records: dict[str, BestKnown], link: str) -> list[str]:
                 *(score_cell(scene, one) for one in (habit, uniform, best)),
                 advantage(scene, best, habit),
                 advantage(scene, best, uniform),
-                *([" / ".join(gain_on_floor(f, name, records) for f in floors)] if floors else []),
+                *(gain_on_floor(floor, name, records) for floor in floors),
             )
         )
     names = ["scene", "problem", "gap = thickness", "best equal gaps", "best known"]
-    names += ["over gap = thickness", "over equal gaps"]
-    names += [f"gain on floors of {' / '.join(f'{floor:g}' for floor in floors)}"] if floors else []
-    sprint = shipped("sprint")
-    habit, uniform, best = three_layouts(sprint, records["sprint"])
+    names += ["over gap = thickness", "over equal gaps", *(f"floor {floor:g}" for floor in floors)]
     return [
         *markdown_table(names, rows),
         "",
         "Speeds are in m/s. *gap = thickness* is a habit of builders (7.5 mm if the thickness",
         "is free). A dash: no such layout, or a ratio without meaning.",
-        f"On `sprint` the best known layout is {advantage(sprint, best, habit)[1:]} faster than",
-        f"gap = thickness and {advantage(sprint, best, uniform)[1:]} faster than the baseline.",
-        *(FLOOR_NOTE if floors else ()),
+        *FLOOR_NOTE,
     ]
+
+
+def readme_table(records: dict[str, BestKnown]) -> list[str]:
+    """Return README's table of scenes: question, gain, and gain on a floor."""
+    rows = []
+    for name in de.scene_names():
+        scene = shipped(name)
+        _, uniform, best = three_layouts(scene, records.get(name))
+        place = f"[`{name}`](domino_env/scenes/shipped/{name}.toml)"
+        floor = gain_on_floor(README_FLOOR, name, records)
+        rows.append((place, QUESTIONS[name], advantage(scene, best, uniform), floor))
+    names = ("scene", "question", "gain over equal gaps", f"on a floor of {README_FLOOR:g}")
+    return markdown_table(names, rows)
 
 
 def three_layouts(
@@ -194,10 +239,10 @@ def gain_on_floor(floor: float, name: str, records: dict[str, BestKnown]) -> str
     one = record and known_verification(record.layout, shipped(name).physics)
     for check in one.floors if one else ():
         if check.floor == floor:
-            up = check.staying_up
-            gain = "–" if check.gain is None else f"{check.gain:+.1%}"
-            first = f" (first {one.first})" if one.first < one.count else ""
-            return gain + first + (f" ({up} up)" if up else "")
+            if check.staying_up:
+                return f"{check.staying_up} stay up"
+            # a gain of the first dominoes only is another quantity
+            return "–" if check.gain is None or one.first < one.count else f"{check.gain:+.1%}"
     return "–"
 
 
@@ -276,23 +321,98 @@ def checked(record: BestKnown, scene: Any) -> list[str]:
         gain = "" if check.gain is None else f", {check.gain:+.2%} over the uniform baseline there"
         up = f"; {check.staying_up} do not topple" if check.staying_up else ""
         lines.append(f"- On a floor of friction {check.floor:g}: {check.score}{gain}{up}.")
-    first = f" (The first {one.first} dominoes.)" if one.first < one.count else ""
+    first = ""
+    if one.first < one.count:
+        first = f" Of the first {one.first} dominoes of both layouts, whose gain differs."
     return [*lines, "", f"[Verification](../verification.md).{first}", ""]
 
 
 def methods_page() -> str:
     """Return the page of methods from the docstrings of their modules."""
-    lines = ["# Search methods", ""]
-    lines += ["`domino optimize SCENE --method NAME`, or `search(scene, method=NAME)`.", ""]
+    lines = [
+        "# Search methods",
+        "",
+        "For users who choose a method or want to know what one does:",
+        "`domino optimize SCENE --method NAME`, or `search(scene, method=NAME)`. This page is",
+        "generated by `python docs/pages.py` from the docstrings of the modules.",
+        "",
+    ]
     modules: dict[str, list[str]] = {}
     for name, place in METHODS.items():
         modules.setdefault(place.partition(":")[0], []).append(f"`{name}`")
     for module, names in modules.items():
-        lines += [f"## {', '.join(names)}", "", f"::: optimize.methods.{module}", *METHOD_OPTIONS]
-        lines.append("")
+        source = DOCS.parent / "optimize" / "methods" / f"{module.replace('.', '/')}.py"
+        text = ast.get_docstring(ast.parse(source.read_text("utf-8"))) or ""
+        lines += [f"## {', '.join(names)}", "", UNDERLINED.sub(r"**\1**", text), ""]
     lines += ["## Third-party methods", "", "Available if their packages are installed:", ""]
     lines += [f"- `{name}` needs {needed}" for name, (_, needed) in PEERS.items()]
+    lines += ["", "Continue with [comparing methods](searching.md) or"]
+    lines += ["[your own optimiser](your-own-optimiser.md)."]
     return "\n".join(lines) + "\n"
+
+
+@cache
+def public_names(package: str) -> dict[str, Path]:
+    """Return the names that a package's stub lists, each with the file that defines it."""
+    folder = DOCS.parent / package
+    found = {}
+    for node in ast.parse((folder / "__init__.pyi").read_text("utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            place = folder.joinpath(*node.module.split("."))
+            source = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+            found |= {alias.name: source for alias in node.names}
+    return dict(sorted(found.items(), key=lambda item: (item[0].casefold(), item[0])))
+
+
+def summary_of(name: str, source: Path) -> str:
+    """Return the first line of the docstring of a class, function or constant."""
+    body = ast.parse(source.read_text("utf-8")).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
+            text = ast.get_docstring(node)
+        elif isinstance(node, ast.Assign) and getattr(node.targets[0], "id", None) == name:
+            text = after.value.value if isinstance(after, ast.Expr) else None
+        else:
+            continue
+        if text:
+            return str(text).partition("\n\n")[0].replace("\n", " ")
+    raise ValueError(f"{source}: {name} has no docstring here")
+
+
+def reference_page(link: Callable[[str, str], str] | None = None) -> str:
+    """Return the list of all public names, each with a link to its page or to its source."""
+    lines = [
+        "# Reference",
+        "",
+        "For everyone who writes Python. All public names; the site (`make docs`) has a page for",
+        "each with its parameters and results. Generated by `python docs/pages.py`.",
+    ]
+    for package, content in PACKAGES.items():
+        rows = []
+        for name, source in public_names(package).items():
+            target = f"../{source.relative_to(DOCS.parent).as_posix()}"
+            if link is not None:
+                target = link(package, name)
+            rows.append((f"[`{name}`]({target})", summary_of(name, source)))
+        lines += ["", f"## {package}", "", f"`import {package}`: {content}.", ""]
+        lines += markdown_table(("name", "summary"), rows)
+    lines += ["", "Continue with [simulating a layout](simulating.md) for examples."]
+    return "\n".join(lines) + "\n"
+
+
+def object_page(package: str, name: str) -> str:
+    """Return the page of a public name, which mkdocstrings fills."""
+    return (
+        f"# {name}\n\n::: {package}.{name}\n    options:\n      heading_level: 2\n"
+        "      inherited_members: true\n\n[All public names](../reference.md)\n"
+    )
+
+
+def _page_of(package: str, name: str) -> str:
+    """Return the path of a name's page; names may differ in upper and lower case only."""
+    alike = sum(other.casefold() == name.casefold() for other in public_names(package)) > 1
+    kind = ".function" if alike and name == name.casefold() else ""
+    return f"reference/{package}.{name}{kind}.md"
 
 
 def drawing(layout: de.Layout, scene: Any) -> str:
@@ -369,20 +489,24 @@ def _svg(high: float, inside: str, words: str) -> str:
 
 
 def readme_with_table(text: str) -> str:
-    """Return README with the present tables of scenes and of the benchmark."""
-    benchmark = (Path(__file__).parent / "benchmark.md").read_text("utf-8")
-    table = re.search(r"<!-- summary -->\n\n(.*?)\n\n<!-- end -->", benchmark, re.DOTALL)
-    assert table is not None
-    scenes = "\n".join(scenes_table(best_known(), "domino_env/scenes/shipped/{}.toml"))
-    return _between(BENCHMARK_HERE, _between(SCENES_HERE, text, scenes), table[1])
-
-
-def _between(comment: str, text: str, table: str) -> str:
-    """Replace the table after a comment."""
-    place = re.compile(MADE.format(re.escape(comment)), re.DOTALL)
+    """Return README with the present table of scenes."""
+    table = "\n".join(readme_table(best_known()))
+    place = re.compile(MADE.format(re.escape(SCENES_HERE)), re.DOTALL)
     return place.sub(lambda match: f"{match[1]}\n{table}\n\n{match[2]}", text)
 
 
+def committed_pages() -> dict[str, str]:
+    """Return the generated pages that are part of the repository, by path in docs."""
+    return {
+        "scenes/index.md": scenes_page(best_known()),
+        "methods.md": methods_page(),
+        "reference.md": reference_page(),
+    }
+
+
 if __name__ == "__main__":
-    README = Path(__file__).resolve().parents[1] / "README.md"
+    README = DOCS.parent / "README.md"
     README.write_text(readme_with_table(README.read_text("utf-8")), "utf-8")
+    for path, content in committed_pages().items():
+        (DOCS / path).parent.mkdir(exist_ok=True)
+        (DOCS / path).write_text(content, "utf-8")

@@ -319,7 +319,7 @@ def add_executor_options(parser: argparse.ArgumentParser) -> None:
         "--dask",
         metavar="ADDRESS",
         help="tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this "
-        'machine (extra "dist", docs/cluster.md)',
+        'machine (extra "dist", docs/studies.md)',
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import runpy
 import shlex
 import shutil
 import sqlite3
@@ -21,7 +22,10 @@ from xml.etree import ElementTree
 import pytest
 from threadpoolctl import threadpool_limits
 
+import agents
+import domino_env
 import domino_env as de
+import optimize
 from agents.algorithms import Hyperparameters, default_hyperparameters
 from domino_env import SceneDistribution
 from domino_env.cli.main import main, parser
@@ -100,7 +104,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     de.Layout.uniform(8, pitch=0.024).to_csv(folder / "short.csv")
     wave = de.simulate(de.Layout.uniform(60, pitch=0.024), de.Physics(push=8.0))
     write_wav(clicks(wave), folder / "recording.wav")
-    (method,) = (code for code in SNIPPETS.findall(OPTIMISERS) if "def run(evaluator" in code)
+    own = SNIPPETS.findall(PAGES["your-own-method.md"])
+    (method,) = (code for code in own if "def run(evaluator" in code)
     (folder / "my_methods.py").write_text(method)
     return folder
 
@@ -224,9 +229,59 @@ def test_targets_and_extras_exist() -> None:
 # generated pages --------------------------------------------------------------------------------
 
 
-def test_the_table_of_the_readme_is_that_of_the_records(pages: ModuleType) -> None:
-    """`python docs/pages.py` updates it."""
-    assert pages.readme_with_table(README) == README
+def test_generated_pages_are_up_to_date(pages: ModuleType) -> None:
+    """`python docs/pages.py` writes them."""
+    again = "run python docs/pages.py"
+    assert pages.readme_with_table(README) == README, again
+    for path, text in pages.committed_pages().items():
+        assert (ROOT / "docs" / path).read_text("utf-8") == text, f"{path}: {again}"
+
+
+def test_quoted_numbers_are_those_of_their_source() -> None:
+    """`python docs/quoted_numbers.py` writes them."""
+    quoted = runpy.run_path(str(ROOT / "docs" / "quoted_numbers.py"))
+    values = quoted["numbers"]()
+    marked = 0
+    for page, text in PAGES.items():
+        marked += len(quoted["MARK"].findall(text))
+        written = quoted["with_numbers"](text, values)
+        for line, right in zip(text.splitlines(), written.splitlines(), strict=True):
+            assert line == right, f"{page}: run python docs/quoted_numbers.py"
+    assert marked > 30
+    with pytest.raises(KeyError, match="nothing"):
+        quoted["with_numbers"]("1.0<!--nothing-->", values)
+    assert quoted["with_numbers"]("**9.9<!--gain.x--> %**", {"gain.x": "3.2"}).startswith("**3.2")
+
+
+def test_the_reference_is_complete(pages: ModuleType) -> None:
+    for package in (domino_env, optimize, agents):
+        names = set(pages.public_names(package.__name__))
+        assert names == set(package.__all__)
+        paths = {pages._page_of(package.__name__, name).casefold() for name in names}
+        assert len(paths) == len(names)
+    assert "::: domino_env.simulate\n" in pages.object_page("domino_env", "simulate")
+
+
+GENERATED = {"verified.md", "measured-sources.md", "methods.md", "reference.md", "benchmark.md"}
+
+
+def test_hand_written_pages_are_short_and_lead_on() -> None:
+    written = {page: text for page, text in PAGES.items() if page not in GENERATED}
+    assert sum(len(text.split()) for text in written.values()) <= 24_000
+    for page, text in written.items():
+        assert text.count("\n") <= (110 if page == "README.md" else 150), page
+        if page != "README.md":
+            begin, end = text.split("\n\n")[1], text.rstrip().rpartition("\n\n")[2]
+            assert begin.startswith("For "), f"{page}: say for whom it is"
+            assert re.search(r"Continue with[^.]*\]\(", end), f"{page}: say where to go next"
+
+
+def test_links_lead_to_files_of_the_repository() -> None:
+    pages = {ROOT / ("" if page == "README.md" else "docs") / page: PAGES[page] for page in PAGES}
+    index = ROOT / "docs" / "scenes" / "index.md"
+    for path, text in (pages | {index: index.read_text("utf-8")}).items():
+        for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", FENCED.sub("", text)):
+            assert (path.parent / target).exists(), f"{path.name}: {target}"
 
 
 def test_the_page_of_a_scene_has_its_drawing_and_its_numbers(pages: ModuleType) -> None:
@@ -246,12 +301,3 @@ def test_every_method_has_a_section(pages: ModuleType) -> None:
     text = pages.methods_page()
     headings = "".join(line for line in text.splitlines() if line.startswith("## "))
     assert all(f"`{name}`" in headings for name in METHODS)
-
-
-def test_pictures_are_there_or_drawn() -> None:
-    from domino_env.validation.chapman import FIGURES
-
-    for page, text in PAGES.items():
-        folder = ROOT if page == "README.md" else ROOT / "docs"
-        for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
-            assert (folder / target).exists() or Path(target).stem in FIGURES, f"{page}: {target}"

@@ -55,7 +55,7 @@ class Check:
         Score of the layout in its scene, in words.
     gain
         Speed over that of the best uniform layout of this floor - 1; None for that layout, for
-        scenes with other scores, and where a wave stops.
+        scenes with other scores, and where a domino stays up.
     """
 
     layout: Literal["best", "uniform"]

@@ -112,8 +112,8 @@ class RigidWave:
 
     @property
     def propagated(self) -> bool:
-        """True if the last domino was struck and toppled."""
-        return bool(np.isfinite(self.arrival_times[-1]) and self.topples[-1])
+        """True if all dominoes were struck and toppled, as of a wave of the model."""
+        return self.hit == self.toppled == self.layout.count
 
     @property
     def mean_speed(self) -> float:

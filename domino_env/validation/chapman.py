@@ -30,6 +30,8 @@ GRAVITY, THICKNESS = 9.8, 0.0075  # Chapman's [m/s²] and the standard domino's 
 FRICTION, PUSH = 0.25, 5.0 * np.pi
 PITCHES = (0.016, 0.024, 0.032)  # [m]
 UNIT = math.sqrt(3.0 * GRAVITY * HEIGHT)  # of speeds [m/s]
+OVER_PITCH = "thickness d over pitch λ"
+OVER_UNIT = "steady speed over √(3gL), L height"
 # as printed: after and before a hit, and "true" average [rad/s]; 17.80 is a misprint of 14.80
 PRINTED = ((13.63, 17.25, 15.38), (14.83, 21.74, 18.16), (17.80, 24.80, 19.54))
 # hits per second: Chapman's simulation, LMGC90, experiment
@@ -150,15 +152,17 @@ def correction_factor(axes: Axes) -> None:
         x, estimate, simulated = _speeds(np.linspace(low, existence_limit(thick), 60)[:-1], thick)
         axes.plot(x, estimate, color=colour, label=f"d/L = {ratio:g}" if len(x) else None)
         axes.plot(x, simulated, color=colour, linestyle=":")
-    axes.set(xlabel="d/λ", ylabel="v / √(3gL)   (lines eq. 13, dots simulated)", ylim=(0.5, 3.0))
+    axes.plot([], [], color="0.4", label="equation 13")
+    axes.plot([], [], color="0.4", linestyle=":", label="simulated")
+    axes.set(xlabel=OVER_PITCH, ylabel=OVER_UNIT, ylim=(0.5, 3.0))
 
 
 def formula(axes: Axes) -> None:
     """Draw the speed over √(3gL) by d/λ, by equation 13 and simulated."""
     x, estimate, simulated = _speeds(np.linspace(0.15, 0.9, 90), THICKNESS)
-    axes.plot(x, estimate, color=PINK, linestyle="--", label="eq. 13")
+    axes.plot(x, estimate, color=PINK, linestyle="--", label="equation 13")
     axes.plot(x, simulated, color=BLUE, label="simulated")
-    axes.set(xlabel="d/λ", ylabel="v / √(3gL)")
+    axes.set(xlabel=OVER_PITCH, ylabel=OVER_UNIT)
 
 
 def friction(axes: Axes) -> None:
@@ -179,7 +183,11 @@ def friction(axes: Axes) -> None:
         axes.plot(mu, np.where(speed > 0.0, speed, np.nan) / speed[0], color=colour, label=name)
     name = "Cantor & Wojtacki: (1+μ)^−0.4, not this model"
     axes.plot(mu, (1.0 + mu) ** -0.4, color=PALE, linestyle="--", label=name)
-    axes.set(xlabel="friction μ", ylabel="speed over that without friction", ylim=(0.0, 1.02))
+    axes.set(
+        xlabel="friction coefficient μ",
+        ylabel="steady speed over that without friction",
+        ylim=(0.0, 1.02),
+    )
 
 
 FIGURES: dict[str, tuple[str, Callable[[Axes], None]]] = {
@@ -188,9 +196,11 @@ FIGURES: dict[str, tuple[str, Callable[[Axes], None]]] = {
     "angular-velocity": (
         "Angular velocity of the leading domino (16 mm, no friction)", angular_velocity
     ),
-    "correction-factor": ("Velocity correction factor, no friction", correction_factor),
-    "formula": ("Eq. 13 beside simulation (d/L = 0.15625, no friction)", formula),
-    "friction": ("Speed lost to friction", friction),
+    "correction-factor": (
+        "Steady speed by equation 13 and simulated, no friction", correction_factor
+    ),
+    "formula": ("Equation 13 and simulation (d/L = 0.15625, no friction)", formula),
+    "friction": ("Steady speed lost to friction", friction),
 }  # fmt: skip
 """Title and drawing function of each figure, by the name of its file."""
 

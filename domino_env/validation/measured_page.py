@@ -1,4 +1,4 @@
-"""Tables, plot and document of measured chains compared with the model, for docs/measured.md."""
+"""Tables, plot and document of measured chains compared with the model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from domino_env.core.types import Floats
 from domino_env.validation.measured import Comparison, Validation, model_value
 from domino_env.validation.source import UNITS
 
-PLOT, PAGE = "measured.png", "measured.md"
+PLOT, PAGE = "measured.png", "measured-sources.md"
 COLUMNS = (
     "gap or pitch", "measured", "model", "model/measured", "deviation", "friction alone",
     "predicted",

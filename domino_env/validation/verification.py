@@ -1,4 +1,4 @@
-"""Tables of the page docs/verification.md.
+"""Tables of the page docs/verified.md.
 
 ``python -m domino_env.validation.verification`` verifies twenty-four random layouts on fixed pivots
 and writes them into the page, beside what ``domino best-known --verify --update`` has kept of the
@@ -27,7 +27,7 @@ from domino_env.scenes.scene import Scene
 SEED, LAYOUTS = 18, 6
 SCENES = ("sprint", "ideal", "gentle", "sprint-thickness")
 RTOL = 1e-4
-PAGE = Path("docs/verification.md")
+PAGE = Path("docs/verified.md")
 
 
 def random_layouts(scene: Scene, rng: np.random.Generator) -> Iterator[Layout]:

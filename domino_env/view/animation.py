@@ -14,7 +14,6 @@ from PIL import Image
 
 from domino_env.core.checks import require
 from domino_env.core.files import write_bytes
-from domino_env.core.types import Floats
 from domino_env.physics.motion import Motion
 from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
 from domino_env.view.ground import relief
@@ -27,6 +26,7 @@ MOST_PIXELS = 2_000_000_000  # of all images of a film: 2 GB in few colours
 MOST_PIXELS_OF_PICTURE = 200_000_000  # of one picture: 1.2 GB while it is drawn
 STRIP, POSE = 150, 100  # [px] height of a chain on flat ground, in an animation and in poses
 FURTHEST = 0.97  # of the width of a picture of poses: furthest place of the leader
+LAST = 2000.0  # [ms] for which an animation shows its last image before it begins again
 REST = 0.08  # [s] of stillness before the push and after the end, in the time of the wave
 
 
@@ -38,6 +38,8 @@ def frames(
     heading: str = "",
 ) -> Iterator[Image.Image]:
     """Draw chains that topple at once, one below the other, until all lie.
+
+    All chains have one scale and one camera, and a finish line at their last pivots.
 
     Parameters
     ----------
@@ -78,8 +80,7 @@ def frames(
     pace = "true time" if slow == 1.0 else f"{slow:g} times slower than nature"
     above = [title(heading, pace, width)] if heading else []
     for t in times:
-        moving = zip(racers, motions, strict=True)
-        yield stacked([*above, *(_strip(one, motion, float(t), scale) for one, motion in moving)])
+        yield stacked([*above, *_strips(racers, motions, float(t), scale, AHEAD)])
 
 
 def poses(
@@ -115,8 +116,7 @@ def poses(
     strips = [title(heading, "", width)] if heading else []
     for k in range(moments):
         t = end * (k + 0.5) / moments
-        for one, motion in zip(racers, motions, strict=True):
-            strips.append(_strip(one, motion, t, scale, ahead=FURTHEST))
+        strips += _strips(racers, motions, t, scale, FURTHEST)
     return stacked(strips)
 
 
@@ -134,7 +134,8 @@ def write_png(image: Image.Image, path: Path) -> None:
 def write_gif(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     """Write an animated GIF, and return its number of images."""
     first, *rest = map(_in_few_colours, images)
-    options: dict[str, Any] = {"duration": 1000.0 / rate, "loop": 0, "optimize": True}
+    durations = [1000.0 / rate] * len(rest) + [LAST]
+    options: dict[str, Any] = {"duration": durations, "loop": 0, "optimize": True}
     write_bytes(
         path,
         lambda file: first.save(file, "GIF", save_all=True, append_images=rest, **options),
@@ -199,14 +200,41 @@ def _require_pixels(strips: int, scale: Scale, most: int, options: str) -> None:
         )
 
 
-def _strip(one: Racer, motion: Motion, t: float, scale: Scale, ahead: float = AHEAD) -> Image.Image:
+def _strips(
+    racers: Sequence[Racer], motions: Sequence[Motion], t: float, scale: Scale, ahead: float
+) -> list[Image.Image]:
+    """Draw all chains at one instant, at the same places of the picture."""
+    leaders = [int(motion.leader([t])[0][0]) for motion in motions]
+    layouts = [one.wave.layout for one in racers]
+    # the picture moves only where the longest chain does not fit, and with the first leader
+    longest = max(float(layout.pivots[-1, 0]) for layout in layouts)
+    tallest = max(float(layout.height.max()) for layout in layouts)
+    fits = (longest + 2.0 * tallest) * scale.pixels <= scale.width - 39
+    fronts = [layout.pivots[leader, 0] for layout, leader in zip(layouts, leaders, strict=True)]
+    camera = 0.0 if fits else float(max(fronts))
+    return [
+        strip(
+            one.wave.layout,
+            motion.angles([t])[0],
+            leader,
+            scale,
+            _state(one, t),
+            ahead=ahead,
+            camera=camera,
+            finish=float(one.wave.layout.pivots[-1, 0]),
+        )
+        for one, motion, leader in zip(racers, motions, leaders, strict=True)
+    ]
+
+
+def _state(one: Racer, t: float) -> str:
+    """Return the line above a chain: its clock, which stops at the last hit, and its speed."""
     wave = one.wave
-    leans: Floats = motion.angles([t])[0]
-    leader = int(motion.leader([t])[0][0])
     hit = int(np.searchsorted(wave.arrival_times[: wave.hit], max(t, 0.0), side="right"))
-    clock = min(max(t, 0.0), float(wave.arrival_times[wave.hit - 1]))
-    speed = f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else ""
-    line = f"{one.name}   {speed}   {clock * 1e3:6.0f} ms   {hit} of {wave.layout.count}"
-    if t >= clock > 0.0 and hit == wave.hit and not speed:
-        line += f"   {wave.outcome.name.lower().replace('_', ' ')}"
-    return strip(wave.layout, leans, leader, scale, line, ahead=ahead)
+    end = float(wave.arrival_times[wave.hit - 1])
+    line = f"{one.name}   {min(max(t, 0.0), end):.3f} s   {hit} of {wave.layout.count} hit"
+    if t < end or hit < wave.hit:
+        return line
+    if wave.mean_speed > 0.0:
+        return f"{line}   {1e3 * wave.layout.length:.0f} mm at {wave.mean_speed:.4f} m/s"
+    return f"{line}   {wave.outcome.name.lower().replace('_', ' ')}"

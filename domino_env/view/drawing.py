@@ -80,6 +80,8 @@ def strip(
     line: str,
     ahead: float = AHEAD,
     ground: Ground | None = None,
+    camera: float | None = None,
+    finish: float | None = None,
 ) -> Image.Image:
     """Draw a chain at one instant.
 
@@ -96,9 +98,13 @@ def strip(
     line
         Text above the chain.
     ahead
-        Part of the width beyond which the picture follows the leader.
+        Part of the width beyond which the picture follows the camera.
     ground
         Ground ahead of the layout; None where it is unknown.
+    camera
+        Position that the picture follows [m]; None for that of the leader.
+    finish
+        Position of a finish line [m]; None for none.
 
     Returns
     -------
@@ -111,7 +117,7 @@ def strip(
     pivots = layout.pivots
     front, high = map(float, pivots[leader])
     left = 20 * FINER + 1.2 * float(layout.thickness[0]) * k
-    left -= max(0.0, left + front * k - ahead * w)
+    left -= max(0.0, left + (front if camera is None else camera) * k - ahead * w)
     # the lowest ground at the floor; where the relief is too high, the leader in the middle
     under = ground_line(layout, max(left / k, 0.0), w / k, ground)
     shown = pivots if ground is None else under[under[:, 0] < (w - left) / k]
@@ -121,6 +127,8 @@ def strip(
     base += min(max(high - 0.5 * room, lowest), max(highest - room, lowest)) * k
     points = [(left + x * k, base - z * k) for x, z in under]
     draw.line(points, fill=PALE if layout.is_flat else SOFT, width=FINER, joint="curve")
+    if finish is not None:
+        _finish_line(draw, left + finish * k, base - float(pivots[-1, 1]) * k)
     corners = outlines(layout, leans)
     x, y = left + corners[..., 0] * k, base - corners[..., 1] * k
     for i in np.flatnonzero((x.max(axis=1) > 0.0) & (x.min(axis=1) < w)):
@@ -132,6 +140,13 @@ def strip(
     image = image.resize((scale.width, scale.height), Image.Resampling.LANCZOS)
     ImageDraw.Draw(image).text((20, 10), line, fill=INK, font=font(15))
     return image
+
+
+def _finish_line(draw: ImageDraw.ImageDraw, x: float, ground: float) -> None:
+    """Draw a dashed line at the last pivot, from above the chain to below the ground."""
+    dash = 6 * FINER
+    for y in range(34 * FINER, round(ground) + 2 * dash, 2 * dash):
+        draw.line([(x, y), (x, y + dash)], fill=INK, width=FINER)
 
 
 def title(text: str, right: str, width: int) -> Image.Image:

@@ -122,7 +122,9 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
         else:
             scored = replace(wave, arrival_times=rigid.arrival_times)
             score = scene.in_words(scene.score(scored), scored)
-        lead = gain(rigid.mean_speed, waves[1].mean_speed) if in_speed and k == 0 else None
+        # a layout of which a domino stays up has no gain
+        compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
+        lead = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None
         checks.append(Check(
             layout="uniform" if k == 1 else "best",
             simulator=rigid.simulator,

@@ -37,7 +37,7 @@ def simulate_free_standing(batch: LayoutBatch, floor_friction: float) -> Waves:
     if found:
         share_pieces(simulate, len(found), COST * batch.count)
     waves = [wave for wave in found if wave is not None]
-    whole = np.array([wave.propagated and wave.topples.all() for wave in waves], np.bool_)
+    whole = np.array([wave.propagated for wave in waves], np.bool_)
     return Waves(
         propagated=whole,
         reach=np.where(whole, 1.0, [_reach(wave) for wave in waves]),

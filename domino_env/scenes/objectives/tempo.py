@@ -185,8 +185,9 @@ class InTempo(Objective):
         return found.with_gradient(ScoreGradient(*arrays))
 
     def in_words(self, score: float, wave: Wave) -> str:
-        """Return the root-mean-square error of the hits."""
-        return f"RMS error {1e3 * self.settings.error(wave.arrival_times[None])[0]:.6g} ms"
+        """Return the root-mean-square error of the hits; less than 1 ns is rounding."""
+        error = float(self.settings.error(wave.arrival_times[None])[0])
+        return "RMS error below 1 ns" if error < 1e-9 else f"RMS error {1e3 * error:.6g} ms"
 
     @classmethod
     def violations(cls, tables: Any) -> Iterator[str]:

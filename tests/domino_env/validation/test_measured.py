@@ -128,7 +128,7 @@ def test_effects_are_as_large_as_simulated_layouts_have_them() -> None:
 
 
 def test_the_page_shows_the_results_of_the_command() -> None:
-    text = (ROOT / "docs" / "measured.md").read_text("utf-8")
+    text = (ROOT / "docs" / "measured-sources.md").read_text("utf-8")
     lines = markdown([validate(SOURCES["walker"])])
     assert "\n".join(lines[lines.index("## walker") :]) in text
     assert all(f"## {name}\n\n**{source.title}.**" in text for name, source in SOURCES.items())

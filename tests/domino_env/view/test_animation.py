@@ -41,6 +41,25 @@ def test_a_race_ends_when_all_lie(tmp_path: Path) -> None:
     assert [f.name for f in tmp_path.iterdir()] == ["race.gif"]
 
 
+@pytest.mark.parametrize("count", [30, 120])
+def test_a_race_has_one_camera_and_one_finish(count: int) -> None:
+    # 120 dominoes do not fit the picture, which follows the first leader in both strips
+    gaps = np.linspace(0.006, 0.030, count - 1)
+    racers = [
+        Racer(name, de.simulate(de.Layout(spacing, 0.0075), de.Physics()))
+        for name, spacing in (("a", gaps), ("b", np.full_like(gaps, gaps.mean())))
+    ]
+    places = set()
+    for image in list(frames(racers, rate=5, slow=1, width=600))[::2]:
+        both = np.asarray(image).astype(int).reshape(2, 150, 600, 3)[:, 36:80]
+        dark = (both.sum(axis=-1) < 400) & (np.ptp(both, axis=-1) < 40)
+        finish = [np.flatnonzero(strip) for strip in dark.sum(axis=1) > 12]
+        assert np.array_equal(*finish)
+        places.add(tuple(finish[0]))
+    assert any(places)
+    assert (len(places) == 1) == (count == 30)
+
+
 @pytest.fixture
 def layout(tmp_path: Path) -> Path:
     de.Layout.uniform(6, pitch=0.02).to_csv(tmp_path / "layout.csv")
