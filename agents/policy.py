@@ -44,6 +44,9 @@ class SummaryDocument(Document):
 
     finished: bool = True
     seconds: Annotated[float, Meta(ge=0, le=1e9)] = 0.0
+    simulations: Annotated[int, Meta(ge=0)] = 0
+    gradients: Annotated[int, Meta(ge=0)] = 0
+    updates: Annotated[int, Meta(ge=0)] = 0
     reference_over_uniform: Annotated[
         float, Meta(gt=0, le=1000, description="reference speed over that of the uniform baseline")
     ] = 1.0

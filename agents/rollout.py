@@ -36,6 +36,8 @@ class Rollout(MadeForScene):
         The uniform baseline; under placement noise with its mean score over the same seeds.
     seconds
         Time that building took [s], without the simulation of the baseline.
+    simulations
+        Number of layouts that were simulated to build it.
     """
 
     scene: Scene
@@ -44,6 +46,7 @@ class Rollout(MadeForScene):
     score: float
     uniform: UniformBaseline
     seconds: float
+    simulations: int = 1
 
     @property
     def gain(self) -> float | None:

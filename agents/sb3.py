@@ -74,6 +74,14 @@ class Learner:
         return int(self.model.num_timesteps)
 
     @property
+    def updates(self) -> int:
+        """Updates of the policy so far."""
+        number = int(getattr(self.model, "_n_updates", 0))
+        if isinstance(self.model, PPO):  # which counts passes over a rollout
+            number *= -(-self.model.n_steps * self.env.num_envs // self.model.batch_size)
+        return number
+
+    @property
     def reference_speed(self) -> float:
         """Reference speed of the rewards [m/s]; 0 where scenes are sampled."""
         fixed = self.env.vector.distribution is None

@@ -43,7 +43,8 @@ def greedy(scene: Scene) -> Rollout:
         terminated = env.step(chosen[-1])[2]
     steps = iter(chosen)
     rollout = build(lambda _: next(steps), scene)
-    return replace(rollout, seconds=time.perf_counter() - began)
+    # an action is tried by the simulation of one interval of each
+    return replace(rollout, seconds=time.perf_counter() - began, simulations=len(actions) + 1)
 
 
 def ramp(scene: Scene) -> Rollout:
@@ -56,17 +57,19 @@ def ramp(scene: Scene) -> Rollout:
     began = time.perf_counter()
     rng = np.random.default_rng(0)
     best = rng.random((SAMPLES // 2, 5))
+    simulations = len(best) + 1
     best = best[np.argsort(-_ramp_scores(scene, best))[:KEPT]]
     for width in (0.1, 0.03, 0.01):  # of samples around the best
         centres = best[rng.integers(KEPT, size=SAMPLES // 6)]
         around = np.clip(centres + width * rng.standard_normal(centres.shape), 0.0, 1.0)
         pool = np.concatenate([best, around])
+        simulations += len(pool)
         best = pool[np.argsort(-_ramp_scores(scene, pool))[:KEPT]]
     gaps, thickness = _ramps(scene, best[:1])
     layout = scene.layout(gaps[0], None if thickness is None else thickness[0])
     wave = scene.simulate(layout)
     seconds = time.perf_counter() - began
-    return Rollout(scene, layout, wave, scene.score(wave), baseline, seconds)
+    return Rollout(scene, layout, wave, scene.score(wave), baseline, seconds, simulations)
 
 
 def _ramp_scores(scene: Scene, numbers: Floats) -> Floats:

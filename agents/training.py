@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,7 +22,7 @@ from agents.algorithms import (
     default_hyperparameters,
     require_learning,
 )
-from agents.evaluation import gains_of
+from agents.evaluation import gains_of, scenes_of
 from agents.policy import (
     BEST,
     CHECKPOINT,
@@ -50,10 +51,11 @@ if TYPE_CHECKING:
 
 COLUMNS = (
     "steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference",
-    "processor_seconds",
+    "processor_seconds", "test_score", "simulations",
 )  # fmt: skip
 EVALUATIONS = 200  # of the policy in a whole training, each with a checkpoint
 POOL_SCENES = 50  # sampled scenes in which a policy is evaluated while it is trained
+TEST_SCENES = 200  # of a distribution that ships
 EPISODE = 32  # steps of an episode for default hyperparameters where their number varies
 
 
@@ -84,7 +86,8 @@ class Run:
         Wall-clock time [s].
     curve
         A tuple for each evaluation, with the columns of progress.csv. Where scenes are sampled,
-        scores are median gains over the uniform baselines.
+        scores are median gains over the uniform baselines of some training scenes; `test_score`,
+        that of the best policy so far on the test set, decides nothing.
     interrupted
         Whether it was interrupted by Ctrl-C.
     rollout
@@ -240,11 +243,15 @@ class Training:
         self.target, self.algorithm, self.hyperparameters = target, algorithm, hyperparameters
         self.total, self.seed, self.folder = total, seed, folder
         self.scenes: list[Scene] = []
+        self.tests: list[Scene] = []
+        self.simulations = 0
         if isinstance(target, SceneDistribution):
             pool = ScenePool(target)
             self.scenes = [pool.scene(len(pool) - 1 - i) for i in range(POOL_SCENES)]
+            with suppress(ValueError):  # of a distribution without a test set
+                self.tests = scenes_of(target, TEST_SCENES)
         self.curve: list[tuple[float, ...]] = []
-        self.best = self.sampled_best = -np.inf
+        self.best = self.sampled_best = self.test_score = -np.inf
         self.next_evaluation = 0
         self.began = time.perf_counter(), time.process_time()
         self.bar = progress_bar(progress, total=total, unit=" dominoes", unit_scale=True)
@@ -304,6 +311,7 @@ class Training:
             self.curve = [tuple(map(float, line)) for line in state["curve"]]
             last = dict(zip(COLUMNS, self.curve[-1], strict=True))
             self.best, self.sampled_best = last["best_score"], last["sampled_best"]
+            self.test_score, self.simulations = last["test_score"], int(last["simulations"])
             learner.reference_speed = last["reference"]
             now = time.perf_counter(), time.process_time()
             self.began = now[0] - last["seconds"], now[1] - last["processor_seconds"]
@@ -331,9 +339,10 @@ class Training:
         self.learner.adapt(min(steps / self.total, 1.0), float(max(self.best, self.sampled_best)))
 
     def after_step(self, infos: Any) -> None:
-        """Note the best score of the layouts that were built with noise."""
+        """Count the layouts that were built with noise, and note their best score."""
         for info in infos:
             if "score" in info:
+                self.simulations += 1
                 self.sampled_best = max(self.sampled_best, float(info["score"]))
 
     def evaluate(self) -> None:
@@ -345,9 +354,15 @@ class Training:
             score = rollout.score
         else:
             score = float(np.median(gains_of(policy, self.target, self.scenes)))
+        self.simulations += len(self.scenes) or 1
         if score > self.best:
-            self.best = score
+            self.best = self.test_score = score
             learner.save(self.folder / POLICY)
+            if isinstance(self.target, SceneDistribution) and self.tests:
+                paused = time.perf_counter(), time.process_time()
+                self.test_score = float(np.median(gains_of(policy, self.target, self.tests)))
+                now = time.perf_counter() - paused[0], time.process_time() - paused[1]
+                self.began = self.began[0] + now[0], self.began[1] + now[1]  # no time of training
             if rollout is not None:
                 uniform_speed = rollout.scene.uniform().wave.mean_speed
                 self._write_json(
@@ -359,7 +374,7 @@ class Training:
         deviation = self.hyperparameters.deviation(min(learner.steps / self.total, 1.0))
         self.curve.append((
             float(learner.steps), seconds, score, self.best, self.sampled_best, deviation,
-            reference, processor_seconds,
+            reference, processor_seconds, self.test_score, float(self.simulations),
         ))  # fmt: skip
         learner.model.logger.record("design/score", score)
         learner.model.logger.record("design/best_score", self.best)
@@ -379,12 +394,13 @@ class Training:
         from domino_env.core.plot_style import write_png
 
         seconds, processor_seconds = self.seconds
+        learned_from = self.simulations - len(self.curve) * (len(self.scenes) or 1)
         rollout = ScenePolicy.load(self.folder).build() if isinstance(self.target, Scene) else None
         run = Run(
             self.folder, self.target.name, self.algorithm, self.learner.steps, seconds,
             tuple(self.curve), interrupted, rollout,
         )  # fmt: skip
-        result: dict[str, Any] = {"median_gain": self.best}
+        result: dict[str, Any] = {"median_gain": self.best, "test_median_gain": self.test_score}
         if rollout is not None:
             result = {
                 "score": rollout.score,
@@ -396,6 +412,7 @@ class Training:
         self._write_json(
             SUMMARY, finished=not interrupted, scene=run.scene, algorithm=run.algorithm,
             seed=self.seed, **result, steps=run.steps, seconds=seconds,
-            processor_seconds=processor_seconds,
+            processor_seconds=processor_seconds, simulations=self.simulations,
+            gradients=learned_from * (self.algorithm == "apg"), updates=self.learner.updates,
         )  # fmt: skip
         return run

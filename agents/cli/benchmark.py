@@ -1,9 +1,12 @@
 """Train algorithms on scenes with many seeds, compare them with searches, and write a page.
 
-An algorithm is one of `domino train`, a scripted policy (ramp) or a search method (cma, auto).
+An algorithm is one of `domino train`, one of yours, `package.module:fit` with a function
+fit(make_env, steps, seed) that returns an object with `predict`, a scripted policy (ramp) or a
+search method (cma, auto).
 Every run is stored at once and each training has a folder in runs/benchmark: the same command runs
-what is missing, continues trainings that were stopped, and writes the page anew. Ctrl-C ends it
-with the page of what is complete. Times are processor times.
+what is missing, continues trainings that were stopped, and writes the page anew. Runs in the table
+benchmark.csv of the output folder are not run again and remain on the page. Ctrl-C ends it with the
+page of what is complete. Times are processor times.
 
 The default scenes are sprint, course, sprint-thickness, ideal and varied; in varied every episode
 is a new scene, and scores are those of the scenes of its test set.
@@ -39,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_out_option(parser, DEFAULT_FOLDER)
     parser.add_argument(
-        "--page", action="store_true", help="write the page of the stored results, run nothing"
+        "--page", action="store_true", help="write the page of the runs in the table, run nothing"
     )
     add_study_options(parser, "benchmark")
 
@@ -47,10 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run what is missing, write the page, print its summary."""
     from agents.algorithms import ALGORITHMS
-    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in
-    from agents.benchmark_report import FILES, table, write
+    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in, problem_of_text
+    from agents.benchmark_report import FILES, merged, read_runs, table, write
     from domino_env.core.files import require_writable
-    from optimize.experiments.experiment import gather_results
     from optimize.experiments.runner import run_experiment
     from optimize.experiments.store import open_store
 
@@ -61,16 +63,22 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.scenes or SCENES, chosen, arguments.seeds, arguments.steps, arguments.seconds
     )
     folder = Path(arguments.out)
+    before = read_runs(folder / FILES[1], {problem_of_text(task.scene) for task in tasks})
     if arguments.page:
-        results = open_store(arguments.store, create=False).study(arguments.name).done()
-        done = gather_results(tasks, results, known_score=known_in)
+        done = merged(before)
     else:
         with executor_from(arguments) as executor:
             require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
+            stored = study.done()
+            for result in before:
+                if result.key not in stored:
+                    study.add(result)
             done = run_experiment(
-                tasks, executor, study, known_score=known_in, name="benchmark", progress=None
-            )
+                tasks, executor, study, known_score=known_in, fixed=True, name="benchmark",
+                progress=None,
+            )  # fmt: skip
+            done = merged(before, done)
     write(done, folder, _command(arguments))
     print("\n".join(table(done)))
     print(f"\nwritten to {folder}: {', '.join(FILES)}")

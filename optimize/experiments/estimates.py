@@ -1,5 +1,8 @@
 """Estimates over runs and problems, with 95 % intervals by a stratified bootstrap.
 
+Every problem has the same weight, whatever its number of runs. With equal numbers of runs, the
+estimates are those that rliable defines.
+
 References
 ----------
 Agarwal, R., Schwarzer, M., Castro, P. S., Courville, A., Bellemare, M. G. (2021). Deep
@@ -16,9 +19,13 @@ import numpy as np
 
 from domino_env.core.types import Floats
 
-TRIMMED = 0.25  # part of the runs at either end that an interquartile mean leaves out
+TRIMMED = 0.25  # part of the weight at either end that an interquartile mean leaves out
+LEAST_RUNS = 5  # on each problem, for an interval: of fewer runs it covers too little
 RESAMPLES, OUTSIDE = 2000, 50  # of which at either end lie outside the interval: 2.5 %
 CHUNK = 50  # resamples at a time, so that curves of hundreds of points fit into memory
+
+Statistic = Callable[[Sequence[Floats]], Floats]
+"""Maps the runs (..., R) of each problem to a number (...)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +36,12 @@ class Estimate:
     ----------
     value
         Statistic of the runs.
-    low, high
-        Ends of the 95 % interval; equal to `value` where no problem has more than one run.
+    interval
+        Ends of the 95 % interval; None where a problem has fewer than `LEAST_RUNS` runs.
     """
 
     value: Floats
-    low: Floats
-    high: Floats
+    interval: tuple[Floats, Floats] | None
 
 
 def interquartile_mean(problems: Sequence[Floats]) -> Estimate:
@@ -51,34 +57,88 @@ def interquartile_mean(problems: Sequence[Floats]) -> Estimate:
     Estimate
         (...) with an interval for which runs are resampled within each problem.
     """
-    return _estimate(problems, middle_mean)
+    return estimate(middle_mean, problems)
 
 
-def middle_mean(runs: Floats, axis: int = -1) -> Floats:
-    """Return the mean of the middle half of runs along an axis."""
-    from scipy.stats import trim_mean
+def middle_mean(problems: Sequence[Floats]) -> Floats:
+    """Return the mean (...) of the middle half of runs (..., R), each problem of equal weight."""
+    runs = np.concatenate(problems, axis=-1)
+    weights = np.concatenate([np.full(p.shape[-1], 1.0 / p.shape[-1]) for p in problems])
+    order = np.argsort(runs, axis=-1, kind="stable")
+    runs, weights = np.take_along_axis(runs, order, axis=-1), weights[order] / len(problems)
+    upto = np.cumsum(weights, axis=-1)
+    edge = TRIMMED + 1e-9  # runs that lie beyond it with all of their weight are left out
+    weights = np.where((upto > edge) & (1.0 - upto + weights > edge), weights, 0.0)
+    kept = np.where(weights > 0.0, runs, 0.0)  # -inf at no weight
+    mean: Floats = (weights * kept).sum(axis=-1) / weights.sum(axis=-1)
+    return mean
 
-    return np.asarray(trim_mean(runs, TRIMMED, axis=axis))
+
+def median_of_problems(problems: Sequence[Floats]) -> Floats:
+    """Return the median (...) over the problems of the mean over the runs (..., R)."""
+    return np.asarray(np.median([p.mean(axis=-1) for p in problems], axis=0))
+
+
+def optimality_gap(problems: Sequence[Floats]) -> Floats:
+    """Return the mean amount (...) by which normalised scores (..., R) are below 1."""
+    return np.asarray(np.mean([np.maximum(1.0 - p, 0.0).mean(axis=-1) for p in problems], axis=0))
+
+
+def improvement(first: Sequence[Floats], second: Sequence[Floats]) -> Estimate:
+    """Estimate the probability that a run of one method is better than one of another.
+
+    Parameters
+    ----------
+    first, second
+        (R,) results of the runs of each method, on the same problems.
+
+    Returns
+    -------
+    Estimate
+        Mean over the problems; ties count half.
+    """
+
+    def probability(problems: Sequence[Floats]) -> Floats:
+        parts = []
+        for x, y in zip(problems[: len(first)], problems[len(first) :], strict=True):
+            difference = np.sign(x[..., :, None] - y[..., None, :])
+            parts.append(0.5 + 0.5 * difference.mean(axis=(-1, -2)))
+        return np.asarray(np.mean(parts, axis=0))
+
+    return estimate(probability, [*first, *second])
 
 
 def performance_profile(problems: Sequence[Floats], targets: Floats) -> Estimate:
     """Estimate the part (T,) of all runs that come beyond each target (T,)."""
     beyond = [(np.asarray(runs) > targets[:, None]).astype(np.float64) for runs in problems]
-    return _estimate(beyond, np.mean)
+    return estimate(lambda parts: np.mean([p.mean(axis=-1) for p in parts], axis=0), beyond)
 
 
-def _estimate(problems: Sequence[Floats], statistic: Callable[..., Floats]) -> Estimate:
-    """Estimate a statistic of the runs of all problems together, along the last axis."""
+def estimate(statistic: Statistic, problems: Sequence[Floats]) -> Estimate:
+    """Estimate a statistic of the runs (..., R) of each problem.
+
+    Parameters
+    ----------
+    statistic
+        See `Statistic`; leading dimensions are kept.
+    problems
+        Results of the runs on each problem.
+
+    Returns
+    -------
+    Estimate
+        The statistic, with the interval of the percentiles of stratified resamples.
+    """
     rng = np.random.default_rng(0)
     runs = [np.asarray(problem, dtype=np.float64) for problem in problems]
-
-    def resample() -> Floats:
-        sizes = [group.shape[-1] for group in runs]
-        indices = [rng.integers(size, size=(CHUNK, size)) for size in sizes]
+    value = np.asarray(statistic(runs))
+    if min(group.shape[-1] for group in runs) < LEAST_RUNS:
+        return Estimate(value, None)
+    resampled = []
+    for _ in range(RESAMPLES // CHUNK):
+        indices = [rng.integers(g.shape[-1], size=(CHUNK, g.shape[-1])) for g in runs]
         chosen = [group[..., index] for group, index in zip(runs, indices, strict=True)]
-        return statistic(np.concatenate(chosen, axis=-1), axis=-1)
-
-    value = np.asarray(statistic(np.concatenate(runs, axis=-1), axis=-1))
-    spread = np.concatenate([resample() for _ in range(RESAMPLES // CHUNK)], axis=-1)
+        resampled.append(statistic(chosen))
+    spread = np.concatenate(resampled, axis=-1)
     spread.sort(axis=-1)  # no interpolation: before the first layout a score is -inf
-    return Estimate(value, spread[..., OUTSIDE], spread[..., -1 - OUTSIDE])
+    return Estimate(value, (spread[..., OUTSIDE], spread[..., -1 - OUTSIDE]))

@@ -10,7 +10,7 @@ import numpy as np
 
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
-from optimize.experiments.estimates import Estimate, interquartile_mean, middle_mean
+from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
 from optimize.experiments.task import Label, Task, TaskResult
 
 TARGETS = 10.0 ** np.linspace(-1.0, -5.0, 41)  # relative gaps, spread like the targets of COCO
@@ -42,7 +42,7 @@ class Experiment:
     results
         Results that are available, in the order of the tasks.
     best
-        Best known score by problem, these results included.
+        Best known score by problem, with which scores are normalised and compared.
     failures
         Tasks that failed.
     interrupted
@@ -66,6 +66,13 @@ class Experiment:
     def methods(self) -> list[str]:
         """Names of the methods, in the order of the tasks."""
         return list(dict.fromkeys(r.method for r in self.results))
+
+    @property
+    def complete(self) -> list[str]:
+        """Names of the methods with runs on all problems; all methods where there is none."""
+        problems = set(self.problems)
+        complete = [m for m in self.methods if {r.problem for r in self.runs(m)} == problems]
+        return complete or self.methods
 
     @property
     def keys(self) -> list[str]:
@@ -166,23 +173,39 @@ class Experiment:
         """Estimate the interquartile mean of the normalised scores of the final layouts."""
         return interquartile_mean(self.final_scores(method, problem))
 
+    def improvement(self, first: str, second: str) -> Estimate | None:
+        """Estimate the probability that a run of one method is better than one of another.
+
+        It is the mean over the problems on which both have runs; None if there is none.
+        """
+        shared = [p for p in self.problems if self.runs(first, p) and self.runs(second, p)]
+        if not shared:
+            return None
+        return improvement(*([self.final_scores(m, p)[0] for p in shared] for m in (first, second)))
+
     def score_after(self, method: str, seconds: float, problem: str | None = None) -> float:
         """Return the interquartile mean of the normalised scores after a time [s]; -inf if none."""
         when = np.array([seconds])
-        runs = self.runs(method, problem)
-        scores = [self.normalised(r, self.best_scores(r, when, "seconds"))[0] for r in runs]
-        return float(middle_mean(np.array(scores)))
+        scores = _by_problem(
+            self.runs(method, problem),
+            lambda r: self.normalised(r, self.best_scores(r, when, "seconds"))[0],
+        )
+        return float(middle_mean(scores))
 
-    def curve(self, method: str, clock: str, problem: str | None = None) -> tuple[Floats, Estimate]:
+    def curve(
+        self, method: str, clock: str, problem: str | None = None, earliest: float = 1e-9
+    ) -> tuple[Floats, Estimate]:
         """Estimate the interquartile mean of the normalised best scores over a clock.
 
-        It begins when all runs have scored a layout and ends with the last run.
+        It begins when all runs have scored a layout, but not before the earliest time, and ends
+        with the last run.
         """
         runs = self.runs(method, problem)
         spans = [self.steps(r, clock)[0][[0, -1]] for r in runs]
         first, last = np.max(spans, axis=0)
-        times = np.geomspace(max(first, 1e-9), max(last, first, 1e-9), CURVE_POINTS)
-        times[0] = first  # bitwise
+        first, last = max(first, earliest), max(last, earliest)
+        times = np.geomspace(first, last, CURVE_POINTS)
+        times[0], times[-1] = first, last  # bitwise
         scores = _by_problem(runs, lambda r: self.normalised(r, self.best_scores(r, times, clock)))
         return times, interquartile_mean([group.T for group in scores])
 
@@ -215,6 +238,7 @@ def gather_results(
     failures: Sequence[Failure] = (),
     known_score: Callable[[TaskResult], float] = no_known_score,
     *,
+    fixed: bool = False,
     interrupted: bool = False,
 ) -> Experiment:
     """Gather the results of tasks, by key, into an experiment; see `run_experiment`."""
@@ -226,12 +250,26 @@ def gather_results(
     if not chosen:
         reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else " yet"
         raise ValueError(f"no run has a result{reason}")
-    best: dict[str, float] = {}
-    for result in chosen:
-        if result.problem not in best:
-            best[result.problem] = known_score(result)
-        best[result.problem] = max(best[result.problem], result.score)
+    best = best_of_problems(chosen, known_score, fixed=fixed)
     return Experiment(tuple(tasks), chosen, best, tuple(failures), interrupted)
+
+
+def best_of_problems(
+    results: Sequence[TaskResult],
+    known_score: Callable[[TaskResult], float] = no_known_score,
+    *,
+    fixed: bool = False,
+) -> dict[str, float]:
+    """Return the best known score of each problem; see `run_experiment`."""
+    known: dict[str, float] = {}
+    for result in results:
+        if result.problem not in known:
+            known[result.problem] = known_score(result)
+    best = dict(known)
+    for result in results:
+        if not fixed or known[result.problem] == -np.inf:
+            best[result.problem] = max(best[result.problem], result.score)
+    return best
 
 
 def _by_problem(runs: Sequence[TaskResult], value: Callable[[TaskResult], Floats]) -> list[Floats]:

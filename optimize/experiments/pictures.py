@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, NullLocator
 
 from domino_env.core.colours import FAINT, INK, KNOWN, OURS, UNIFORM
 from domino_env.core.plot_style import (
@@ -26,7 +26,8 @@ from optimize.experiments.estimates import performance_profile
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import Label, TaskResult
 
-Curve = tuple[Floats, Floats, Floats, Floats]  # x, y, and the ends of the band around y
+Band = tuple[Floats, Floats] | None  # ends of the interval around each point
+Curve = tuple[Floats, Floats, Band]  # x, y, and the band around y
 Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
 Prepare = Callable[[Axes, str], None]  # sets the scales of the panel of a title
 
@@ -39,6 +40,7 @@ PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
 SCORE_TICKS = ([0.0, 0.5, 0.8, 1.0], ["uniform", "50 %", "80 %", "best known"])
 CLOCK_NAMES = {"seconds": "processor seconds", "evaluations": "environment steps"}
+EARLIEST = {"seconds": 1e-2, "evaluations": 10.0}  # drawn of each clock
 
 
 def draw_curves(
@@ -76,14 +78,15 @@ def draw_curves(
         style(axes, title)
         prepare(axes, title)
         axes.set_xlabel(labels[0])
-        for method, (x, y, low, high) in curves.items():
+        for method, (x, y, band) in curves.items():
             if method not in methods:
                 handles["others"] = axes.plot(x, y, color=FAINT, lw=0.9, zorder=1.0)[0]
                 continue
             line = lines[method] | {"linewidth": 2.4 if method == "auto" else 1.5}
             line |= {"linestyle": "--"} if method in dashed else {}
             line |= {"marker": "o", "markersize": 3.5, "markevery": [-1]}  # visible if alone
-            axes.fill_between(x, low, high, color=line["color"], alpha=0.12, linewidth=0)
+            if band is not None:
+                axes.fill_between(x, *band, color=line["color"], alpha=0.12, linewidth=0)
             handles[method] = axes.plot(x, y, **line)[0]
     all_axes[0].set_ylabel(labels[1])
     figure.legend(list(handles.values()), list(handles), loc="outside right center", **LEGEND)
@@ -97,11 +100,11 @@ def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
     target_curves: dict[str, dict[str, Curve]] = {}
     for title, problem, method in _panels_and_methods(experiment):
         part = 100.0 * experiment.reached(method, times, problem)
-        target_curves.setdefault(title, {})[method] = (times, part, part, part)
+        target_curves.setdefault(title, {})[method] = (times, part, None)
         if problem is not None:
             runs = experiment.runs(method, problem)
             band = _band(100.0 * np.array([experiment.gaps(r, times) for r in runs]))
-            gap_curves.setdefault(title, {})[method] = (times, *band)
+            gap_curves.setdefault(title, {})[method] = (times, band[0], band[1:])
     final = {m: experiment.reached(m, times[-1:])[0] for m in experiment.methods}
     best = sorted(final, key=lambda method: -final[method])[:MAX_COLOURS]
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
@@ -165,7 +168,8 @@ def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str)
                 x = places[key][r.labels[key]]
                 groups.setdefault(x, []).append(_value(r, gains=bool(unit)))
             lines = [(x, *_band(np.array(groups[x]))) for x in sorted(groups)]
-            panels[key][method] = tuple(np.array(lines).T)
+            x, middle, *ends = np.array(lines).T
+            panels[key][method] = (x, middle, (ends[0], ends[1]))
 
     def prepare(axes: Axes, key: str) -> None:
         ticks = places[key]
@@ -193,20 +197,34 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
         Methods whose lines are solid.
     """
     panels: dict[str, dict[str, Curve]] = {}
+    everywhere = set(experiment.complete)
     for title, problem, method in _panels_and_methods(experiment):
-        times, mean = experiment.curve(method, clock, problem)
-        panels.setdefault(title, {})[method] = (times, mean.value, mean.low, mean.high)
+        if problem is not None or method in everywhere:
+            times, mean = experiment.curve(method, clock, problem, EARLIEST[clock])
+            panels.setdefault(title, {})[method] = (times, mean.value, mean.interval)
+    curves = [curve for panel in panels.values() for curve in panel.values()]
+    latest = max(float(times[-1]) for times, *_ in curves)
+    highest = max(HIGHEST, *(float(scores.max()) + 0.04 for _, scores, _ in curves))
 
     def prepare(axes: Axes, _: str) -> None:
         axes.set_xscale("log")
-        plain_numbers(axes.xaxis, (1,))
+        axes.set_xlim(EARLIEST[clock], 1.5 * latest)
+        axes.xaxis.set_major_locator(LogLocator(numticks=6))
+        axes.xaxis.set_minor_locator(NullLocator())
+        if clock == "evaluations":
+            axes.xaxis.set_major_formatter(EngFormatter())
+        else:
+            axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         axes.axhline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
         axes.axhline(1.0, color=KNOWN, linestyle=":", linewidth=1)
-        axes.set_ylim(LOWEST, HIGHEST)
+        axes.set_ylim(LOWEST, highest)
         axes.set_yticks(*SCORE_TICKS)
 
-    name = CLOCK_NAMES[clock]
-    headings = f"Best normalised score so far over {name}", "interquartile means, 95 % intervals"
+    name = CLOCK_NAMES[clock] + ", logarithmic"
+    headings = (
+        f"Normalised score of the best policy or layout over {CLOCK_NAMES[clock]}",
+        "interquartile means, 95 % intervals of five or more runs",
+    )
     dashed = set(experiment.methods) - set(solid)
     draw_curves(path, panels, headings, (name, ""), prepare, experiment.methods, dashed)
 
@@ -215,21 +233,23 @@ def draw_intervals(experiment: Experiment, path: Path) -> None:
     """Draw the interquartile means with their intervals, and the performance profile."""
     figure, (means, profile) = new_panels(
         2, 2, (4.6, 3.4), headline="Normalised scores in the end",
-        subtitle="95 % intervals over seeds, all scenes together",
+        subtitle="95 % intervals of five or more runs, all scenes with equal weights",
     )  # fmt: skip
-    order = experiment.ranked(())[::-1]
+    order = [name for name in experiment.ranked(())[::-1] if name in experiment.complete]
     lines = method_lines(experiment.methods)
     for y, name in enumerate(order):
         mean, colour = experiment.mean_score(name), lines[name]["color"]
-        low, high, value = np.maximum([mean.low, mean.high, mean.value], LOWEST)
-        means.plot([low, high], [y, y], color=colour, linewidth=5, alpha=0.35)
-        means.plot([value], [y], "o", color=colour, markersize=5)
+        if mean.interval is not None:
+            means.plot(mean.interval, [y, y], color=colour, linewidth=5, alpha=0.35)
+        means.plot([mean.value], [y], "o", color=colour, markersize=5)
         part = performance_profile(experiment.final_scores(name), PROFILE_TARGETS)
         profile.plot(PROFILE_TARGETS, part.value, label=name, **lines[name])
-        profile.fill_between(
-            PROFILE_TARGETS, part.low, part.high, color=colour, alpha=0.12, linewidth=0
-        )
+        if part.interval is not None:
+            profile.fill_between(
+                PROFILE_TARGETS, *part.interval, color=colour, alpha=0.12, linewidth=0
+            )
     style(means, "interquartile mean")
+    means.set_xlim(LOWEST, HIGHEST)
     means.set_yticks(range(len(order)), order)
     means.axvline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
     style(profile, "part of the runs beyond a normalised score")

@@ -27,6 +27,7 @@ def run_experiment(
     study: Study | None = None,
     *,
     known_score: Callable[[TaskResult], float] = no_known_score,
+    fixed: bool = False,
     name: str = "tasks",
     progress: bool | None = False,
 ) -> Experiment:
@@ -44,7 +45,9 @@ def run_experiment(
     study
         Stores every result at once. Tasks that it has a result of are not run again.
     known_score
-        Returns the best score known beforehand of the problem of a result.
+        Returns the best score known beforehand of the problem of a result; -inf for none.
+    fixed
+        True where better results leave that score as it is, so that it favours no method.
     name
         Name of all tasks together in the progress line.
     progress
@@ -98,7 +101,9 @@ def run_experiment(
             if not any(key in results for key in keys):
                 raise
             interrupted = True
-    return gather_results(tasks, results, failures, known_score, interrupted=interrupted)
+    return gather_results(
+        tasks, results, failures, known_score, fixed=fixed, interrupted=interrupted
+    )
 
 
 def run_task(task: Task) -> TaskResult:

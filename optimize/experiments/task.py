@@ -16,7 +16,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.scene import Scene
-from optimize.evaluator import Evaluator, Step
+from optimize.evaluator import GRADIENT_COST, Evaluator, Step
 from optimize.searching import compile_for, find_baseline, search
 
 Label = float | int | str
@@ -49,6 +49,9 @@ class TaskResult(msgspec.Struct, frozen=True):
         Number of simulated layouts, number of simulated intervals between hits, and time [s].
     trace
         (evaluations, intervals, seconds, best score) at every improvement and at the end.
+    simulations, gradients, updates
+        Number of simulated layouts, of those that were simulated with their gradient, and of
+        updates of a policy.
     versions
         Versions of all software that the result may depend on.
     scene
@@ -71,6 +74,9 @@ class TaskResult(msgspec.Struct, frozen=True):
     falls: int
     seconds: float
     trace: list[Step]
+    simulations: int = 0
+    gradients: int = 0
+    updates: int = 0
     labels: dict[str, Label] = {}
     versions: dict[str, str] = {}
     scene: str = ""
@@ -153,14 +159,27 @@ class Task:
             The search was interrupted: its result is not that of the task.
         """
         scene, spent = scene_with_baseline(self.scene, self.seconds, clock)
+        gradients = 0
+
+        def count(evaluator: Evaluator) -> None:
+            nonlocal gradients
+            gradients = (evaluator.effort - evaluator.evaluations) // (GRADIENT_COST - 1)
+            if callback is not None:
+                callback(evaluator)
+
         result = search(
             scene, self.method, self.budget, self.seed, seconds=self.seconds,
-            progress=False, callback=callback, clock=clock, spent=spent,
+            progress=False, callback=count, clock=clock, spent=spent,
         )  # fmt: skip
         if result.interrupted:
             raise KeyboardInterrupt
         scores = result.score, result.uniform.score, result.gain
-        return self.result_of(result.trace, *scores, result.wave)
+        work = {"simulations": result.evaluations, "gradients": gradients}
+        return self.result_of(result.trace, *scores, result.wave, **work)
+
+    def software(self) -> dict[str, str]:
+        """Return the versions of all software that a result may depend on."""
+        return versions()
 
     def result_of(
         self,
@@ -169,6 +188,7 @@ class Task:
         uniform_score: float,
         gain: float | None,
         wave: Wave | None = None,
+        **work: int,
     ) -> TaskResult:
         """Return the result of this task, whose spent budget stands at the end of the trace."""
         sizes: list[Sizes] = [(), (), ()]
@@ -186,7 +206,7 @@ class Task:
             mean_speed=0.0 if wave is None else float(wave.mean_speed),
             spacing=spacing, thickness=thickness, height=height,
             evaluations=steps[-1][0], falls=steps[-1][1], seconds=steps[-1][2], trace=steps,
-            labels=self.labels, versions=versions(), scene=self.scene,
+            labels=self.labels, versions=self.software(), scene=self.scene, **work,
         )  # fmt: skip
 
 

@@ -140,12 +140,22 @@ def importable_name(method: str | Method) -> str:
 
 
 def _load_own(name: str) -> Method:
-    """Import a method by `package.module:function`, also from the working folder."""
+    return _checked(import_own(name), name)
+
+
+def import_own(name: str) -> object:
+    """Import a function by `package.module:function`, also from the working folder.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be imported.
+    """
     here = str(Path.cwd())
     if here not in sys.path:  # spawned processes get this list
         sys.path.append(here)
     try:
-        return _checked(resolve_name(name), name)
+        return resolve_name(name)
     except (AttributeError, ImportError, SyntaxError) as error:
         module, names = getattr(error, "obj", None), list[str]()
         if inspect.ismodule(module):  # its own functions, not the names that it imports

@@ -7,60 +7,103 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 pytest.importorskip("stable_baselines3")
 
 import domino_env as de
 from agents import evaluate
-from agents.benchmark import BenchmarkTask, benchmark_tasks, known_in
-from agents.benchmark_report import FILES
-from agents.benchmark_report import page as benchmark_page
+from agents.benchmark import BenchmarkTask, benchmark_tasks, known_in, learning_curve
+from agents.benchmark_report import FILES, page, read_runs
 from agents.evaluation import STOPPED, gains_of
 from agents.policy import ScenePolicy
 from domino_env.cli.main import main
-from optimize.experiments.estimates import interquartile_mean, performance_profile
+from optimize.experiments.estimates import (
+    improvement,
+    interquartile_mean,
+    median_of_problems,
+    optimality_gap,
+    performance_profile,
+)
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.runner import run_experiment
-from optimize.experiments.store import open_store
 from optimize.experiments.task import TaskResult
 
 SMALL = replace(de.load_scene("sprint"), name="small", count=7)
 
 
-def test_an_interquartile_mean_is_that_of_the_middle_half() -> None:
-    estimate = interquartile_mean(
-        [np.array([-90.0, 1.0, 2.0]), np.array([3.0, 4.0, 5.0, 6.0, 700.0])]
-    )
-    assert estimate.value == pytest.approx((2.0 + 3.0 + 4.0 + 5.0) / 4)
+SCORES = np.array(
+    [[0.1, 0.5, 0.9], [0.4, 0.2, 1.1], [0.7, 0.6, 0.8], [-0.2, 0.3, 1.0], [0.3, 0, 0.9]]
+)
+OTHERS = np.array(
+    [[0.2, 0.5, 0.1], [0.1, 0.4, 1.2], [0.6, 0.1, 0.3], [0.0, 0.3, 0.7], [0.5, 0, 0.2]]
+)
 
 
-def test_an_interval_covers_all_resamples_of_two_runs() -> None:
-    """A quarter of the resamples of 0 and 1 are (0, 0), a quarter (1, 1)."""
-    estimate = interquartile_mean([np.array([[0.0, 1.0], [5.0, 5.0]])])
-    assert np.array_equal(estimate.low, [0.0, 5.0])
-    assert np.array_equal(estimate.high, [1.0, 5.0])
-    two = interquartile_mean([np.array([[0.0, 1.0], [5.0, 5.0]]), np.array([[0.2], [5.0]])])
-    assert np.allclose(two.low, [0.2 / 3, 5.0])  # a single run stays as it is
-    assert np.allclose(two.high, [2.2 / 3, 5.0])
+def test_estimates_are_those_of_rliable() -> None:
+    """Compare with the definitions of rliable, written with functions of SciPy."""
+    problems = list(SCORES.T)
+    mean = interquartile_mean(problems)
+    assert mean.value == pytest.approx(stats.trim_mean(SCORES.ravel(), 0.25))
+    assert median_of_problems(problems) == np.median(SCORES.mean(axis=0))
+    assert optimality_gap(problems) == pytest.approx(np.mean(1.0 - np.minimum(SCORES, 1.0)))
+    better = improvement(problems, list(OTHERS.T))
+    ranks = [
+        stats.mannwhitneyu(x, y).statistic / 25.0 for x, y in zip(SCORES.T, OTHERS.T, strict=True)
+    ]
+    assert better.value == pytest.approx(np.mean(ranks))
+
+    def trimmed(*groups: np.ndarray, axis: int) -> np.ndarray:
+        return stats.trim_mean(np.concatenate(groups, axis=axis), 0.25, axis=axis)
+
+    expected = stats.bootstrap(problems, trimmed, method="percentile", rng=1).confidence_interval
+    assert mean.interval == pytest.approx(tuple(expected), abs=0.02)
+    assert better.interval is not None
+    assert 0.0 < better.interval[0] < better.value < better.interval[1] < 1.0
+
+
+def test_problems_with_other_numbers_of_runs_weigh_the_same() -> None:
+    few, many = np.array([0.0, 1.0]), np.repeat([2.0, 3.0], 40)
+    assert interquartile_mean([few, many]).value == pytest.approx(1.5)
+    assert median_of_problems([few, many]) == pytest.approx(1.5)
+    assert performance_profile([few, many], np.array([0.5])).value == pytest.approx(0.75)
+
+
+def test_fewer_than_five_runs_have_no_interval() -> None:
+    assert interquartile_mean([np.arange(4.0)]).interval is None
+    assert interquartile_mean([np.arange(9.0), np.arange(4.0)]).interval is None
+    low, high = interquartile_mean([np.arange(5.0)]).interval or (np.nan, np.nan)
+    assert 0.0 <= low < 2.0 < high <= 4.0
 
 
 def test_a_problem_without_a_layout_lowers_the_interval() -> None:
-    estimate = interquartile_mean([np.array([-np.inf, -np.inf]), np.array([0.5, 0.7, 0.9])])
-    assert estimate.low == -np.inf
-    assert estimate.high <= 0.9
+    estimate = interquartile_mean([np.full(5, -np.inf), np.linspace(0.5, 0.9, 5)])
+    assert estimate.interval is not None
+    assert estimate.interval[0] == -np.inf
+    assert estimate.interval[1] <= 0.9
 
 
 def test_runs_are_resampled_within_their_scene() -> None:
     """Check that the interval has no width if only the scenes differ."""
-    estimate = interquartile_mean([np.full(3, 0.2), np.full(3, 0.9)])
-    assert estimate.low == estimate.value == estimate.high == pytest.approx(0.55)
+    estimate = interquartile_mean([np.full(5, 0.2), np.full(5, 0.9)])
+    assert estimate.interval == pytest.approx((0.55, 0.55))
+    assert estimate.value == pytest.approx(0.55)
 
 
 def test_a_profile_counts_the_runs_beyond_each_target() -> None:
     targets = np.array([-1.0, 0.0, 0.5, 1.0])
-    profile = performance_profile([np.array([0.1, 0.6]), np.array([-0.5, 0.9])], targets)
-    assert profile.value.tolist() == [1.0, 0.75, 0.5, 0.0]
-    assert (profile.low[1], profile.high[1]) == (0.5, 1.0)
+    runs = [np.array([0.1, 0.6, 0.7, 0.1, 0.6]), np.array([-0.5, 0.9, 0.9, -0.2, 0.9])]
+    profile = performance_profile(runs, targets)
+    assert profile.value == pytest.approx([1.0, 0.8, 0.6, 0.0])
+    assert profile.interval is not None
+    assert profile.interval[0][1] < 0.8 < profile.interval[1][1]
+
+
+def test_the_reference_is_fixed_beforehand() -> None:
+    task = KnownTask(SMALL.to_toml(), "cma", 0)
+    done = run_experiment([task], known_score=lambda _: 0.75, fixed=True)
+    assert done.normalised(done.results[0], done.results[0].score) == 2.0
+    assert run_experiment([task], known_score=known_in, fixed=True).best == {"small": 1.0}
 
 
 @dataclass(frozen=True)
@@ -102,13 +145,20 @@ def test_a_benchmark_trains_once_continues_and_writes_the_same_page_again(
     assert main([*command.split(), "--page"]) == 0
     assert {name: (home / name).read_bytes() for name in FILES} == first
 
-    tasks = benchmark_tasks(["small.toml"], ["ppo", "ramp", "auto"], 1, 3000, 0.2)
+    Path("runs/studies.sqlite").unlink()  # the table of runs is enough
     with monkeypatch.context() as patch:
         patch.setattr(BenchmarkTask, "run", None)  # nothing is left to run
-        study = open_store("runs/studies.sqlite").study("benchmark")
-        done = run_experiment(tasks, study=study, known_score=known_in)
-    assert done.runs("auto")[0].evaluations % (SMALL.count - 1) == 0  # dominoes placed
+        assert main([*command.split(), "--algorithms", "auto,ppo"]) == 0
+    for name in FILES[1:]:  # ramp is still there; the page names the new command
+        assert (home / name).read_bytes() == first[name]
+    learned, ramp, searched = read_runs(home / "benchmark.csv", [SMALL])
+    assert searched.evaluations % (SMALL.count - 1) == 0  # dominoes placed
+    assert ramp.simulations == 4059
+    assert (learned.updates, learned.gradients) == (4 * 8 * learned.evaluations // 3072, 0)
+    assert {"commit", "processor", "torch"} <= learned.versions.keys()
+    assert read_runs(home / "benchmark.csv", [replace(SMALL, count=8)]) == []  # another scene
 
+    tasks = benchmark_tasks(["small.toml"], ["ppo"], 1, 3000, 0.2)
     (trained / "summary.json").unlink()  # as if it had been killed before its end
     line = next(one for one in first["benchmark.csv"].decode().splitlines() if ",ppo," in one)
     assert repr(tasks[0].run().score) == line.split(",")[4]
@@ -120,19 +170,24 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(
     monkeypatch.chdir(tmp_path)
     three = de.load_test_set("varied")[:3]
     monkeypatch.setattr("agents.benchmark.load_test_set", lambda name: three)
+    monkeypatch.setattr("agents.training.scenes_of", lambda *_: three)
     tasks = benchmark_tasks(["varied"], ["ars", "cma", "uniform"], 2, 4000, 0.5)
-    assert [t.name for t in tasks][-1] == "varied, ars, seed 1"  # searches run once
+    assert [t.name for t in tasks][-1] == "varied, cma, seed 1"  # scripted policies run once
     learned, searched, plain = (task.run() for task in tasks[:3])
     assert (plain.score, plain.uniform_score) == (0.0, 0.0)
     policy = ScenePolicy.load(tasks[0].folder).policy
     gains = gains_of(policy, de.load_distribution("varied"), three)
     assert learned.score == np.median(gains)
+    assert learned.trace[-1][3] == learned.score
+    assert learning_curve(tasks[0].folder)[-1][3] == pytest.approx(learned.score)  # of the test set
+    assert searched.simulations > 30
+    assert searched.gradients == 0
     again = [evaluate(tasks[0].folder, scene).gain for scene in three]  # one by one
     assert gains.tolist() == pytest.approx(
         [STOPPED if gain is None else gain for gain in again], abs=1e-6
     )
     assert searched.trace[-1][3] == pytest.approx(searched.score, abs=1e-6)
-    assert "baselines in the test set" in benchmark_page(
+    assert "baselines in the test set" in page(
         run_experiment([KnownTask(*astuple(tasks[0]))], known_score=known_in), ""
     )
 
@@ -141,7 +196,7 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(
     ("--seeds 0", "seeds = 0: give a finite number, more than 0"),
     ("--algorithms ppo,ppo", "algorithms = ppo, ppo: give each once"),
     ("--algorithms nobody", "nobody"),
-    ("--page", "there is no store"),
+    ("--page", "no run has a result yet"),
 ])  # fmt: skip
 def test_invalid_options_are_rejected(
     given: str, message: str, tmp_path: Path, monkeypatch, capsys

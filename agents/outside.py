@@ -1,0 +1,98 @@
+"""Learning algorithms from outside, named `package.module:fit`.
+
+`fit(make_env, steps, seed)` gets a function that makes single Gymnasium environments, and returns
+an object with the method `predict` of Stable-Baselines3, which maps observations (B, O) to a tuple
+whose first entry is the actions (B, A). It should place about `steps` dominoes in all.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.network import Policy
+from domino_env import DominoChain, Scene, SceneDistribution
+from domino_env.core.types import Singles
+from optimize.methods import registry
+
+Fit = Callable[[Callable[[], DominoChain], int, int], Any]
+STEPS = 100_000  # dominoes to place where no number is given
+
+
+class CountedChain(DominoChain):
+    """An environment that counts its steps and the layouts that it completes."""
+
+    def __init__(self, target: Scene | SceneDistribution, work: Counter[str]) -> None:
+        super().__init__(target)
+        self._work = work
+
+    def step(self, action: Any) -> Any:
+        """Place a domino; see `DominoChain.step`."""
+        result = super().step(action)
+        self._work["steps"] += 1
+        self._work["simulations"] += result[2]
+        return result
+
+
+def load_fit(name: str) -> Fit | None:
+    """Import a learning algorithm; None where the name is not that of one.
+
+    Raises
+    ------
+    ValueError
+        For a function that cannot be imported.
+    """
+    module, colon, _ = name.partition(":")
+    if not colon or module in (*registry.METHODS, *registry.of_others()):
+        return None
+    function = cast("Fit", registry.import_own(name))
+    for number in (3, 2):
+        with suppress(TypeError):
+            inspect.signature(function).bind(*[None] * number)
+            return function if number == 3 else None
+    raise ValueError(
+        f"algorithm '{name}': it is neither called as fit(make_env, steps, seed) nor "
+        "as run(evaluator, rng), which searches"
+    )
+
+
+def fitted(
+    name: str, target: Scene | SceneDistribution, steps: int | None, seed: int
+) -> tuple[Policy, Counter[str], float]:
+    """Train with an algorithm from outside.
+
+    Returns
+    -------
+    tuple
+        The policy, the numbers of "steps" and "simulations", and the processor time [s] with that
+        of ended child processes. Steps in child processes are not seen: there are at least as many
+        as were requested.
+
+    Raises
+    ------
+    ValueError
+        If the function returns an object without `predict`.
+    """
+    fit, work = load_fit(name), Counter[str]()
+    assert fit is not None
+    began = sum(os.times()[:4])
+    model = fit(lambda: CountedChain(target, work), steps or STEPS, seed)
+    seconds = sum(os.times()[:4]) - began
+    if not callable(getattr(model, "predict", None)):
+        raise ValueError(
+            f"{name} returned {type(model).__name__}, which has no method predict: return an "
+            "object with predict(observations, deterministic=True), as Stable-Baselines3 has it"
+        )
+    work["steps"] = max(work["steps"], steps or STEPS)
+
+    def policy(observations: Singles) -> NDArray[Any]:
+        return np.asarray(model.predict(observations, deterministic=True)[0])
+
+    return policy, work, seconds
