@@ -125,9 +125,9 @@ class SearchResult(MadeForScene):
         set_time_axis(axes, times)
         unit = f" [{self.scene.unit}]" if self.scene.unit else ""
         axes.set_ylabel(f"best score{unit}" if ends[1] > 0.0 else "best score (below 0: it stops)")
-        axes.set_xlabel(
-            f"seconds of search ({self.method}, seed {self.seed}, {self.evaluations} layouts)"
-        )
+        scale = ", logarithmic" if axes.get_xscale() == "log" else ""
+        run = f"{self.method}, seed {self.seed}, {self.evaluations} layouts"
+        axes.set_xlabel(f"seconds of search{scale} ({run})")
 
     def summary(self) -> dict[str, Any]:
         """Return the contents of a run's summary.json; SI units."""

@@ -18,13 +18,17 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the template and print how to use it."""
     from pathlib import Path
 
-    from domino_env.core.files import layout_name
+    from domino_env.core.files import layout_name, one_line
     from domino_env.scenes.io.reading import read_layout, scene_beside
     from domino_env.view.template import write_template
 
     source = Path(arguments.layout)
-    layout = read_layout(source, scene_beside(source))
+    scene = scene_beside(source)
+    layout = read_layout(source, scene)
     target = Path(arguments.pdf) if arguments.pdf else source.with_suffix(".pdf")
-    title = f"Layout {layout_name(source)}"
-    print(f"{target}: {write_template(layout, target, arguments.paper, title)}")
+    title, physics = f"Layout {layout_name(source)}", None
+    if scene:
+        title = f"{one_line(scene.name, 40)}: {one_line(scene.title, 60)}"
+        physics = scene.physics
+    print(f"{target}: {write_template(layout, target, arguments.paper, title, physics)}")
     return 0

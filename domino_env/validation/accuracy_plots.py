@@ -80,9 +80,9 @@ def draw_accuracy(
         axes.xaxis.set_major_formatter(FuncFormatter(_seconds))
         style(axes, example.name)
     for axes in panels[-across:]:
-        axes.set_xlabel("processor time")
+        axes.set_xlabel("processor time (logarithmic)")
     for axes in panels[::across]:
-        axes.set_ylabel("true relative error of the times")
+        axes.set_ylabel("relative error of arrival times (log.)")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, **LEGEND)
     write_png(figure, path)
@@ -92,9 +92,9 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
     """Draw every edge case as a column: a dot for the true error, a bar for its estimate."""
     wrong = sum(bool(one.faults) for one in answers)
     figure, (axes,) = new_panels(
-        1, 1, (13.0, 5.8),
+        1, 1, (10.0, 6.0),
         headline=f"{len(answers)} edge cases: {wrong or 'none'} with a fault",
-        subtitle="dots: true error; bars: error estimate",
+        subtitle="a column per layout; dot: true error; bar: error estimate, never below its dot",
     )  # fmt: skip
     places: list[float] = []
     ticks, names, right = [], [], 0.0
@@ -121,8 +121,8 @@ def draw_stability(answers: Sequence[Answer], path: Path) -> None:
     axes.text(right, RTOL, f" tolerance\n {_power(RTOL)}", va="center", fontsize=8, color=INK)
     axes.set_xlim(-2.5, right)
     _errors(axes, 10.0)
-    axes.set_xticks(ticks, names, rotation=28, ha="right")
-    axes.set_ylabel("relative error of the times")
+    axes.set_xticks(ticks, names, rotation=60, ha="right")
+    axes.set_ylabel("relative error of arrival times (logarithmic)")
     axes.grid(axis="x", visible=False)
     axes.tick_params(axis="x", length=0)
     axes.legend(loc="upper right", ncols=5, **LEGEND)

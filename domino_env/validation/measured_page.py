@@ -162,8 +162,8 @@ def _draw_panel(axes: Axes, validation: Validation) -> None:
         scale * dense, line(max(friction - band, 0.0)), line(friction + band), color=BLUE,
         alpha=0.15, linewidth=0,
     )  # fmt: skip
-    axes.plot(scale * dense, line(friction), color=BLUE, label=f"μ {_friction(main)}")
-    axes.plot(scale * dense, line(0.0), color=PALE, linestyle="--", label="no friction")
+    axes.plot(scale * dense, line(friction), color=BLUE, label=f"model, friction {_friction(main)}")
+    axes.plot(scale * dense, line(0.0), color=PALE, linestyle="--", label="model, no friction")
     floors = dict.fromkeys(chain.floor for chain in main.chains)
     for floor, colour in zip(floors, (RED, AMBER), strict=False):
         places, speed, share = np.array([

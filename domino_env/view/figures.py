@@ -362,7 +362,7 @@ def _sizes(
         for bound in getattr(scene, name) if scene and not scene.in_heights else ():
             axes.axhline(1e3 * bound, color=SOFT, linewidth=0.8, linestyle=(0, (4, 4)))
     _curves(axes, layouts, window, values)
-    axes.set_ylabel(f"{name} [mm]")
+    axes.set_ylabel(f"{'gap' if name == 'spacing' else name} [mm]")
 
 
 def _speed(axes: Axes, layouts: Sequence[DrawnLayout], window: _Window, _: Scene | None) -> None:
@@ -381,5 +381,6 @@ def _speed(axes: Axes, layouts: Sequence[DrawnLayout], window: _Window, _: Scene
     low, high = speeds.min(), speeds.max()
     if high > 2.0 * low:  # a narrow gap at the end would flatten everything else
         axes.set_yscale("log")
+        axes.set_ylabel("local speed [m/s] (log.)")
         plain_numbers(axes.yaxis, (1, 1.5, 2, 3, 5, 7))
     axes.set_ylim(0.93 * low, 1.07 * high)

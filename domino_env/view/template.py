@@ -22,11 +22,14 @@ from domino_env.core.colours import INK, SOFT
 from domino_env.core.files import write_bytes
 from domino_env.core.plot_style import escaped
 from domino_env.physics.layout import Layout
+from domino_env.physics.physics import Physics
+from domino_env.physics.wave import simulate
 from domino_env.view.ground import places_along
 
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
 MOST_SHEETS = 1_000  # of a layout some hundred metres long
-MARGIN = 0.014  # [m] that printers leave white
+MARGIN = 0.014  # [m] that stays white
+LEAST_MARGIN = 0.006  # [m] that printers need, where that saves a sheet
 LEAD = 0.010  # [m] of paper before the first domino and after the last
 HEAD, FOOT = 0.024, 0.026  # [m] for the title, for the scale bar
 BESIDE = 0.013  # [m] of a strip on both sides of the dominoes, for their numbers
@@ -55,7 +58,9 @@ class Strip:
     end
         Place of its right end [m]; neighbours share an end, which is a joining line on both.
     dominoes
-        Numbers of the dominoes whose footprint touches it.
+        Indices of the dominoes whose footprint touches it; on paper they are numbered from 1.
+    margin
+        Width of the white margin on its left and right [m].
     """
 
     number: int
@@ -65,10 +70,13 @@ class Strip:
     begin: float
     end: float
     dominoes: tuple[int, ...]
+    margin: float
 
 
 def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     """Cut a layout into strips, as many on a sheet of paper as fit.
+
+    The margins are narrower where that saves a sheet.
 
     Parameters
     ----------
@@ -93,12 +101,17 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     on_a_sheet = int((high - HEAD - FOOT) / across)
     if on_a_sheet < 1:
         raise ValueError(f"width = {layout.width} m: the dominoes are wider than {paper} paper")
-    stretch = wide - 2.0 * MARGIN
     front = places_along(layout)
     rear = front - layout.thickness
     begin = float(rear[0]) - LEAD
-    total = int(np.ceil((float(front[-1]) + LEAD - begin) / stretch - 1e-9))
+    whole = float(front[-1]) + LEAD - begin
+    margin, total = MARGIN, _strip_count(whole, wide - 2.0 * MARGIN)
     papers = -(-total // on_a_sheet)
+    fewer = (papers - 1) * on_a_sheet
+    if fewer and whole <= fewer * (wide - 2.0 * LEAST_MARGIN):
+        papers, total = papers - 1, fewer
+        margin = 0.5 * (wide - whole / fewer)
+    stretch = wide - 2.0 * margin
     if papers > MOST_SHEETS:
         raise ValueError(
             f"a layout of {layout.length:.6g} m takes {papers:,} sheets of paper: at most "
@@ -111,11 +124,21 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
         sheet, place = divmod(k, on_a_sheet)
         middle = high - HEAD - (place + 0.5) * across
         dominoes = tuple(int(i) for i in inside)
-        strips.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, dominoes))
+        strips.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, dominoes, margin))
     return strips
 
 
-def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "Template") -> str:
+def _strip_count(length: float, stretch: float) -> int:
+    return int(np.ceil(length / stretch - 1e-9))
+
+
+def write_template(
+    layout: Layout,
+    path: Path,
+    paper: str = "a4",
+    title: str = "Template",
+    physics: Physics | None = None,
+) -> str:
     """Write a PDF: a page of advice, then the sheets.
 
     Parameters
@@ -128,6 +151,8 @@ def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "
         "a4" or "letter".
     title
         Title of every page.
+    physics
+        Physics of the push and the expected time that are printed; None for neither.
 
     Returns
     -------
@@ -148,7 +173,7 @@ def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
         with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
-            _advise(axes, layout, plan)
+            _advise(axes, layout, plan, physics)
         for number in range(1, total + 1):
             with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
                 for strip in plan:
@@ -163,8 +188,8 @@ def write_template(layout: Layout, path: Path, paper: str = "a4", title: str = "
     )
 
 
-def _advice(plan: Sequence[Strip], flat: bool) -> list[str]:
-    """Return the steps of building the layout with the strips, on flat ground or not."""
+def _advice(plan: Sequence[Strip], layout: Layout, physics: Physics | None) -> list[str]:
+    """Return the steps of building the layout with the strips."""
     steps = ["Print at 100 %, not fitted to the page, and check the scale bar with a ruler."]
     if len(plan) > 1:
         steps.append(
@@ -174,7 +199,7 @@ def _advice(plan: Sequence[Strip], flat: bool) -> list[str]:
         )
     tape = "Tape the paper down flat: where it bends, gaps are wrong, and it must not slip."
     stand = "Stand a domino upright on every box, its faces along the lines."
-    if not flat:
+    if not layout.is_flat:
         tape = (
             "Tape the paper along the ground so that it lies on it everywhere: the boxes are "
             "apart as measured along the surface. Slopes are printed above the boxes where they "
@@ -186,8 +211,22 @@ def _advice(plan: Sequence[Strip], flat: bool) -> list[str]:
         tape,
         f"{stand} Leave a few places empty and fill them last: a domino that falls early then "
         "topples only some of the others.",
-        "Push domino 0 at its top; the wave runs along the arrows.",
+        "Push domino 1 at its top; the wave runs along the arrows.",
+        *([] if physics is None else [_expectation(layout, physics)]),
     ]
+
+
+def _expectation(layout: Layout, physics: Physics) -> str:
+    """Return the push and the time of the wave, in a sentence."""
+    wave, top = simulate(layout, physics), physics.push * float(layout.height[0])
+    push = f"With a push of {physics.push:.3g} rad/s ({top:.2f} m/s at the top edge)"
+    given = f"at a friction of {physics.friction:g} between the dominoes"
+    if wave.mean_speed == 0.0:
+        return f"{push} {given} the model expects that the wave stops: {wave.explanation}"
+    return (
+        f"{push} the last domino is hit after {wave.arrival_times[-1]:.3f} s {given} in the model; "
+        "published measurements differ from it by some 10 %."
+    )
 
 
 @contextmanager
@@ -206,12 +245,12 @@ def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
     pages.savefig(figure)
 
 
-def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
+def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip], physics: Physics | None) -> None:
     """Write the steps on the left, and the gaps of a layout that is not too long on the right."""
     left, top = MARGIN * MM, axes.get_ylim()[1] - 32.0
     axes.text(left, top, "How to build it", size=11, color=INK, weight="bold")
     y = top - 9.0
-    for number, step in enumerate(_advice(plan, layout.is_flat), 1):
+    for number, step in enumerate(_advice(plan, layout, physics), 1):
         lines = wrap(step, 68)
         axes.text(left, y, f"{number}", size=9.5, color=SOFT, va="top")
         axes.text(left + 6.0, y, "\n".join(lines), size=9.5, color=INK, va="top", linespacing=1.35)
@@ -220,11 +259,11 @@ def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
         return
     x = 0.52 * axes.get_xlim()[1]
     heading, columns, wide = "Gap in front of each domino [mm]", 6, 23.0
-    lines = [f"{i:3d} {1e3 * gap:6.2f}" for i, gap in enumerate(layout.spacing)]
+    lines = [f"{i:3d} {1e3 * gap:6.2f}" for i, gap in enumerate(layout.spacing, 1)]
     if not layout.is_flat:
         heading, columns, wide = f"{heading}, slope under it [°]", 5, 29.0
         gaps = [*(f"{1e3 * gap:6.2f}" for gap in layout.spacing), " " * 6]
-        both = enumerate(zip(gaps, _slope_labels(layout), strict=True))
+        both = enumerate(zip(gaps, _slope_labels(layout), strict=True), 1)
         lines = [f"{i:3d} {gap} {slope}" for i, (gap, slope) in both]
     down = max(40, -(-len(lines) // columns))
     axes.text(x, top, heading, size=11, color=INK, weight="bold")
@@ -237,7 +276,7 @@ def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip]) -> None:
 def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
     """Draw a strip: its edges, its dominoes, and the lines that join it to its neighbours."""
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
-    places, left = places_along(layout), MARGIN * MM
+    places, left = places_along(layout), strip.margin * MM
     right = left + (strip.end - strip.begin) * MM
     edge, labels = half + BESIDE * MM, _slope_labels(layout)
     axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, dashes=(8, 3, 1, 3))
@@ -253,7 +292,7 @@ def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
         if left <= x + thick / 2.0 < right:
             # numbers stand at two heights, as narrow gaps leave no room side by side
             y = middle - half - (3.0 if i % 2 == 0 else 7.0)
-            axes.text(x + thick / 2.0, y, str(i), ha="center", va="center", fontsize=6)
+            axes.text(x + thick / 2.0, y, str(i + 1), ha="center", va="center", fontsize=6)
             if not layout.is_flat and (i == strip.dominoes[0] or labels[i] != labels[i - 1]):
                 y = middle + half + (2.0 if i % 2 == 0 else 4.5)
                 axes.text(x + thick / 2.0, y, labels[i], ha="center", va="center", fontsize=5)

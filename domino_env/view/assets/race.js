@@ -101,6 +101,15 @@
     return [[x - far, y - far * Math.tan(tilt[0])], ...on, [u + far, v + far * Math.tan(tilt[tilt.length - 1])]];
   }
 
+  // a dashed line at the last pivot, with the length of the layout
+  function finish(racer, floor) {
+    const n = racer.ground.x.length - 1, y = floor - racer.ground.z[n] * view.k;
+    const x = view.left - view.shift + (racer.ground.x[n] + racer.thickness[0]) * view.k;
+    pen.strokeStyle = css("--ink"); pen.setLineDash([4, 4]);
+    pen.beginPath(); pen.moveTo(x, y - 1.15 * tallest * view.k); pen.lineTo(x, y + 4); pen.stroke();
+    pen.setLineDash([]);
+  }
+
   function draw() {
     pen.clearRect(0, 0, view.width, canvas.height);
     if (view.follows) {
@@ -120,6 +129,7 @@
         pen.beginPath(); c.forEach(([x, y], j) => (j ? pen.lineTo(x, y) : pen.moveTo(x, y)));
         pen.closePath(); pen.fill();
       });
+      finish(racer, floor);
       if (view.follows) map(racer, k);
       const top = k * view.lane;
       pen.fillStyle = colour(k); pen.fillRect(12, top + 11, 11, 11);
@@ -138,7 +148,9 @@
   // state of a wave in a few words
   function state(racer, k, front, done) {
     if (done || (now === 0 && racer.mean_speed > 0)) {
-      return `${racer.mean_speed.toFixed(4)} m/s` + (k === data.winner ? "  ★ winner" : "");
+      const length = `${(1000 * racer.positions[racer.positions.length - 1]).toFixed(0)} mm`;
+      const time = done ? ` in ${racer.arrivals[racer.arrivals.length - 1].toFixed(3)} s` : "";
+      return `${length}${time}, ${racer.mean_speed.toFixed(4)} m/s` + (k === data.winner ? "  ★ winner" : "");
     }
     if (now >= racer.end) return racer.outcome;
     const count = `${front + 1} of ${racer.thickness.length}`;
@@ -206,16 +218,18 @@
   canvas.addEventListener("pointerleave", () => ($("tip").hidden = true));
 
   // the table
-  const best = data.winner == null ? 0 : racers[data.winner].mean_speed;
+  const signed = (part) => (part > 0 ? "+" : "") + (100 * part).toFixed(2) + " %";
+  // the last layout that completes, which is the uniform baseline of a scene, is the base of the headline too
+  const base = racers.findLast((r) => r.mean_speed > 0);
   const scored = racers.some((r) => r.score_text && !r.score_text.endsWith("m/s"));
-  const head = ["", ...(scored ? ["result"] : []), "mean speed", "against winner", "last hit", "length", "dominoes", "friction", "push", "ended"];
+  const head = ["", ...(scored ? ["result"] : []), "mean speed", ...(base && racers.length > 1 ? [`gain over ${base.name}`] : []), "last hit", "length", "dominoes", "friction", "push", "ended"];
   const table = $("table"), top = table.createTHead().insertRow();
   head.forEach((name) => { const th = document.createElement("th"); th.textContent = name; th.scope = "col"; top.append(th); });
   const body = table.createTBody();
   racers.forEach((racer, k) => {
     const line = body.insertRow(), t = racer.arrivals[racer.arrivals.length - 1];
-    const behind = !best || !racer.mean_speed ? "–" : k === data.winner ? "winner" : (100 * (racer.mean_speed / best - 1)).toFixed(2) + " %";
-    const cells = [racer.name, ...(scored ? [racer.score_text ?? "–"] : []), racer.mean_speed ? racer.mean_speed.toFixed(5) + " m/s" : "–", behind, t == null ? "never" : (t * 1000).toFixed(2) + " ms",
+    const gain = !racer.mean_speed ? "–" : racer === base ? "0" : signed(racer.mean_speed / base.mean_speed - 1);
+    const cells = [racer.name, ...(scored ? [racer.score_text ?? "–"] : []), racer.mean_speed ? racer.mean_speed.toFixed(5) + " m/s" : "–", ...(base && racers.length > 1 ? [gain] : []), t == null ? "never" : (t * 1000).toFixed(2) + " ms",
       racer.positions[racer.positions.length - 1].toFixed(4) + " m", racer.thickness.length, racer.friction, racer.push.toFixed(2) + " rad/s", racer.outcome];
     cells.forEach((text, j) => {
       const cell = line.insertCell();
@@ -224,8 +238,8 @@
     });
     const note = document.createElement("li");
     const lost = racer.flush_loss < 5e-5 ? "less than 0.01" : (racer.flush_loss * 100).toFixed(2);
-    const flushes = !racer.flushes ? "" : racer.flushes === 1 ? ` One face impact takes ${lost} % of the leading domino's speed.`
-      : ` ${racer.flushes} face impacts, the largest takes ${lost} % of the leading domino's speed.`;
+    const flushes = !racer.flushes ? "" : racer.flushes === 1 ? ` Once two faces come to lie on each other (a face impact), which takes ${lost} % of the leading domino's speed.`
+      : ` In ${racer.flushes} face impacts two faces come to lie on each other; the largest takes ${lost} % of the leading domino's speed.`;
     note.textContent = `${racer.name}: ${racer.explanation} Relative error of the times below ${racer.error.toExponential(0)}.${flushes}`;
     $("notes").append(note);
   });

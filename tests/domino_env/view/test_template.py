@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from domino_env.view.template import PAPERS, strips, write_template
+from domino_env.cli.main import main
+from domino_env.view.template import (
+    LEAD,
+    LEAST_MARGIN,
+    MARGIN,
+    PAPERS,
+    _advice,
+    strips,
+    write_template,
+)
 
 LAYOUT = de.Layout(np.random.default_rng(1).uniform(0.004, 0.03, 59), 0.0075)
 POINT = 0.0254 / 72.0
@@ -50,6 +59,36 @@ def test_strips_of_a_sheet_do_not_touch_and_a_page_has_advice(tmp_path: Path) ->
     assert data.count(b"/Type /Page\n") + data.count(b"/Type /Page ") == 1 + plan[-1].sheet
     assert b"/Title (the layout)" in data
     assert len(strips(de.Layout(LAYOUT.spacing, 0.0075, width=0.1))) == len(plan)
+
+
+@pytest.mark.parametrize("count", [20, 21, 40, 41, 59, 60])
+def test_narrower_margins_save_a_sheet(count: int) -> None:
+    layout = de.Layout.uniform(count, pitch=0.0212)
+    plan = strips(layout)
+    wide = PAPERS["a4"][0]
+    covered = plan[-1].end - plan[0].begin
+    assert covered >= layout.length + layout.thickness[0]
+    on_a_sheet = max(sum(one.sheet == k for one in plan) for k in range(1, plan[-1].sheet + 1))
+    fewer = (plan[-1].sheet - 1) * on_a_sheet
+    assert layout.length + layout.thickness[0] + 2 * LEAD > fewer * (wide - 2 * LEAST_MARGIN)
+    for strip in plan:
+        assert LEAST_MARGIN - 1e-12 <= strip.margin <= MARGIN
+        assert strip.end - strip.begin == pytest.approx(wide - 2 * strip.margin)
+
+
+def test_a_template_has_title_push_and_time_of_its_scene(tmp_path: Path) -> None:
+    scene = de.load_scene("sprint")
+    wave = scene.uniform().wave
+    scene.uniform().layout.to_csv(tmp_path / "row.csv")
+    (tmp_path / "row.scene.toml").write_text(scene.to_toml(), "utf-8")
+    assert main(["template", str(tmp_path / "row.csv")]) == 0
+    data = (tmp_path / "row.pdf").read_bytes()
+    assert b"/Title (sprint: Forty standard dominoes, as fast as they go)" in data
+    (sentence,) = _advice(strips(wave.layout), wave.layout, scene.physics)[-1:]
+    assert "8 rad/s (0.38 m/s at the top edge)" in sentence
+    assert f"after {wave.arrival_times[-1]:.3f} s" in sentence
+    stops = _advice(strips(wave.layout), wave.layout, de.Physics(push=2.0))[-1]
+    assert "expects that the wave stops" in stops
 
 
 def test_unknown_paper_and_giants_are_refused() -> None:
