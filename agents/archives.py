@@ -2,7 +2,9 @@
 
 Multilayer perceptrons are rebuilt from their tensors: `data` is read as JSON, in which pickled
 objects are text that is not decoded, and `policy.pth` by torch without unpickling. All else is
-loaded by Stable-Baselines3, which runs the code in the archive.
+loaded by Stable-Baselines3, which runs the code in the archive. Statistics of `VecNormalize` are a
+pickle too: `vecnormalize.pkl` or `vec_normalize.pkl` beside the archive, or in a folder beside it
+that is called as the environment, where rl-zoo3 writes it.
 """
 
 from __future__ import annotations
@@ -11,53 +13,20 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.algorithms import require_learning
-from agents.network import Network, Policy, acting
+from agents.network import NoMLPError, Policy, acting, actor_of
 from agents.policy import ScenePolicy, require_size
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import SceneDistribution
 
-ArrayFunction = Callable[[Singles], Singles]
-
-
-def _relu(values: Singles) -> Singles:
-    return np.maximum(values, 0.0)
-
-
-ACTIVATIONS: dict[str, ArrayFunction] = {"Tanh": np.tanh, "ReLU": _relu}
-
-
-class Kind(NamedTuple):
-    """Names of the layers of an actor, and its functions."""
-
-    hidden: str  # names of the hidden layers
-    last: str  # name of the last layer, if it differs
-    activation: str  # default of the hidden layers
-    squashed: bool  # whether actions are the tanh of the outputs
-
-
-KINDS = (
-    Kind(r"mlp_extractor\.policy_net\.\d+", "action_net", "Tanh", False),  # PPO, A2C, TRPO
-    Kind(r"actor\.latent_pi\.\d+", "actor.mu", "ReLU", True),  # SAC, TQC
-    Kind(r"actor\.mu\.\d+", "", "ReLU", True),  # TD3, DDPG
-    Kind(r"action_net\.\d+", "", "ReLU", True),  # ARS
-)
-UNUSED = re.compile(
-    r"(log_std|value_net|mlp_extractor\.value_net|actor\.log_std|actor_target|critic)"
-)
 CHANGING = ("features_extractor_class", "squash_output")  # options that change the function
 MODULES = ("stable_baselines3.", "sb3_contrib.", "agents.sb3")  # of policies that are known
-
-
-class _NoMLPError(ValueError):
-    """Reason for which a policy cannot be rebuilt."""
 
 
 def load_archive(
@@ -71,7 +40,7 @@ def load_archive(
         The .zip file.
     trust
         Whether the code in the archive may be run, which policies other than plain multilayer
-        perceptrons need.
+        perceptrons need, and those with statistics of `VecNormalize` beside them.
     distribution
         The scene distribution that it was trained on, if any.
 
@@ -85,7 +54,12 @@ def load_archive(
     """
     require_learning()
     try:
+        statistics = _statistics_beside(path)
+        if statistics is not None and not trust:
+            raise NoMLPError(f"its observations were normalised by {statistics}, a pickle")
         policy, size = _unpickled(path) if trust else _rebuilt(path)
+        if statistics is not None:
+            policy = _normalised(policy, statistics)
     except OSError:
         raise
     except Exception as error:  # of the code in the archive, or of damaged files
@@ -93,7 +67,7 @@ def load_archive(
             "; add --trust to load it with Stable-Baselines3, which runs the code that it "
             "contains, if you know its source"
         )  # fmt: skip
-        reason = str(error) if isinstance(error, _NoMLPError) else "damaged, or no such archive"
+        reason = str(error) if isinstance(error, NoMLPError) else "damaged, or no such archive"
         raise ValueError(f"{path}: {reason}{advice}") from None
     if distribution is not None:
         require_size(distribution, size)
@@ -108,34 +82,16 @@ def _rebuilt(path: Path) -> tuple[Policy, int]:
         data: dict[str, Any] = json.loads(archive.read("data"))
         file = io.BytesIO(archive.read("policy.pth"))
     state = torch.load(file, weights_only=True, map_location="cpu")
-    arrays = {name: value.numpy() for name, value in state.items() if not UNUSED.match(name)}
+    arrays = {name: value.numpy() for name, value in state.items()}
     options = data.get("policy_kwargs") or {}
     module = str(data["policy_class"].get("__module__"))
     if not module.startswith(MODULES) or any(name in options for name in CHANGING):
-        raise _NoMLPError(f"its policy is no plain multilayer perceptron ({module})")
+        raise NoMLPError(f"its policy is no plain multilayer perceptron ({module})")
     activation = re.search(r"(\w+)'>$", str(options.get("activation_fn", "")))
-    layers = {name.rpartition(".")[0] for name in arrays}
-    found = [kind for kind in KINDS if layers and set(_names(layers, kind)) == layers]
-    if not found:
-        raise _NoMLPError(f"its policy is no plain multilayer perceptron ({', '.join(arrays)})")
-    function = activation.group(1) if activation else found[0].activation
-    if function not in ACTIVATIONS:
-        raise _NoMLPError(f"its activation function is {function}, only Tanh and ReLU are known")
-    names = _names(layers, found[0])
-    for name in names:  # linear policies of ARS have no bias
-        arrays.setdefault(f"{name}.bias", np.zeros(len(arrays[f"{name}.weight"]), np.float32))
-    network = Network.named(arrays, [f"{name}." for name in names], ACTIVATIONS[function])
+    network = actor_of(arrays, activation.group(1) if activation else None)
     size = network.layers[0][0].shape[1]
     network.require(size, len(network.layers[-1][1]))
-    squashed = found[0].squashed and names != ["action_net.0"]  # linear policies are clipped
-    return acting(network, squashed=squashed), size
-
-
-def _names(layers: set[str], kind: Kind) -> list[str]:
-    """Return the names of the layers of a kind, in their order."""
-    hidden = [name for name in layers if re.fullmatch(kind.hidden, name)]
-    hidden.sort(key=lambda name: int(name.rpartition(".")[2]))
-    return hidden + [kind.last] * (kind.last in layers)
+    return acting(network), size
 
 
 def _unpickled(path: Path) -> tuple[Policy, int]:
@@ -160,3 +116,27 @@ def _unpickled(path: Path) -> tuple[Policy, int]:
         return np.asarray(model.predict(observation, deterministic=True)[0])
 
     return policy, int(space.shape[0])
+
+
+def _statistics_beside(path: Path) -> Path | None:
+    """Return the file with the statistics of `VecNormalize` that belongs to an archive."""
+    home = path.parent
+    names = (home / "vecnormalize.pkl", home / "vec_normalize.pkl")
+    return next(filter(Path.exists, (*names, *home.glob("Domino*-v*/vecnormalize.pkl"))), None)
+
+
+def _normalised(policy: Policy, statistics: Path) -> Policy:
+    """Return a policy that gets observations normalised by the statistics in a pickle."""
+    import pickle
+
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    with statistics.open("rb") as file:
+        wrapper = pickle.load(file)
+    if not isinstance(wrapper, VecNormalize):
+        raise NoMLPError(f"{statistics} has no statistics of VecNormalize")
+
+    def act(observation: Singles) -> NDArray[Any]:
+        return policy(np.asarray(wrapper.normalize_obs(observation), dtype=np.float32))
+
+    return act

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,50 @@ from domino_env.core.types import Singles
 Policy = Callable[[Singles], NDArray[Any]]
 """Maps an observation to an action."""
 
-# names of layers in Stable-Baselines3
-_HIDDEN = re.compile(r"mlp_extractor\.policy_net\.[0-9]+\.weight")
-_LAST, _LINEAR = "action_net.", "action_net.0."
+ArrayFunction = Callable[[Singles], Singles]
+
+
+def _relu(values: Singles) -> Singles:
+    return np.maximum(values, 0.0)
+
+
+ACTIVATIONS: dict[str, ArrayFunction] = {"Tanh": np.tanh, "ReLU": _relu}
+
+
+class NoMLPError(ValueError):
+    """Reason for which a policy is no plain multilayer perceptron."""
+
+
+class Kind(NamedTuple):
+    """Names of the layers of an actor, and its functions."""
+
+    hidden: str  # names of the hidden layers
+    last: str  # name of the last layer, if it differs
+    activation: str  # default of the hidden layers
+    squashed: bool  # whether actions are the tanh of the outputs
+
+
+KINDS = (
+    Kind(r"mlp_extractor\.policy_net\.\d+", "action_net", "Tanh", False),  # PPO, A2C, TRPO
+    Kind(r"actor\.latent_pi\.\d+", "actor.mu", "ReLU", True),  # SAC, TQC
+    Kind(r"actor\.mu\.\d+", "", "ReLU", True),  # TD3, DDPG
+    Kind(r"action_net\.\d+", "", "ReLU", True),  # ARS
+)
+UNUSED = re.compile(
+    r"(log_std|value_net|mlp_extractor\.value_net|actor\.log_std|actor_target|critic)"
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Hidden layers and a linear one: weights (outputs, inputs) and biases (outputs,) of each."""
+    """Hidden layers and a linear one: weights (outputs, inputs) and biases (outputs,) of each.
+
+    As a policy, its actions are the outputs clipped to [-1, 1], or their tanh if it is `squashed`.
+    """
 
     layers: tuple[tuple[Singles, Singles], ...]
-    activation: Callable[[Singles], Singles] = np.tanh
+    activation: ArrayFunction = np.tanh
+    squashed: bool = False
 
     __repr__ = brief
 
@@ -46,11 +79,12 @@ class Network:
         cls,
         arrays: Mapping[str, Any],
         names: Sequence[str],
-        activation: Callable[[Singles], Singles] = np.tanh,
+        activation: ArrayFunction = np.tanh,
+        squashed: bool = False,
     ) -> Network:
         """Make a network from the arrays "weight" and "bias" of each named layer."""
         layers = tuple((arrays[name + "weight"], arrays[name + "bias"]) for name in names)
-        return cls(layers, activation)
+        return cls(layers, activation, squashed)
 
     def require(self, inputs: int, outputs: int) -> Network:
         """Return the network if its layers fit together and have these numbers at their ends.
@@ -111,21 +145,50 @@ def read_network(
             raise ValueError(f"it does not hold the weights of such a policy: {error}") from None
 
 
-def actor_of(arrays: Mapping[str, Any]) -> Network:
-    """Return the network of mean actions of a policy of Stable-Baselines3."""
-    if _LINEAR + "weight" in arrays:
-        weight = arrays[_LINEAR + "weight"]
-        return Network(((weight, np.zeros(len(weight), np.float32)),))
-    names = (name.removesuffix("weight") for name in arrays if _HIDDEN.fullmatch(name))
-    return Network.named(arrays, [*sorted(names, key=lambda name: int(name.split(".")[2])), _LAST])
+def actor_of(arrays: Mapping[str, Any], activation: str | None = None) -> Network:
+    """Return the network of mean actions of a policy of Stable-Baselines3 or sb3-contrib.
+
+    Parameters
+    ----------
+    arrays
+        Weights by name; those of critics are ignored.
+    activation
+        Name of the activation function in torch; None for the default of the policy.
+
+    Raises
+    ------
+    NoMLPError
+        If it is no multilayer perceptron.
+    """
+    arrays = {name: value for name, value in arrays.items() if not UNUSED.match(name)}
+    layers = {name.rpartition(".")[0] for name in arrays}
+    found = [kind for kind in KINDS if layers and set(_names(layers, kind)) == layers]
+    if not found:
+        raise NoMLPError(f"its policy is no plain multilayer perceptron ({', '.join(arrays)})")
+    function = activation or found[0].activation
+    if function not in ACTIVATIONS:
+        raise NoMLPError(f"its activation function is {function}, only Tanh and ReLU are known")
+    names = _names(layers, found[0])
+    biased = any(name.endswith("bias") for name in arrays)
+    for name in [] if biased else names:  # linear policies of ARS
+        arrays.setdefault(f"{name}.bias", np.zeros(len(arrays[f"{name}.weight"]), np.float32))
+    squashed = found[0].squashed and names != ["action_net.0"]  # linear policies are clipped
+    return Network.named(arrays, [f"{name}." for name in names], ACTIVATIONS[function], squashed)
 
 
-def acting(actor: Network, *, squashed: bool = False) -> Policy:
-    """Return the policy without noise: the mean action, clipped to [-1, 1] or its tanh."""
+def _names(layers: set[str], kind: Kind) -> list[str]:
+    """Return the names of the layers of a kind, in their order."""
+    hidden = [name for name in layers if re.fullmatch(kind.hidden, name)]
+    hidden.sort(key=lambda name: int(name.rpartition(".")[2]))
+    return hidden + [kind.last] * (kind.last in layers)
+
+
+def acting(actor: Network) -> Policy:
+    """Return the policy without noise."""
 
     def act(observation: Singles) -> Singles:
         means = actor(observation)
-        action = np.tanh(means) if squashed else np.clip(means, -1.0, 1.0)
+        action = np.tanh(means) if actor.squashed else np.clip(means, -1.0, 1.0)
         return np.asarray(action, dtype=np.float32)
 
     return act

@@ -17,16 +17,18 @@ from typing import Any
 
 import numpy as np
 import torch
-from sb3_contrib import ARS
-from stable_baselines3 import PPO
+from sb3_contrib import ARS, TQC
+from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.distributions import DiagGaussianDistribution, Distribution
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.algorithms import Hyperparameters
+from agents.algorithms import OFF_POLICY, Hyperparameters
 from agents.apg import APG
 from agents.network import Policy, acting, actor_of
 from agents.vec_env import DominoVecEnv
@@ -34,6 +36,7 @@ from domino_env import Scene, SceneDistribution
 from domino_env.core.files import naming, write_bytes
 from domino_env.envs.spaces import SCALES
 
+TRANSITIONS = "observations", "next_observations", "actions", "rewards", "dones", "timeouts"
 NEAR_END = SCALES.index(4.0)  # of the entries "near_end": exp(-(dominoes to come) / 4)
 
 
@@ -131,7 +134,8 @@ class Learner:
         """
         if isinstance(self.model.policy, ScheduledPolicy):
             self.model.policy.deviation = self.hyperparameters.deviation(done)
-        self.env.follow(best_score)
+        if not isinstance(self.model, OffPolicyAlgorithm):  # whose buffer has earlier rewards
+            self.env.follow(best_score)
 
     def policy(self) -> Policy:
         """Return the present policy without noise."""
@@ -149,14 +153,33 @@ class Learner:
             "steps": self.model.num_timesteps,
             "updates": getattr(self.model, "_n_updates", 0),
             "curve": [[float(value) for value in line] for line in curve],
+            "variables": {name: getattr(self.model, name).detach() for name in self._variables},
         }
+        if isinstance(self.model, OffPolicyAlgorithm):
+            buffer: Any = self.model.replay_buffer
+            filled = {name: getattr(buffer, name)[: buffer.size()] for name in TRANSITIONS}
+            state["transitions"] = {name: torch.from_numpy(one) for name, one in filled.items()}
+            state["next_transition"] = int(buffer.pos)
         write_bytes(path, lambda file: torch.save(state, file))
 
+    @property
+    def _variables(self) -> list[str]:
+        """Names of trained tensors that are not parameters, such as an entropy coefficient."""
+        return list(self.model._get_torch_save_params()[1])
+
     def restore(self, state: dict[str, Any]) -> None:
-        """Restore the weights, optimiser and counters of a checkpoint."""
+        """Restore the weights, optimiser, counters and transitions of a checkpoint."""
         self.model.set_parameters(state["parameters"], exact_match=True, device="cpu")
         self.model.num_timesteps = int(state["steps"])
         self.model._n_updates = int(state["updates"])
+        for name in self._variables:
+            getattr(self.model, name).data.copy_(state["variables"][name])
+        if isinstance(self.model, OffPolicyAlgorithm):
+            buffer: Any = self.model.replay_buffer
+            for name in TRANSITIONS:
+                values = state["transitions"][name].numpy()
+                getattr(buffer, name)[: len(values)] = values
+            buffer.pos, buffer.full = state["next_transition"], len(values) == buffer.buffer_size
         if hasattr(self.model, "weights"):  # of ARS, which loads its policy from them
             parameters = self.model.policy.parameters()
             self.model.weights = torch.nn.utils.parameters_to_vector(parameters).detach()
@@ -192,14 +215,21 @@ def model_of(
         # the last rollout may exceed the steps asked for, where the rate would become negative
         return first * (last + (1.0 - last) * max(remaining, 0.0))
 
+    net = [hyperparameters.width] * hyperparameters.depth
     policy_class: Any = "LinearPolicy"
     policy_options: dict[str, Any] = {}
-    if algorithm == "ars":
+    if algorithm in OFF_POLICY:
+        policy_class, policy_options = "MlpPolicy", {"net_arch": net}
+        if "action_noise" in options:
+            size = env.action_space.shape or ()
+            options["action_noise"] = NormalActionNoise(
+                np.zeros(size), np.full(size, options["action_noise"])
+            )
+    elif algorithm == "ars":
         spread = options.get("delta_std", 0.05)
         options["delta_std"] = lambda remaining: spread * rate(remaining) / first
     else:
         policy_class = ScheduledPolicy
-        net = [hyperparameters.width] * hyperparameters.depth
         policy_options = {"net_arch": net, "activation_fn": torch.nn.Tanh}
     if algorithm == "apg":
         policy_options["optimizer_kwargs"] = {"eps": 1e-8}  # gradients become small in the end
@@ -213,6 +243,40 @@ def model_of(
         layout = env.get_attr("observation_layout")[0]
         policy.near_end = layout["near_end"].start + NEAR_END
     return model
+
+
+def save_zip(
+    path: Path, env: VecEnv, algorithm: str, hyperparameters: Hyperparameters, arrays: Any
+) -> None:
+    """Write an archive that Stable-Baselines3 or sb3-contrib loads without this package.
+
+    Parameters
+    ----------
+    path
+        The .zip file.
+    env
+        The environment.
+    algorithm, hyperparameters
+        Those of the training. Of "apg" the archive is one of PPO.
+    arrays
+        Weights of the policy by name.
+    """
+    chosen = hyperparameters
+    linear, options = algorithm == "ars", dict[str, Any]()
+    if not linear:
+        options["net_arch"] = [chosen.width] * chosen.depth
+    if algorithm in ("apg", "ppo"):
+        options["activation_fn"] = torch.nn.Tanh
+    kinds = CLASSES | {"apg": PPO, "ars": ARS}
+    model: Any = kinds[algorithm](
+        "LinearPolicy" if linear else "MlpPolicy", env, learning_rate=chosen.learning_rate,
+        policy_kwargs=options, device="cpu",
+    )  # fmt: skip
+    state = {name: torch.from_numpy(array) for name, array in arrays.items()}
+    if "log_std" in state:
+        state["log_std"] = torch.full_like(state["log_std"], math.log(chosen.last_deviation))
+    model.policy.load_state_dict(state)
+    write_bytes(path, model.save)
 
 
 def weights(policy: torch.nn.Module) -> dict[str, Any]:
@@ -310,4 +374,7 @@ CLASSES: dict[str, type[BaseAlgorithm]] = {
     "apg": APG,
     "ppo": PPO,
     "ars": VectorARS,
+    "sac": SAC,
+    "td3": TD3,
+    "tqc": TQC,
 }

@@ -23,6 +23,7 @@ from agents.algorithms import (
     require_learning,
 )
 from agents.evaluation import gains_of, scenes_of
+from agents.network import read_arrays
 from agents.policy import (
     BEST,
     CHECKPOINT,
@@ -62,7 +63,7 @@ EPISODE = 32  # steps of an episode for default hyperparameters where their numb
 class ConfigDocument(Document):
     """Arguments of a training: config.json."""
 
-    algorithm: Literal["apg", "ppo", "ars"]
+    algorithm: Literal["apg", "ppo", "ars", "sac", "td3", "tqc"]
     seed: Annotated[int, Meta(ge=0, le=2**32 - 1)]
     steps: Annotated[int, Meta(ge=1)]
     hyperparameters: Hyperparameters
@@ -149,7 +150,7 @@ def train(
     scene
         A scene or a scene distribution, the name of one, or the path of its file.
     algorithm
-        "apg", "ppo" or "ars".
+        "apg", "ppo", "ars", "sac", "td3" or "tqc".
     steps
         Dominoes to place in all; None for the number in the hyperparameters.
     seed
@@ -201,6 +202,33 @@ def train(
     )
     steps = steps or chosen.steps
     return Training(target, algorithm, chosen, steps, seed, home, progress).run(resume)
+
+
+def save_zip(folder: str | Path, path: str | Path) -> None:
+    """Write the best policy of a training as an archive that Stable-Baselines3 loads.
+
+    Parameters
+    ----------
+    folder
+        Folder of the training.
+    path
+        The .zip file.
+
+    Raises
+    ------
+    ImportError
+        If the extra "rl" is missing.
+    ValueError
+        If the folder holds no training.
+    """
+    require_learning()
+    from agents import sb3
+    from agents.vec_env import DominoVecEnv
+
+    home = Path(folder)
+    config, env = _read_config(home), DominoVecEnv(home / SCENE)
+    arrays = read_arrays(home / POLICY)
+    sb3.save_zip(Path(path), env, config.algorithm, config.hyperparameters, arrays)
 
 
 def episode_of(target: Scene | SceneDistribution) -> int:
@@ -317,7 +345,7 @@ class Training:
             self.began = now[0] - last["seconds"], now[1] - last["processor_seconds"]
         except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
             raise ValueError(f"{path}: it does not fit this training: {error}") from None
-        self.next_evaluation = learner.steps + self.total // EVALUATIONS
+        self.next_evaluation = learner.steps + max(self.total // EVALUATIONS, 1)
         self.bar.update(learner.steps)
         return learner
 
@@ -334,7 +362,7 @@ class Training:
         if steps >= self.next_evaluation:
             self.evaluate()
             self.checkpoint()
-            self.next_evaluation = steps + self.total // EVALUATIONS
+            self.next_evaluation = steps + max(self.total // EVALUATIONS, 1)
         self.bar.update(steps - self.bar.n)
         self.learner.adapt(min(steps / self.total, 1.0), float(max(self.best, self.sampled_best)))
 

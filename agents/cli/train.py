@@ -9,7 +9,7 @@ import argparse
 
 from domino_env.cli.options import add_out_option
 
-SUMMARY = "train an agent that builds layouts (APG, PPO, ARS)"
+SUMMARY = "train an agent that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,19 +17,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "scene", metavar="SCENE", help="name of a scene or a distribution, or .toml file"
     )
-    parser.add_argument("--algorithm", default="ppo", help="ppo (default), apg, ars")
+    parser.add_argument("--algorithm", default="ppo", help="ppo (default), apg, ars, sac, td3, tqc")
     parser.add_argument("--steps", type=int, metavar="N", help="number of actions in all")
     parser.add_argument("--seed", type=int, default=0, help="seed of all randomness (0)")
     add_out_option(parser, "runs/SCENE-ALGORITHM", literal=False)
     parser.add_argument(
         "--resume", action="store_true", help="continue from the checkpoint in the folder"
     )
+    parser.add_argument(
+        "--save-zip",
+        metavar="FILE",
+        type=_archive,
+        help="write the best policy as an archive of Stable-Baselines3 too (.zip)",
+    )
+
+
+def _archive(name: str) -> str:
+    """Return the name of an archive; raise an error before the training if it is none."""
+    if not name.endswith(".zip"):
+        raise argparse.ArgumentTypeError(f"{name}: name a file that ends in .zip")
+    return name
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Train, and print the result."""
     from agents.cli.evaluate import sentence
-    from agents.training import train
+    from agents.training import save_zip, train
 
     done = train(
         arguments.scene, arguments.algorithm, arguments.steps, arguments.seed, arguments.out,
@@ -43,4 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         f"{'interrupted after ' if done.interrupted else ''}{done.steps:,} dominoes placed in "
         f"{done.seconds:.0f} s, written to {done.folder}"
     )
+    if arguments.save_zip:
+        save_zip(done.folder, arguments.save_zip)
+        print(f"archive written to {arguments.save_zip}")
     return 0

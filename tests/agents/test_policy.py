@@ -169,3 +169,24 @@ def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path: Path
     for trust in (False, True):
         with pytest.raises(ValueError, match=r"model\.zip: damaged, or no such archive"):
             evaluate(path, "sprint", trust=trust)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("place", ["vec_normalize.pkl", "DominoChain-v9/vecnormalize.pkl"])
+def test_observations_are_normalised_as_in_training(tmp_path: Path, place: str) -> None:
+    sb3 = pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    env = VecNormalize(DummyVecEnv([lambda: de.DominoChain("sprint")]), clip_obs=2.0)
+    model = sb3.PPO("MlpPolicy", env, n_steps=64, n_epochs=1, device="cpu").learn(64)
+    model.save(tmp_path / "model.zip")
+    plain = load_policy(tmp_path / "model.zip")
+    (tmp_path / place).parent.mkdir(exist_ok=True)
+    env.save(str(tmp_path / place))
+    with pytest.raises(ValueError, match=r"normalised by .*normalize\.pkl, a pickle; add --trust"):
+        load_policy(tmp_path / "model.zip")
+    policy = load_policy(tmp_path / "model.zip", trust=True)
+    observations = env.venv.reset()
+    expected = model.predict(env.normalize_obs(observations), deterministic=True)[0]
+    assert policy.predict(observations)[0] == pytest.approx(expected, abs=1e-6)
+    assert np.any(np.abs(plain.predict(observations)[0] - expected) > 1e-4)

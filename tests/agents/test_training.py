@@ -20,6 +20,7 @@ pytest.importorskip("stable_baselines3")
 
 import torch
 from gymnasium.wrappers import TimeLimit
+from sb3_contrib import ARS
 from stable_baselines3 import PPO
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
@@ -27,10 +28,10 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import domino_env as de
 from agents import evaluate, train
-from agents.algorithms import ALGORITHMS, Hyperparameters, default_hyperparameters
+from agents.algorithms import ALGORITHMS, OFF_POLICY, Hyperparameters, default_hyperparameters
 from agents.evaluation import evaluate_scenes, load_policy, scenes_of
-from agents.sb3 import Learner
-from agents.training import Training
+from agents.sb3 import CLASSES, Learner, read_checkpoint, weights
+from agents.training import Training, save_zip
 from agents.vec_env import DominoVecEnv
 from domino_env import DominoChain
 
@@ -41,6 +42,9 @@ TINY = {  # environments, steps, options
     "apg": (4, 1200, {}),
     "ppo": (16, 6000, {"n_steps": 12, "batch_size": 96, "n_epochs": 4}),
     "ars": (4, 2000, {"n_delta": 4, "n_top": 2}),
+    "sac": (4, 60, {"learning_starts": 20, "batch_size": 16}),
+    "td3": (4, 60, {"learning_starts": 20, "batch_size": 16}),
+    "tqc": (4, 60, {"learning_starts": 20, "batch_size": 16}),
 }
 
 
@@ -137,6 +141,33 @@ def test_actions_deviate_further_near_the_end_of_the_chain() -> None:
     assert float(deviations(observations).max()) <= 1.0
 
 
+@pytest.mark.parametrize("algorithm", OFF_POLICY)
+def test_an_off_policy_training_updates_once_per_transition_and_keeps_its_transitions(
+    tmp_path: Path, algorithm: str
+) -> None:
+    learner = Learner(SMALL, algorithm, tiny(algorithm), 1)
+    before = {name: value.copy() for name, value in weights(learner.model.policy).items()}
+    learner.learn(60, lambda: None, lambda infos: None)
+    assert learner.updates == 60 - 20
+    after = weights(learner.model.policy)
+    assert all(np.any(after[name] != before[name]) for name in before if name.endswith("weight"))
+    observations = learner.env.reset()
+    actions = learner.model.predict(observations, deterministic=True)[0]
+    assert learner.policy()(observations) == pytest.approx(actions, abs=1e-6)
+
+    learner.write_checkpoint(tmp_path / "state", [])
+    again = Learner(SMALL, algorithm, tiny(algorithm), 2)
+    again.restore(read_checkpoint(tmp_path / "state"))
+    assert weights(again.model.policy).keys() == after.keys()
+    assert all(np.array_equal(weights(again.model.policy)[name], after[name]) for name in after)
+    one, two = learner.model.replay_buffer, again.model.replay_buffer
+    assert (two.pos, two.size()) == (one.pos, one.size()) == (15, 15)
+    assert np.array_equal(two.observations[:15], one.observations[:15])
+    assert np.array_equal(two.rewards[:15], one.rewards[:15])
+    if algorithm != "td3":
+        assert again.model.log_ent_coef == learner.model.log_ent_coef != 0.0
+
+
 # trainings ----------------------------------------------------------------------------------------
 
 
@@ -152,7 +183,7 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(
     }  # fmt: skip
     assert run.rollout is not None
     assert SMALL.violations(run.rollout.layout) == []
-    assert run.rollout.score > run.rollout.uniform.score or algorithm == "ars"
+    assert run.rollout.score > run.rollout.uniform.score or algorithm not in ("apg", "ppo")
     assert evaluate(run.folder).score == run.rollout.score
     assert de.Layout.read(run.folder / "layout.csv") == run.rollout.layout
     summary = json.loads((run.folder / "summary.json").read_text())
@@ -181,6 +212,13 @@ def test_a_training_learns_repeats_and_continues_after_a_failure(
     after = _curve(resumed.folder)
     assert after[: len(before)] == before
     assert [line[0] for line in after] == sorted({line[0] for line in after})
+    save_zip(run.folder, tmp_path / "model.zip")
+    model = {"apg": PPO, "ars": ARS}.get(algorithm, CLASSES[algorithm]).load(tmp_path / "model.zip")
+    observations = DominoVecEnv(SMALL, 3).reset()
+    ours = load_policy(run.folder).predict(observations)[0]
+    assert model.predict(observations, deterministic=True)[0] == pytest.approx(ours, abs=1e-6)
+    rollout = evaluate(tmp_path / "model.zip", SMALL)
+    assert rollout.score == pytest.approx(run.rollout.score, rel=1e-3)  # other reference speed
     again = train(SMALL, folder=tmp_path / "cut", resume=True)  # there is nothing left to do
     assert (again.steps, len(again.curve)) == (resumed.steps, len(after))
 
