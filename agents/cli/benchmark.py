@@ -18,7 +18,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from domino_env.cli.options import add_out_option
+from domino_env.cli.options import NATURAL, SECONDS, add_out_option
 from optimize.cli.options import add_study_options, exit_code, names_in
 from optimize.executors import executor_from
 
@@ -33,12 +33,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--algorithms", type=names_in, metavar="NAME,...", help="algorithms (all and the baselines)"
     )
     parser.add_argument(
-        "--seeds", type=int, metavar="N", default=10,
+        "--seeds", type=NATURAL, metavar="N", default=10,
         help="number of seeds (10)",
     )  # fmt: skip
-    parser.add_argument("--steps", type=int, metavar="N", help="actions of a training at most")
+    parser.add_argument("--steps", type=NATURAL, metavar="N", help="actions of a training at most")
     parser.add_argument(
-        "--seconds", type=float, metavar="S", help="processor time of a search at most [s]"
+        "--seconds",
+        type=SECONDS,
+        metavar="S",
+        help="processor time of a search at most [s]",
     )
     add_out_option(parser, DEFAULT_FOLDER)
     parser.add_argument(

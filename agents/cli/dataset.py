@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 
+from domino_env.cli.options import NATURAL, SEED, number
 from optimize.executors import add_executor_options, executor_from
 
 SUMMARY = "write scenes with searched layouts and episodes"
@@ -22,14 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="varied (default), varied-thickness, varied-course, or a file",
     )  # fmt: skip
     parser.add_argument(
-        "--scenes", type=int, metavar="N", default=5000, help="number of scenes (5000)"
+        "--scenes", type=NATURAL, metavar="N", default=5000, help="number of scenes (5000)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of all randomness (0)")
+    parser.add_argument("--seed", type=SEED, default=0, help="seed of all randomness (0)")
     parser.add_argument(
-        "--budget", type=int, metavar="N", default=600, help="evaluations of each search (600)"
+        "--budget", type=NATURAL, metavar="N", default=600, help="evaluations of each search (600)"
     )
     parser.add_argument(
-        "--noise", type=float, metavar="SD", default=0.1,
+        "--noise", type=number(low=0.0), metavar="SD", default=0.1,
         help="standard deviation of the noise on actions, which are from -1 to 1 (0.1)",
     )  # fmt: skip
     add_executor_options(parser)

@@ -13,6 +13,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from domino_env.cli.options import NATURAL, SEED
+
 if TYPE_CHECKING:
     from agents.designer.policy import Designer
     from agents.policy import ScenePolicy
@@ -38,14 +40,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--layout", metavar="FILE", help="write the layout, .csv or .json")
     many = parser.add_argument_group("evaluation on many scenes, of a policy trained on many")
-    many.add_argument("--scenes", type=int, metavar="N", help="number of scenes")
+    many.add_argument("--scenes", type=NATURAL, metavar="N", help="number of scenes")
     many.add_argument(
         "--distribution", metavar="NAME",
         help="varied, varied-thickness, varied-course, or a file (that of the training, or varied)",
     )  # fmt: skip
-    many.add_argument("--seed", type=int, help="sample the scenes (the first N of the test set)")
+    many.add_argument("--seed", type=SEED, help="sample the scenes (the first N of the test set)")
     many.add_argument(
-        "--budget", type=int, metavar="N",
+        "--budget", type=NATURAL, metavar="N",
         help="search each scene too, with N evaluations (scores of 2500 ship with the test sets)",
     )  # fmt: skip
     many.add_argument("--csv", metavar="FILE", help="write one line per scene")

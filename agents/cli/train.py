@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import add_out_option
+from domino_env.cli.options import NATURAL, SEED, add_out_option
 
 SUMMARY = "train an agent that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
 
@@ -18,8 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "scene", metavar="SCENE", help="name of a scene or a distribution, or .toml file"
     )
     parser.add_argument("--algorithm", default="ppo", help="ppo (default), apg, ars, sac, td3, tqc")
-    parser.add_argument("--steps", type=int, metavar="N", help="number of actions in all")
-    parser.add_argument("--seed", type=int, default=0, help="seed of all randomness (0)")
+    parser.add_argument("--steps", type=NATURAL, metavar="N", help="number of actions in all")
+    parser.add_argument("--seed", type=SEED, default=0, help="seed of all randomness (0)")
     add_out_option(parser, "runs/SCENE-ALGORITHM", literal=False)
     parser.add_argument(
         "--resume", action="store_true", help="continue from the checkpoint in the folder"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import add_out_option
+from domino_env.cli.options import SECONDS, add_out_option
 
 SUMMARY = "measure error against run time, simulate the edge cases"
 
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     cases.add_argument("--scene", help="measure on layouts of a scene (name or .toml file)")
     add_out_option(parser, "runs/accuracy")
     parser.add_argument(
-        "--seconds", type=float, metavar="S", default=3.0,
+        "--seconds", type=SECONDS, metavar="S", default=3.0,
         help="time limit for one solver on one layout [s] (3)",
     )  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="few settings, short layouts")
@@ -34,12 +34,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     from tqdm import tqdm
 
-    from domino_env.core.checks import require
     from domino_env.core.files import write_text
     from domino_env.scenes.io.reading import load_scene
     from domino_env.validation import accuracy, accuracy_plots, edge_cases
 
-    require("--seconds", arguments.seconds, above=0.0, unit="s")
     name = "stability" if arguments.stability else "accuracy"
     folder = Path(arguments.out)
     folder.mkdir(parents=True, exist_ok=True)

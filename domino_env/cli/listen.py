@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from domino_env.cli.options import SIZE
+
 SUMMARY = "estimate the hit frequency of a recording"
 
 
@@ -11,8 +13,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino listen`."""
     parser.add_argument("files", metavar="FILE.wav", nargs="+", help="recording of a uniform chain")
     parser.add_argument(
-        "--pitch", type=float, metavar="MM", help="pitch [mm]; the speed is printed too"
-    )
+        "--pitch", type=SIZE, metavar="MM",
+        help="distance from pivot to pivot [mm]: the speed is printed too",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -17,11 +17,11 @@ import threading
 import warnings
 from collections.abc import Sequence
 from importlib.metadata import entry_points
-from typing import Any, TextIO
+from typing import Any, NoReturn, TextIO
 
 from domino_env import __version__
 from domino_env.core.files import one_line
-from domino_env.core.progress import Advice
+from domino_env.core.progress import Advice, WrongUnit
 
 GROUP = "domino.commands"
 PURPOSES = {
@@ -32,6 +32,15 @@ PURPOSES = {
     "validate": "verify validate accuracy figures",
 }
 """Commands by purpose, in the order of `domino --help`; those of other packages follow."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser whose errors are one line, as those of commands."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise a ValueError."""
+        message = message.removeprefix("argument ").replace(":  = ", " = ")
+        raise ValueError(f"{message}{f' ({self.prog} --help)' * (': give ' not in message)}")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -45,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
         lines += [f"\n{purpose}:"] * bool(known)
         lines += [f"  {name:<11} {modules[name].SUMMARY}" for name in known]
     lines += ["\ndomino COMMAND --help explains a command and its options."]
-    top = argparse.ArgumentParser(
+    top = _Parser(
         prog="domino", usage="domino COMMAND [OPTIONS]", description="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
@@ -83,6 +92,7 @@ def main(words: Sequence[str] | None = None) -> int:
         arguments = parser().parse_args(words)
         with warnings.catch_warnings():
             warnings.simplefilter("default", Advice)
+            warnings.simplefilter("error", WrongUnit)
             warnings.showwarning = _show
             code = int(arguments.run(arguments))
         sys.stdout.flush()
@@ -94,7 +104,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as stop:
         print(f"domino: {str(stop) or 'interrupted'}", file=sys.stderr)
         return interruption.code
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError, ImportError, WrongUnit) as error:
         if interruption.signal and not str(error):
             print("domino: interrupted", file=sys.stderr)
             return interruption.code

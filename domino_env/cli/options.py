@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,50 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
 
 
+def number(
+    unit: str = "", hint: str = "", *, whole: bool = False, **bounds: float
+) -> Callable[[str], float]:
+    """Return the reader of an option's number; the other arguments are those of `require`."""
+
+    def read(text: str) -> float:
+        from domino_env.core.checks import require  # NumPy, which --help does without
+
+        try:
+            value = int(text) if whole else float(text)
+        except ValueError:
+            kind = "whole number" if whole else "number"
+            raise argparse.ArgumentTypeError(f"'{text}': give a {kind}") from None
+        try:
+            require("", value, unit=unit, hint=hint, whole=whole, **bounds)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+        return value
+
+    return read
+
+
+SIZE = number("mm", "18 is 0.018 m", low=0.1, high=1e5)
+GRAVITY = number("m/s²", "9.81 on Earth", above=0.0, high=1000.0)
+COEFFICIENT = number(hint="a coefficient of friction", low=0.0)
+PUSH = number("rad/s", above=0.0, high=1000.0)
+NATURAL, SEED = number(whole=True, low=1), number(whole=True, low=0)
+SECONDS = number("s", above=0.0)
+DEVIATION = number("mm", "0.5 is 0.0005 m", low=0.01, high=1e4)
+
+
+def require_deviation(deviation: float, gap: float) -> None:
+    """Raise for a deviation [mm] of gaps of which most could not be placed; gap: the largest."""
+    from domino_env.core.checks import require
+
+    hint = "half of the largest gap"
+    require("--deviation", deviation, high=0.5 * gap, unit="mm", hint=hint)
+
+
+def floor(text: str) -> float:
+    """Read the friction of a floor; 'free' is 1."""
+    return 1.0 if text == "free" else COEFFICIENT(text)
+
+
 def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = False) -> None:
     """Add --scene, --friction, --gravity and --push; `uniform`: a scene adds its best uniform."""
     more = ", and its best uniform layout" * uniform
@@ -28,13 +73,15 @@ def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = Fals
         help=f"physics of a scene, name or .toml file{more} (that beside LAYOUT, if any)",
     )
     parser.add_argument(
-        "--friction", type=float, metavar="MU", help="between dominoes (of the scene, or 0.25)"
-    )
+        "--friction", type=COEFFICIENT, metavar="MU",
+        help="coefficient of friction between dominoes (of the scene, or 0.25)",
+    )  # fmt: skip
     parser.add_argument(
-        "--gravity", type=float, metavar="M/S2", help="[m/s²] (of the scene, or 9.81)"
-    )
+        "--gravity", type=GRAVITY, metavar="M/S2",
+        help="gravitational acceleration [m/s²] (of the scene, or 9.81)",
+    )  # fmt: skip
     parser.add_argument(
-        "--push", type=float, metavar="RAD/S",
+        "--push", type=PUSH, metavar="RAD/S",
         help="angular velocity of the first domino [rad/s] (of the scene, or 8)",
     )  # fmt: skip
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import add_physics_options, chosen_physics
+from domino_env.cli.options import NATURAL, add_physics_options, chosen_physics, number
 
 SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
 
@@ -19,15 +19,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--gif", metavar="FILE", help="write an animated GIF")
     parser.add_argument("--mp4", metavar="FILE", help="write a film (extra 'render')")
     parser.add_argument("--png", metavar="FILE", help="write one picture of several moments")
-    parser.add_argument("--moments", type=int, metavar="N", default=4, help="in the picture (4)")
     parser.add_argument(
-        "--slow", type=float, metavar="FACTOR", default=5.0, help="slow motion, 1 is real time (5)"
+        "--moments", type=NATURAL, metavar="N", default=4,
+        help="number of moments in the picture (4)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--slow",
+        type=number(above=0.0),
+        metavar="FACTOR",
+        default=5.0,
+        help="slow motion, 1 is real time (5)",
     )
     parser.add_argument(
-        "--rate", type=float, metavar="HZ", default=25.0, help="frames per second (25)"
+        "--rate",
+        type=number("Hz", above=0.0),
+        metavar="HZ",
+        default=25.0,
+        help="frames per second (25)",
     )
     parser.add_argument(
-        "--width", type=int, metavar="PX", default=1000, help="width of a frame [px] (1000)"
+        "--width", type=NATURAL, metavar="PX", default=1000, help="width of a frame [px] (1000)"
     )
 
 

@@ -1,55 +1,99 @@
-"""Print the file of a scene for your own dominoes.
+"""Write the file of a scene for your own dominoes.
 
 Lengths are in millimetres and slopes in degrees here, and in metres in the file:
 
-domino scene --count 120 --thickness 8 --height 43 --length 2500 --slope 1 > mine.toml
+domino scene --count 120 --thickness 8 --height 43 --length 2500 --slope 1 -o mine.toml
 domino optimize mine.toml
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 
-SUMMARY = "print a scene file for your own dominoes"
-FREE_GAP = 0.8  # of the height: the largest gap, if --gaps does not give it
+from domino_env.cli.options import (
+    COEFFICIENT,
+    DEVIATION,
+    PUSH,
+    SIZE,
+    floor,
+    number,
+    require_deviation,
+)
+
+SUMMARY = "write a scene file for your own dominoes"
+LEAST_GAP, FREE_GAP = 2.0, 0.8  # [mm], of the height: bounds of the gaps without --gaps
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino scene`."""
-    for name, default, text in (
-        ("thickness", None, "size of a domino along the chain [mm]"),
-        ("height", 48.0, "height of a domino [mm] (48)"),
-        ("width", 24.0, "size of a domino across the chain [mm] (24)"),
-        ("length", None, "from the first pivot to the last [mm] (free)"),
-        ("deviation", None, "standard deviation of the placement error of each gap [mm] (none)"),
-        ("slope", None, "slope of the ground, positive downhill [degrees] (level)"),
-        ("friction", 0.25, "Coulomb coefficient between dominoes (0.25)"),
-        ("floor", None, "Coulomb coefficient of the floor on which they stand free (fixed pivots)"),
-        ("push", 8.0, "angular velocity of the first domino [rad/s] (8)"),
-    ):
+    for name, kind, default, text in (
+        ("thickness", SIZE, None, "size of a domino along the chain [mm]"),
+        ("height", SIZE, 48.0, "height of a domino [mm] (48)"),
+        ("width", SIZE, 24.0, "size of a domino across the chain [mm] (24)"),
+        ("length", number("mm", above=0.0), None, "from the first pivot to the last [mm] (free)"),
+        ("deviation", DEVIATION, None,
+         "standard deviation of the placement error of each gap [mm] (none)"),
+        ("slope", number("degrees", low=-45.0, high=45.0), None,
+         "slope of the ground, positive downhill [degrees] (level)"),
+        ("friction", COEFFICIENT, 0.25, "coefficient of friction between dominoes (0.25)"),
+        ("floor", floor, None,
+         "coefficient of friction of the floor of free-standing dominoes (fixed pivots)"),
+        ("push", PUSH, 8.0, "angular velocity of the first domino [rad/s] (8)"),
+    ):  # fmt: skip
         parser.add_argument(
-            f"--{name}", type=float, help=text, default=default, required=name == "thickness"
+            f"--{name}", type=kind, help=text, default=default, required=name == "thickness"
         )
-    parser.add_argument("--count", type=int, required=True, help="number of dominoes")
     parser.add_argument(
-        "--gaps", type=float, nargs=2, metavar=("MIN", "MAX"),
+        "--count", type=number(whole=True, low=2, high=100_000), required=True,
+        help="number of dominoes",
+    )  # fmt: skip
+    parser.add_argument(
+        "--gaps", type=SIZE, nargs=2, metavar=("MIN", "MAX"),
         help="smallest and largest free gap [mm] (2 and 0.8 times the height)",
     )  # fmt: skip
+    parser.add_argument("-o", "--out", metavar="FILE", help="write to a .toml file (print)")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the scene."""
+    """Print or write the scene."""
+    from pathlib import Path
+
+    from domino_env.core.checks import require
+    from domino_env.core.files import write_text
     from domino_env.scenes.io.reading import parse_scene
 
+    if arguments.gaps is None:
+        arguments.gaps = LEAST_GAP, FREE_GAP * arguments.height
+    (low, high), thickness = arguments.gaps, arguments.thickness
+    require("--thickness", thickness, below=arguments.height, unit="mm", hint="the height")
+    require("--gaps", low, high=high, unit="mm", hint="smallest gap first")
+    require("--gaps", high, below=arguments.height, unit="mm", hint="the height")
+    if arguments.deviation is not None:
+        require_deviation(arguments.deviation, high)
+    if arguments.length is not None:
+        pairs, length = arguments.count - 1, arguments.length
+        least, most = pairs * (low + thickness), pairs * (high + thickness)
+        fitting = f"{math.ceil(length * pairs / most) + 1} to {int(length * pairs / least) + 1}"
+        hint = f"gaps of {low:g} to {high:g} mm; or --count {fitting}"
+        require("--length", length, least, most, unit="mm", hint=hint)
     text = scene_text(arguments)
+    if arguments.out and not arguments.out.endswith(".toml"):
+        raise ValueError(f"{arguments.out}: name a .toml file")
     parse_scene(text, "mine", "domino scene")
-    print(text, end="")
+    if arguments.out:
+        write_text(Path(arguments.out), text)
+        print(
+            f"written to {arguments.out}: domino optimize {arguments.out} searches its best layout"
+        )
+    else:
+        print(text, end="")
     return 0
 
 
 def scene_text(box: argparse.Namespace) -> str:
     """Return the commented TOML text of a scene."""
-    low, high = box.gaps or (2.0, FREE_GAP * box.height)
+    low, high = box.gaps
     robust = box.deviation is not None
     lines = [
         "# A scene of domino-chains. Lengths are in metres: 18 mm is 0.018.",
@@ -74,7 +118,7 @@ def scene_text(box: argparse.Namespace) -> str:
         f"push = {box.push:<17g} # [rad/s] angular velocity of the first domino",
     ]
     if box.floor is not None:
-        lines.append(f"floor_friction = {box.floor:<7g} # the dominoes stand free on this floor")
+        lines.append(f"floor_friction = {box.floor:<7g} # coefficient of friction of the floor")
     if box.slope is not None:
         lines += ["\n[ground]", f"slope = {box.slope:<16g} # [degrees], positive downhill"]
     if robust:

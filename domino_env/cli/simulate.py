@@ -11,7 +11,15 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import add_physics_options, chosen_physics, write_json
+from domino_env.cli.options import (
+    DEVIATION,
+    add_physics_options,
+    chosen_physics,
+    floor,
+    number,
+    require_deviation,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from domino_env.physics.wave import Wave
@@ -41,7 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
     add_physics_options(parser)
     parser.add_argument(
-        "--rtol", type=float, default=1e-8, help="relative error of the arrival times (1e-8)"
+        "--rtol",
+        type=number(low=1e-13, high=1e-3),
+        default=1e-8,
+        help="largest relative error of the arrival times (1e-8)",
     )
     parser.add_argument("--csv", metavar="FILE", help="write the table in SI units")
     parser.add_argument("--json", action="store_true", help="print the result as JSON, SI units")
@@ -49,11 +60,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--all", action="store_true", help=f"print every line of more than {MOST_LINES} dominoes"
     )
     parser.add_argument(
-        "--floor", type=float, metavar="FRICTION",
-        help="simulate free-standing dominoes on a floor of this friction too",
+        "--floor", type=floor, metavar="FRICTION",
+        help="simulate free-standing dominoes too, on a floor of this coefficient of friction "
+        "('free' is 1)",
     )  # fmt: skip
     parser.add_argument(
-        "--deviation", type=float, metavar="MM",
+        "--deviation", type=DEVIATION, metavar="MM",
         help="simulate 256 draws with placement noise too: standard deviation of each gap [mm]",
     )  # fmt: skip
 
@@ -69,7 +81,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     chosen = chosen_physics(arguments, arguments.layout)
     scene = chosen.scene
-    wave = simulate(chosen.read(arguments.layout), chosen.physics, rtol=arguments.rtol)
+    layout = chosen.read(arguments.layout)
+    if arguments.deviation is not None and layout.count > 1:
+        require_deviation(arguments.deviation, 1e3 * layout.spacing.max())
+    wave = simulate(layout, chosen.physics, rtol=arguments.rtol)
     evaluation = _evaluation(wave, scene) if scene else {}
     if arguments.csv:
         write_csv(Path(arguments.csv), CSV_COLUMNS, _csv_lines(wave))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import add_json_option, write_json
+from domino_env.cli.options import GRAVITY, SIZE, add_json_option, number, write_json
 
 if TYPE_CHECKING:
     from domino_env.validation.source import Source
@@ -26,15 +26,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
     parser.add_argument("-o", "--out", metavar="FOLDER", help="folder to write page and plot to")
     chains = parser.add_argument_group("chains given as PITCH=FREQUENCY")
-    chains.add_argument("--thickness", type=float, metavar="MM", default=7.5, help="[mm] (7.5)")
-    chains.add_argument("--height", type=float, metavar="MM", default=48.0, help="[mm] (48)")
-    chains.add_argument("--gravity", type=float, metavar="M/S2", default=9.81, help="[m/s²] (9.81)")
     chains.add_argument(
-        "--uncertainty", type=float, metavar="PERCENT", default=2.0,
+        "--thickness", type=SIZE, metavar="MM", default=7.5,
+        help="thickness of the dominoes [mm] (7.5)",
+    )  # fmt: skip
+    chains.add_argument(
+        "--height", type=SIZE, metavar="MM", default=48.0, help="height of the dominoes [mm] (48)"
+    )
+    chains.add_argument(
+        "--gravity", type=GRAVITY, metavar="M/S2", default=9.81,
+        help="gravitational acceleration [m/s²] (9.81)",
+    )  # fmt: skip
+    chains.add_argument(
+        "--uncertainty", type=number("%", above=0.0, below=100.0), metavar="PERCENT", default=2.0,
         help="standard uncertainty of each frequency [%%] (2)",
     )  # fmt: skip
     chains.add_argument(
-        "--pitch-uncertainty", type=float, metavar="MM", default=0.2,
+        "--pitch-uncertainty", type=number("mm", low=0.0, high=100.0), metavar="MM", default=0.2,
         help="standard uncertainty of each pitch [mm] (0.2, of a template)",
     )  # fmt: skip
 
@@ -80,7 +88,7 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
         elif word.endswith(".toml"):
             sources.append(read_source(Path(word)))
         elif "=" in word:
-            pairs.append(_pair(word))
+            pairs.append(_pair(word, arguments.thickness, arguments.height))
         else:
             raise ValueError(
                 f"'{word}': give a source ({', '.join(shipped)}), a .toml file, or chains as in "
@@ -97,10 +105,17 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
     return sources or list(shipped.values())
 
 
-def _pair(word: str) -> tuple[float, float]:
-    """Read PITCH=FREQUENCY as a pitch [m] and hits per second [1/s]."""
+def _pair(word: str, thickness: float, height: float) -> tuple[float, float]:
+    """Read PITCH=FREQUENCY as a pitch [m] and hits per second [1/s]; sizes in millimetres."""
+    from domino_env.core.checks import require
+
     try:
         pitch, frequency = map(float, word.split("="))
     except ValueError:
         raise ValueError(f"'{word}': write PITCH=FREQUENCY, as in 16=64.4") from None
+    hint = "between the thickness of a domino and thickness plus height"
+    require(
+        f"{word}: pitch", pitch, above=thickness, below=thickness + height, unit="mm", hint=hint
+    )
+    require(f"{word}: frequency", frequency, above=0.0, unit="1/s")
     return 1e-3 * pitch, frequency

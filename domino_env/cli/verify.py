@@ -15,6 +15,7 @@ from domino_env.cli.options import (
     add_json_option,
     add_physics_options,
     chosen_physics,
+    floor,
     write_json,
 )
 
@@ -38,7 +39,7 @@ def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, 
     """Add --floor and --engine, with the default of --engine and its description."""
     parser.add_argument(
         "--floor", type=floors_of, default="0.3,0.5,1", metavar="FRICTION,...",
-        help="frictions of the floors; 'free' is 1 (0.3,0.5,1)",
+        help="coefficients of friction of the floors; 'free' is 1 (0.3,0.5,1)",
     )  # fmt: skip
     parser.add_argument(
         "--engine", action=argparse.BooleanOptionalAction, default=engine,
@@ -47,13 +48,8 @@ def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, 
 
 
 def floors_of(text: str) -> tuple[float, ...]:
-    """Return the frictions in a text such as '0.3,0.5,1'; 'free' is 1."""
-    try:
-        return tuple(1.0 if word == "free" else float(word) for word in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"'{text}': give coefficients of friction with commas between, as in 0.3,0.5,1"
-        ) from None
+    """Return the frictions in a text such as '0.3,0.5,1'."""
+    return tuple(map(floor, text.split(",")))
 
 
 def run(arguments: argparse.Namespace) -> int:

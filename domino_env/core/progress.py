@@ -47,6 +47,10 @@ class Advice(UserWarning):
     """Warning with the next action; commands print it as a line of its own."""
 
 
-def advise(sentence: str) -> None:
+class WrongUnit(Advice):
+    """Warning of lengths that are in another unit almost certainly; commands reject them."""
+
+
+def advise(sentence: str, category: type[Advice] = Advice, stacklevel: int = 3) -> None:
     """Warn about a probable mistake of the caller of a public function."""
-    warnings.warn(sentence, Advice, stacklevel=3)
+    warnings.warn(sentence, category, stacklevel=stacklevel)

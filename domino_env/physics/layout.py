@@ -14,7 +14,14 @@ from domino_env.core.checks import require
 from domino_env.core.results import draw
 from domino_env.core.types import Floats
 from domino_env.physics import footing
-from domino_env.physics.standard import DENSITY, HEIGHT, THICKNESS, WIDTH, unit_hint
+from domino_env.physics.standard import (
+    DENSITY,
+    HEIGHT,
+    THICKNESS,
+    WIDTH,
+    advise_on_units,
+    unit_hint,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,23 +307,25 @@ class Layout:
             For another suffix, for what is wrong in the file (with line and column, or key), and as
             for `Layout`.
         """
-        from domino_env.core.files import naming, one_line
-        from domino_env.core.progress import advise
+        from domino_env.core.files import naming
         from domino_env.physics.files import read_arguments
 
         with naming(path):
             layout = cls(**{"width": width} | read_arguments(Path(path)))
-        if hint := layout.unit_hint:
-            advise(f"{one_line(str(path), 160, keep_end=True)}: {hint}")
+        if layout.count > 1:
+            advise_on_units(path, *layout._sizes)
         return layout
 
     @property
     def unit_hint(self) -> str | None:
         """Sentence about lengths that were probably given in another unit, or None."""
-        if self.count == 1:
-            return None
-        ranges = ((float(a.min()), float(a.max())) for a in (self.spacing, self.thickness))
-        return unit_hint(float(self.height.max()), *ranges)
+        return None if self.count == 1 else unit_hint(*self._sizes)
+
+    @property
+    def _sizes(self) -> tuple[float, tuple[float, float], tuple[float, float]]:
+        """Largest height, and least and largest gap and thickness [m]."""
+        gaps, sizes = ((float(a.min()), float(a.max())) for a in (self.spacing, self.thickness))
+        return float(self.height.max()), gaps, sizes
 
 
 def _span(values: Floats, unit: float = 1e3) -> str:

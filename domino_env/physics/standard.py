@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from domino_env.core.files import one_line
+from domino_env.core.progress import Advice, WrongUnit, advise
+
 HEIGHT, WIDTH, DENSITY = 0.048, 0.024, 1040.0  # [m], [m], [kg/m³]
 THICKNESS = 0.0075  # [m]
 
 TALLEST, SHORTEST = 10.0, 1e-3  # [m] far beyond what people build
 MOST, LEAST = 10.0, 1e-3  # of a thickness or a gap over the height
 ADVICE = (
-    "lengths are in metres in Python and in files, 18 mm is 0.018; options and columns named …_mm "
-    "are in millimetres, 18"
+    "lengths are in metres in Python and in files, 18 mm is 0.018; columns named …_mm, such as "
+    "spacing_mm, and options are in millimetres"
 )
 
 Range = tuple[float, float]
@@ -44,3 +49,16 @@ def unit_hint(height: float, spacing: Range, thickness: Range) -> str | None:
     if spacing[1] < LEAST * height:
         return f"no gap is larger than {spacing[1]:g} m, and {tall}: {ADVICE}"
     return None
+
+
+def advise_on_units(file: str | Path, height: float, spacing: Range, thickness: Range) -> None:
+    """Warn of lengths in a file that were probably given in another unit, as `unit_hint`.
+
+    The warning is a WrongUnit for dominoes that nobody builds, and for gaps of many heights. Gaps
+    a little out of reach, or almost closed, may be what is to be simulated.
+    """
+    hint = unit_hint(height, spacing, thickness)
+    if hint is not None:
+        built = SHORTEST <= height <= TALLEST and max(thickness[0], spacing[0]) <= MOST * height
+        category = Advice if built and thickness[1] >= LEAST * height else WrongUnit
+        advise(f"{one_line(str(file), 160, keep_end=True)}: {hint}", category, stacklevel=4)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from domino_env.cli.options import add_out_option
+from domino_env.cli.options import NATURAL, add_out_option
 from optimize.cli.options import (
     add_limit_options,
     add_methods_option,
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino compare`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="+", help="name, .toml file, or all")
     add_methods_option(parser, "all that are installed")
-    parser.add_argument("--seeds", type=int, metavar="N", default=5, help="number of seeds (5)")
+    parser.add_argument("--seeds", type=NATURAL, metavar="N", default=5, help="number of seeds (5)")
     add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
     add_out_option(parser, "runs/comparison")
     add_study_options(parser)

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from domino_env.cli.options import NATURAL, SECONDS
 from optimize.executors import add_executor_options, executor_from
 
 if TYPE_CHECKING:
@@ -39,10 +40,10 @@ def add_limit_options(
 ) -> None:
     """Add --budget and --seconds, with their defaults in words."""
     parser.add_argument(
-        "--budget", type=int, metavar="N", help=f"evaluations of {of} at most ({budget})"
+        "--budget", type=NATURAL, metavar="N", help=f"evaluations of {of} at most ({budget})"
     )
     parser.add_argument(
-        "--seconds", type=float, metavar="S",
+        "--seconds", type=SECONDS, metavar="S",
         help=f"time of {of} at most [s], not reproducible ({seconds})",
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import add_out_option
+from domino_env.cli.options import SEED, add_out_option, number
 from optimize.cli.options import add_limit_options
 from optimize.executors import add_executor_options, executor_from
 
@@ -33,11 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_limit_options(parser, "the search")
     parser.add_argument(
-        "--tolerance", type=float, metavar="GAIN",
+        "--tolerance", type=number(above=0.0, below=1.0), metavar="GAIN",
         help="relative gain of the second half of the evaluations below which the search ends "
         "(1e-4 without a limit)",
     )  # fmt: skip
-    parser.add_argument("--seed", type=int, default=0, help="seed of all randomness (0)")
+    parser.add_argument("--seed", type=SEED, default=0, help="seed of all randomness (0)")
     add_out_option(parser, "runs/SCENE", literal=False)
     parser.add_argument(
         "--resume", action="store_true",

@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from domino_env.cli.options import add_out_option
+from domino_env.cli.options import NATURAL, SEED, add_out_option
 from optimize.cli.options import (
     add_limit_options,
     add_methods_option,
@@ -38,12 +38,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="vary a key; repeatable",
     )
     parser.add_argument(
-        "--random", type=int, metavar="N", help="sample N points instead of all of the grid"
+        "--random", type=NATURAL, metavar="N", help="sample N points instead of all of the grid"
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of these points (0)")
+    parser.add_argument("--seed", type=SEED, default=0, help="seed of these points (0)")
     add_methods_option(parser, "auto", ["auto"])
     parser.add_argument(
-        "--seeds", type=int, metavar="N", default=1, help="number of seeds of each method (1)"
+        "--seeds", type=NATURAL, metavar="N", default=1, help="number of seeds of each method (1)"
     )
     add_limit_options(parser, "each search", budget="2000 without --seconds")
     add_out_option(parser, "runs/NAME", literal=False)

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from domino_env.core.files import naming, one_line, read_bytes, refuse, write_text
-from domino_env.core.progress import advise
 from domino_env.physics.layout import Layout
-from domino_env.physics.standard import WIDTH, unit_hint
+from domino_env.physics.standard import WIDTH, advise_on_units
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.scene import Scene
 
@@ -134,10 +133,9 @@ def scene_of_document(document: dict[str, Any], name: str, file: str) -> Scene:
                 "scenes by its sample()"
             )
         scene = Scene.of_document({"name": name} | document)
-        hint = unit_hint(scene.height, scene.spacing, scene.thickness)
-        if hint is not None and not scene.in_heights:
-            advise(f"{one_line(file, 160, keep_end=True)}: {hint}")
-        return scene
+    if not scene.in_heights:
+        advise_on_units(file, scene.height, scene.spacing, scene.thickness)
+    return scene
 
 
 def scene_beside(path: str | Path) -> Scene | None:

@@ -87,9 +87,9 @@ def test_the_output_explains_why_a_wave_stops(capsys, scenes, tmp_path: Path) ->
 @pytest.mark.parametrize(("words", "message"), [
     (["sprint", "--method", "cmae"], "there is no method 'cmae': did you mean 'cma'?"),
     (["sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
-    (["sprint", "--budget", "0"], "budget = 0: give at least one evaluation"),
-    (["sprint", "--seconds", "-1"], "seconds = -1.0: give a time of more than 0 s"),
-    (["sprint", "--seed", "-1"], "seed = -1: give a whole number"),
+    (["sprint", "--budget", "0"], "--budget = 0: give a whole number, at least 1"),
+    (["sprint", "--seconds", "-1"], "--seconds = -1.0 s: give a finite number, more than 0"),
+    (["sprint", "--seed", "-1"], "--seed = -1: give a whole number"),
     (["sprint", "--out", "notes.txt"], "notes.txt is a file: name a folder"),
 ])  # fmt: skip
 def test_messages_are_one_line(capsys, monkeypatch, tmp_path, words, message) -> None:
