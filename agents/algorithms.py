@@ -24,10 +24,9 @@ truncated mixture of continuous distributional quantile critics. arXiv:2005.0426
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from importlib.util import find_spec
 from typing import Any
 
-from domino_env.core.checks import require, require_choice
+from domino_env.core.checks import require, require_choice, require_extra
 
 OFF_POLICY = ("sac", "td3", "tqc")
 ALGORITHMS = ("apg", "ppo", "ars", *OFF_POLICY)
@@ -36,12 +35,7 @@ REQUIRED = ("torch", "stable_baselines3", "sb3_contrib")
 
 def require_learning() -> None:
     """Raise ImportError with the command that installs it if a package for learning is missing."""
-    missing = [name for name in REQUIRED if find_spec(name) is None]
-    if missing:
-        raise ImportError(
-            f'learning needs {", ".join(missing)}: pip install "domino-chains[rl]" '
-            "(in this folder: pip install -c constraints.txt -e .[rl])"
-        )
+    require_extra("learning", "rl", *REQUIRED)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ import shutil
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -21,7 +20,7 @@ import gymnasium
 import numpy as np
 
 from domino_env import DominoChainVector, Layout, Scene, SceneDistribution
-from domino_env.core.checks import require
+from domino_env.core.checks import require, require_extra
 from domino_env.core.files import require_unused, write_text
 from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
@@ -88,12 +87,7 @@ def make_dataset(
     require("budget", budget, 1, whole=True)
     require("seed", seed, 0, whole=True)
     require("noise", noise, 0.0, 1.0)
-    for package in ("pyarrow", "minari"):
-        if find_spec(package) is None:
-            raise ImportError(
-                f"a dataset needs {package}, of the extra 'minari': pip install "
-                '"domino-chains[minari]"'
-            )
+    require_extra("a dataset", "minari", "pyarrow", "minari")
     home, source = Path(folder), load_distribution(distribution)
     require_unused(home, (CARD, EPISODES))
     home.mkdir(parents=True, exist_ok=True)

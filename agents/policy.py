@@ -24,6 +24,7 @@ from agents.rollout import Rollout, build
 from domino_env import DominoChain, Scene, SceneDistribution
 from domino_env.core.files import naming, read_json
 from domino_env.core.models import Document, model_of
+from domino_env.core.progress import notice
 from domino_env.core.types import Singles
 from domino_env.scenes.distribution import load_any
 
@@ -58,10 +59,15 @@ def shipped() -> list[str]:
 
 
 def folder_of(run: str | Path) -> Path:
-    """Return the folder of a training, or of a policy that ships if there is no such folder."""
-    path = Path(run)
-    ships = not path.exists() and str(run) in (*shipped(), DESIGNER)
-    return POLICIES / str(run) if ships else path
+    """Return the folder of a training, or of the policy that ships under a name.
+
+    A folder of the same name is given as a Path, or as "./name".
+    """
+    if run not in (*shipped(), DESIGNER):
+        return Path(run)
+    if Path(run).exists():
+        notice(f"'{run}' is the policy that ships; the folder is ./{run}")
+    return POLICIES / run
 
 
 def summary_of(folder: Path, names: tuple[str, ...] = (SUMMARY, BEST)) -> SummaryDocument:

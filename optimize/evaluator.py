@@ -14,6 +14,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from domino_env.core.files import counted
 from domino_env.core.threads import allowed_threads
 from domino_env.core.types import Floats
 from domino_env.rigid.simulation import StoppedError
@@ -180,7 +181,7 @@ class Evaluator:
         if not self.finalists:  # even a limit of no time allows a first evaluation
             return ""
         if self.max_evaluations is not None and self.evaluations >= self.max_evaluations:
-            return f"limit of {self.max_evaluations} layouts reached"
+            return f"limit of {counted(self.max_evaluations, 'layout')} reached"
         if self.max_seconds is not None and self.seconds >= self.max_seconds:
             return f"limit of {self.max_seconds:g} s reached"
         if self.tolerance is not None and self.effort >= min(self.least_effort, self.most_effort):

@@ -30,7 +30,6 @@ from concurrent.futures import (
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
-from importlib.util import find_spec
 from multiprocessing import connection, get_context, parent_process
 from types import TracebackType
 from typing import Any
@@ -280,15 +279,12 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
     ExecutorLost
         No scheduler answers at the address, or no worker connects to it.
     """
-    from domino_env.core.checks import require
+    from domino_env.core.checks import require, require_extra
 
     if workers is not None:
         require("workers", workers, 1, MAX_WORKERS, whole=True)
-    if dask is not None and find_spec("distributed") is None:
-        raise ImportError(
-            'a Dask cluster needs dask and distributed: pip install "domino-chains[dist]" '
-            "(in this folder: pip install -c constraints.txt -e .[dist])"
-        )
+    if dask is not None:
+        require_extra("a Dask cluster", "dist", "dask", "distributed")
     if dask not in (None, "local") and workers is not None:
         raise ValueError(
             "--workers and the --dask address of a scheduler: its workers are its own; "

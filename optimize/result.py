@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core.files import counted
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
@@ -77,7 +78,7 @@ class SearchResult(MadeForScene):
 
     def __repr__(self) -> str:
         score = self.scene.against_uniform(self.score, self.wave)
-        effort = f"{self.evaluations} layouts in {self.seconds:.2g} s"
+        effort = f"{counted(self.evaluations, 'layout')} in {self.seconds:.2g} s"
         search = f"{self.scene.name} by {self.method}, seed {self.seed}"
         return f"SearchResult({search}: {score}; {effort})"
 

@@ -83,16 +83,15 @@ class RunFolder:
         self._saved = self._score = float("-inf")
         self._resume = resume
         self._before = self._spent_before() if resume else 0
-        if path.exists() and not path.is_dir():
-            raise ValueError(f"{path} is a file: name a folder for the run")
+        require_writable(path)
         if not resume:
             require_unused(path, FILES)
-        require_writable(path)
         if budget is not None and budget < self._before:
             raise ValueError(
                 f"{path} holds a search that has spent {self._before} evaluations: give more than "
                 f"{budget} to go on with it"
             )
+        path.mkdir(parents=True, exist_ok=True)
 
     def save(self, evaluator: Evaluator) -> None:
         """Save the best so far, if it is new and the last save some seconds old."""
@@ -139,10 +138,7 @@ class RunFolder:
         try:
             self._write(result.layout, result.trace, result.gradients_left, document, result)
         except OSError as error:
-            raise ValueError(
-                f"{self.path}: the result cannot be written: {error.strerror or error}; make room, "
-                "and go on with --resume"
-            ) from None
+            raise ValueError(f"{error}; make room, and continue with --resume") from None
 
     def _write(
         self, layout: Layout, trace: Sequence[Step], gradients_left: Sequence[float | None],

@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run what is missing, write the page, print its summary."""
-    from agents.algorithms import ALGORITHMS
+    from agents.algorithms import ALGORITHMS, require_learning
     from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in, problem_of_text
     from agents.benchmark_report import FILES, merged, read_runs, table, write
     from domino_env.core.files import require_writable
@@ -70,6 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.page:
         done = merged(before)
     else:
+        if {*chosen} & {*ALGORITHMS}:
+            require_learning()
         with executor_from(arguments) as executor:
             require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import NATURAL, SEED, number
+from domino_env.cli.options import NATURAL, SEED, folder, number
 from optimize.executors import add_executor_options, executor_from
 
 SUMMARY = "write scenes with searched layouts and episodes"
@@ -17,7 +17,7 @@ SUMMARY = "write scenes with searched layouts and episodes"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino dataset`."""
-    parser.add_argument("folder", metavar="FOLDER", help="folder to write to")
+    parser.add_argument("folder", type=folder, metavar="FOLDER", help="folder to write to")
     parser.add_argument(
         "--distribution", metavar="NAME", default="varied",
         help="varied (default), varied-thickness, varied-course, or a file",

@@ -13,7 +13,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import NATURAL, SEED
+from domino_env.cli.options import LAYOUT_FILE, NATURAL, SEED, output
 
 if TYPE_CHECKING:
     from agents.designer.policy import Designer
@@ -38,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trust", action="store_true", help="run the code in an archive where its policy needs it"
     )
-    parser.add_argument("--layout", metavar="FILE", help="write the layout, .csv or .json")
+    parser.add_argument(
+        "--layout", type=LAYOUT_FILE, metavar="FILE", help="write the layout, .csv or .json"
+    )
     many = parser.add_argument_group("evaluation on many scenes, of a policy trained on many")
     many.add_argument("--scenes", type=NATURAL, metavar="N", help="number of scenes")
     many.add_argument(
@@ -50,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--budget", type=NATURAL, metavar="N",
         help="search each scene too, with N evaluations (scores of 2500 ship with the test sets)",
     )  # fmt: skip
-    many.add_argument("--csv", metavar="FILE", help="write one line per scene")
+    many.add_argument("--csv", type=output(".csv"), metavar="FILE", help="write one line per scene")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import add_physics_options, chosen_physics
+from domino_env.cli.options import add_physics_options, chosen_physics, output
 
 SUMMARY = "write the sound of a layout as a WAV file"
 
@@ -13,13 +13,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino click`."""
     parser.add_argument("layout", metavar="LAYOUT", help="layout file, .csv or .json")
     add_physics_options(parser)
-    parser.add_argument("--wav", metavar="FILE", help="output file (LAYOUT with the ending .wav)")
+    parser.add_argument(
+        "--wav",
+        type=output(".wav"),
+        metavar="FILE",
+        help="output file (LAYOUT with the ending .wav)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the layout and write its sound."""
     from pathlib import Path
 
+    from domino_env.core.files import counted
     from domino_env.physics.wave import simulate
     from domino_env.view.sound import clicks, write_wav
 
@@ -29,5 +35,5 @@ def run(arguments: argparse.Namespace) -> int:
     target = Path(arguments.wav) if arguments.wav else source.with_suffix(".wav")
     write_wav(clicks(wave), target)
     print(chosen.line)
-    print(f"{target}: {wave.hit - 1} clicks in {wave.arrival_times[wave.hit - 1]:.3f} s")
+    print(f"{target}: {counted(wave.hit - 1, 'click')} in {wave.arrival_times[wave.hit - 1]:.3f} s")
     return 0

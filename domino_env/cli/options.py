@@ -8,17 +8,27 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from domino_env.core.files import write_text
+from domino_env.core.files import require_writable, write_text
 
 if TYPE_CHECKING:
     from domino_env.physics.layout import Layout
     from domino_env.physics.physics import Physics
     from domino_env.scenes.scene import Scene
+
+
+@contextmanager
+def _reading() -> Iterator[None]:
+    """Keep the message of a ValueError, which argparse replaces by its own."""
+    try:
+        yield
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def number(
@@ -34,35 +44,61 @@ def number(
         except ValueError:
             kind = "whole number" if whole else "number"
             raise argparse.ArgumentTypeError(f"'{text}': give a {kind}") from None
-        try:
+        with _reading():
             require("", value, unit=unit, hint=hint, whole=whole, **bounds)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
         return value
 
     return read
 
 
 SIZE = number("mm", "18 is 0.018 m", low=0.1, high=1e5)
-GRAVITY = number("m/s²", "9.81 on Earth", above=0.0, high=1000.0)
-COEFFICIENT = number(hint="a coefficient of friction", low=0.0)
-PUSH = number("rad/s", above=0.0, high=1000.0)
-NATURAL, SEED = number(whole=True, low=1), number(whole=True, low=0)
-SECONDS = number("s", above=0.0)
 DEVIATION = number("mm", "0.5 is 0.0005 m", low=0.01, high=1e4)
+GRAVITY = number("m/s²", "9.81 on Earth", above=0.0, high=1000.0)
+PUSH = number("rad/s", above=0.0, high=1000.0)
+COEFFICIENT = number(hint="a coefficient of friction", low=0.0)
+SECONDS = number("s", above=0.0)
+NATURAL, SEED = number(whole=True, low=1), number(whole=True, low=0)
+
+
+def floor(text: str) -> float:
+    """Read the coefficient of friction of a floor; 'free' is 1."""
+    return 1.0 if text == "free" else COEFFICIENT(text)
 
 
 def require_deviation(deviation: float, gap: float) -> None:
-    """Raise for a deviation [mm] of gaps of which most could not be placed; gap: the largest."""
+    """Raise for a deviation [mm] with which most gaps cannot be placed; gap: the largest [mm]."""
     from domino_env.core.checks import require
 
     hint = "half of the largest gap"
     require("--deviation", deviation, high=0.5 * gap, unit="mm", hint=hint)
 
 
-def floor(text: str) -> float:
-    """Read the friction of a floor; 'free' is 1."""
-    return 1.0 if text == "free" else COEFFICIENT(text)
+def folder(name: str) -> str:
+    """Read the name of a folder to write to."""
+    with _reading():
+        require_writable(Path(name))
+    return name
+
+
+def output(*endings: str) -> Callable[[str], str]:
+    """Return the reader of an option that names a file to write."""
+
+    def read(name: str) -> str:
+        with _reading():
+            require_output(Path(name), *endings)
+        return name
+
+    return read
+
+
+def require_output(path: Path, *endings: str) -> None:
+    """Raise for a file that has another ending, or cannot be written."""
+    if path.suffix.lower() not in endings or path.is_dir():
+        raise ValueError(f"{path}: name a {' or '.join(endings)} file")
+    require_writable(path.parent)
+
+
+LAYOUT_FILE = output(".csv", ".json")
 
 
 def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = False) -> None:
@@ -89,7 +125,7 @@ def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = Fals
 def add_out_option(parser: argparse.ArgumentParser, default: str, *, literal: bool = True) -> None:
     """Add --out FOLDER; a default that is not `literal` is only shown."""
     parser.add_argument(
-        "-o", "--out", metavar="FOLDER", default=default if literal else None,
+        "-o", "--out", type=folder, metavar="FOLDER", default=default if literal else None,
         help=f"folder to write to ({default})",
     )  # fmt: skip
 
@@ -105,7 +141,7 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
 def _json_file(name: str) -> str:
     if name != "-" and not name.endswith(".json"):
         raise argparse.ArgumentTypeError(f"'{name}': name a .json file, or put --json last")
-    return name
+    return name if name == "-" else output(".json")(name)
 
 
 def write_json(document: object, file: str) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import NATURAL, add_physics_options, chosen_physics, number
+from domino_env.cli.options import NATURAL, add_physics_options, chosen_physics, number, output
 
 SUMMARY = "draw toppling chains as an animated GIF, a film or a picture"
 
@@ -16,9 +16,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
     add_physics_options(parser, uniform=True)
-    parser.add_argument("--gif", metavar="FILE", help="write an animated GIF")
-    parser.add_argument("--mp4", metavar="FILE", help="write a film (extra 'render')")
-    parser.add_argument("--png", metavar="FILE", help="write one picture of several moments")
+    parser.add_argument("--gif", type=output(".gif"), metavar="FILE", help="write an animated GIF")
+    parser.add_argument(
+        "--mp4", type=output(".mp4"), metavar="FILE", help="write a film (extra 'render')"
+    )
+    parser.add_argument(
+        "--png", type=output(".png"), metavar="FILE", help="write one picture of several moments"
+    )
     parser.add_argument(
         "--moments", type=NATURAL, metavar="N", default=4,
         help="number of moments in the picture (4)",
@@ -46,18 +50,18 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate the layouts and write the pictures."""
     from pathlib import Path
 
-    from domino_env.core.files import layout_name, one_line
+    from domino_env.core.checks import require_extra
+    from domino_env.core.files import counted, layout_name, one_line
     from domino_env.physics.wave import simulate
     from domino_env.view.animation import frames, poses, write_gif, write_mp4, write_png
     from domino_env.view.race import Racer
 
-    wanted = [(arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)]
+    wanted = [(arguments.gif, write_gif), (arguments.mp4, write_mp4)]
     wanted = [one for one in wanted if one[0]]
     if not (wanted or arguments.png):
         raise ValueError("nothing to write: give --gif FILE, --mp4 FILE or --png FILE")
-    for name, ending in [(name, ending) for name, ending, _ in wanted] + [(arguments.png, ".png")]:
-        if name and Path(name).suffix.lower() != ending:
-            raise ValueError(f"{name}: a file for --{ending[1:]} ends in {ending}")
+    if arguments.mp4:
+        require_extra("a film", "render", "imageio_ffmpeg")
     chosen = chosen_physics(arguments, *arguments.layouts)
     layouts = [(layout_name(Path(name)), chosen.read(name)) for name in arguments.layouts]
     if chosen.scene:
@@ -69,10 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
         physics = chosen.physics
         heading = f"friction {physics.friction:g}, push {physics.push:g} rad/s"
     racers = [Racer(name, simulate(layout, chosen.physics)) for name, layout in layouts]
-    for name, _, write in wanted:
+    for name, write in wanted:
         images = frames(racers, arguments.rate, arguments.slow, arguments.width, heading)
         number = write(images, Path(name), arguments.rate)
-        print(f"{name}: {number} images, {number / arguments.rate:.1f} s")
+        print(f"{name}: {counted(number, 'image')}, {number / arguments.rate:.1f} s")
     if arguments.png:
         picture = poses(racers, arguments.moments, arguments.width, heading)
         write_png(picture, Path(arguments.png))

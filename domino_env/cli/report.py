@@ -8,7 +8,12 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import add_physics_options, chosen_physics
+from domino_env.cli.options import (
+    add_physics_options,
+    chosen_physics,
+    output,
+    require_output,
+)
 
 SUMMARY = "write a page that races layouts against each other"
 
@@ -20,7 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_physics_options(parser, uniform=True)
     parser.add_argument(
-        "--html", metavar="FILE", help="output file (report.html in the folder of the run)"
+        "--html",
+        type=output(".html"),
+        metavar="FILE",
+        help="output file (report.html in the folder of the run)",
     )
 
 
@@ -33,9 +41,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     paths = [Path(name) for name in arguments.paths]
     chosen = chosen_physics(arguments, *paths)
-    racers, title = read_racers(paths, chosen.scene, chosen.physics if chosen.changed else None)
     folder = paths[0] if paths[0].is_dir() else Path()
     target = Path(arguments.html) if arguments.html else folder / "report.html"
+    require_output(target, ".html")
+    racers, title = read_racers(paths, chosen.scene, chosen.physics if chosen.changed else None)
     size = write_report(racers, title, target, progress=None)
     result = headline(racers)
     print(f"{chosen.line}\n{result['who']}: {result['why']}\n{target}: {size / 1e3:.0f} kB")

@@ -18,6 +18,7 @@ from domino_env.cli.options import (
     SIZE,
     floor,
     number,
+    output,
     require_deviation,
 )
 
@@ -52,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--gaps", type=SIZE, nargs=2, metavar=("MIN", "MAX"),
         help="smallest and largest free gap [mm] (2 and 0.8 times the height)",
     )  # fmt: skip
-    parser.add_argument("-o", "--out", metavar="FILE", help="write to a .toml file (print)")
+    parser.add_argument(
+        "-o", "--out", type=output(".toml"), metavar="FILE", help="write to a .toml file (print)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -78,8 +81,6 @@ def run(arguments: argparse.Namespace) -> int:
         hint = f"gaps of {low:g} to {high:g} mm; or --count {fitting}"
         require("--length", length, least, most, unit="mm", hint=hint)
     text = scene_text(arguments)
-    if arguments.out and not arguments.out.endswith(".toml"):
-        raise ValueError(f"{arguments.out}: name a .toml file")
     parse_scene(text, "mine", "domino scene")
     if arguments.out:
         write_text(Path(arguments.out), text)

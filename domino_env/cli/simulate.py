@@ -17,6 +17,7 @@ from domino_env.cli.options import (
     chosen_physics,
     floor,
     number,
+    output,
     require_deviation,
     write_json,
 )
@@ -54,7 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1e-8,
         help="largest relative error of the arrival times (1e-8)",
     )
-    parser.add_argument("--csv", metavar="FILE", help="write the table in SI units")
+    parser.add_argument(
+        "--csv", type=output(".csv"), metavar="FILE", help="write the table in SI units"
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON, SI units")
     parser.add_argument(
         "--all", action="store_true", help=f"print every line of more than {MOST_LINES} dominoes"
@@ -146,8 +149,9 @@ def _summary(wave: Wave) -> list[str]:
     loss = f" (largest loss of speed {wave.largest_flush_loss:.2%})"
     words = [f"face impacts: {wave.flushes}{loss}"] * bool(wave.flushes)
     words += [f"separations: {wave.releases}"] * bool(wave.releases)
-    words += [f"relative error of the times below {wave.error_estimate:.1e}"]
-    lines.append("; ".join(words))
+    if wave.error_estimate > 0.0:  # of two hits or more
+        words.append(f"relative error of the times below {wave.error_estimate:.1e}")
+    lines += ["; ".join(words)] * bool(words)
     if not wave.converged:
         lines.append(
             f"so close to a stall that rounding prevents the tolerance {wave.rtol:g}; the error "

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from domino_env.cli.options import output
+
 SUMMARY = "write a paper template of a layout at 1:1"
 
 
@@ -13,7 +15,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--paper", default="a4", choices=["a4", "letter"], help="size of the sheets (a4)"
     )
-    parser.add_argument("--pdf", metavar="FILE", help="output file (LAYOUT with the ending .pdf)")
+    parser.add_argument(
+        "--pdf",
+        type=output(".pdf"),
+        metavar="FILE",
+        help="output file (LAYOUT with the ending .pdf)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

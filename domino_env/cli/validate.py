@@ -10,7 +10,14 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import GRAVITY, SIZE, add_json_option, number, write_json
+from domino_env.cli.options import (
+    GRAVITY,
+    SIZE,
+    add_json_option,
+    folder,
+    number,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from domino_env.validation.source import Source
@@ -24,7 +31,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "sources", metavar="SOURCE", nargs="*", help="name, .toml file or PITCH=FREQUENCY (all)"
     )
     add_json_option(parser)
-    parser.add_argument("-o", "--out", metavar="FOLDER", help="folder to write page and plot to")
+    parser.add_argument(
+        "-o",
+        "--out",
+        type=folder,
+        metavar="FOLDER",
+        help="folder to write the page and its plot to",
+    )
     chains = parser.add_argument_group("chains given as PITCH=FREQUENCY")
     chains.add_argument(
         "--thickness", type=SIZE, metavar="MM", default=7.5,
@@ -66,12 +79,11 @@ def run(arguments: argparse.Namespace) -> int:
     if len(validations) > 1:
         print(f"\n{explained} of {len(validations)} sources explained")
     if arguments.out:
-        folder = Path(arguments.out)
-        page = folder / PAGE
+        page, plot = Path(arguments.out) / PAGE, Path(arguments.out) / PLOT
         words = page.read_text("utf-8") if page.exists() else "<!-- sources -->\n<!-- end -->\n"
-        draw(validations, folder / PLOT)
+        draw(validations, plot)
         write_text(page, fill(words, {"sources": markdown(validations)}))
-        print(f"{page}, {folder / PLOT}")
+        print(f"{page}, {plot}")
     return 0
 
 

@@ -16,6 +16,7 @@ from domino_env.cli.options import (
     add_physics_options,
     chosen_physics,
     floor,
+    output,
     write_json,
 )
 
@@ -32,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_physics_options(parser)
     add_simulator_options(parser, engine=None, when="where pymunk is installed")
     add_json_option(parser)
-    parser.add_argument("--plot", metavar="FILE", help="draw the differences (PNG)")
+    parser.add_argument(
+        "--plot", type=output(".png"), metavar="FILE", help="draw the differences (PNG)"
+    )
 
 
 def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, when: str) -> None:
@@ -59,11 +62,14 @@ def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
     from domino_env.rigid import verification
+    from domino_env.rigid.engine import engine_name
 
     if len(arguments.layouts) > 1 and (arguments.json or arguments.plot):
         raise ValueError("--json and --plot name one file: give one layout with them")
     engine = arguments.engine
-    if engine is None:
+    if engine:
+        engine_name()  # raises where it is not installed, before time is spent
+    elif engine is None:
         engine = find_spec("pymunk") is not None
     output = sys.stderr if arguments.json == "-" else sys.stdout
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -84,6 +85,22 @@ def require_choice(name: str, value: object, choices: Iterable[object]) -> None:
     guess = f"did you mean '{near[0]}'? " if near else ""
     given = f"'{one_line(value, 60)}'" if isinstance(value, str) else shown(value)
     raise ValueError(f"{name} = {given}: {guess}choose one of {', '.join(known)}")
+
+
+def require_extra(purpose: str, extra: str, *packages: str) -> None:
+    """Raise for packages of an extra that are not installed.
+
+    Raises
+    ------
+    ImportError
+        With the purpose, the packages and the command that installs them.
+    """
+    missing = [name for name in packages if find_spec(name) is None]
+    if missing:
+        raise ImportError(
+            f'{purpose} needs {", ".join(missing)}: pip install "domino-chains[{extra}]" '
+            f"(in this folder: pip install -c constraints.txt -e .[{extra}])"
+        )
 
 
 def range_in_words(

@@ -78,10 +78,16 @@ def refuse(path: Path | str, error: BaseException | str) -> NoReturn:
 
 
 def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
-    """Write a file by `fill(file)` beside its place, then move it there in one step."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write a file by `fill(file)` beside its place, then move it there in one step.
+
+    Raises
+    ------
+    OSError
+        With the path and the reason, in one sentence.
+    """
     new = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with new.open("xb") as file:
             fill(file)
             file.flush()
@@ -90,7 +96,7 @@ def write_bytes(path: Path, fill: Callable[[BinaryIO], object]) -> None:
     except OSError as error:  # which names `new`, or no file where the disk is full
         if error.errno is None:
             raise
-        raise OSError(error.errno, error.strerror, str(path)) from None
+        raise type(error)(f"{path} cannot be written: {error.strerror}") from None
     finally:
         with suppress(OSError):  # of a read-only file system, even if there is no such file
             new.unlink(missing_ok=True)
@@ -111,11 +117,16 @@ def require_unused(folder: Path, names: Iterable[str]) -> None:
 
 
 def require_writable(folder: Path) -> None:
-    """Raise a ValueError if a folder, which is made, cannot be written; before a long task."""
-    probe = folder / f".writable-{os.getpid()}-{secrets.token_hex(4)}"
+    """Raise a ValueError if no file can be written to a folder, which is not made."""
     try:
-        write_text(probe, " " * 4096)  # a full disk may have room for nothing
-        probe.unlink()
+        place = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+        if not place.is_dir():
+            raise ValueError(f"{place} is a file: name a folder")
+        probe = place / f".writable-{os.getpid()}-{secrets.token_hex(4)}"
+        try:
+            probe.write_bytes(b" " * 4096)  # a full disk may have room for nothing
+        finally:
+            probe.unlink(missing_ok=True)
     except OSError as error:
         raise ValueError(f"{folder} cannot be written: {error.strerror}") from None
 
@@ -133,6 +144,12 @@ def one_line(text: str, most: int = LONGEST_SENTENCE, *, keep_end: bool = False)
     if len(safe) <= most:
         return safe
     return "…" + safe[1 - most :] if keep_end else safe[: most - 1] + "…"
+
+
+def counted(number: int, noun: str) -> str:
+    """Return "1 layout" or "2 layouts"."""
+    plural = "" if number == 1 else "es" if noun.endswith("ch") else "s"
+    return f"{number} {noun}{plural}"
 
 
 def shown(value: object) -> str:

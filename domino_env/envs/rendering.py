@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domino_env.core.checks import require_extra
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
@@ -156,12 +157,9 @@ class _Window:
     """A pygame window that shows images of a size [px]."""
 
     def __init__(self, size: tuple[int, int]) -> None:
-        try:
-            import pygame
-        except ImportError:
-            raise ImportError(
-                'a window needs pygame-ce: pip install "domino-chains[render]"'
-            ) from None
+        require_extra("a window", "render", "pygame")
+        import pygame
+
         pygame.display.init()  # not all of pygame: its mixer fails noisily where there is no sound
         pygame.display.set_caption("toppling dominoes")
         self._pygame, self._clock = pygame, pygame.time.Clock()

@@ -107,11 +107,15 @@ def read_arguments(path: Path) -> dict[str, Any]:
         With line and column or key, for more than `MOST_DOMINOES`, and for another suffix.
     """
     suffix = path.suffix.lower()
+    if path.is_dir():
+        raise ValueError("it is a folder: name the file of a layout, such as layout.csv in a run")
     if suffix == ".csv":
         return _parse_table(path, read_bytes(path))
     if suffix == ".json":
         return model_of(LayoutTable, read_json(path)).arguments()
-    raise ValueError(f"a layout is a .csv or .json file, not '{suffix}'")
+    if not path.exists():
+        raise ValueError("there is no such file")
+    raise ValueError("it is not a layout: a layout is a .csv or .json file")
 
 
 def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
@@ -166,8 +170,8 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
         raise ValueError("no dominoes below the line of names")
     if not ended:
         raise fault(
-            "spacing", f"{gap} in front of the last domino leads nowhere: leave the last gap empty,"
-            " or add the dominoes that are missing (was the file cut?)",
+            "spacing", f"{gap}; no domino follows this gap: leave the last gap empty, or add the "
+            "dominoes that are missing (was the file cut?)",
         )  # fmt: skip
     _require_few(len(columns["thickness"]))
     values: dict[str, Any] = {kind: np.array(column) for kind, column in columns.items()}

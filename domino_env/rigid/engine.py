@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from domino_env.core.checks import require_extra
 from domino_env.core.progress import progress_bar
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
@@ -303,10 +304,7 @@ def engine_name() -> str:
 
 
 def _engine() -> Any:
-    try:
-        import pymunk
-    except ImportError:
-        raise ImportError(
-            'the check in a third-party engine needs pymunk: pip install "domino-chains[verify]"'
-        ) from None
+    require_extra("the third-party engine", "verify", "pymunk")
+    import pymunk
+
     return pymunk

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from domino_env.core.checks import require
+from domino_env.core.checks import require, require_extra
 from domino_env.core.files import write_bytes
 from domino_env.physics.motion import Motion
 from domino_env.view.drawing import AHEAD, Scale, palette, stacked, strip, title
@@ -151,12 +151,9 @@ def write_mp4(images: Iterator[Image.Image], path: Path, rate: float) -> int:
     ImportError
         Without imageio-ffmpeg; the message names what to install.
     """
-    try:
-        import imageio_ffmpeg
-    except ImportError:
-        raise ImportError(
-            'films need imageio-ffmpeg: pip install "domino-chains[render]", or ask for --gif'
-        ) from None
+    require_extra("a film", "render", "imageio_ffmpeg")
+    import imageio_ffmpeg
+
     first, number = next(images), 0
     with TemporaryDirectory() as folder:
         film = Path(folder) / "film.mp4"

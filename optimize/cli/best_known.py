@@ -14,7 +14,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import add_json_option, write_json
+from domino_env.cli.options import LAYOUT_FILE, add_json_option, write_json
 from domino_env.cli.verify import add_simulator_options
 
 if TYPE_CHECKING:
@@ -27,7 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino best-known`."""
     parser.add_argument("scenes", metavar="SCENE", nargs="*", help="name of a scene (all)")
     parser.add_argument(
-        "--layout", metavar="FILE", help="write the layout of one scene, .csv or .json"
+        "--layout",
+        type=LAYOUT_FILE,
+        metavar="FILE",
+        help="write the layout of one scene, .csv or .json",
     )
     parser.add_argument(
         "--verify", action="store_true", help="simulate the layouts without the model"

@@ -47,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
+    from domino_env.core.files import counted
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.best_known import update
     from optimize.experiments.compare import known_score, plan_tasks
@@ -73,8 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
     default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
     folder = Path(arguments.out)
     with open_study(arguments, "comparison", default, tasks, settings, folder) as (study, options):
-        limit = f"{budget} layouts" if seconds is None else f"{seconds:g} s"
-        print(f"{len(tasks) - study.tasks} runs of {limit}", flush=True)
+        limit = counted(budget, "layout") if seconds is None else f"{seconds:g} s"
+        print(f"{counted(len(tasks) - study.tasks, 'run')} of {limit}", flush=True)
         experiment = run_experiment(tasks, known_score=known_score, **options)
         write_comparison(experiment, folder)
         for problem in experiment.problems:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from domino_env.cli.options import NATURAL, SECONDS
+from domino_env.core.files import counted
 from optimize.executors import add_executor_options, executor_from
 
 if TYPE_CHECKING:
@@ -106,8 +107,9 @@ def study_from(
     studies = {study.name: study for study in store.studies()}
     name = arguments.name
     if name in studies and not arguments.resume:
+        results = counted(studies[name].tasks, "result")
         raise ValueError(
-            f"{store.path} has a study '{name}' with {studies[name].tasks} results already: "
+            f"{store.path} has a study '{name}' with {results} already: "
             "continue it by --resume, or give another --name"
         )
     if name is None:
@@ -167,7 +169,11 @@ def open_study(
             raise OSError(f"{error}; {more}") from None
         except KeyboardInterrupt:
             done = len(study.done())
-            reason = f": {done} runs are complete; {more}" if done else " before any was complete"
+            reason = (
+                f": {done} of {len(tasks)} runs are complete; {more}"
+                if done
+                else " before any was complete"
+            )
             raise KeyboardInterrupt(f"interrupted{reason}") from None
 
 

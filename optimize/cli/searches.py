@@ -10,9 +10,11 @@ result is that of an undisturbed search.
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import SEED, add_out_option, number
+from domino_env.core.files import counted
 from optimize.cli.options import add_limit_options
 from optimize.executors import add_executor_options, executor_from
 
@@ -52,7 +54,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and print the result."""
     from domino_env.scenes.io.reading import load_scene, scene_names
-    from domino_env.scenes.uniform import LONG
     from optimize.experiments.best_known import update
     from optimize.run_folder import FILES
     from optimize.searching import search
@@ -60,18 +61,18 @@ def run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}", flush=True)
-    # one that takes long is left to the search, which counts its time
-    early = scene.count < LONG and not scene.criterion.simulates_anew
-    if early:
-        print(f"best uniform:     {_uniform(scene)}", flush=True)
+    waiting = [scene]  # to print its uniform baseline once the search has it
+
+    def after_batch(_: object) -> None:
+        if waiting:
+            _print_uniform(waiting.pop())
+
     with executor_from(arguments) as executor:
         result = search(
             scene, arguments.method, arguments.budget, arguments.seed, seconds=arguments.seconds,
             tolerance=arguments.tolerance, folder=folder, executor=executor,
-            resume=arguments.resume,
+            resume=arguments.resume, callback=after_batch,
         )  # fmt: skip
-    if not early:
-        print(f"best uniform:     {_uniform(scene)}")
     print(f"best found:       {_best(result)}")
     print(f"the search ended: {result.ended}")
     if scene.name in scene_names() and load_scene(scene.name) == scene:
@@ -82,12 +83,17 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _uniform(scene: Scene) -> str:
-    """Describe the uniform baseline."""
+def _print_uniform(scene: Scene) -> None:
+    """Print the uniform baseline."""
+    from tqdm import tqdm
+
     uniform = scene.uniform()
     gap, thickness = uniform.layout.spacing[0] * 1e3, uniform.layout.thickness[-1] * 1e3
     score, outcome = scene.in_words(uniform.score, uniform.wave), uniform.wave.outcome.name
-    return f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"
+    line = f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"
+    write = tqdm.write if sys.stderr.isatty() else print  # above the line of progress
+    write(f"best uniform:     {line}")
+    sys.stdout.flush()
 
 
 def _best_known(result: SearchResult) -> str:
@@ -113,6 +119,6 @@ def _best(result: SearchResult) -> str:
     ended = "interrupted after " if result.interrupted else ""
     text = (
         f"{score}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
-        f"{ended}{result.evaluations} layouts in {result.seconds:.1f} s)"
+        f"{ended}{counted(result.evaluations, 'layout')} in {result.seconds:.1f} s)"
     )
     return text if result.score > 0.0 else f"{text}\n{wave.explanation}"

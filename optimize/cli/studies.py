@@ -47,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """List, show or export."""
+    from domino_env.core.files import counted
     from optimize.experiments.store import export_study, open_store
 
     action, name = arguments.action, arguments.name
@@ -65,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         _show(store.study(name), everything=arguments.all)
     elif arguments.best is None:
         number = export_study(store.study(name), Path(arguments.to))
-        print(f"written to {arguments.to}: {number:,} results")
+        print(f"written to {arguments.to}: {counted(number, 'result')}")
     else:
         _export_best(store.study(name), arguments.to, arguments.best or None)
     return 0

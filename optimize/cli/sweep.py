@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check, search, and write the folder."""
+    from domino_env.core.files import counted
     from optimize.experiments.report import SWEEP_FILES, write_sweep
     from optimize.experiments.runner import run_experiment
     from optimize.experiments.sweep import plan_sweep
@@ -70,10 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
     with open_study(arguments, "sweep", name, tasks, settings, out) as (study, options):
         folder = out if arguments.out else out / study.name
         before = f", {study.tasks} of them done before" if study.tasks else ""
-        print(
-            f"study '{study.name}' in {arguments.store}: {len(tasks)} searches{before}", flush=True
-        )
+        number = counted(len(tasks), "search")
+        print(f"study '{study.name}' in {arguments.store}: {number}{before}", flush=True)
         experiment = run_experiment(tasks, **options)
         write_sweep(experiment, folder)
-        print(f"{len(experiment.results)} results; written to {folder}: {', '.join(SWEEP_FILES)}")
+        results = counted(len(experiment.results), "result")
+        print(f"{results}; written to {folder}: {', '.join(SWEEP_FILES)}")
         return exit_code(experiment)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
+from domino_env.core.files import counted
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
@@ -93,7 +94,7 @@ class Experiment:
     def limit(self) -> str:
         """Limit of a run in words."""
         task = self.tasks[0]
-        return f"{task.seconds:g} s" if task.budget is None else f"{task.budget} layouts"
+        return f"{task.seconds:g} s" if task.budget is None else counted(task.budget, "layout")
 
     def over_seeds(self, statistic: str) -> str:
         """Return the number of seeds in words, after the name of a statistic over them."""

@@ -23,6 +23,7 @@ from typing import Any
 
 import msgspec
 
+from domino_env.core.checks import require_extra
 from domino_env.core.files import require_writable, write_bytes
 from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
@@ -244,6 +245,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
         if not create:
             raise ValueError(f"there is no store {path}: name the one that a study was kept in")
         require_writable(path.parent)
+        path.parent.mkdir(parents=True, exist_ok=True)
     store = Store(path)
     with store.transaction() as connection:
         if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
@@ -263,7 +265,9 @@ def export_study(study: Study, path: Path) -> int:
     Raises
     ------
     ValueError
-        The file has another ending, or cannot be written.
+        The file has another ending.
+    OSError
+        The file cannot be written.
     ImportError
         The extra ``parquet`` is missing.
     """
@@ -273,22 +277,16 @@ def export_study(study: Study, path: Path) -> int:
     lines = [_cells(study.name, result) for result in study.done().values()]
     names = list(dict.fromkeys(name for line in lines for name in line))
     columns = {name: [line.get(name) for line in lines] for name in names}
-    try:
-        if kind == ".csv":
-            texts = [[_as_text(value) for value in column] for column in columns.values()]
-            write_csv(path, names, zip(*texts, strict=True))
-        else:
-            import pyarrow
-            from pyarrow import parquet
+    if kind == ".csv":
+        texts = [[_as_text(value) for value in column] for column in columns.values()]
+        write_csv(path, names, zip(*texts, strict=True))
+    else:
+        require_extra("Parquet", "parquet", "pyarrow")
+        import pyarrow
+        from pyarrow import parquet
 
-            table = pyarrow.table({name: _one_type(column) for name, column in columns.items()})
-            write_bytes(path, lambda file: parquet.write_table(table, file))
-    except ImportError:
-        raise ImportError(
-            "Parquet needs the extra 'parquet': pip install pyarrow, or export to .csv"
-        ) from None
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error.strerror or error}") from None
+        table = pyarrow.table({name: _one_type(column) for name, column in columns.items()})
+        write_bytes(path, lambda file: parquet.write_table(table, file))
     return len(lines)
 
 

@@ -19,6 +19,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, cast
 
+from domino_env.core.checks import require_extra
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -85,7 +87,9 @@ def load(name: str | Method) -> Method:
     Raises
     ------
     ValueError
-        For an unknown name, with the nearest known one; for a missing package, with its name.
+        For an unknown name, with the nearest known one.
+    ImportError
+        For a missing package, with the extra that has it.
     """
     if not isinstance(name, str):
         return _checked(name, name_of(name))
@@ -98,15 +102,15 @@ def load(name: str | Method) -> Method:
         return _load_own(name)
     if name in PEERS:
         place, needed = PEERS[name]
-        if find_spec(needed) is None:
-            raise ValueError(f"method '{name}' needs {needed}: pip install {needed}")
+        require_extra(f"method '{name}'", "peers", needed)
     elif name in METHODS:
         place = METHODS[name]
     else:
         known = [*METHODS, *installed_peers()]
         known += [other + ":RUN" * (other in WITH_TEXT) for other in others]
         known += ["package.module:function"]
-        near = difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1, cutoff=0.5)
+        near = [peer for peer, (_, needed) in PEERS.items() if needed == name.lower()]
+        near += difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(known)}")
     return cast("Method", resolve_name(f"optimize.methods.{place}"))

@@ -92,11 +92,14 @@ def test_without_the_extra_the_error_has_the_command_that_installs_it() -> None:
         "u.find_spec = lambda name, *a: None if name == 'sb3_contrib' else find(name, *a)\n"
         "from optimize.methods.registry import load\n"
         "load('agent:sprint')\n"
+        "from domino_env.cli.main import main\n"
+        "assert main(['benchmark', 'sprint', '--out', 'runs/no']) == 2\n"
         "assert 'torch' not in sys.modules\n"
         "try:\n    load('ppo')\nexcept ImportError as error:\n    print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 'pip install "domino-chains[rl]"' in done.stdout
+    assert 'pip install "domino-chains[rl]"' in done.stderr  # before any task
 
 
 def test_candidates_together_have_the_returns_that_each_has_alone(small) -> None:

@@ -17,11 +17,18 @@ import domino_env as de
 from agents import evaluate, load_policy
 from agents.designer.policy import Designer
 from agents.network import acting, actor_of, read_arrays
-from agents.policy import DESIGNER, POLICIES, ScenePolicy, shipped
+from agents.policy import DESIGNER, POLICIES, ScenePolicy, folder_of, shipped
 from domino_env.cli.main import main
 
 SPRINT = POLICIES / "sprint"
 FIRST, LAST = "mlp_extractor.policy_net.0.weight", "action_net.bias"
+
+
+def test_a_name_is_the_policy_that_ships_and_a_path_the_folder(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sprint").mkdir()
+    assert folder_of("sprint") == POLICIES / "sprint"
+    assert folder_of("./sprint") == folder_of(Path("sprint")) == Path("sprint")
 
 
 @pytest.mark.parametrize("name", shipped())

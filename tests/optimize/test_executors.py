@@ -28,6 +28,7 @@ from optimize.executors import (
 from optimize.experiments.runner import run_experiment
 from optimize.experiments.store import Study, open_store
 from optimize.experiments.task import Task, TaskResult
+from optimize.methods import registry
 
 ROOT = Path(__file__).parents[2]
 
@@ -228,9 +229,13 @@ def test_impossible_executors_are_rejected(workers, dask, message: str) -> None:
 
 
 def test_the_message_names_the_missing_extra(monkeypatch) -> None:
-    monkeypatch.setattr(executors, "find_spec", lambda name: None)
+    monkeypatch.setattr("domino_env.core.checks.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r'"domino-chains\[dist\]"'), open_executor(dask="local"):
         pass
+    with pytest.raises(ImportError, match=r'"domino-chains\[peers\]"'):
+        registry.load("tpe")
+    with pytest.raises(ValueError, match="did you mean 'tpe'"):
+        registry.load("optuna")
 
 
 def test_workers_with_other_versions_are_rejected() -> None:

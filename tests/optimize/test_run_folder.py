@@ -73,7 +73,7 @@ def test_a_place_that_cannot_be_written_is_reported_first(
     scenes, no_search, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("mine")
-    for folder, message in (("file", "is a file: name a folder"), ("file/run", "cannot be writt")):
+    for folder, message in (("file", "is a file: name a folder"), ("file/run", "is a file: name")):
         with pytest.raises(ValueError, match=message):
             search(scenes["spacing"], "random", budget=10, folder=tmp_path / folder)
 
@@ -160,7 +160,7 @@ def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_p
     with monkeypatch.context() as patch:
         patch.setattr("os.fsync", full)  # where a disk that is full is reported at the latest
         patch.setattr("optimize.run_folder.require_writable", lambda _: None)  # it filled up later
-        with pytest.raises(ValueError, match=r"No space .*; make room, and go on"):
+        with pytest.raises(ValueError, match=r"No space .*; make room, and continue"):
             run(300)
     after = files(tmp_path)
     assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}

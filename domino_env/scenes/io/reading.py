@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from domino_env.core.files import naming, one_line, read_bytes, refuse, write_text
+from domino_env.core.progress import notice
 from domino_env.physics.layout import Layout
 from domino_env.physics.standard import WIDTH, advise_on_units
 from domino_env.scenes.io.ranges import has_ranges
@@ -77,9 +78,12 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
     if text in known:
         file = f"{name}.toml"
         return document_of_text((known[text] / file).read_text("utf-8"), file), text, file
+    if path.suffix.lower() in (".csv", ".json"):
+        refuse(path, "a scene is a .toml file or a name; domino simulate reads layouts")
     if path.suffix != ".toml" and not path.is_file():
         near = difflib.get_close_matches(text[:300], known, n=1)
-        hint = f"did you mean '{near[0]}'? " if near else ""
+        near += [str(path / SCENE)] * (path / SCENE).is_file()
+        hint = f"did you mean '{near[-1]}'? " if near else ""
         raise ValueError(
             f"there is no scene '{one_line(text, 100)}': {hint}scenes that ship: "
             f"{', '.join(known)}; or give the path of a .toml file"
@@ -169,18 +173,17 @@ def write_layout(layout: Layout, file: str | Path, scene: Scene) -> Path:
     Raises
     ------
     ValueError
-        For another kind of file, and for a file that cannot be written.
+        For another kind of file.
+    OSError
+        For a file that cannot be written.
     """
     path = Path(file)
     beside = path.with_suffix(f".{SCENE}")
     write = {".csv": layout.to_csv, ".json": layout.to_json}.get(path.suffix.lower())
     if write is None:
         raise ValueError(f"{path}: a layout is written to a .csv or .json file")
-    try:
-        write(path)
-        write_text(beside, scene.to_toml())
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error.strerror}") from None
+    write(path)
+    write_text(beside, scene.to_toml())
     return beside
 
 
@@ -198,6 +201,12 @@ def common_scene(paths: Sequence[str | Path]) -> Scene | None:
         For layouts of different scenes, and as `load_scene`.
     """
     scenes = [(path, scene) for path in paths if (scene := scene_beside(path)) is not None]
+    if scenes and len(scenes) < len(paths):
+        alone = ", ".join(str(path) for path in paths if scene_beside(path) is None)
+        name = scenes[0][1].name
+        notice(
+            f"{one_line(alone)}: no scene beside it: shown in scene '{name}' of the other layouts"
+        )
     for path, scene in scenes[1:]:
         first, common = scenes[0]
         if scene != common:

@@ -81,6 +81,14 @@ def test_a_template_has_the_width_of_the_scene_beside(mars: Path, monkeypatch) -
     assert drawn[0].width == 0.04
 
 
+def test_a_layout_without_a_scene_joins_a_race_with_a_notice(capsys, mars: Path, tmp_path) -> None:
+    (tmp_path / "row.csv").write_text(GAPS)
+    page = str(tmp_path / "race.html")
+    assert main(["report", str(mars), str(tmp_path / "row.csv"), "--html", page]) == 0
+    notice = "row.csv: no scene beside it: shown in scene 'mars' of the other layouts"
+    assert capsys.readouterr().err.count(notice) == 1
+
+
 def test_layouts_of_different_scenes_are_not_drawn_together(capsys, mars: Path, tmp_path) -> None:
     (tmp_path / "scene.toml").write_text(de.load_scene("gentle").to_toml())
     (tmp_path / "row.csv").write_text(GAPS)

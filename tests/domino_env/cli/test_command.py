@@ -103,6 +103,7 @@ def test_json_for_other_programs(capsys, file: Path) -> None:
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(push=1.5))
     assert document["outcome"] == "STALLED"
     assert "push harder" in document["explanation"]
+    assert "error" not in output_of(capsys, "simulate", file, "--push", 0.1)  # of no times
     assert (document["hit"], document["mean_speed"]) == (wave.hit, 0.0)
     came = np.isfinite(wave.arrival_times)
     assert [t is not None for t in document["arrival_times"]] == came.tolist()
@@ -122,6 +123,13 @@ def test_json_for_other_programs(capsys, file: Path) -> None:
     ("simulate MM", "mm.csv: a domino is 7.5 m thick, and the dominoes are 0.048 m tall: lengths"),
     ("template MM", "18 mm is 0.018; columns named …_mm, such as spacing_mm, and options are in"),
     ("optimize TALL", "tall.toml: the dominoes are 48 m tall: lengths are in metres"),
+    ("simulate .", ".: it is a folder: name the file of a layout, such as layout.csv in a run"),
+    ("report nothing", "nothing: there is no such file"),
+    ("optimize FILE", "row.csv: a scene is a .toml file or a name; domino simulate reads layouts"),
+    ("simulate FILE --csv BAD/x.csv", "bad.csv is a file: name a folder"),
+    ("verify FILE --plot BAD/x.png", "bad.csv is a file: name a folder"),
+    ("render FILE --png x.gif", "--png: x.gif: name a .png file"),
+    ("optimize sprint --out BAD/run", "bad.csv is a file: name a folder"),
     ("listen FILE --pitch 0.018", "--pitch = 0.018 mm: give a finite number from 0.1"),
     ("validate 16=64 --thickness 0.0075", "--thickness = 0.0075 mm: give a finite number from 0.1"),
     ("validate 0.016=64", "0.016=64: pitch = 0.016 mm: give a finite number, more than 7.5, less"),
@@ -136,7 +144,7 @@ def test_an_error_is_one_line(capsys, monkeypatch, file: Path, words: str, messa
     for name, text in texts.items():
         Path(name).write_text(text)
     places = {"FILE": file.name, "BAD": "bad.csv", "MM": "mm.csv", "TALL": "tall.toml"}
-    assert main([places.get(word, word) for word in words.split()]) == 2
+    assert main([places.get(word, word.replace("BAD", "bad.csv")) for word in words.split()]) == 2
     assert sorted(path.name for path in file.parent.iterdir()) == sorted([file.name, *texts])
     output = capsys.readouterr()
     assert output.out == ""
@@ -181,7 +189,9 @@ def test_a_disk_that_is_full_is_named_by_the_file_asked_for(
     monkeypatch.setattr("os.fsync", full)
     table = tmp_path / "table.csv"
     assert main(["simulate", str(file), "--csv", str(table)]) == 2
-    assert capsys.readouterr().err == f"domino: No space left on device: '{table}'\n"
+    assert (
+        capsys.readouterr().err == f"domino: {table} cannot be written: No space left on device\n"
+    )
 
 
 def test_the_program_itself(file: Path) -> None:

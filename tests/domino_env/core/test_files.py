@@ -19,6 +19,5 @@ def test_a_read_only_folder_is_named_without_the_temporary_file(
 
     monkeypatch.setattr(Path, "open", refused)
     monkeypatch.setattr(Path, "unlink", refused)  # even of a file that is not there
-    with pytest.raises(OSError, match="Read-only") as error:
+    with pytest.raises(OSError, match=r"/layout\.csv cannot be written: Read-only file system$"):
         write_text(tmp_path / "layout.csv", "")
-    assert error.value.filename == str(tmp_path / "layout.csv")

@@ -95,6 +95,7 @@ def test_the_output_explains_why_a_wave_stops(capsys, scenes, tmp_path: Path) ->
 def test_messages_are_one_line(capsys, monkeypatch, tmp_path, words, message) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
+    monkeypatch.setattr("domino_env.scenes.scene.Scene.uniform", None)  # before any simulation
     assert main(["optimize", *words]) == 2
     output = capsys.readouterr()
     assert output.err.startswith("domino: ")

@@ -156,7 +156,7 @@ def test_an_interrupted_comparison_is_resumed(here: Path, monkeypatch, capsys) -
 
     monkeypatch.setattr("optimize.experiments.task.search", interrupt_the_third)
     assert main(words) == 130
-    assert "2 runs are complete; " in capsys.readouterr().err
+    assert "2 of 4 runs are complete; " in capsys.readouterr().err
     first = read_csv(here / "runs/comparison/runs.csv")
     assert len(first) == 2
     assert main([*words, "--resume"]) == 0
@@ -370,7 +370,7 @@ def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
     other_tasks = error_of("--seeds", "2", "--name", "sweep-spacing", "--resume")
     assert "was begun with" in other_tasks
     (here / "file").write_text("")
-    assert "cannot be written" in error_of("--out", "file/below")
+    assert "file is a file: name a folder" in error_of("--out", "file/below")
     monkeypatch.setattr("optimize.experiments.task.search", None)  # nothing is left to run
     assert main([*WORDS, "--resume"]) == 0
     assert "2 of them done before" in capsys.readouterr().out.splitlines()[-2]

@@ -183,7 +183,7 @@ def test_other_files_are_rejected(tmp_path: Path) -> None:
         open_store(tmp_path / "text")
     with pytest.raises(ValueError, match=r"cannot be opened .*: name a file"):
         open_store(tmp_path)
-    with pytest.raises(ValueError, match="cannot be written: "):
+    with pytest.raises(ValueError, match="text is a file: name a folder"):
         open_store(tmp_path / "text" / "a.sqlite")
     with pytest.raises(ValueError, match="there is no store"):
         open_store(tmp_path / "none.sqlite", create=False)
