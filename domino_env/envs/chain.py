@@ -13,7 +13,7 @@ from domino_env import kernels
 from domino_env.core.checks import require
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.sources import Generators, SceneLike
+from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import choices
 from domino_env.envs.vector import (
     RTOL,
@@ -170,6 +170,14 @@ class DominoChain(DominoEnv):
         baseline. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
     window
         W, number of gaps and thicknesses observed; at most N - 1.
+    num_scenes
+        Number of scenes of a distribution from which each reset samples, as few as 1; None for
+        all 4096. A policy can be tested on scenes with other numbers.
+    first_scene
+        Number of the first of these scenes.
+    hide
+        Sampled numbers that are left out of the observation, of `distribution.features`. Other
+        parts may still depend on them.
     potential
         True to reward each step by the change of the gain [%] expected if the rest of the chain
         were that of the uniform baseline, False by the lead gained.
@@ -191,11 +199,15 @@ class DominoChain(DominoEnv):
         rtol: float = RTOL,
         reference_speed: float | None = None,
         window: int = WINDOW,
+        num_scenes: int | None = None,
+        first_scene: int = 0,
+        hide: Sequence[str] = (),
         potential: bool = False,
     ) -> None:
         vector = DominoChainVector(
-            1, scene, None, rtol, reference_speed, window, potential=potential
-        )
+            1, scene, None, rtol, reference_speed, window,
+            num_scenes=num_scenes, first_scene=first_scene, hide=hide, potential=potential,
+        )  # fmt: skip
         super().__init__(vector, render_mode)
 
     @property
@@ -253,7 +265,7 @@ class DominoChainVector(DominoVectorEnv):
         - SAME_STEP: with the last step itself; the last observation and info are in
           infos["final_obs"] and infos["final_info"].
         - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
-    potential
+    num_scenes, first_scene, hide, potential
         As of `DominoChain`.
 
     Examples
@@ -274,9 +286,15 @@ class DominoChainVector(DominoVectorEnv):
         reference_speed: float | None = None,
         window: int = WINDOW,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        num_scenes: int | None = None,
+        first_scene: int = 0,
+        hide: Sequence[str] = (),
         potential: bool = False,
     ) -> None:
-        super().__init__(num_envs, scene, render_mode, rtol, window, autoreset_mode, potential)
+        source = SceneSource(
+            scene, num_envs, rtol, window, num_scenes, first_scene, hide, potential
+        )
+        super().__init__(num_envs, source, render_mode, autoreset_mode)
         self._rules = self._batch.rules
         self._reference: float | None = None  # reference speed of all episodes, where given
         self._enter(np.arange(self.num_envs))

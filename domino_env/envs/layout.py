@@ -12,7 +12,7 @@ from domino_env import kernels
 from domino_env.core.projection import nearest_with_sum
 from domino_env.core.threads import share_evenly
 from domino_env.core.types import Bools, Floats, Singles
-from domino_env.envs.sources import Generators, SceneLike
+from domino_env.envs.sources import Generators, SceneLike, SceneSource
 from domino_env.envs.spaces import choices
 from domino_env.envs.vector import (
     RTOL,
@@ -99,7 +99,8 @@ class DominoLayoutVector(DominoVectorEnv):
         rtol: float = RTOL,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
-        super().__init__(num_envs, scene, render_mode, rtol, 0, autoreset_mode)
+        source = SceneSource(scene, num_envs, rtol, window=0)
+        super().__init__(num_envs, source, render_mode, autoreset_mode)
         if self.distribution is not None:
             raise ValueError(
                 f"'{self.distribution.name}' samples a scene for every episode, and the length of "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from domino_env import kernels
-from domino_env.core.checks import require
+from domino_env.core.checks import require, require_choice
 from domino_env.core.types import Floats
 from domino_env.envs.spaces import FEATURE_LIMIT, choices
 from domino_env.physics.wave import LOOSEST, TIGHTEST
@@ -40,6 +40,8 @@ class SceneSource:
         Relative error allowed in the arrival times.
     window
         Number of gaps (and thicknesses) observed, at most.
+    num_scenes, first_scene, hide
+        As of `DominoChain`.
     potential
         True to reward by the expected gain, False by the lead gained.
 
@@ -49,6 +51,10 @@ class SceneSource:
         The distribution; None where the scene is fixed.
     first
         The scene, or the first of the distribution.
+    shown
+        Indices of the sampled numbers that are observed.
+    numbers
+        Numbers of the scenes that resets sample.
     longest
         Largest number of dominoes of a scene.
     window
@@ -82,8 +88,12 @@ class SceneSource:
         num_envs: int,
         rtol: float,
         window: int,
+        num_scenes: int | None = None,
+        first_scene: int = 0,
+        hide: Sequence[str] = (),
         potential: bool = False,
     ) -> None:
+        require("num_envs", num_envs, 1, whole=True)
         require("rtol", rtol, TIGHTEST, LOOSEST)
         require("window", window, 0, whole=True, hint="the number of dominoes observed")
         if not isinstance(scene, Scene | SceneDistribution):
@@ -92,17 +102,20 @@ class SceneSource:
         self.distribution = scene if isinstance(scene, SceneDistribution) else None
         self.first = scene.first if isinstance(scene, SceneDistribution) else scene
         _require_choice(self.first)
-        count, sampled, features = self.first.count, 1, 0
+        names = () if self.distribution is None else self.distribution.features
+        self.shown = _shown(names, hide)
+        count, sampled = self.first.count, 1
         if isinstance(scene, SceneDistribution):
             _require_shared(scene)
-            sampled, features = len(pool_of(scene)), len(scene.features)
+            sampled = len(pool_of(scene))
             count = int(scene.ranges[COUNT].max) if COUNT in scene.ranges else count
+        self.numbers = _numbers(sampled, num_scenes, first_scene)
         self.sampled, self.window = sampled, min(int(window), count - 1)
         places = sampled + num_envs * (self.distribution is not None)
         self.longest = count * (ROOM if self.distribution is not None else 1)
         self.scenes: list[Scene | None] = [None] * places
         self.rules = np.zeros(places, kernels.RULES)
-        self.features = np.zeros((places, features), np.float32)
+        self.features = np.zeros((places, len(self.shown)), np.float32)
         self.first_thickness, self.score, self.unit, self.speed = np.zeros((4, places))
         self.rest = np.zeros((places, self.longest, 2))
         if isinstance(scene, Scene):
@@ -112,7 +125,7 @@ class SceneSource:
         """Return the number of a random scene; 0 where the scene is fixed."""
         if self.distribution is None:
             return 0
-        i = int(self.sampled * generator.random())
+        i = self.numbers[int(len(self.numbers) * generator.random())]
         if self.scenes[i] is None:
             pool = pool_of(self.distribution)
             self._keep(i, pool.scene(i), pool.features[i])
@@ -143,7 +156,7 @@ class SceneSource:
         speed, positions = baseline.wave.mean_speed, baseline.layout.positions
         self.scenes[i] = scene
         self.rules[i] = _rules_of(scene, self.rtol, speed, self.potential)
-        self.features[i] = np.minimum(np.maximum(features, -FEATURE_LIMIT), FEATURE_LIMIT)
+        self.features[i] = np.clip(features[self.shown], -FEATURE_LIMIT, FEATURE_LIMIT)
         self.first_thickness[i], self.score[i] = scene.first_thickness, baseline.score
         self.speed[i] = speed
         units = {"m/s": free_fall_speed(scene), "m": scene.height}
@@ -160,6 +173,28 @@ class SceneSource:
 def pool_of(distribution: SceneDistribution) -> ScenePool:
     """Return the pool that all environments of this process sample from."""
     return ScenePool(distribution)
+
+
+def _shown(features: Sequence[str], hide: Sequence[str]) -> list[int]:
+    """Return the indices of the sampled numbers that are observed."""
+    hidden = [hide] if isinstance(hide, str) else list(hide)
+    for name in hidden:
+        if not features:
+            raise ValueError(
+                f"hide = '{name}': the scene is fixed, none of its numbers is observed"
+            )
+        require_choice("hide", name, features)
+    return [i for i, name in enumerate(features) if name not in hidden]
+
+
+def _numbers(sampled: int, num_scenes: int | None, first_scene: int) -> range:
+    """Return the numbers of the scenes that are sampled."""
+    hint = f"scenes are numbered from 0 to {sampled - 1}" if sampled > 1 else "the scene is fixed"
+    require("first_scene", first_scene, 0, sampled - 1, whole=True, hint=hint)
+    if num_scenes is None:
+        return range(first_scene, sampled)
+    require("num_scenes", num_scenes, 1, sampled - first_scene, whole=True, hint=hint)
+    return range(first_scene, first_scene + num_scenes)
 
 
 def free_fall_speed(scene: Scene) -> float:

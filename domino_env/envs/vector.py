@@ -27,7 +27,7 @@ from domino_env.envs.rendering import (
     Renderer,
     Snapshot,
 )
-from domino_env.envs.sources import Generators, SceneLike, SceneSource
+from domino_env.envs.sources import Generators, SceneSource
 from domino_env.envs.spaces import ObservationLayout, closeness
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
@@ -47,18 +47,12 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     ----------
     num_envs
         B, the number of environments.
-    scene
-        The scene, or the distribution that one is sampled from at every reset.
+    source
+        Scenes of their episodes.
     render_mode
         None, "rgb_array" or "ansi".
-    rtol
-        Relative error allowed in the arrival times.
-    window
-        Number of gaps and thicknesses observed.
     autoreset_mode
         Beginning of the episode after an ended one, as of `DominoChainVector`.
-    potential
-        As of `DominoChain`.
 
     Attributes
     ----------
@@ -73,14 +67,10 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
     def __init__(
         self,
         num_envs: int,
-        scene: SceneLike,
+        source: SceneSource,
         render_mode: str | None,
-        rtol: float,
-        window: int,
         autoreset_mode: str | AutoresetMode,
-        potential: bool = False,
     ) -> None:
-        require("num_envs", num_envs, 1, whole=True)
         self.num_envs = int(num_envs)
         self.render_mode = render_mode
         self._renderer = Renderer(render_mode, VECTOR_MODES)
@@ -90,7 +80,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             "render_fps": FRAMES_PER_SECOND,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.source = SceneSource(scene, self.num_envs, rtol, window, potential)
+        self.source = source
         features = self.source.features.shape[1]
         self.observation_layout = ObservationLayout(self.source.first, self.source.window, features)
         self._batch = _new_batch(self.source, self.observation_layout, self.num_envs)

@@ -9,6 +9,7 @@ import hashlib
 
 import numpy as np
 
+from domino_env.core.checks import require_choice
 from domino_env.core.files import refuse
 from domino_env.core.types import Floats
 from domino_env.scenes.distribution import SceneDistribution, load_distribution
@@ -18,6 +19,7 @@ from domino_env.scenes.uniform import best_point
 
 POOL = 4096  # scenes
 TRAINING = 0  # seed of a scene, with its number
+BEYOND = 100  # scenes beyond the range of each number
 DIGITS = 5  # significant digits of the sampled numbers, so that files can be read
 
 POINT = ("uniform gap", "uniform thickness")  # [m]
@@ -74,31 +76,40 @@ class ScenePool:
         self.features[i] = self.distribution.scaled(self.numbers[i])
 
 
-def load_test_set(name: str) -> list[Scene]:
-    """Load the 200 scenes on which policies are tested, sampled independently of the training's.
+def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
+    """Load the scenes on which policies are tested, sampled independently of the training's.
 
     Parameters
     ----------
     name
         Name of a distribution that ships. Every number of the scenes of "varied-beyond" is out of
         the ranges of "varied".
+    beyond
+        One of the numbers that "varied" samples (`distribution.features`): only this number is out
+        of its range, and in that of "varied-beyond". None for all numbers in their ranges.
 
     Returns
     -------
     list of Scene
-        The scenes, with their uniform baselines.
+        200 scenes, or 100 beyond a range, with their uniform baselines.
 
     Raises
     ------
     ValueError
-        For a distribution without a test set.
+        For a distribution without a test set, and for a number that it does not sample.
     """
-    distribution = load_distribution(name)
-    table = _table(distribution, "test")
+    distribution, kind = load_distribution(name), "test"
+    table = _table(distribution, "test" if beyond is None else "beyond")
     if table is None:
-        refuse(distribution.file, "no test set ships with it")
+        which = "no test set" if beyond is None else "no test set beyond its ranges"
+        refuse(distribution.file, f"{which} ships with it")
+    if beyond is not None:
+        require_choice("beyond", beyond, distribution.features)
+        first = BEYOND * distribution.features.index(beyond)
+        table, kind = table[first : first + BEYOND], f"beyond-{beyond.replace(' ', '-')}"
+    prefix = f"{distribution.name}-{kind}"
     return [
-        distribution.scene(numbers[:-2], f"{distribution.name}-test-{i}").with_uniform(numbers[-2:])
+        distribution.scene(numbers[:-2], f"{prefix}-{i}").with_uniform(numbers[-2:])
         for i, numbers in enumerate(table)
     ]
 

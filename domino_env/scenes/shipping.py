@@ -14,10 +14,11 @@ import numpy as np
 
 from domino_env.core.files import write_text
 from domino_env.core.progress import progress_bar
-from domino_env.scenes.distribution import load_distribution
+from domino_env.scenes.distribution import SceneDistribution, load_distribution
+from domino_env.scenes.io.ranges import Place
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.io.schema import scene_schema
-from domino_env.scenes.pool import DIGITS, POINT, ScenePool, stamp_of
+from domino_env.scenes.pool import BEYOND, DIGITS, POINT, ScenePool, stamp_of
 from domino_env.scenes.uniform import SHIPPED, best_point, stamp
 
 HERE = Path(__file__).parent
@@ -39,11 +40,11 @@ def write_scenes() -> None:
 def write_distribution(name: str) -> None:
     """Write the test set of a distribution, and its pool if policies are trained on it."""
     distribution = load_distribution(name)
-    tests, pool = [], ScenePool(distribution)
-    for i in progress_bar(None, iterable=range(TESTED), total=TESTED, unit=" test scenes"):
-        numbers = distribution.sample_numbers(np.random.default_rng([TEST, i]), DIGITS)
-        tests.append([*numbers, *best_point(distribution.scene(numbers))])
-    tables = {"test": ((*distribution.features, *POINT), tests)}
+    columns, pool = (*distribution.features, *POINT), ScenePool(distribution)
+    tables = {"test": (columns, _test_scenes(distribution, TESTED))}
+    if name == "varied":
+        apart = [_beyond(distribution, place) for place in distribution.ranges]
+        tables["beyond"] = (columns, [x for one in apart for x in _test_scenes(one, BEYOND)])
     if name != "varied-beyond":
         for i in progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes"):
             pool.scene(i)
@@ -53,6 +54,23 @@ def write_distribution(name: str) -> None:
         lines = [stamp_of(distribution), ",".join(columns)]
         lines += [",".join(f"{x:.16g}" for x in line) for line in entries]
         write_text(HERE / "distributions" / f"{name}.{kind}.csv", "\n".join(lines) + "\n")
+
+
+def _test_scenes(distribution: SceneDistribution, number: int) -> list[list[float]]:
+    """Sample scenes of a test set: their numbers and the points of their uniform baselines."""
+    scenes = []
+    for i in progress_bar(None, iterable=range(number), total=number, unit=" test scenes"):
+        numbers = distribution.sample_numbers(np.random.default_rng([TEST, i]), DIGITS)
+        scenes.append([*numbers, *best_point(distribution.scene(numbers))])
+    return scenes
+
+
+def _beyond(distribution: SceneDistribution, place: Place) -> SceneDistribution:
+    """Return the distribution with one range taken from "varied-beyond"."""
+    table, key = place
+    wider = load_distribution("varied-beyond").document[table][key]
+    changed = distribution.document[table] | {key: wider}
+    return SceneDistribution(distribution.document | {table: changed}, distribution.name)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,12 @@
 """Single environments: returns of episodes, observations, bounds of actions."""
 
 import copy
+import inspect
 import pickle
+import re
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -416,6 +419,16 @@ def test_misuse_is_explained(kind):
         pass
     with pytest.raises(ResetNeeded, match=r"call reset\(\)"):
         env.step(np.zeros(size))
+
+
+def test_the_page_has_all_arguments_and_the_sizes():
+    page = (Path(__file__).parents[3] / "docs" / "environments.md").read_text("utf-8")
+    lines = dict(line.strip("| ").split(" | ", 1) for line in page.splitlines() if " | " in line)
+    for kind, listed in zip(KINDS, lines["Arguments"].split(" | "), strict=True):
+        known = set(inspect.signature(kind).parameters) - {"potential"}
+        assert re.findall(r"`(\w+)`", listed) == sorted(known, key=listed.index)
+    entries = DominoChain("sprint").observation_space.shape[0]
+    assert f"`sprint`: {entries} entries" in lines["Observation space"]
 
 
 # third-party tools --------------------------------------------------------------------------------

@@ -61,6 +61,43 @@ def test_features_of_the_sampled_scene_are_observed():
     assert "friction" in SMALL.features
 
 
+def test_hidden_numbers_are_left_out_of_the_observation():
+    whole, partial = DominoChain(SMALL), DominoChain(SMALL, hide=("friction", "count"))
+    left = [i for i, name in enumerate(SMALL.features) if name not in ("friction", "count")]
+    at, among = (env.observation_layout["features"] for env in (whole, partial))
+    for seed in range(3):
+        actions = actions_of(whole, seed)
+        _, seen, rewards, _ = play(whole, actions, seed=seed)
+        _, some, same_rewards, _ = play(partial, actions, seed=seed)
+        np.testing.assert_array_equal(some[:, among], seen[:, at][:, left])
+        np.testing.assert_array_equal(some[:, : among.start], seen[:, : at.start])
+        np.testing.assert_array_equal(same_rewards, rewards)
+    given, _ = partial.reset(options={"scene": whole.scene})
+    np.testing.assert_array_equal(given[among], seen[0, at][left])
+    assert "features" not in DominoChain(SMALL, hide=SMALL.features).observation_layout
+
+
+def test_the_number_of_scenes_can_be_limited():
+    few = DominoChainVector(64, "varied", num_scenes=3, first_scene=100)
+    envs = DominoChainVector(64, "varied", first_scene=4094)
+    few.reset(seed=0)
+    envs.reset(seed=0)
+    assert {scene.name for scene in few.scenes} == {f"varied-{i}" for i in (100, 101, 102)}
+    assert {scene.name for scene in envs.scenes} == {"varied-4094", "varied-4095"}
+    alone = DominoChain("varied", num_scenes=3, first_scene=100)
+    assert alone.reset(seed=7)[1]["scene"] == few.scenes[7]
+    for words, settings in (
+        ("num_scenes = 0", {"num_scenes": 0}),
+        ("first_scene = 4096: give a whole number from 0 to 4095", {"first_scene": 4096}),
+        ("num_scenes = 3: give a whole number from 1 to 2", {"num_scenes": 3, "first_scene": 4094}),
+        ("hide = 'frction': did you mean 'friction'", {"hide": ["frction"]}),
+        ("hide = 'friction': the scene is fixed", {"hide": "friction", "scene": "sprint"}),
+        ("first_scene = 1: give a whole number from 0 to 0", {"first_scene": 1, "scene": "sprint"}),
+    ):
+        with pytest.raises(ValueError, match=words):
+            DominoChain(**{"scene": "varied"} | settings)
+
+
 def test_seeds_determine_the_sampled_scenes():
     env, envs = DominoChain(SMALL), DominoChainVector(4, SMALL)
     first = [env.reset(seed=seed)[1]["scene"] for seed in range(4)]
