@@ -45,6 +45,7 @@ def make_dataset(
     executor: Executor | None = None,
     *,
     noise: float = NOISE,
+    code_link: str | None = None,
     progress: bool | None = False,
 ) -> Path:
     """Sample scenes, search a layout for each, build episodes of them, and write everything.
@@ -68,6 +69,8 @@ def make_dataset(
         Runs the searches; None: this process.
     noise
         Standard deviation of the actions of the noisy episodes, each from -1 to 1.
+    code_link
+        Address of this program, for users of the dataset.
     progress
         Whether to show a progress line; None: on a terminal.
 
@@ -106,7 +109,7 @@ def make_dataset(
     partial = home / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     layouts = [result.layout for result in results]
-    returns = write_episodes(partial, source, chosen, layouts, seed, noise)
+    returns = write_episodes(partial, source, chosen, layouts, seed, noise, code_link)
     partial.rename(home / EPISODES)
     write_text(home / CARD, _card(source, results, returns, seed, budget, noise))
     return home / CARD
@@ -224,8 +227,11 @@ def write_episodes(
     layouts: Sequence[Layout],
     seed: int,
     noise: float = NOISE,
+    code_link: str | None = None,
 ) -> dict[str, float]:
     """Write a Minari dataset of each quality, with an episode per scene, in their order.
+
+    Their reference scores are the mean returns of the uniform baselines and the searched layouts.
 
     Parameters
     ----------
@@ -239,6 +245,8 @@ def write_episodes(
         Seed of the noise.
     noise
         Standard deviation of the actions of "noisy", see `build_episode`.
+    code_link
+        Address of the program that made the dataset.
 
     Returns
     -------
@@ -249,16 +257,17 @@ def write_episodes(
     from minari.data_collector import EpisodeBuffer
 
     env = DominoChainVector(1, distribution)
-    returns = {}
+    returns, episodes = dict[str, float](), dict[str, list[EpisodeBuffer]]()
     single = gymnasium.make("DominoChain-v1", scene=distribution.name)
     for quality in QUALITIES:
-        buffers = []
+        buffers = episodes[quality] = []
         for i, (scene, layout) in enumerate(zip(scenes, layouts, strict=True)):
             target = scene.uniform().layout if quality == "uniform" else layout
             error = noise if quality == "noisy" else 0.0
             rng = np.random.default_rng([seed, i])
             buffers.append(EpisodeBuffer(id=i, **build_episode(env, scene, target, error, rng)))
         returns[quality] = float(np.mean([np.sum(buffer.rewards) for buffer in buffers]))
+    for quality, buffers in episodes.items():
         home = str(folder.resolve())  # Minari joins a relative path twice
         environment = mock.patch.dict(os.environ, MINARI_DATASETS_PATH=home)
         with environment, warnings.catch_warnings():
@@ -266,5 +275,7 @@ def write_episodes(
             create_dataset_from_buffers(
                 f"{distribution.name}/{quality}-v0", buffers, env=single, data_format="arrow",
                 algorithm_name=quality, author="domino-chains", description=distribution.title,
+                eval_env=single, code_permalink=code_link, ref_min_score=returns["uniform"],
+                ref_max_score=returns["searched"],
             )  # fmt: skip
     return returns

@@ -6,10 +6,11 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
+import gymnasium
 import numpy as np
 import pytest
 
-from domino_env import load_test_set
+from domino_env import load_scene, load_test_set
 from domino_env.core.tables import fill
 
 ROOT = Path(__file__).parent.parent
@@ -40,6 +41,35 @@ def test_an_example_learns(
     assert after.shape == (20,)
     assert after.mean() > before.mean()
     assert np.all((after >= -1.0) & (after < 0.1))
+
+
+def test_an_algorithm_from_outside_is_benchmarked_like_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("stable_baselines3")
+    from agents.benchmark import benchmark_tasks
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(EXAMPLES)
+    three = load_test_set("varied")[:3]
+    monkeypatch.setattr("agents.benchmark.load_test_set", lambda name: three)
+    fixed, sampled = benchmark_tasks(["sprint", "varied"], ["outside_algorithm:fit"], 1, 320)
+    result, again = fixed.run(), fixed.run()
+    assert (result.evaluations, result.simulations) == (320, 8)
+    assert result.score == again.score
+    assert load_scene("sprint").score(result.layout) == pytest.approx(result.score)
+    assert -1.0 <= sampled.run().score < 0.1
+    with pytest.raises(ValueError, match="neither called as fit"):
+        benchmark_tasks(["sprint"], ["outside_algorithm:DummyVecEnv.close"])
+
+
+def test_the_file_for_rl_zoo3_has_arguments_of_the_environment_and_of_ppo() -> None:
+    yaml, sb3 = pytest.importorskip("yaml"), pytest.importorskip("stable_baselines3")
+    ((name, chosen),) = yaml.safe_load((EXAMPLES / "rl_zoo3_ppo.yml").read_text("utf-8")).items()
+    env = gymnasium.make(name, **chosen.pop("env_kwargs"))
+    for key in ("n_envs", "n_timesteps", "normalize"):  # of rl-zoo3
+        chosen.pop(key)
+    assert sb3.PPO(env=env, device="cpu", **chosen).n_steps == 128
 
 
 def test_the_page_of_the_bathtub_has_the_numbers_of_its_program() -> None:
