@@ -1,18 +1,25 @@
-"""Examples: short trainings improve the policy; the tables of pages are those of their programs."""
+"""Examples: trainings improve the policy, notebooks run, pages have the tables of programs."""
 
 from __future__ import annotations
 
 import importlib.util
+import json
 from pathlib import Path
 from types import ModuleType
 
 import gymnasium
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 from domino_env import load_scene, load_test_set
 from domino_env.core.tables import fill
 
+CLAIMS = {  # what a notebook shows
+    "speed_over_spacing": "abs(fit.friction - 0.178) < 1e-3",
+    "error_and_run_time": "measurements['euler'][-1][1] > 1e-5 > measurements['rk4'][0][1]",
+    "design_by_hand": "result.score > score > uniform.score",
+}
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "examples"
 
@@ -83,3 +90,28 @@ def test_the_page_of_the_bathtub_has_the_numbers_of_its_program() -> None:
     assert abs(gap - steady) < 1e-4
     assert len(example.draw_map(8).axes) == 2
     assert len(example.draw_gaps(budget=20).axes[0].lines) == 2 * len(example.FRICTIONS)
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_a_notebook_runs_and_has_no_stored_outputs(path: Path) -> None:
+    plt.switch_backend("agg")
+    names: dict[str, object] = {}
+    for cell in json.loads(path.read_text("utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            assert cell["execution_count"] is None
+            exec("".join(cell["source"]), names)
+    plt.close("all")
+    assert eval(CLAIMS[path.stem], names)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_ten_lines_train_draw_and_show_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("stable_baselines3")
+    example = loaded("reinforcement_learning_in_ten_lines")
+    monkeypatch.setattr(example, "NUM_ENVS", 2)
+    model, steps, returns = example.train(steps=512)
+    assert list(steps) == [0, 256, 512]
+    assert np.all(returns < 3.2)
+    assert len(example.draw_curve(steps, returns).axes[0].lines) == 3
+    assert len({image.size for image in example.episode(model)}) == 1

@@ -1,0 +1,96 @@
+"""PPO of Stable-Baselines3 with its default hyperparameters on one scene, its curve and an episode.
+
+    python examples/reinforcement_learning_in_ten_lines.py
+
+It takes a minute and a half of processor time, and writes the two pictures of docs/ten-lines.md and
+the model, ppo-sprint.zip.
+`examples/ppo_of_stable_baselines3.py` learns in less time, on sampled scenes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import torch
+from PIL import Image
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.evaluation import evaluate_policy
+
+import domino_env as de
+from domino_env.core.colours import KNOWN, OURS, SOFT
+from domino_env.core.plot_style import label_line, new_figure, style, write_png
+from domino_env.view.animation import write_gif
+from optimize.experiments.best_known import best_known
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+ENVIRONMENT, SCENE, NUM_ENVS, ROLLOUT = "domino_env:DominoChain-v1", "sprint", 16, 128
+
+
+class Curve(BaseCallback):
+    """Return of the policy without noise, before each rollout."""
+
+    def __init__(self):
+        super().__init__()
+        self.test = make_vec_env(ENVIRONMENT, n_envs=1, env_kwargs={"scene": SCENE})
+        self.points = []
+
+    def _on_rollout_start(self):
+        value, _ = evaluate_policy(self.model, self.test, n_eval_episodes=1)
+        self.points.append((self.num_timesteps, value))
+
+    def _on_training_end(self):
+        self._on_rollout_start()
+
+    def _on_step(self):
+        return True
+
+
+def train(steps=100_000, seed=0):
+    """Return the model, and the steps and returns of its curve."""
+    torch.set_num_threads(1)  # more threads slow such small networks down
+    envs, curve = make_vec_env(ENVIRONMENT, NUM_ENVS, env_kwargs={"scene": SCENE}), Curve()
+    model = PPO("MlpPolicy", envs, n_steps=ROLLOUT, seed=seed, device="cpu")
+    model.learn(steps, callback=curve)
+    return model, *np.transpose(curve.points)
+
+
+def draw_curve(steps, returns):
+    """Draw the return of the policy over the steps of the training."""
+    scene = de.load_scene(SCENE)
+    best = 100.0 * (best_known()[SCENE].score / scene.uniform().score - 1.0)
+    figure = new_figure(7.5, 3.2)
+    axes = figure.add_subplot()
+    style(axes, f"PPO with default hyperparameters on {SCENE}, one seed")
+    axes.plot(steps, returns, ".-", color=OURS)
+    for height, words, colour in ((0.0, "best equal gaps", SOFT), (best, "best known", KNOWN)):
+        axes.axhline(height, color=colour, linewidth=0.9, linestyle="--")
+        label_line(axes, words, 0.01, height, colour, above=True)
+    axes.set_ylim(-6.0, best + 1.0)
+    axes.set_xlabel("steps: dominoes placed in training")
+    axes.set_ylabel("return: gain over equal gaps [%]")
+    return figure
+
+
+def episode(model):
+    """Yield the frames of one episode of the policy, one for each domino that is placed."""
+    env = gymnasium.make(ENVIRONMENT, scene=SCENE, render_mode="rgb_array")
+    observation, over = env.reset()[0], False
+    while not over:
+        action, _ = model.predict(observation, deterministic=True)
+        observation, _, over, _, info = env.step(action)
+        yield Image.fromarray(env.render()).resize((900, 150), Image.Resampling.LANCZOS)
+    print(f"score {info['score']:.4f} m/s, gain {info['gain']:+.2%}")
+
+
+if __name__ == "__main__":
+    model, steps, returns = train()
+    model.save("ppo-sprint")
+    print(
+        *(f"{step:.0f}: {one:+.2f} %" for step, one in zip(steps, returns, strict=True)), sep="\n"
+    )
+    write_png(draw_curve(steps, returns), DOCS / "ten-lines.png")
+    write_gif(episode(model), DOCS / "ten-lines.gif", 8.0)
