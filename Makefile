@@ -53,7 +53,7 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.core
-	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify,dist,parquet,minari]'
+	$(PIP) --no-build-isolation -e '.[dev,rl,render,verify,dist,parquet,minari,studio]'
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core

@@ -77,6 +77,7 @@ PARSED = {
     "--update": "changes files of the package",
     "--dask tcp:": "a scheduler of the reader",
     "model.zip": "a model of the reader, see tests/agents/test_policy.py",
+    "domino studio": "serves a page, see tests/optimize/interactive/test_page.py",
     "domino dataset": "half an hour, see tests/agents/test_dataset.py",
 }
 """Parts of commands that are parsed only, and the reasons."""

@@ -96,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
         rigid = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
     noise = None
     if arguments.deviation is not None:
-        noise = _placement_noise(wave, scene, 1e-3 * arguments.deviation)
+        noise = placement_noise(wave, scene, 1e-3 * arguments.deviation)
     if arguments.json:
         result = document(wave, WAVE) | document(wave.physics, "friction gravity push")
         result |= document(wave.layout, "positions") | document(wave, DOMINOES)
@@ -109,8 +109,8 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     lines = [*_table(wave, whole=arguments.all), *_summary(wave), chosen.line]
     lines += _evaluation_lines(evaluation) if scene else []
-    lines += _rigid_summary(rigid, wave) if rigid else []
-    lines += [_noise_summary(noise)] if noise else []
+    lines += rigid_summary(rigid, wave) if rigid else []
+    lines += [noise_summary(noise)] if noise else []
     lines += [f"table written to {arguments.csv}"] * bool(arguments.csv)
     print("\n".join(lines))
     return 0
@@ -187,7 +187,7 @@ def _evaluation_lines(result: dict[str, object]) -> list[str]:
     return [f"score {result['score']:.6f} on '{name}', {against}"]
 
 
-def _placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[str, float]:
+def placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[str, float]:
     """Return how many draws complete, and the spread of their times [s]."""
     import numpy as np
 
@@ -204,7 +204,7 @@ def _placement_noise(wave: Wave, scene: Scene | None, deviation: float) -> dict[
     return found
 
 
-def _noise_summary(noise: dict[str, float]) -> str:
+def noise_summary(noise: dict[str, float]) -> str:
     """Return the effect of placement noise in one line."""
     line = (
         f"placement noise of {1e3 * noise['deviation']:g} mm, {noise['draws']} draws: "
@@ -219,7 +219,7 @@ def _noise_summary(noise: dict[str, float]) -> str:
     return line
 
 
-def _rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
+def rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
     """Return speed, sliding and separations of the same dominoes free-standing on a floor."""
     count = rigid.layout.count
     lines = ["", f"free-standing rigid bodies on a floor of friction {rigid.floor_friction:g}:"]

@@ -1,0 +1,36 @@
+"""Design a row in the browser: drag gaps and see the speed, search, check on a floor, print.
+
+SOURCE is a scene (its name or .toml file), a layout (.csv or .json), the folder of a run, or a link
+of the page. The page is served on this machine alone, until its last tab is closed or by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "design a row in the browser: drag, search, check, print"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `domino studio`."""
+    parser.add_argument(
+        "source", metavar="SOURCE", nargs="?", default="sprint",
+        help="scene, layout, run folder or link (sprint)",
+    )  # fmt: skip
+    parser.add_argument("--port", type=int, default=0, help="port on this machine (a free one)")
+    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve the page until it is closed."""
+    import webbrowser
+
+    from optimize.interactive.server import studio
+
+    def opened(url: str) -> None:
+        print(f"{url}\nclose its last tab, or press Ctrl-C here, to end it", flush=True)
+        if not arguments.no_browser:
+            webbrowser.open(url)
+
+    studio(arguments.source, arguments.port).serve(opened)
+    return 0

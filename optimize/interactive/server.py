@@ -1,0 +1,169 @@
+"""Server: the page of a design on this machine, in a browser or a notebook."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from domino_env.physics.layout import Layout
+from domino_env.scenes.scene import Scene
+from optimize.interactive.design import Design
+from optimize.interactive.exchange import KEY, LARGEST_UPLOAD, of_link, open_design
+from optimize.searching import compile_for
+
+HOST = "localhost"
+CHECK, UNUSED = 1_000, 3_000  # [ms] between looks for closed tabs, and from closing to the end
+TALL = 1200  # [px] of the page in a notebook
+TEMPLATE = """
+{% extends base %}
+{% block postamble %}
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<style>body { font-family: system-ui, sans-serif; color: #1d2126; margin: 0 auto; padding: 8px;
+max-width: 1500px; }</style>
+{% endblock %}
+{% block contents %}{{ embed(roots.page) }}{% endblock %}
+"""
+
+
+class Studio:
+    """A page on this machine on which a layout is designed; tabs do not disturb each other.
+
+    A notebook shows the page where the object is the last value of a cell.
+
+    Parameters
+    ----------
+    design
+        The design with which every tab begins.
+    port
+        Port on this machine; 0 for a free one.
+
+    Attributes
+    ----------
+    design
+        The design of the tab that was opened last.
+    url
+        Address of the page; empty while it is not served.
+    """
+
+    def __init__(self, design: Design, port: int = 0) -> None:
+        self.design, self.url = design, ""
+        self._port, self._first = port, design
+        self._tabs: set[int] = set()
+
+    @property
+    def layout(self) -> Layout:
+        """Layout of the tab that was opened last."""
+        return self.design.layout
+
+    def serve(self, opened: Callable[[str], object], *, until_closed: bool = True) -> None:
+        """Serve the page until Ctrl-C or, with `until_closed`, until the last tab is closed.
+
+        Parameters
+        ----------
+        opened
+            Called with the address once the page can be opened.
+        until_closed
+            End with the last tab.
+
+        Raises
+        ------
+        OSError
+            The port is taken.
+        """
+        from panel.io.server import get_server
+
+        asyncio.set_event_loop(asyncio.new_event_loop())  # any thread may serve
+        server: Any = get_server(
+            lambda: self._new_tab(server.io_loop.stop if until_closed else lambda: None),
+            port=self._port, address="127.0.0.1", title="Domino studio", location=False,
+            websocket_max_message_size=2 * LARGEST_UPLOAD,
+            check_unused_sessions_milliseconds=CHECK, unused_session_lifetime_milliseconds=UNUSED,
+        )  # fmt: skip
+        scene = self._first.scene
+        threading.Thread(target=lambda: compile_for(scene, gradients=True), daemon=True).start()
+        server.start()
+        self.url = f"http://{HOST}:{server.port}/"
+        opened(self.url)
+        try:
+            server.io_loop.start()
+        finally:
+            server.stop()
+            self.url = ""
+
+    def _new_tab(self, end: Callable[[], None]) -> Any:
+        """Return the page of a new tab; `end` is called after the last was closed."""
+        import panel as pn
+
+        from optimize.interactive.page import Page
+
+        document: Any = pn.state.curdoc
+        problem = ""
+        first = Design(self._first.scene, self._first.layout)
+        try:
+            if link := (pn.state.session_args or {}).get(KEY):
+                first = of_link(link[0].decode())
+        except ValueError as error:
+            problem = str(error)
+        page = Page(first, document.add_next_tick_callback)
+        page.tell(problem, "error")
+        self.design = first
+
+        def close(_: Any) -> None:
+            page.close()
+            self._tabs.discard(id(page))
+            if not self._tabs:
+                end()
+
+        pn.state.onload(lambda: self._tabs.add(id(page)))
+        pn.state.on_session_destroyed(close)
+        template = pn.Template(TEMPLATE)
+        template.add_panel("page", page.view)
+        return template
+
+    def _repr_html_(self) -> str:
+        if not self.url:
+            ready = threading.Event()
+
+            def serve() -> None:
+                self.serve(lambda _: ready.set(), until_closed=False)
+
+            threading.Thread(target=serve, daemon=True).start()
+            ready.wait(10.0)
+        return f'<iframe src="{self.url}" style="width:100%;height:{TALL}px;border:0"></iframe>'
+
+
+def studio(source: str | Path | Scene | Layout = "sprint", port: int = 0) -> Studio:
+    """Design a layout by hand on a page of this machine: drag, improve, search, check, print.
+
+    Parameters
+    ----------
+    source
+        A scene or a layout, the name or path of one, a run folder, or a link of the page.
+    port
+        Port on this machine; 0 for a free one.
+
+    Returns
+    -------
+    Studio
+        Object that a notebook shows as the page; `layout` is what was designed there.
+
+    Raises
+    ------
+    ImportError
+        Without Panel; the message names what to install.
+    ValueError
+        For a scene or a layout that cannot be read, or that leaves nothing free.
+
+    Examples
+    --------
+    >>> from optimize import studio
+    >>> studio("sprint").layout.count
+    40
+    """
+    if find_spec("panel") is None:
+        raise ImportError('the studio needs Panel: pip install "domino-chains[studio]"')
+    return Studio(open_design(source), port)

@@ -1,0 +1,172 @@
+"""Designs without a page: drags within the rules, history, numbers, background work."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from domino_env.cli.main import main
+from optimize.interactive.design import SPACING, THICKNESS, Design
+from optimize.interactive.jobs import Latest, find, improve
+
+SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
+LISTED = SPRINT.replace(spacing_values=(0.005, 0.010, 0.020, 0.040), count=12)
+SMOOTH = SPRINT.replace(largest_change=0.002)
+SCENES = {
+    "bounds": SPRINT,
+    "length": COURSE,
+    "list": LISTED,
+    "change": SMOOTH,
+    "stock": de.load_scene("stock"),
+    "thickness": de.load_scene("sprint-thickness"),
+    "slope": de.load_scene("downhill"),
+}
+
+
+@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("wanted", [1e-9, 0.0101, 0.0263, 7.0])
+def test_a_drag_anywhere_keeps_the_rules(kind: str, wanted: float) -> None:
+    design = Design(SCENES[kind])
+    for part in [SPACING, THICKNESS][: 1 + design.scene.free_thickness]:
+        design.drag(part, 5, wanted)
+        assert design.scene.violations(design.layout) == []
+        assert design.score == design.scene.score(design.layout)
+
+
+def test_a_drag_sets_the_nearest_value_allowed() -> None:
+    free, listed = Design(SPRINT), Design(LISTED)
+    for wanted, set_to, nearest in ((0.0263, 0.0263, 0.020), (7.0, 0.040, 0.040)):
+        free.drag(SPACING, 5, wanted)
+        listed.drag(SPACING, 5, wanted)
+        assert free.layout.spacing[5] == pytest.approx(set_to, rel=1e-12)
+        assert listed.layout.spacing[5] == nearest
+
+
+def test_a_fixed_length_is_kept_by_the_neighbours() -> None:
+    design = Design(COURSE)
+    before = design.layout.spacing
+    design.drag(SPACING, 20, before[20] + 0.001)
+    changed = np.flatnonzero(abs(design.layout.spacing - before) > 1e-9)
+    assert changed.tolist() == [19, 20]
+    design.drag(SPACING, 20, 0.040)  # more than one neighbour can give
+    changed = np.flatnonzero(abs(design.layout.spacing - before) > 1e-9)
+    assert changed.tolist() == list(range(changed[0], changed[-1] + 1))
+    assert design.layout.spacing[20] == pytest.approx(0.040)
+    design.drag(SPACING, 20, float(before[20]))  # a drag begins at the last step
+    np.testing.assert_allclose(design.layout.spacing, before, rtol=1e-12)
+
+
+def test_a_drag_is_one_step_of_the_history() -> None:
+    design = Design(SPRINT)
+    first = design.layout
+    for gap in (0.010, 0.011, 0.012):
+        design.drag(SPACING, 3, gap)
+    design.commit()
+    dragged = design.layout
+    design.change(count=30)
+    design.undo()
+    assert (design.scene, design.layout) == (SPRINT, dragged)
+    design.undo()
+    assert design.layout == first
+    assert not design.can_undo
+    design.redo()
+    assert design.layout == dragged
+    design.drag(SPACING, 3, 0.02)
+    design.commit()
+    assert not design.can_redo
+
+
+@pytest.mark.parametrize("fields", [
+    {"count": 57}, {"height": 0.060}, {"spacing": (0.015, 0.030)}, {"length": 1.1},
+    {"ground": de.Ground(slope=2.0)}, {"physics": SPRINT.physics.replace(push=12.0)},
+], ids=lambda fields: next(iter(fields)))  # fmt: skip
+def test_another_scene_keeps_the_shape(fields: dict[str, Any]) -> None:
+    design = Design(SPRINT)
+    design.drag(SPACING, 0, 0.030)
+    design.commit()
+    design.change(**fields)
+    assert design.scene.violations(design.layout) == []
+    assert design.layout.spacing[0] == pytest.approx(0.030, abs=0.003)
+    assert design.score == design.scene.score(design.layout)
+
+
+def test_a_scene_that_cannot_be_changes_nothing() -> None:
+    design = Design(SPRINT)
+    before = design.scene, design.layout
+    with pytest.raises(ValueError, match="length"):
+        design.change(length=9.0)
+    assert (design.scene, design.layout) == before
+    with pytest.raises(ValueError, match="leaves nothing free"):
+        design.change(spacing=(0.02, 0.02))
+    with pytest.raises(ValueError, match="40 dominoes, and the scene 20"):
+        design.open(SPRINT.replace(count=20), design.layout)
+
+
+def test_numbers_are_those_of_the_score_and_of_the_command(capsys, tmp_path) -> None:
+    design = Design(SPRINT)
+    design.drag(SPACING, 3, 0.012)
+    uniform = SPRINT.uniform().score
+    numbers = design.numbers(uniform)
+    path = tmp_path / "row.csv"
+    design.layout.to_csv(path)
+    assert main(["simulate", str(path), "--scene", "sprint"]) == 0
+    printed = capsys.readouterr().out
+    speed, last = numbers["mean speed"], numbers["last domino hit after"].partition(" ±")[0]
+    assert f"mean speed {speed} over" in printed
+    assert f"last domino hit after {last}\n" in printed
+    gained = numbers["gain over the uniform baseline (best equal gaps)"]
+    assert gained == f"{SPRINT.score(design.layout) / uniform - 1.0:+.2%}"
+    assert f"score {speed.removesuffix(' m/s')} on 'sprint', {gained} against" in printed
+
+
+def test_numbers_of_a_wave_that_stops_name_the_place() -> None:
+    design = Design(SPRINT.replace(spacing=(0.002, 0.060)))
+    assert design.stop is None
+    design.drag(SPACING, 20, 0.050)  # more than the height
+    assert design.stop == 20
+    assert design.numbers(1.0)["dominoes hit"] == "21 of 40"
+
+
+def test_only_the_newest_of_waiting_values_is_used() -> None:
+    waiting: list[Any] = []
+    used: list[int] = []
+    latest = Latest(waiting.append, used.append)
+    for value in range(50):
+        latest(value)
+    assert len(waiting) == 1
+    waiting.pop()()
+    assert used == [49]
+    latest(50)
+    latest.flush()  # the end of a drag does not wait
+    waiting.pop()()
+    assert used == [49, 50]
+
+
+@pytest.mark.parametrize("kind", ["bounds", "length", "list"])
+def test_improving_climbs_and_keeps_the_rules(kind: str, monkeypatch) -> None:
+    monkeypatch.setattr("optimize.interactive.jobs.FRAME", 0.0)
+    scene = SCENES[kind].replace(count=12, length=None if kind != "length" else 0.24)
+    design, shown = Design(scene), list[float]()
+    layout, words = improve(
+        scene, design.layout, threading.Event(), lambda one: shown.append(scene.score(one[0]))
+    )
+    assert scene.violations(layout) == []
+    assert scene.score(layout) == shown[-1] == max(shown)
+    assert (shown[-1] > design.score * 1.001) == (kind != "list")
+    assert ("Search" in words) == (kind == "list")
+
+
+def test_a_search_that_is_stopped_returns_its_best() -> None:
+    stopped, shown = threading.Event(), list[Any]()
+
+    def show(found: Any) -> None:
+        shown.append(found)
+        stopped.set()
+
+    layout, words = find(SPRINT, SPRINT.uniform().layout, stopped, show)
+    assert "stopped" in words
+    assert SPRINT.score(layout) >= SPRINT.score(shown[0][0]) - 1e-6

@@ -1,0 +1,130 @@
+"""Designs as files and links: what was exported scores the same, wrong files get a sentence."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from pathlib import Path
+from urllib.parse import parse_qs
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from optimize.interactive import exchange
+from optimize.interactive.design import SPACING, Design
+from optimize.interactive.exchange import (
+    exports,
+    file_of,
+    link_of,
+    of_link,
+    open_design,
+    receive,
+    scene_for,
+)
+
+SPRINT = de.load_scene("sprint")
+
+
+@pytest.fixture
+def design() -> Design:
+    design = Design(SPRINT)
+    design.drag(SPACING, 3, 0.0123456789)
+    design.commit()
+    return design
+
+
+def sent(design: Design, name: str) -> bytes:
+    ending, write = exports(design)[name]
+    return file_of(write, f"row{ending}").read()
+
+
+@pytest.mark.parametrize("name", ["sprint", "downhill", "hills", "sprint-thickness", "magnify"])
+def test_files_and_links_bring_back_the_same_design(name: str) -> None:
+    design = Design(de.load_scene(name))
+    other = Design(SPRINT)
+    files = {"row.toml": sent(design, "Scene (TOML)"), "row.csv": sent(design, "Layout (CSV)")}
+    assert receive(other, files) == "opened scene row.toml, layout row.csv"
+    linked = of_link(parse_qs(link_of(design)[1:])["design"][0])
+    for one in (other, linked, open_design(f"http://localhost:1/{link_of(design)}")):
+        assert (one.scene, one.layout, one.score) == (design.scene, design.layout, design.score)
+
+
+def test_pages_and_templates_are_those_of_the_commands(design: Design) -> None:
+    assert sent(design, "Template (PDF)").startswith(b"%PDF")
+    page = sent(design, "Report (HTML)").decode()
+    assert '"best uniform layout"' in page
+    assert f"{design.score:.6f} m/s" in page
+
+
+def test_a_layout_is_opened_with_its_own_scene_or_one_that_fits(
+    design: Design, tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    design.layout.to_csv(run / "layout.csv")
+    alone = open_design(run)
+    assert (alone.layout, alone.scene.name) == (design.layout, "own")
+    (run / "scene.toml").write_text(SPRINT.to_toml())
+    for source in (run, run / "layout.csv"):
+        assert open_design(source).scene == SPRINT
+    wide = de.Layout(np.linspace(0.001, 0.045, 11), 0.008)
+    words = receive(design, {"wide.csv": file_of(wide.to_csv, "a.csv").read()})
+    assert "with bounds of its own, as in scene 'sprint' the layout has 12 dominoes" in words
+    assert design.scene == scene_for(wide, SPRINT)
+    assert design.layout == wide
+    with pytest.raises(ValueError, match="there is no scene 'sprnt': did you mean 'sprint'"):
+        open_design("sprnt")
+    with pytest.raises(ValueError, match=r"height from 0\.04 to 0\.05"):
+        open_design(de.Layout([0.02], 0.008, [0.04, 0.05]))
+
+
+WRONG = {
+    "row.csv": b"spacing_mm,thickness_mm\n18,5,7.5\n,7.5\n",
+    "words.csv": b"hello",
+    "row.json": b'{"spacing": [0.01], "thicknes": 0.008}',
+    "mine.toml": b"objective = 3",
+    "latin.toml": b"title = '\xe9'",
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_file_gets_the_sentence_of_the_command_line(
+    name: str, design: Design, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(WRONG[name])
+    with pytest.raises(ValueError, match=name) as expected:
+        open_design(path)
+    before = design.layout
+    with pytest.raises(ValueError, match=name) as error:
+        receive(design, {name: WRONG[name]})
+    ours, theirs = (str(e.value).replace(f"{tmp_path}/", "") for e in (error, expected))
+    assert ours == theirs
+    assert design.layout is before
+
+
+@pytest.mark.parametrize(("files", "words"), [
+    ({"x.png": b""}, r"x\.png: give a layout"),
+    ({"a.csv": b"", "b.csv": b""}, r"a\.csv, b\.csv: give a layout"),
+    ({"../../etc/passwd": b"root"}, r"etc/passwd: give a layout"),
+    ({"big.csv": b" " * (exchange.LARGEST_UPLOAD + 1)}, r"big\.csv: 8,388,609 bytes"),
+    ({"long.csv": b"spacing,thickness\n" + b".02,.01\n" * 5999 + b",.01\n"}, "6,000 dominoes: at"),
+])  # fmt: skip
+def test_other_uploads_are_refused(design: Design, files: dict[str, bytes], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        receive(design, files)
+
+
+def packed(data: bytes) -> str:
+    return base64.urlsafe_b64encode(zlib.compress(data)).decode()
+
+
+@pytest.mark.parametrize("text", [
+    "", "€", "AAAA", packed(b"[1, 2"), packed(b"{}"), packed(b"[" * 10**6), packed(b" " * 10**8),
+    packed(json.dumps(["count = 3", []]).encode()),
+])  # fmt: skip
+def test_a_damaged_link_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="the design in the link: "):
+        of_link(text)
