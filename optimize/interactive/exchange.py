@@ -156,6 +156,9 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
     """Return the ending and the writer of each kind of file by its name on the page."""
     scene, layout = design.scene, design.layout
 
+    def template(path: Path) -> None:
+        write_template(layout, path, title=str(scene.title), physics=scene.physics)
+
     def report(path: Path) -> None:
         uniform = scene.uniform()
         results = {"your layout": (design.wave, scene.score(design.wave))}
@@ -169,9 +172,7 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
     return {
         "Layout (CSV)": (".csv", layout.to_csv),
         "Scene (TOML)": (".scene.toml", lambda path: write_text(path, scene.to_toml())),
-        "Template (PDF)": (
-            ".pdf", lambda path: write_template(layout, path, title=f"Layout {scene.name}")
-        ),
+        "Template (PDF)": (".pdf", template),
         "Report (HTML)": (".html", report),
     }  # fmt: skip
 

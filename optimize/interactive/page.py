@@ -125,9 +125,11 @@ class Page:
         self._syncing = False  # the page sets its own controls
         self._held = (SPACING, 0, 0.0)  # part, number and offset [m] of a drag
         self._waves: list[Wave] = []  # of this layout, and of the other one in a race
+        self._motions: list[Motion] = []  # theirs; empty until the time is more than 0
         self._drag = Latest(schedule, self._drag_to)
         self._search = Latest(schedule, self._show_search)
         self._control = Latest(schedule, self._change)
+        self._frame = Latest(schedule, lambda _: self._draw_chains(follow=True))
         view = self._view = new_view(design.layout)
         self.chain, self.rival = Chain(view), Chain(view)
         self.curves = {
@@ -152,7 +154,7 @@ class Page:
             start=0, end=FRAMES, interval=INTERVAL, loop_policy="once", show_loop_controls=False,
             visible_buttons=["first", "pause", "play", "last"], name="Time", width=260, height=60,
         )  # fmt: skip
-        self.player.param.watch(lambda _: self._draw_chains(follow=True), "value")
+        self.player.param.watch(lambda event: self._frame(event.new), "value")
         self.race = pn.widgets.Select(name="Race against", options=[NOTHING, UNIFORM], **WIDE)
         self.race.param.watch(lambda _: self._redraw(), "value")
         self.controls = {control: self._widget(control) for control in CONTROLS}
@@ -312,7 +314,7 @@ class Page:
         for curve in self.curves.values():
             curve.draw((design.wave, uniform.wave if uniform else None, other))
         waves = {"your layout": design.wave} | ({self.race.value: other} if other else {})
-        self._waves = [*waves.values()]
+        self._waves, self._motions = [*waves.values()], []
         self.rival.figure.visible = other is not None
         self.rival.figure.title.text = self.race.value
         racers = [Racer(name, wave) for name, wave in waves.items()]
@@ -325,8 +327,8 @@ class Page:
         poses = [(layout.tilt, -1) for layout in layouts]
         self.clock.object = "0 s"
         if part:  # a drag of a chain at rest does not wait for its motion
-            motions = [Motion(wave.layout, wave.physics) for wave in self._waves]
-            end = max(motion.end for motion in motions)
+            motions = self._motions or [Motion(wave.layout, wave.physics) for wave in self._waves]
+            self._motions, end = motions, max(motion.end for motion in motions)
             now = [part * end]
             poses = [(m.angles(now)[0], int(m.leader(now)[0][0])) for m in motions]
             self.clock.object = f"{now[0]:.3f} s of {end:.3f} s"
