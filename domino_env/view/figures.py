@@ -370,7 +370,7 @@ def _speed(axes: Axes, layouts: Sequence[DrawnLayout], window: _Window, _: Scene
     fallen = [one for one in layouts if one.wave]
     values: list[Any] = [one.wave.local_speed for one in fallen if one.wave]
     _curves(axes, fallen, window, values)
-    axes.set_ylabel("local wave speed [m/s]")
+    axes.set_ylabel("local speed [m/s]")
     speeds = np.concatenate(values)
     speeds = speeds[np.isfinite(speeds)]
     if len(speeds) == 0:
@@ -381,6 +381,6 @@ def _speed(axes: Axes, layouts: Sequence[DrawnLayout], window: _Window, _: Scene
     low, high = speeds.min(), speeds.max()
     if high > 2.0 * low:  # a narrow gap at the end would flatten everything else
         axes.set_yscale("log")
-        axes.set_ylabel("local wave speed [m/s] (log.)")
+        axes.set_ylabel("local speed [m/s] (log.)")
         plain_numbers(axes.yaxis, (1, 1.5, 2, 3, 5, 7))
     axes.set_ylim(0.93 * low, 1.07 * high)

@@ -75,8 +75,8 @@ def test_plot_returns_a_figure(results, name: str) -> None:
 @pytest.mark.parametrize(("name", "curves", "label"), [
     ("layout", 1, "gap [mm]"),
     ("one domino", 1, "gap [mm]"),
-    ("wave", 1, "local wave speed [m/s]"),
-    ("dead", 1, "local wave speed [m/s]"),
+    ("wave", 1, "local speed [m/s]"),
+    ("dead", 1, "local speed [m/s]"),
     ("result", 2, "gap [mm]"),
 ])  # fmt: skip
 def test_plot_draws_into_given_axes(results, name: str, curves: int, label: str) -> None:
