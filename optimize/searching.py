@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 Callback = Callable[[Evaluator], None]
 
 LONG = 20.0  # [s] of processor time from which on a search announces its duration
+TIMED = 8  # gradients that are timed for that
+AS_LONG = 130  # variables of which the local search takes as long as the simulation
 LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
 BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
 FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
@@ -166,7 +168,8 @@ def search(
         evaluator.add_seconds(spent + clock() - began)
         if seconds is not None and scene.floor_friction is not None:
             _record_baseline(evaluator, uniform)
-        _announce_duration(evaluator)
+        if method == "auto":
+            _announce_duration(evaluator)
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
@@ -225,13 +228,18 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
 
 
 def _announce_duration(evaluator: Evaluator) -> None:
-    """Log about how long a search without a limit takes, where that is long."""
+    """Log about how long a search by `auto` without a limit takes, where that is long.
+
+    Those that take more than `LONG` end by their effort: within a factor of two of this estimate.
+    """
     problem = evaluator.problem
     if evaluator.tolerance is None or problem.scene.floor_friction is not None:
         return
+    designs = np.repeat(problem.design(problem.scene.uniform().layout)[None], TIMED, axis=0)
     began = time.process_time()
-    problem.evaluate(problem.design(problem.scene.uniform().layout), True, differences=False)
-    seconds = (time.process_time() - began) * evaluator.most_effort / GRADIENT_COST
+    problem.evaluate(designs, True, differences=False)
+    gradient = (time.process_time() - began) / TIMED * (1.0 + problem.dimension / AS_LONG)
+    seconds = gradient * evaluator.most_effort / GRADIENT_COST
     if seconds > LONG:
         notice(
             f"the search of {problem.scene.name} takes up to about {float(f'{seconds:.1g}'):.0f} s "
