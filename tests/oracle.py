@@ -10,8 +10,6 @@ variable, no closed form of a change of contact, and shares no code with the pac
 Axes: x along the chain, z up.  Angles and torques are positive in the direction of the fall.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A distribution of small scenes in which most numbers vary."""
 
-from __future__ import annotations
-
 import tomllib
 
 import domino_env as de

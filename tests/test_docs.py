@@ -1,7 +1,5 @@
 """The documentation: its code, scenes and commands run as typed; its pictures exist."""
 
-from __future__ import annotations
-
 import io
 import re
 import runpy

@@ -1,7 +1,5 @@
 """Examples: trainings improve the policy, notebooks run, pages have the tables of programs."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 from pathlib import Path

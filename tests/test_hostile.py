@@ -1,7 +1,5 @@
 """Unusual and damaged files: each is read, or rejected in one sentence with its name."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Imports, public names, the installed wheel, requirements and the Makefile."""
 
-from __future__ import annotations
-
 import email
 import importlib
 import os

@@ -1,7 +1,5 @@
 """Analytic policy gradients: scores as functions of actions and of weights."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The benchmark: its statistics on known numbers, and its whole path with a tiny budget."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Datasets: layouts and episodes of the scenes, continuation after an interruption."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The designer: its layouts, and the scenes that it rejects."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Learners and trained policies as search methods: budgets, clocks, repeatability."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

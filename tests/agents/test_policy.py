@@ -1,7 +1,5 @@
 """Policies without torch: the network in NumPy, the policies that ship, damaged files."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Scripted policies."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Training: the vector environment, the policy of APG and PPO, short trainings, resumption."""
 
-from __future__ import annotations
-
 import csv
 import json
 import signal

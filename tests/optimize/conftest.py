@@ -1,7 +1,5 @@
 """Small scenes on which a search takes milliseconds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

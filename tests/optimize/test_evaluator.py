@@ -1,7 +1,5 @@
 """Evaluator: counts, the best layouts, and limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

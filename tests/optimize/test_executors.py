@@ -1,7 +1,5 @@
 """Executors: the same results as without one, and the loss of workers and schedulers."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

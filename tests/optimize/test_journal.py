@@ -1,7 +1,5 @@
 """A search that was stopped anywhere resumes to the same bits, and simulates nothing twice."""
 
-from __future__ import annotations
-
 import sqlite3
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Problem: designs, layouts, lengths, scores, gradients."""
 
-from __future__ import annotations
-
 import doctest
 import pickle
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """The picture of a search: to scale, complete, for every kind of result, without pyplot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

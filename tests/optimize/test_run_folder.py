@@ -1,7 +1,5 @@
 """The folder of a run: whole files, and nothing replaced by less."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """search(): its arguments and its end."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

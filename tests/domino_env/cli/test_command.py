@@ -1,7 +1,5 @@
 """The `domino` command: its input, output and error messages."""
 
-from __future__ import annotations
-
 import csv
 import json
 import signal

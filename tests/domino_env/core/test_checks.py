@@ -1,7 +1,5 @@
 """Range checks: what is accepted passes, everything else is one sentence."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files: errors name the file that was asked for."""
 
-from __future__ import annotations
-
 import errno
 from pathlib import Path
 from typing import Any

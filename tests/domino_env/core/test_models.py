@@ -1,7 +1,5 @@
 """Models of documents: what is wrong is a sentence with key, value and what is allowed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """Bars: where there is no terminal, a line now and then."""
 
-from __future__ import annotations
-
 from itertools import count
 
 import pytest

@@ -1,7 +1,5 @@
 """Tables: what is written reads back, and nothing in it runs or breaks out of its cell."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

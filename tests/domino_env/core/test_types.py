@@ -1,7 +1,5 @@
 """Unique points of a table, as of NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from domino_env.core.types import unique_points

@@ -1,7 +1,5 @@
 """Frames of the environments."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Gradients of a wave: against differences, against many digits, and by laws."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import astuple, replace
 from typing import Any
@@ -118,7 +116,9 @@ def test_against_sixty_digits(friction: float, uneven: bool) -> None:
         for sign in (-1.0, 1.0)
     )
     exact = sum(float((getattr(high, n) - getattr(low, n)) @ getattr(gradient, n)) for n in way)
-    rough, smooth = (physics.replace(friction=friction + x * (friction > 0.0)) for x in (1e-8, -1e-8))
+    rough, smooth = (
+        physics.replace(friction=friction + x * (friction > 0.0)) for x in (1e-8, -1e-8)
+    )
     exact += (smooth.friction - rough.friction) * gradient.friction
     print(exact, (smooth.friction - rough.friction) * gradient.friction)
     change = precise_change((low, rough), (high, smooth))

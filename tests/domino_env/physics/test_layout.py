@@ -1,7 +1,5 @@
 """Layouts: what is kept, what follows from it, what cannot stand, and files."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import pickle

@@ -1,7 +1,5 @@
 """Positions of the dominoes of a falling chain: they touch, and keep the time of the wave."""
 
-from __future__ import annotations
-
 import numpy as np
 import oracle
 import pytest

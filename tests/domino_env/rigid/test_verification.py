@@ -1,7 +1,5 @@
 """The model against simulators that keep no contact closed."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

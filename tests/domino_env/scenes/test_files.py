@@ -1,7 +1,5 @@
 """Scene files: read, written back, and rejected with file, key, value and what is allowed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

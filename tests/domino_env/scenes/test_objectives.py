@@ -1,7 +1,5 @@
 """Objectives, limits, stock, lists and growth."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Scenes: what ships, scores, uniform baselines and rules."""
 
-from __future__ import annotations
-
 import dataclasses
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The JSON Schema of scene files: up to date, named by the scenes that ship, and true."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Accuracy: error estimates against true errors, run times against errors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Edge cases: a right answer within tolerance, or an outcome that says why there is none."""
 
-from __future__ import annotations
-
 import math
 import tracemalloc
 from fractions import Fraction

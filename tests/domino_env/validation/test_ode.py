@@ -1,7 +1,5 @@
 """ODE solvers meet the simulator, each at its own order, and end as it ends."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

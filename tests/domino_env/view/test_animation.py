@@ -1,7 +1,5 @@
 """Animated pictures, and the command that writes them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Results in a session: one line each, a drawing in a notebook, a figure by `plot`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure

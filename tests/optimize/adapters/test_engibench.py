@@ -1,7 +1,5 @@
 """Scenes as problems of EngiBench satisfy the tests of EngiBench's own problems."""
 
-from __future__ import annotations
-
 import typing
 from dataclasses import asdict
 

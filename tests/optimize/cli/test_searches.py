@@ -1,7 +1,5 @@
 """The command `domino optimize`: its output, its files and its messages."""
 
-from __future__ import annotations
-
 import functools
 import json
 import re

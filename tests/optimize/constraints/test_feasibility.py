@@ -1,7 +1,5 @@
 """Scenes whose rules conflict are found before the search, and the rules are named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

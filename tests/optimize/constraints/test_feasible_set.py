@@ -1,7 +1,5 @@
 """The nearest layout that keeps a scene's rules: against brute force, cvxpy, and the laws of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations, product
 

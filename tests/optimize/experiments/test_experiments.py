@@ -1,7 +1,5 @@
 """Comparisons and sweeps: tasks, results, reports, the commands, and how they stop and continue."""
 
-from __future__ import annotations
-
 import csv
 import os
 import signal

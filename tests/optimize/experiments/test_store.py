@@ -1,7 +1,5 @@
 """The study store: exact, shared by processes, and clear about what it cannot read or write."""
 
-from __future__ import annotations
-
 import csv
 import json
 import multiprocessing as mp

@@ -1,7 +1,5 @@
 """Local searches on scores with kinks, schedules of few numbers, and perturbations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Searches side by side: one batch for all, and each finds what it finds alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Long layouts: stretched from shorter ones, counted by their dominoes, the same when resumed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Properties that every method has."""
 
-from __future__ import annotations
-
 import random
 from itertools import count
 from pathlib import Path

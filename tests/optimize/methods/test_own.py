@@ -1,7 +1,5 @@
 """User-defined methods: by name, as functions, in other processes."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 
