@@ -3,11 +3,14 @@
 import importlib.util
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from hypothesis import settings
+
+from domino_env.cli.main import main
 
 # No deadlines: how long an example takes says something about the machine, not about the program.
 # The same examples every time; HYPOTHESIS_PROFILE=search looks for new ones.
@@ -29,3 +32,17 @@ def pages() -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture
+def output_of(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """A function that runs a command which succeeds and returns its output."""
+
+    def run(*words: object) -> str:
+        assert main([str(word) for word in words]) == 0
+        output = capsys.readouterr()
+        # quiet where there is no terminal, except for the notice of a first compilation
+        assert all(line.startswith("compiling") for line in output.err.splitlines())
+        return output.out
+
+    return run

@@ -9,7 +9,9 @@ def short(name, count=7):
     """Return a scene with fewer dominoes, and less length in proportion."""
     scene = de.load_scene(name)
     length = scene.length and scene.length * (count - 1) / (scene.count - 1)
-    return scene.replace(count=count, length=length)
+    scene = scene.replace(count=count, length=length)
+    # to find the uniform baseline takes long there: any uniform layout serves
+    return scene.with_uniform([0.021, 0.0075]) if name in ("jitter", "table") else scene
 
 
 def play(env, policy, **reset):

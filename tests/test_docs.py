@@ -13,7 +13,6 @@ from dataclasses import replace
 from importlib.metadata import metadata
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 from xml.etree import ElementTree
 
@@ -134,7 +133,7 @@ def run_examples(text: str, names: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("page", sorted(set(PAGES) - set(ELSEWHERE)))
-def test_examples_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     run_examples(PAGES[page], names)
@@ -144,7 +143,7 @@ def test_examples_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("section", SECTIONS, ids=lambda text: text.partition("\n")[0])
-def test_every_optimiser_beats_equal_gaps_as_it_is_written(section: str) -> None:
+def test_every_optimiser_beats_equal_gaps_as_it_is_written(section):
     warnings.simplefilter("ignore")  # theirs
     for package in re.findall(
         r"^(?:from|import) (?:optimize\.adapters\.)?(\w+)", section, re.MULTILINE
@@ -162,9 +161,7 @@ def test_every_optimiser_beats_equal_gaps_as_it_is_written(section: str) -> None
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])
-def test_the_commands_of_a_page_run(
-    page: str, desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commands_of_a_page_run(page, desk, tmp_path, monkeypatch):
     folder = shutil.copytree(desk, tmp_path / "desk")
     monkeypatch.chdir(folder)
     monkeypatch.setattr("agents.training.default_hyperparameters", few_steps)
@@ -182,7 +179,7 @@ def test_the_commands_of_a_page_run(
         assert run(shorter) == 0, line
 
 
-def test_the_query_of_a_store_runs(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_query_of_a_store_runs(desk, monkeypatch):
     monkeypatch.chdir(desk)
     (command,) = re.findall(r"^sqlite3 .*?GROUP BY \w+\"$", PAGES["studies.md"], re.M | re.S)
     _, store, query = shlex.split(command)
@@ -191,7 +188,7 @@ def test_the_query_of_a_store_runs(desk: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if "```toml" in PAGES[page]])
-def test_the_scenes_of_a_page_can_be_read(page: str) -> None:
+def test_the_scenes_of_a_page_can_be_read(page):
     for language, text in FENCED.findall(PAGES[page]):
         if language == "toml":
             document = tomllib.loads(text)
@@ -205,9 +202,7 @@ def test_the_scenes_of_a_page_can_be_read(page: str) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_commands_in_the_text_have_their_options(
-    page: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_in_the_text_have_their_options(page, capsys):
     for line in commands(page):
         parser().parse_args(shlex.split(line.partition(" > ")[0])[1:])
     for module in re.findall(r"python -m ([a-z_.]+)", PAGES[page]):
@@ -220,7 +215,7 @@ def test_commands_in_the_text_have_their_options(
         assert all(word in explained for word in words if word.startswith("--"))
 
 
-def test_targets_and_extras_exist() -> None:
+def test_targets_and_extras_exist():
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     assert set(re.findall(r"(?:^|`)make ([a-z]+)", README, re.MULTILINE)) <= targets
     table = re.findall(r"^\| (`[a-z`, ]+) \|", PAGES["index.md"], re.MULTILINE)
@@ -233,7 +228,7 @@ def test_targets_and_extras_exist() -> None:
 # generated pages --------------------------------------------------------------------------------
 
 
-def test_generated_pages_are_up_to_date(pages: ModuleType) -> None:
+def test_generated_pages_are_up_to_date(pages):
     """`python docs/pages.py` writes them."""
     again = "run python docs/pages.py"
     assert pages.readme_with_table(README) == README, again
@@ -241,7 +236,7 @@ def test_generated_pages_are_up_to_date(pages: ModuleType) -> None:
         assert (ROOT / "docs" / path).read_text("utf-8") == text, f"{path}: {again}"
 
 
-def test_quoted_numbers_are_those_of_their_source() -> None:
+def test_quoted_numbers_are_those_of_their_source():
     """`python docs/quoted_numbers.py` writes them."""
     quoted = runpy.run_path(str(ROOT / "docs" / "quoted_numbers.py"))
     values = quoted["numbers"]()
@@ -257,7 +252,7 @@ def test_quoted_numbers_are_those_of_their_source() -> None:
     assert quoted["with_numbers"]("**9.9<!--gain.x--> %**", {"gain.x": "3.2"}).startswith("**3.2")
 
 
-def test_the_reference_is_complete(pages: ModuleType) -> None:
+def test_the_reference_is_complete(pages):
     for package in (domino_env, optimize, agents):
         names = set(pages.public_names(package.__name__))
         assert names == set(package.__all__)
@@ -269,7 +264,7 @@ def test_the_reference_is_complete(pages: ModuleType) -> None:
 GENERATED = {"verified.md", "measured-sources.md", "methods.md", "reference.md", "benchmark.md"}
 
 
-def test_hand_written_pages_are_short_and_lead_on() -> None:
+def test_hand_written_pages_are_short_and_lead_on():
     written = {page: text for page, text in PAGES.items() if page not in GENERATED}
     assert sum(len(text.split()) for text in written.values()) <= 24_000
     for page, text in written.items():
@@ -280,7 +275,7 @@ def test_hand_written_pages_are_short_and_lead_on() -> None:
             assert re.search(r"Continue with[^.]*\]\(", end), f"{page}: say where to go next"
 
 
-def test_links_lead_to_files_of_the_repository() -> None:
+def test_links_lead_to_files_of_the_repository():
     pages = {ROOT / ("" if page == "README.md" else "docs") / page: PAGES[page] for page in PAGES}
     index = ROOT / "docs" / "scenes" / "index.md"
     for path, text in (pages | {index: index.read_text("utf-8")}).items():
@@ -288,7 +283,7 @@ def test_links_lead_to_files_of_the_repository() -> None:
             assert (path.parent / target).exists(), f"{path.name}: {target}"
 
 
-def test_the_page_of_a_scene_has_its_drawing_and_its_numbers(pages: ModuleType) -> None:
+def test_the_page_of_a_scene_has_its_drawing_and_its_numbers(pages):
     record = best_known()["course"]
     text = pages.scene_page("course", record)
     assert f"**{record.score:.6f} m/s**" in text
@@ -301,7 +296,7 @@ def test_the_page_of_a_scene_has_its_drawing_and_its_numbers(pages: ModuleType) 
     ).rstrip() in text
 
 
-def test_every_method_has_a_section(pages: ModuleType) -> None:
+def test_every_method_has_a_section(pages):
     text = pages.methods_page()
     headings = "".join(line for line in text.splitlines() if line.startswith("## "))
     assert all(f"`{name}`" in headings for name in METHODS)

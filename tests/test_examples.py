@@ -36,9 +36,7 @@ def loaded(name: str) -> ModuleType:
     ("name", "short", "longer"),
     [("ppo_in_one_file", 1, 10), ("ppo_of_stable_baselines3", 1, 10 * 64 * 64)],
 )
-def test_an_example_learns(
-    name: str, short: int, longer: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_example_learns(name, short, longer, monkeypatch):
     pytest.importorskip("stable_baselines3")
     example, scenes = loaded(name), load_test_set("varied")[:20]
     monkeypatch.setattr(example, "NUM_ENVS", 64)
@@ -48,9 +46,7 @@ def test_an_example_learns(
     assert np.all((after >= -1.0) & (after < 0.1))
 
 
-def test_an_algorithm_from_outside_is_benchmarked_like_ours(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_algorithm_from_outside_is_benchmarked_like_ours(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
     from agents.benchmark import benchmark_tasks
 
@@ -68,7 +64,7 @@ def test_an_algorithm_from_outside_is_benchmarked_like_ours(
         benchmark_tasks(["sprint"], ["outside_algorithm:DummyVecEnv.close"])
 
 
-def test_the_file_for_rl_zoo3_has_arguments_of_the_environment_and_of_ppo() -> None:
+def test_the_file_for_rl_zoo3_has_arguments_of_the_environment_and_of_ppo():
     yaml, sb3 = pytest.importorskip("yaml"), pytest.importorskip("stable_baselines3")
     ((name, chosen),) = yaml.safe_load((EXAMPLES / "rl_zoo3_ppo.yml").read_text("utf-8")).items()
     env = gymnasium.make(name, **chosen.pop("env_kwargs"))
@@ -77,7 +73,7 @@ def test_the_file_for_rl_zoo3_has_arguments_of_the_environment_and_of_ppo() -> N
     assert sb3.PPO(env=env, device="cpu", **chosen).n_steps == 128
 
 
-def test_the_page_of_the_bathtub_has_the_numbers_of_its_program() -> None:
+def test_the_page_of_the_bathtub_has_the_numbers_of_its_program():
     """`python examples/why_the_bathtub_wins.py --write` updates it."""
     example, page = loaded("why_the_bathtub_wins"), (ROOT / "docs" / "why.md").read_text("utf-8")
     assert fill(page, example.cheap_tables()) == page

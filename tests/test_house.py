@@ -46,12 +46,12 @@ def loaded_by(script: str) -> set[str]:
     return {m.partition(".")[0] for m in modules} | ({"scipy.optimize"} & set(modules))
 
 
-def test_importing_the_package_loads_gymnasium_alone() -> None:
+def test_importing_the_package_loads_gymnasium_alone():
     more = loaded_by("import domino_env") - loaded_by("import gymnasium")
     assert more == {"domino_env", "lazy_loader"}
 
 
-def test_help_loads_no_heavy_module() -> None:
+def test_help_loads_no_heavy_module():
     loaded = loaded_by(
         "import contextlib, io, _domino_command as command, sys; sys.argv = ['domino', '--help']\n"
         "with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):"
@@ -63,12 +63,12 @@ def test_help_loads_no_heavy_module() -> None:
     assert not loaded & {"matplotlib", "pygame", "tqdm"}
 
 
-def test_layouts_and_physics_need_no_compiler() -> None:
+def test_layouts_and_physics_need_no_compiler():
     loaded = loaded_by("import domino_env as de; de.Layout([0.02], 0.0075); de.Physics()")
     assert not loaded & {"numba", "scipy"}
 
 
-def test_simulating_loads_no_search_and_no_picture() -> None:
+def test_simulating_loads_no_search_and_no_picture():
     loaded = loaded_by(
         "import domino_env as de; s = de.load_scene('sprint'); s.score(s.layout(0.018))"
     )
@@ -77,7 +77,7 @@ def test_simulating_loads_no_search_and_no_picture() -> None:
     assert not loaded & heavy
 
 
-def test_an_environment_loads_no_drawing_module() -> None:
+def test_an_environment_loads_no_drawing_module():
     loaded = loaded_by(
         "import gymnasium; env = gymnasium.make('domino_env:DominoChain-v1', scene='gentle');"
         "env.reset(); env.step(env.action_space.sample())"
@@ -89,7 +89,7 @@ def test_an_environment_loads_no_drawing_module() -> None:
     "import domino_env, gymnasium, importlib; importlib.reload(domino_env)",
     "import gymnasium.vector, domino_env",
 ])  # fmt: skip
-def test_the_environments_are_registered_in_any_order_of_imports(first: str) -> None:
+def test_the_environments_are_registered_in_any_order_of_imports(first):
     known = "assert {'DominoChain-v1', 'DominoLayout-v1'} < set(gymnasium.registry)"
     assert "gymnasium" in loaded_by(f"{first}; {known}")
 
@@ -98,7 +98,7 @@ def test_the_environments_are_registered_in_any_order_of_imports(first: str) -> 
 
 
 @pytest.mark.parametrize("package", [domino_env, optimize, agents])
-def test_every_public_name_loads(package) -> None:
+def test_every_public_name_loads(package):
     for name in package.__all__:
         value = getattr(package, name)
         assert getattr(value, "__name__", name) == name
@@ -107,7 +107,7 @@ def test_every_public_name_loads(package) -> None:
         package.simulat  # noqa: B018 - reading it is the test
 
 
-def test_the_reference_shows_public_names() -> None:
+def test_the_reference_shows_public_names():
     shown = re.findall(r"^::: (\w+)\.(\S+)$", (ROOT / "docs" / "reference.md").read_text(), re.M)
     assert len(shown) > 20
     for package, name in shown:
@@ -133,7 +133,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_wheel_holds_the_packages_with_their_data(wheel: Path) -> None:
+def test_the_wheel_holds_the_packages_with_their_data(wheel):
     archive = zipfile.ZipFile(wheel)
     kept = {name for name in archive.namelist() if ".dist-info/" not in name}
     sources = {
@@ -148,7 +148,7 @@ def test_the_wheel_holds_the_packages_with_their_data(wheel: Path) -> None:
     assert metadata["Version"] == domino_env.__version__
 
 
-def test_an_installed_wheel_works_away_from_the_sources(wheel: Path, tmp_path: Path) -> None:
+def test_an_installed_wheel_works_away_from_the_sources(wheel, tmp_path):
     site, work = tmp_path / "site", tmp_path / "work"
     work.mkdir()
     zipfile.ZipFile(wheel).extractall(site)
@@ -164,7 +164,7 @@ def test_an_installed_wheel_works_away_from_the_sources(wheel: Path, tmp_path: P
     assert "simulate" in output
 
 
-def test_every_requirement_is_pinned_to_the_version_under_test() -> None:
+def test_every_requirement_is_pinned_to_the_version_under_test():
     from importlib.metadata import version
 
     from packaging.requirements import Requirement
@@ -181,7 +181,7 @@ def test_every_requirement_is_pinned_to_the_version_under_test() -> None:
         assert version(requirement.name) == pins[canonicalize_name(requirement.name)]
 
 
-def test_everything_is_compiled_through_one_decorator() -> None:
+def test_everything_is_compiled_through_one_decorator():
     """Only that one knows what to do where no folder can be written."""
     sources = [path for name in PACKAGES for path in (ROOT / name).rglob("*.py")]
     plain = re.compile(r"\bn?jit\(|@\S*\bn?jit\b|import n?jit\b|\bcache=True")
@@ -200,7 +200,7 @@ print(lists.nearest(np.ones((1, 3))))
 """
 
 
-def test_searches_run_without_a_folder_for_compiled_code(tmp_path: Path) -> None:
+def test_searches_run_without_a_folder_for_compiled_code(tmp_path):
     for package in ("domino_env", "optimize"):
         copied = shutil.copytree(
             ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
@@ -217,7 +217,7 @@ def test_searches_run_without_a_folder_for_compiled_code(tmp_path: Path) -> None
 # make -------------------------------------------------------------------------------------------
 
 
-def test_make_does_nothing_twice(tmp_path: Path) -> None:
+def test_make_does_nothing_twice(tmp_path):
     venv = tmp_path / "venv"
     (venv / "bin").mkdir(parents=True)
     (venv / "bin" / "python").touch()
@@ -232,7 +232,7 @@ def test_make_does_nothing_twice(tmp_path: Path) -> None:
     assert words[:3] == [f"{venv}/bin/python", "-m", "pytest"]
 
 
-def test_the_version_stands_in_one_place_and_in_the_citation() -> None:
+def test_the_version_stands_in_one_place_and_in_the_citation():
     assert "version" in PROJECT["project"]["dynamic"]
     cited = (ROOT / "CITATION.cff").read_text("utf-8")
     assert f"\nversion: {domino_env.__version__}\n" in cited

@@ -11,7 +11,7 @@ import torch
 import domino_env as de
 from agents import torch_score
 from agents.algorithms import default_hyperparameters
-from agents.apg import progress_of, require_smooth
+from agents.apg import require_smooth
 from agents.sb3 import Learner
 from domino_env import DominoChain
 
@@ -19,20 +19,12 @@ SHORT = replace(de.load_scene("sprint"), name="short", count=12)
 FREE = replace(SHORT, thickness=(0.004, 0.012))
 
 
-def test_the_observed_position_is_that_of_the_environment() -> None:
-    env = DominoChain(SHORT)
-    observation, _ = env.reset()
-    for position in progress_of(SHORT.count):
-        assert np.array_equal(observation[-len(position) :], position)
-        observation = env.step(np.zeros(1))[0]
-
-
 @pytest.mark.parametrize(
     "scene",
     [FREE, replace(FREE, length=0.24), replace(FREE, ground=de.Ground(slope=-4.0))],
     ids=["free", "given length", "uneven ground"],
 )
-def test_the_gradient_by_the_weights_is_that_of_the_score(scene) -> None:
+def test_the_gradient_by_the_weights_is_that_of_the_score(scene):
     """Compare with differences of the score of the layout built in the environment."""
     learner = Learner(scene, "apg", replace(default_hyperparameters("apg", 11), num_envs=2), 0)
     model, policy = learner.model, learner.model.policy
@@ -63,7 +55,7 @@ def test_the_gradient_by_the_weights_is_that_of_the_score(scene) -> None:
     assert int(weight.any(dim=0).sum()) == 9  # of the position alone
 
 
-def test_an_update_in_sampled_scenes_uses_all_of_them() -> None:
+def test_an_update_in_sampled_scenes_uses_all_of_them():
     chosen = replace(default_hyperparameters("apg", 39), num_envs=3)
     model = Learner(de.load_distribution("varied"), "apg", chosen, 0).model
     model.policy.deviation = 0.05
@@ -76,13 +68,13 @@ def test_an_update_in_sampled_scenes_uses_all_of_them() -> None:
     assert not torch.equal(before, model.policy.action_net.weight)
 
 
-def test_listed_values_have_no_gradient() -> None:
+def test_listed_values_have_no_gradient():
     with pytest.raises(ValueError, match="'short' has a list of values, a step or a stock"):
         require_smooth(replace(SHORT, spacing_values=(0.01, 0.02)))
 
 
 @pytest.mark.parametrize("scene", [SHORT, FREE], ids=["gaps", "gaps and thicknesses"])
-def test_a_score_of_tensors_has_the_exact_gradient(scene) -> None:
+def test_a_score_of_tensors_has_the_exact_gradient(scene):
     score = torch_score(scene, rtol=1e-8)
     rng = np.random.default_rng(0)
     gaps, thickness = (torch.tensor(rng.uniform(*bounds, (2, 11)), requires_grad=True)

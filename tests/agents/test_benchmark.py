@@ -38,7 +38,7 @@ OTHERS = np.array(
 )
 
 
-def test_estimates_are_those_of_rliable() -> None:
+def test_estimates_are_those_of_rliable():
     """Compare with the definitions of rliable, written with functions of SciPy."""
     problems = list(SCORES.T)
     mean = interquartile_mean(problems)
@@ -60,35 +60,35 @@ def test_estimates_are_those_of_rliable() -> None:
     assert 0.0 < better.interval[0] < better.value < better.interval[1] < 1.0
 
 
-def test_problems_with_other_numbers_of_runs_weigh_the_same() -> None:
+def test_problems_with_other_numbers_of_runs_weigh_the_same():
     few, many = np.array([0.0, 1.0]), np.repeat([2.0, 3.0], 40)
     assert interquartile_mean([few, many]).value == pytest.approx(1.5)
     assert median_of_problems([few, many]) == pytest.approx(1.5)
     assert performance_profile([few, many], np.array([0.5])).value == pytest.approx(0.75)
 
 
-def test_fewer_than_five_runs_have_no_interval() -> None:
+def test_fewer_than_five_runs_have_no_interval():
     assert interquartile_mean([np.arange(4.0)]).interval is None
     assert interquartile_mean([np.arange(9.0), np.arange(4.0)]).interval is None
     low, high = interquartile_mean([np.arange(5.0)]).interval or (np.nan, np.nan)
     assert 0.0 <= low < 2.0 < high <= 4.0
 
 
-def test_a_problem_without_a_layout_lowers_the_interval() -> None:
+def test_a_problem_without_a_layout_lowers_the_interval():
     estimate = interquartile_mean([np.full(5, -np.inf), np.linspace(0.5, 0.9, 5)])
     assert estimate.interval is not None
     assert estimate.interval[0] == -np.inf
     assert estimate.interval[1] <= 0.9
 
 
-def test_runs_are_resampled_within_their_scene() -> None:
+def test_runs_are_resampled_within_their_scene():
     """Check that the interval has no width if only the scenes differ."""
     estimate = interquartile_mean([np.full(5, 0.2), np.full(5, 0.9)])
     assert estimate.interval == pytest.approx((0.55, 0.55))
     assert estimate.value == pytest.approx(0.55)
 
 
-def test_a_profile_counts_the_runs_beyond_each_target() -> None:
+def test_a_profile_counts_the_runs_beyond_each_target():
     targets = np.array([-1.0, 0.0, 0.5, 1.0])
     runs = [np.array([0.1, 0.6, 0.7, 0.1, 0.6]), np.array([-0.5, 0.9, 0.9, -0.2, 0.9])]
     profile = performance_profile(runs, targets)
@@ -97,7 +97,7 @@ def test_a_profile_counts_the_runs_beyond_each_target() -> None:
     assert profile.interval[0][1] < 0.8 < profile.interval[1][1]
 
 
-def test_the_reference_is_fixed_beforehand() -> None:
+def test_the_reference_is_fixed_beforehand():
     task = KnownTask(SMALL.to_toml(), "cma", 0)
     done = run_experiment([task], known_score=lambda _: 0.75, fixed=True)
     assert done.normalised(done.results[0], done.results[0].score) == 2.0
@@ -114,7 +114,7 @@ class KnownTask(BenchmarkTask):
         return self.result_of(trace, 1.0, 0.5, None)
 
 
-def test_curves_are_read_on_both_clocks() -> None:
+def test_curves_are_read_on_both_clocks():
     tasks = benchmark_tasks([SMALL], ["ppo", "cma", "ramp"], seeds=3)
     done = run_experiment([KnownTask(*astuple(task)) for task in tasks], known_score=known_in)
     assert [len(done.runs(name)) for name in ("ppo", "cma", "ramp")] == [3, 3, 1]
@@ -129,9 +129,7 @@ def test_curves_are_read_on_both_clocks() -> None:
     assert without_gain.normalised(learned, 1.0) == 0.0
 
 
-def test_a_benchmark_trains_once_continues_and_writes_the_same_page_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_benchmark_trains_once_continues_and_writes_the_same_page_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("small.toml").write_text(SMALL.to_toml(), "utf-8")
     command = "benchmark small.toml --algorithms ppo,ramp,auto --seeds 1 --steps 3000 --seconds 0.2"
@@ -162,9 +160,7 @@ def test_a_benchmark_trains_once_continues_and_writes_the_same_page_again(
     assert repr(tasks[0].run().score) == line.split(",")[4]
 
 
-def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     three = de.load_test_set("varied")[:3]
     monkeypatch.setattr("agents.benchmark.load_test_set", lambda name: three)
@@ -196,9 +192,7 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(
     ("--algorithms nobody", "nobody"),
     ("--page", "no run has a result yet"),
 ])  # fmt: skip
-def test_invalid_options_are_rejected(
-    given: str, message: str, tmp_path: Path, monkeypatch, capsys
-) -> None:
+def test_invalid_options_are_rejected(given, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["benchmark", "sprint", *given.split()]) == 2
     assert message in capsys.readouterr().err

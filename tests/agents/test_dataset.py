@@ -14,8 +14,8 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "dataset.md"
 
 
 def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_continues(
-    tmp_path: Path, monkeypatch, capsys
-) -> None:
+    tmp_path, monkeypatch, capsys
+):
     parquet = pytest.importorskip("pyarrow.parquet")
     minari = pytest.importorskip("minari")
     search_layouts = dataset.search_layouts
@@ -53,7 +53,7 @@ def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_con
     assert "README.md already" in capsys.readouterr().err
 
 
-def test_behaviour_cloning_runs_as_the_page_has_it(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_behaviour_cloning_runs_as_the_page_has_it(tmp_path, monkeypatch, capsys):
     for package in ("minari", "torch", "pyarrow"):
         pytest.importorskip(package)
     monkeypatch.chdir(tmp_path)

@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ def sprint():
 # scenes -------------------------------------------------------------------------------------------
 
 
-def test_features_outside_the_training_are_reported(sprint) -> None:
+def test_features_outside_the_training_are_reported(sprint):
     assert all(design(name).outside == () for name in ("sprint", "course", "sprint-thickness"))
     long = design(replace(sprint, count=100))
     assert long.outside == ("count 100 is outside 15 to 80",)
@@ -46,7 +45,7 @@ def test_features_outside_the_training_are_reported(sprint) -> None:
         ("table", "dominoes stand on a floor"),
     ],
 )
-def test_another_kind_of_scene_is_rejected(name: str, reason: str) -> None:
+def test_another_kind_of_scene_is_rejected(name, reason):
     with pytest.raises(ValueError, match=f"{reason}.*domino optimize"):
         design(name)
 
@@ -55,7 +54,7 @@ def test_another_kind_of_scene_is_rejected(name: str, reason: str) -> None:
 
 
 @pytest.mark.parametrize("kind", SETS)
-def test_designs_keep_the_rules_and_beat_the_uniform_baseline_in_test_scenes(kind: str) -> None:
+def test_designs_keep_the_rules_and_beat_the_uniform_baseline_in_test_scenes(kind):
     done = evaluate_scenes(scenes_of(kind, 12))
     gains = done.gains()
     assert np.mean(gains > 0.0) >= 0.9
@@ -69,7 +68,7 @@ def test_designs_keep_the_rules_and_beat_the_uniform_baseline_in_test_scenes(kin
 
 
 @pytest.mark.parametrize("pitch", [1.02, 1.5, 3.0, 4.9])
-def test_layouts_have_their_length_for_any_outputs_of_the_networks(pitch: float) -> None:
+def test_layouts_have_their_length_for_any_outputs_of_the_networks(pitch):
     rng = np.random.default_rng(3)
     scene = replace(de.load_scene("sprint-thickness"), length=39 * pitch * 0.0103)
     outputs, tight = 3.0 * rng.standard_normal((5, 39, 2)), np.array([0.0, 2.0, 5.0, 9.0, 12.0])
@@ -79,7 +78,7 @@ def test_layouts_have_their_length_for_any_outputs_of_the_networks(pitch: float)
         assert scene.violations(scene.layout(gaps[i], thickness[i])) == []
 
 
-def test_a_design_scales_with_the_dominoes(sprint) -> None:
+def test_a_design_scales_with_the_dominoes(sprint):
     k = 3.7
     large = replace(
         sprint,
@@ -101,7 +100,7 @@ def test_a_design_scales_with_the_dominoes(sprint) -> None:
     assert design(strong).layout.spacing == pytest.approx(small.layout.spacing, rel=1e-5)
 
 
-def test_a_design_does_not_search_the_uniform_baseline(sprint, monkeypatch) -> None:
+def test_a_design_does_not_search_the_uniform_baseline(sprint, monkeypatch):
     def refused(*_: object) -> None:
         raise AssertionError("the search of the uniform baseline takes longer than a design")
 
@@ -112,7 +111,7 @@ def test_a_design_does_not_search_the_uniform_baseline(sprint, monkeypatch) -> N
         other.uniform()
 
 
-def test_more_tries_never_lose_and_gradient_steps_gain(sprint) -> None:
+def test_more_tries_never_lose_and_gradient_steps_gain(sprint):
     scores = [design(sprint, tries=n, steps=0).score for n in (1, 4, 13)]
     assert scores[0] <= scores[1] + 1e-9 <= scores[2] + 2e-9
     refined = [design("course", steps=k).score for k in (0, 6, 30)]
@@ -125,7 +124,7 @@ def test_more_tries_never_lose_and_gradient_steps_gain(sprint) -> None:
 # commands -----------------------------------------------------------------------------------------
 
 
-def test_it_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path: Path, capsys) -> None:
+def test_it_is_evaluated_by_name_in_one_scene_and_in_many(tmp_path, capsys):
     assert evaluate("designer", "sprint").score == design("sprint").score
     with pytest.raises(ValueError, match="name one to design for"):
         evaluate("designer")

@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,7 +30,7 @@ def small():
 
 
 @pytest.mark.parametrize("method", LEARNED)
-def test_a_learner_keeps_a_budget_and_is_reproducible(small, method: str) -> None:
+def test_a_learner_keeps_a_budget_and_is_reproducible(small, method):
     budget = 400
     remaining = []
     one, two = (
@@ -50,13 +49,13 @@ def test_a_learner_keeps_a_budget_and_is_reproducible(small, method: str) -> Non
     assert one.score == pytest.approx(one.trace[-1][3], rel=1e-5)
 
 
-def test_a_budget_may_be_one_layout_or_a_clock(small) -> None:
+def test_a_budget_may_be_one_layout_or_a_clock(small):
     assert search(small, "ppo", budget=1).evaluations == 1
     assert search(small, "ars", seconds=1e-9).evaluations >= 1
     assert search(small, "ppo", seconds=1.0).seconds < 30.0  # its default steps take minutes
 
 
-def test_a_trained_policy_takes_one_evaluation_and_the_time_of_its_training(tmp_path: Path) -> None:
+def test_a_trained_policy_takes_one_evaluation_and_the_time_of_its_training(tmp_path):
     scene = de.load_scene("sprint")
     rollout = evaluate("sprint", scene)
     result = search(scene, "agent:sprint", seconds=5.0)
@@ -72,7 +71,7 @@ def test_a_trained_policy_takes_one_evaluation_and_the_time_of_its_training(tmp_
     assert all(seconds > 321.0 for _, _, seconds, _ in result.trace)
 
 
-def test_unknown_methods_are_rejected(tmp_path: Path) -> None:
+def test_unknown_methods_are_rejected(tmp_path):
     for name in ("agent:", "agent:nowhere", f"agent:{tmp_path}"):
         with pytest.raises(ValueError, match="holds no policy"):
             load(name)
@@ -83,7 +82,7 @@ def test_unknown_methods_are_rejected(tmp_path: Path) -> None:
     assert not set(LEARNED) & set(METHODS)
 
 
-def test_without_the_extra_the_error_has_the_command_that_installs_it() -> None:
+def test_without_the_extra_the_error_has_the_command_that_installs_it():
     code = (
         "import sys; sys.modules['sb3_contrib'] = None\n"
         "import importlib.util as u; find = u.find_spec\n"
@@ -100,7 +99,7 @@ def test_without_the_extra_the_error_has_the_command_that_installs_it() -> None:
     assert 'pip install "domino-chains[rl]"' in done.stderr  # before any task
 
 
-def test_candidates_together_have_the_returns_that_each_has_alone(small) -> None:
+def test_candidates_together_have_the_returns_that_each_has_alone(small):
     env = DominoVecEnv(small, 4)
     model = VectorARS("LinearPolicy", env, n_delta=3, n_top=2, seed=0)
     weights = 0.3 * torch.randn(6, model.n_params, generator=torch.Generator().manual_seed(1))

@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -22,7 +21,7 @@ SPRINT = POLICIES / "sprint"
 FIRST, LAST = "mlp_extractor.policy_net.0.weight", "action_net.bias"
 
 
-def test_a_name_is_the_policy_that_ships_and_a_path_the_folder(tmp_path, monkeypatch) -> None:
+def test_a_name_is_the_policy_that_ships_and_a_path_the_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sprint").mkdir()
     assert folder_of("sprint") == POLICIES / "sprint"
@@ -30,7 +29,7 @@ def test_a_name_is_the_policy_that_ships_and_a_path_the_folder(tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("name", shipped())
-def test_a_policy_that_ships_has_its_reported_score(name: str) -> None:
+def test_a_policy_that_ships_has_its_reported_score(name):
     rollout = evaluate(name)
     reported = json.loads((POLICIES / name / "policy.json").read_text("utf-8"))
     assert rollout.score == pytest.approx(reported["score"], rel=1e-6)
@@ -41,13 +40,13 @@ def test_a_policy_that_ships_has_its_reported_score(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [*shipped(), DESIGNER])
-def test_every_policy_that_ships_has_a_card(name: str) -> None:
+def test_every_policy_that_ships_has_a_card(name):
     card = (POLICIES / name / "README.md").read_text("utf-8")
     for part in ("**Scene", "**Seed", "**Score", "**Limits.**", "**Train it again.**"):
         assert part in card
 
 
-def test_the_network_agrees_with_torch() -> None:
+def test_the_network_agrees_with_torch():
     torch = pytest.importorskip("torch")
     arrays = read_arrays(SPRINT / "policy.npz")
     network, rng = acting(actor_of(arrays)), np.random.default_rng(0)
@@ -62,7 +61,7 @@ def test_the_network_agrees_with_torch() -> None:
         assert network(observation) == pytest.approx(action, abs=2e-6)
 
 
-def test_evaluating_and_designing_need_no_torch(tmp_path: Path) -> None:
+def test_evaluating_and_designing_need_no_torch(tmp_path):
     script = (
         "import sys\n"
         "for name in ('torch', 'stable_baselines3', 'sb3_contrib'): sys.modules[name] = None\n"
@@ -76,7 +75,7 @@ def test_evaluating_and_designing_need_no_torch(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["sprint", DESIGNER])
-def test_weights_that_do_not_fit_are_rejected(tmp_path: Path, name: str) -> None:
+def test_weights_that_do_not_fit_are_rejected(tmp_path, name):
     folder = shutil.copytree(POLICIES / name, tmp_path / name)
     load = ScenePolicy.load if name == "sprint" else Designer.load
     path, good = folder / "policy.npz", read_arrays(POLICIES / name / "policy.npz")
@@ -101,7 +100,7 @@ def test_weights_that_do_not_fit_are_rejected(tmp_path: Path, name: str) -> None
             load(folder)
 
 
-def test_a_policy_of_another_scene_is_rejected() -> None:
+def test_a_policy_of_another_scene_is_rejected():
     with pytest.raises(ValueError, match="choose a scene with the same free variables"):
         evaluate("sprint", "sprint-thickness")
     rougher = replace(de.load_scene("sprint"), name="rougher", physics=de.Physics(0.3, push=8.0))
@@ -115,9 +114,7 @@ def test_a_policy_of_another_scene_is_rejected() -> None:
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("algorithm", ["PPO", "SAC", "TD3", "TQC", "ARS"])
-def test_an_archive_is_evaluated_without_running_its_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys, algorithm: str
-) -> None:
+def test_an_archive_is_evaluated_without_running_its_code(tmp_path, monkeypatch, capsys, algorithm):
     sb3 = pytest.importorskip("stable_baselines3")
     kind = getattr(sb3, algorithm, None) or getattr(pytest.importorskip("sb3_contrib"), algorithm)
     path = tmp_path / "model.zip"
@@ -159,7 +156,7 @@ def _doubled():
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path: Path) -> None:
+def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path):
     sb3, torch = pytest.importorskip("stable_baselines3"), pytest.importorskip("torch")
     path = tmp_path / "model.zip"
     env = gymnasium.make("DominoChain-v1", scene="sprint")
@@ -178,7 +175,7 @@ def test_an_archive_that_needs_its_code_is_loaded_only_with_trust(tmp_path: Path
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("place", ["vec_normalize.pkl", "DominoChain-v9/vecnormalize.pkl"])
-def test_observations_are_normalised_as_in_training(tmp_path: Path, place: str) -> None:
+def test_observations_are_normalised_as_in_training(tmp_path, place):
     sb3 = pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 

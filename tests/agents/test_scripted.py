@@ -19,7 +19,7 @@ def small():
 
 
 @pytest.mark.parametrize("name", SCRIPTED)
-def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(small, name: str) -> None:
+def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(small, name):
     rollout = SCRIPTED[name](small)
     assert small.violations(rollout.layout) == []
     assert rollout.score == small.score(rollout.layout)
@@ -30,14 +30,14 @@ def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(small,
         assert rollout.gain is None
 
 
-def test_a_ramp_is_no_worse_than_uniform_and_keeps_a_length(small) -> None:
+def test_a_ramp_is_no_worse_than_uniform_and_keeps_a_length(small):
     assert SCRIPTED["ramp"](small).gain > 0.0
     exact = replace(small, length=0.16)
     rollout = SCRIPTED["ramp"](exact)
     assert exact.violations(rollout.layout) == []
 
 
-def test_greedy_takes_the_action_with_the_largest_next_reward(small) -> None:
+def test_greedy_takes_the_action_with_the_largest_next_reward(small):
     rollout = SCRIPTED["greedy"](small)
     env = DominoChain(small)
     env.reset()
@@ -49,7 +49,7 @@ def test_greedy_takes_the_action_with_the_largest_next_reward(small) -> None:
         assert env.step(np.array([other]))[1] <= reward + 1e-9
 
 
-def test_a_layout_whose_wave_stops_is_completed() -> None:
+def test_a_layout_whose_wave_stops_is_completed():
     scene = replace(de.load_scene("sprint"), name="stops", count=6, physics=de.Physics(push=2.8))
     rollout = build(lambda _: np.array([-1.0], dtype=np.float32), scene)
     assert rollout.layout.count == 6
@@ -57,7 +57,7 @@ def test_a_layout_whose_wave_stops_is_completed() -> None:
     assert rollout.gain is None
 
 
-def test_scripted_policies_are_evaluated_by_name(small, capsys) -> None:
+def test_scripted_policies_are_evaluated_by_name(small, capsys):
     assert evaluate("uniform", small).score == small.uniform().score
     with pytest.raises(ValueError, match="name one to build for"):
         evaluate("uniform")

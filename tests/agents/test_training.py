@@ -2,10 +2,6 @@
 
 import csv
 import json
-import signal
-import subprocess
-import sys
-import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -58,7 +54,7 @@ def tiny(algorithm: str, **changes: object) -> Hyperparameters:
 
 
 @pytest.mark.parametrize("sampled", [False, True], ids=["one scene", "sampled scenes"])
-def test_it_agrees_with_single_environments_in_every_step(sampled: bool) -> None:
+def test_it_agrees_with_single_environments_in_every_step(sampled):
     scene = small_scenes() if sampled else SMALL
     ours = DominoVecEnv(scene, 5)
     theirs = DummyVecEnv([lambda: DominoChain(scene)] * 5)
@@ -85,7 +81,7 @@ def test_it_agrees_with_single_environments_in_every_step(sampled: bool) -> None
     assert ended > 20
 
 
-def test_it_takes_options_of_the_environment_and_reports_episodes_as_monitor_does() -> None:
+def test_it_takes_options_of_the_environment_and_reports_episodes_as_monitor_does():
     options: dict[str, object] = {"window": 4, "reference_speed": 0.5, "rtol": 1e-5}
     ours = DominoVecEnv(SMALL, 2, render_mode="rgb_array", **options)
     theirs = DummyVecEnv([lambda: Monitor(DominoChain(SMALL, **options))])
@@ -106,43 +102,10 @@ def test_it_takes_options_of_the_environment_and_reports_episodes_as_monitor_doe
 # the policy of APG and PPO ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("bias", "gradient"), [(-1.5, -0.5), (0.9, 0.0), (3.0, 2.0)])
-def test_means_outside_the_box_are_penalised(bias: float, gradient: float) -> None:
-    for penalty in (0.0, 1.0):
-        learner = Learner(SMALL, "ppo", tiny("ppo", penalty=penalty), 0)
-        policy = learner.model.policy
-        with torch.no_grad():
-            policy.action_net.weight.zero_()
-            policy.action_net.bias.fill_(bias)
-        means = policy.get_distribution(torch.from_numpy(learner.env.reset())).mode()
-        (0.0 * means.sum()).backward()
-        assert float(policy.action_net.bias.grad) == pytest.approx(penalty * gradient)
-
-
-def test_actions_deviate_further_near_the_end_of_the_chain() -> None:
-    chosen = tiny("ppo", num_envs=1, first_deviation=0.02)
-    learner = Learner(replace(SMALL, count=40), "ppo", chosen, 0)
-    policy, deviation = learner.model.policy, []
-
-    def deviations(observations: np.ndarray) -> torch.Tensor:
-        return policy.get_distribution(torch.from_numpy(observations)).distribution.stddev.detach()
-
-    learner.adapt(0.0, 0.0)
-    observations = learner.env.reset()
-    for _ in range(39):
-        deviation.append(float(deviations(observations)[0, 0]))
-        observations = learner.env.step(np.zeros((1, 1), np.float32))[0]
-    assert deviation[0] == pytest.approx(0.02, rel=1e-3)
-    assert deviation[-1] == pytest.approx(0.02 * chosen.end_factor ** np.exp(-0.25))
-    assert np.all(np.diff(deviation) > 0.0)
-    policy.deviation = 0.9
-    assert float(deviations(observations).max()) <= 1.0
-
-
 @pytest.mark.parametrize("algorithm", OFF_POLICY)
 def test_an_off_policy_training_updates_once_per_transition_and_keeps_its_transitions(
-    tmp_path: Path, algorithm: str
-) -> None:
+    tmp_path, algorithm
+):
     learner = Learner(SMALL, algorithm, tiny(algorithm), 1)
     before = {name: value.copy() for name, value in weights(learner.model.policy).items()}
     learner.learn(60, lambda: None, lambda infos: None)
@@ -170,9 +133,7 @@ def test_an_off_policy_training_updates_once_per_transition_and_keeps_its_transi
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_a_training_learns_repeats_and_continues_after_a_failure(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, algorithm: str
-) -> None:
+def test_a_training_learns_repeats_and_continues_after_a_failure(tmp_path, monkeypatch, algorithm):
     chosen = tiny(algorithm)
     run = train(SMALL, algorithm, seed=3, folder=tmp_path / "run", hyperparameters=chosen)
     assert {file.name for file in run.folder.iterdir()} >= {
@@ -229,9 +190,7 @@ def _curve(folder: Path) -> list[tuple[float, ...]]:
 
 
 @pytest.mark.parametrize("algorithm", ["apg", "ppo"])
-def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, algorithm: str
-) -> None:
+def test_a_policy_for_sampled_scenes_is_evaluated_in_many(tmp_path, monkeypatch, algorithm):
     monkeypatch.setattr("agents.training.POOL_SCENES", 4)
     chosen = tiny(algorithm, steps=200)
     run = train(small_scenes(), algorithm, folder=tmp_path / "run", hyperparameters=chosen)
@@ -254,23 +213,7 @@ def test_a_policy_for_sampled_scenes_is_evaluated_in_many(
         evaluate(run.folder)
 
 
-def test_a_killed_training_continues_from_its_checkpoint(tmp_path: Path) -> None:
-    scene, folder = tmp_path / "small.toml", tmp_path / "run"
-    scene.write_text(SMALL.to_toml())
-    words = ["train", str(scene), "--steps", "400000", "--out", str(folder)]
-    training = subprocess.Popen([sys.executable, "-m", "domino_env", *words], cwd=tmp_path)
-    while not (folder / "checkpoint.pt").exists() and training.poll() is None:
-        time.sleep(0.05)
-    training.send_signal(signal.SIGKILL)
-    training.wait()
-    config = json.loads((folder / "config.json").read_text())
-    (folder / "config.json").write_text(json.dumps(config | {"steps": 1}))  # enough for a test
-    resumed = train(scene, folder=folder, resume=True)
-    assert resumed.algorithm == "ppo"
-    assert json.loads((folder / "summary.json").read_text())["finished"]
-
-
-def test_scalars_are_logged_if_tensorboard_is_installed(tmp_path: Path, monkeypatch) -> None:
+def test_scalars_are_logged_if_tensorboard_is_installed(tmp_path, monkeypatch):
     events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
     train(SMALL, "ppo", folder=tmp_path / "with", hyperparameters=tiny("ppo"), steps=800)
     log = events.EventAccumulator(str(tmp_path / "with" / "tensorboard")).Reload()
@@ -280,7 +223,7 @@ def test_scalars_are_logged_if_tensorboard_is_installed(tmp_path: Path, monkeypa
     assert not (tmp_path / "without" / "tensorboard").exists()
 
 
-def test_invalid_arguments_are_rejected(tmp_path: Path) -> None:
+def test_invalid_arguments_are_rejected(tmp_path):
     for changes, reason in (
         ({"algorithm": "dqn"}, "algorithm = 'dqn': .*apg, ppo, ars"),
         ({"steps": 0}, "steps = 0: give a whole number"),
@@ -299,9 +242,7 @@ def test_invalid_arguments_are_rejected(tmp_path: Path) -> None:
             replace(default_hyperparameters("ppo", 39), **{name: value})
 
 
-def test_a_damaged_or_foreign_checkpoint_is_rejected_and_its_code_not_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_damaged_or_foreign_checkpoint_is_rejected_and_its_code_not_run(tmp_path, monkeypatch):
     run = train(SMALL, "apg", folder=tmp_path / "run", hyperparameters=tiny("apg"), steps=24)
     path = run.folder / "checkpoint.pt"
     whole = torch.load(path, weights_only=True)

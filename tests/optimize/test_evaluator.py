@@ -9,7 +9,7 @@ from optimize import Evaluator, Problem
 from optimize.evaluator import BudgetSpent
 
 
-def test_a_limit_raises_into_the_method(scenes) -> None:
+def test_a_limit_raises_into_the_method(scenes):
     evaluator = Evaluator(Problem(scenes["spacing"]), 10)
     designs = np.random.default_rng(0).random((7, evaluator.problem.dimension))
     assert evaluator.evaluate(designs).score.shape == (7,)
@@ -23,7 +23,7 @@ def test_a_limit_raises_into_the_method(scenes) -> None:
     assert evaluator.evaluations == 10
 
 
-def test_the_best_is_kept(scenes) -> None:
+def test_the_best_is_kept(scenes):
     best = []
     evaluator = Evaluator(Problem(scenes["spacing"]), callback=lambda e: best.append(e.best_score))
     with pytest.raises(ValueError, match="nothing has been scored yet"):
@@ -38,7 +38,7 @@ def test_the_best_is_kept(scenes) -> None:
 
 
 @pytest.mark.parametrize("name", ["dying", "spacing"])
-def test_every_simulation_counts_also_those_of_differences(scenes, name: str) -> None:
+def test_every_simulation_counts_also_those_of_differences(scenes, name):
     scene = scenes[name]
     problem = Problem(scene)
     designs = np.random.default_rng(0).random((12, problem.dimension))
@@ -57,7 +57,7 @@ def test_every_simulation_counts_also_those_of_differences(scenes, name: str) ->
     assert evaluator.evaluations == before + 12
 
 
-def test_layouts_simulated_elsewhere_are_recorded(scenes) -> None:
+def test_layouts_simulated_elsewhere_are_recorded(scenes):
     problem = Problem(scenes["spacing"])
     evaluator = Evaluator(problem, 5, max_seconds=1000.0)
     designs = np.random.default_rng(0).random((4, problem.dimension))
@@ -72,7 +72,7 @@ def test_layouts_simulated_elsewhere_are_recorded(scenes) -> None:
     assert 0.9 <= evaluator.seconds / 1000.0 < 1.0
 
 
-def test_shorter_layouts_count_by_their_dominoes(scenes) -> None:
+def test_shorter_layouts_count_by_their_dominoes(scenes):
     scene = scenes["spacing"]
     evaluator = Evaluator(Problem(replace(scene, count=14)), 10)
     shorter = Problem(scene)

@@ -106,13 +106,13 @@ def unsendable() -> object:
 # the same results -------------------------------------------------------------------------------
 
 
-def test_results_are_those_of_one_process(tasks, expected, workers) -> None:
+def test_results_are_those_of_one_process(tasks, expected, workers):
     assert results_of(tasks, workers) == expected
     assert workers.workers == 2
     assert workers.submit(surroundings).result() == (1, "1")
 
 
-def test_bulk_scoring_gives_the_same_results(scenes, workers, monkeypatch) -> None:
+def test_bulk_scoring_gives_the_same_results(scenes, workers, monkeypatch):
     monkeypatch.setattr("optimize.evaluator.PIECE", 200)  # so that little work is many pieces
     monkeypatch.setattr("optimize.evaluator.TASK", 300)
     alone = search(scenes["both"], "random", budget=2013)
@@ -126,22 +126,20 @@ def test_bulk_scoring_gives_the_same_results(scenes, workers, monkeypatch) -> No
 # faults -----------------------------------------------------------------------------------------
 
 
-def test_a_worker_that_dies_is_replaced_and_its_tasks_run_again(
-    tasks, expected, workers, tmp_path: Path
-) -> None:
+def test_a_worker_that_dies_is_replaced_and_its_tasks_run_again(tasks, expected, workers, tmp_path):
     killed = workers.submit(kill_once, str(tmp_path / "killed"))
     assert results_of(tasks, workers) == expected
     assert killed.result() == "done"
 
 
-def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(workers) -> None:
+def test_a_task_that_ends_its_worker_fails_and_the_others_do_not(workers):
     calls = [workers.submit(call) for call in (os.getpid, kill_worker, os.getpid, os.getpid)]
     with pytest.raises(Exception, match=r"its worker process died each of|all those workers died"):
         calls.pop(1).result()
     assert all(call.result() > 0 for call in calls)
 
 
-def test_errors_of_a_task_are_its_own(tasks, expected, pool) -> None:
+def test_errors_of_a_task_are_its_own(tasks, expected, pool):
     broken = Task(tasks[0].scene, "auto", 0, budget=0)
     done = run_experiment([broken, tasks[0]], pool)
     assert [bits(r) for r in done.results] == expected[:1]
@@ -152,7 +150,7 @@ def test_errors_of_a_task_are_its_own(tasks, expected, pool) -> None:
         pool.submit(unsendable).result()
 
 
-def test_a_context_that_ends_by_an_exception_ends_its_workers(tmp_path: Path) -> None:
+def test_a_context_that_ends_by_an_exception_ends_its_workers(tmp_path):
     pid = tmp_path / "pid"
     with suppress(KeyError), open_executor(workers=1) as executor:
         assert executor is not None
@@ -169,7 +167,7 @@ def test_a_context_that_ends_by_an_exception_ends_its_workers(tmp_path: Path) ->
         executor.submit(os.getpid)
 
 
-def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
+def test_workers_end_with_a_killed_parent(tmp_path):
     pid = tmp_path / "pid"
     script = (
         "import sys; sys.path.insert(0, 'tests/optimize')\n"
@@ -191,8 +189,8 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
 
 
 def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
-    tasks, expected, tmp_path: Path, monkeypatch
-) -> None:
+    tasks, expected, tmp_path, monkeypatch
+):
     monkeypatch.setattr(executors, "SCHEDULER_TIMEOUT", 3.0)
     distributed = pytest.importorskip("distributed")
     more = [Task(tasks[0].scene, "auto", seed, 1000) for seed in range(20)]
@@ -219,14 +217,14 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
     (None, "nonsense", "--dask nonsense: give the address of a scheduler"),
     (2, "tcp://127.0.0.1:9", "its workers are its own"),
 ])  # fmt: skip
-def test_impossible_executors_are_rejected(workers, dask, message: str) -> None:
+def test_impossible_executors_are_rejected(workers, dask, message):
     if dask is not None:
         pytest.importorskip("distributed")
     with pytest.raises(ValueError, match=message), open_executor(workers, dask):
         pass
 
 
-def test_the_message_names_the_missing_extra(monkeypatch) -> None:
+def test_the_message_names_the_missing_extra(monkeypatch):
     monkeypatch.setattr("domino_env.core.checks.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r'"domino-chains\[dist\]"'), open_executor(dask="local"):
         pass
@@ -236,13 +234,13 @@ def test_the_message_names_the_missing_extra(monkeypatch) -> None:
         registry.load("optuna")
 
 
-def test_workers_with_other_versions_are_rejected() -> None:
+def test_workers_with_other_versions_are_rejected():
     client = SimpleNamespace(run=lambda _: {"tcp://worker": versions() | {"numba": "0.1"}})
     with pytest.raises(ValueError, match=r"tcp://worker has numba 0\.1, and here it is"):
         require_same_versions(client, "tcp://here")
 
 
-def test_an_executor_that_does_not_open_leaves_no_study(tmp_path: Path, monkeypatch) -> None:
+def test_an_executor_that_does_not_open_leaves_no_study(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "SCHEDULER_TIMEOUT", 0.2)
     monkeypatch.chdir(tmp_path)

@@ -1,6 +1,5 @@
 """Problem: designs, layouts, lengths, scores, gradients."""
 
-import doctest
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 
@@ -22,7 +21,7 @@ def designs_of(problem: Problem, count: int, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", FREE)
-def test_the_corners_of_the_box_are_the_scenes_bounds(scenes, name: str) -> None:
+def test_the_corners_of_the_box_are_the_scenes_bounds(scenes, name):
     scene = scenes[name]
     problem = Problem(scene)
     for corner, bound in ((0.0, 0), (1.0, 1)):
@@ -43,7 +42,7 @@ numbers = st.floats(-2.0, 2.0)
     st.floats(0.0, 1.0),
     arrays(np.float64, 6, elements=st.floats(0.0, 1.0)),
 )
-def test_the_projection_is_the_nearest_point(values, low, room, part, elsewhere) -> None:
+def test_the_projection_is_the_nearest_point(values, low, room, part, elsewhere):
     """p is nearest to v among the convex set if and only if (v - p)·(y - p) ≤ 0 for all its y."""
     high = low + room
     total = float(low.sum() + part * room.sum())
@@ -60,7 +59,7 @@ def test_the_projection_is_the_nearest_point(values, low, room, part, elsewhere)
 
 
 @pytest.mark.parametrize("name", [*FREE, *LENGTH, "dead"])
-def test_scores_are_the_scenes(scenes, name: str) -> None:
+def test_scores_are_the_scenes(scenes, name):
     scene = scenes[name]
     problem = Problem(scene, rtol=1e-10)
     designs = designs_of(problem, 12)
@@ -70,7 +69,7 @@ def test_scores_are_the_scenes(scenes, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FREE + LENGTH)
-def test_gradients(scenes, name: str) -> None:
+def test_gradients(scenes, name):
     """Against Richardson's extrapolation of wider differences at a closer tolerance."""
     problem = Problem(scenes[name])
     exact = Problem(scenes[name], rtol=1e-13)
@@ -93,7 +92,7 @@ def test_gradients(scenes, name: str) -> None:
     assert checked >= 10
 
 
-def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes) -> None:
+def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes):
     problem = Problem(scenes["spacing"])
     x = np.full(problem.dimension, 0.4)
     x[0], x[1] = 0.0, 1.0
@@ -115,12 +114,12 @@ def test_a_gradient_at_a_face_of_the_box_looks_inwards(scenes) -> None:
     ("project", np.zeros(6), r"designs have shape \(6,\)"),
     ("project", np.full((1, 6), np.inf), "design 0 has inf"),
 ])  # fmt: skip
-def test_what_is_no_design_is_rejected(scenes, ask: str, designs, message: str) -> None:
+def test_what_is_no_design_is_rejected(scenes, ask, designs, message):
     with pytest.raises(ValueError, match=message):
         getattr(Problem(scenes["spacing"]), ask)(designs)
 
 
-def test_processes_and_threads_may_share_it(scenes) -> None:
+def test_processes_and_threads_may_share_it(scenes):
     problem = Problem(scenes["length-both"])
     designs = designs_of(problem, 64)
     whole = problem.evaluate(designs, gradient=True)
@@ -129,9 +128,3 @@ def test_processes_and_threads_may_share_it(scenes) -> None:
         found = list(pool.map(lambda x: copy.evaluate(x, gradient=True), designs))
     assert [one.score for one in found] == whole.score.tolist()
     assert np.array_equal([one.gradient for one in found], whole.gradient)
-
-
-def test_the_example_is_true() -> None:
-    runner = doctest.DocTestRunner(verbose=False)
-    for test in doctest.DocTestFinder(recurse=False).find(Problem, "Problem"):
-        assert runner.run(test).failed == 0

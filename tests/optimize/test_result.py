@@ -21,7 +21,7 @@ def result(scenes) -> SearchResult:
     return search(scenes["both"], "cma", budget=200)
 
 
-def test_both_layouts_stand_to_scale_and_on_the_same_scale(result: SearchResult) -> None:
+def test_both_layouts_stand_to_scale_and_on_the_same_scale(result):
     figure = result.figure()
     figure.draw_without_rendering()
     drawings = figure.axes[:2]
@@ -35,7 +35,7 @@ def test_both_layouts_stand_to_scale_and_on_the_same_scale(result: SearchResult)
     assert drawings[0].get_xlim() == drawings[1].get_xlim() == figure.axes[2].get_xlim()
 
 
-def test_the_panels_show_spacing_thickness_speed_and_search(result: SearchResult) -> None:
+def test_the_panels_show_spacing_thickness_speed_and_search(result):
     spacing, thickness, speed, trace = result.figure().axes[2:]
     both = [(result.uniform.layout, result.uniform.wave), (result.layout, result.wave)]
     for i, (layout, wave) in enumerate(both):
@@ -50,7 +50,7 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result: SearchResult
     assert steps.get_ydata().tolist() == [score for _, _, _, score in result.trace]
 
 
-def test_a_long_layout_is_shown_by_its_two_ends() -> None:
+def test_a_long_layout_is_shown_by_its_two_ends():
     scene = replace(de.load_scene("sprint"), name="long", count=300)
     figure = search(scene, "random", budget=3).figure()
     start, end = figure.axes[2:4]  # of the layout found
@@ -61,7 +61,7 @@ def test_a_long_layout_is_shown_by_its_two_ends() -> None:
 
 
 @pytest.mark.parametrize("name", ["one-gap", "thickness", "length", "dying", "dead"])
-def test_every_result_can_be_drawn(scenes, name: str) -> None:
+def test_every_result_can_be_drawn(scenes, name):
     figure = search(scenes[name], "random", budget=30).figure()
     figure.canvas.draw()
     headline = figure.texts[0].get_text()

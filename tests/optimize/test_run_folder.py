@@ -29,7 +29,7 @@ def no_search(monkeypatch) -> None:
     monkeypatch.setattr(Evaluator, "evaluate", lambda *_, **__: pytest.fail("time was spent"))
 
 
-def test_a_folder_holds_all_of_a_run(scenes, tmp_path: Path) -> None:
+def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
     folder = tmp_path / "new" / "run"
     result = search(scenes["both"], "l-bfgs", budget=200, seed=4, folder=folder)
     assert sorted(files(folder)) == sorted((*FILES, JOURNAL))
@@ -60,23 +60,21 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["layout.csv", "scene.toml", "summary.json", "result.png"])
-def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path: Path, name: str) -> None:
+def test_no_file_is_replaced_by_a_new_run(scenes, no_search, tmp_path, name):
     (tmp_path / name).write_text("mine")
     with pytest.raises(ValueError, match=f"holds {name} already: go on with --resume, or name an"):
         search(scenes["spacing"], "random", budget=10, folder=tmp_path)
     assert files(tmp_path) == {name: b"mine"}
 
 
-def test_a_place_that_cannot_be_written_is_reported_first(
-    scenes, no_search, tmp_path: Path
-) -> None:
+def test_a_place_that_cannot_be_written_is_reported_first(scenes, no_search, tmp_path):
     (tmp_path / "file").write_text("mine")
     for folder, message in (("file", "is a file: name a folder"), ("file/run", "is a file: name")):
         with pytest.raises(ValueError, match=message):
             search(scenes["spacing"], "random", budget=10, folder=tmp_path / folder)
 
 
-def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_path: Path) -> None:
+def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
     caplog.set_level("INFO")
     for name in ("notes.txt", *DERIVED):
         (tmp_path / name).write_text("mine")
@@ -91,7 +89,7 @@ def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_p
     assert f"removed {', '.join(DERIVED)}, made of an earlier layout" in caplog.text
 
 
-def test_less_of_a_search_replaces_nothing(scenes, tmp_path: Path) -> None:
+def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
     words = scenes["spacing"], "random"
     search(*words, budget=600, folder=tmp_path)
     before = files(tmp_path)
@@ -115,9 +113,7 @@ def test_less_of_a_search_replaces_nothing(scenes, tmp_path: Path) -> None:
     ({"scene": "both"}, "with another scene"),
     ({}, r"with versions = .*numpy 2.*, not numpy 1\.0"),
 ], ids=str)  # fmt: skip
-def test_another_search_is_not_resumed(
-    scenes, monkeypatch, tmp_path: Path, change: dict, message: str
-) -> None:
+def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change, message):
     search(scenes["spacing"], "random", 10, folder=tmp_path)
     before = files(tmp_path)
     asked = {"scene": "spacing", "method": "random", "seed": 0} | change
@@ -130,9 +126,7 @@ def test_another_search_is_not_resumed(
     assert files(tmp_path) == before
 
 
-def test_the_best_so_far_is_on_disk_while_the_search_runs(
-    scenes, monkeypatch, tmp_path: Path
-) -> None:
+def test_the_best_so_far_is_on_disk_while_the_search_runs(scenes, monkeypatch, tmp_path):
     monkeypatch.setattr("optimize.run_folder.PAUSE", 0.0)
     scores = []
 
@@ -149,7 +143,7 @@ def test_the_best_so_far_is_on_disk_while_the_search_runs(
     assert len(set(scores)) > 3
 
 
-def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_path):
     def run(budget: int) -> None:
         search(scenes["both"], "cma", budget, folder=tmp_path, resume=True)
 

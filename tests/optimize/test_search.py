@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import domino_env as de
-import optimize
 from domino_env.core.threads import allowed_threads
 from domino_env.rigid import dynamics
 from domino_env.scenes.scene import Scene
@@ -33,18 +32,18 @@ from optimize.experiments.task import Task
     ({"seed": -1}, "seed = -1: give a whole number, 0 or more"),
     ({"scene": "sprnt"}, "there is no scene 'sprnt': did you mean 'sprint'?"),
 ])  # fmt: skip
-def test_what_cannot_be_searched_is_rejected(words, message: str) -> None:
+def test_what_cannot_be_searched_is_rejected(words, message):
     with pytest.raises(ValueError, match=message.replace("?", r"\?")):
         search(**({"scene": "sprint"} | words))
 
 
-def test_a_scene_that_leaves_nothing_free() -> None:
+def test_a_scene_that_leaves_nothing_free():
     scene = replace(de.load_scene("sprint"), spacing=(0.02, 0.02))
     with pytest.raises(ValueError, match="scene 'sprint' leaves nothing free"):
         search(scene)
 
 
-def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatch) -> None:
+def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatch):
     now, found = [0.0], Scene.uniform
 
     def slow(scene: Scene, seconds: float | None = None) -> object:
@@ -64,7 +63,7 @@ def test_the_seconds_of_a_search_include_its_uniform_baseline(scenes, monkeypatc
 
 
 @pytest.mark.parametrize("method", ["auto", "random"])
-def test_a_limit_ends_a_search_amid_a_simulation_on_a_floor(scenes, monkeypatch, method) -> None:
+def test_a_limit_ends_a_search_amid_a_simulation_on_a_floor(scenes, monkeypatch, method):
     now, advance = [0.0], dynamics.advance
 
     def slow(*arguments: object) -> object:
@@ -81,7 +80,7 @@ def test_a_limit_ends_a_search_amid_a_simulation_on_a_floor(scenes, monkeypatch,
     assert now[0] <= 100.0 + 4 * allowed_threads()  # threads end their pieces
 
 
-def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch) -> None:
+def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch):
     simulated, scores = [0], UniformLayouts.scores
 
     def counted(layouts: UniformLayouts, points: np.ndarray, *more: object) -> np.ndarray:
@@ -101,8 +100,8 @@ def test_a_baseline_on_a_floor_keeps_its_limit(scenes, monkeypatch) -> None:
 
 @pytest.mark.parametrize(("method", "tolerance"), [("random", None), ("powell", 1e-2)])
 def test_a_search_ends_where_its_second_half_gained_less_than_the_tolerance(
-    scenes, monkeypatch, method: str, tolerance: float | None
-) -> None:
+    scenes, monkeypatch, method, tolerance
+):
     monkeypatch.setattr("optimize.evaluator.LEAST_EFFORT", 40_000)  # over 40 dominoes
     result = search(scenes["both"], method, tolerance=tolerance)
     half = max(score for n, _, _, score in result.trace if n <= result.evaluations // 2)
@@ -116,7 +115,7 @@ def test_a_search_ends_where_its_second_half_gained_less_than_the_tolerance(
     assert limited.score >= result.score
 
 
-def test_the_largest_effort_is_inverse_to_the_tolerance(scenes, monkeypatch) -> None:
+def test_the_largest_effort_is_inverse_to_the_tolerance(scenes, monkeypatch):
     monkeypatch.setattr("optimize.evaluator.MOST_EFFORT", 40_000)
     for tolerance, effort in ((1e-4, 1000), (1e-5, 10_000)):
         monkeypatch.setattr("optimize.evaluator.LEAST_EFFORT", 40 * effort)
@@ -124,7 +123,7 @@ def test_the_largest_effort_is_inverse_to_the_tolerance(scenes, monkeypatch) -> 
         assert effort <= result.evaluations < effort + 300
 
 
-def test_a_long_search_announces_its_duration(scenes, monkeypatch, caplog) -> None:
+def test_a_long_search_announces_its_duration(scenes, monkeypatch, caplog):
     caplog.set_level("INFO", "domino_env")
     monkeypatch.setattr("optimize.searching.LONG", 0.0)
     search(scenes["both"], "random", tolerance=0.5)
@@ -133,7 +132,7 @@ def test_a_long_search_announces_its_duration(scenes, monkeypatch, caplog) -> No
     assert "the search of both takes up to about " in caplog.text
 
 
-def test_a_search_says_why_it_ended(scenes) -> None:
+def test_a_search_says_why_it_ended(scenes):
     scene = scenes["spacing"]
     assert search(scene, "random", 7).ended == "limit of 7 layouts reached"
     assert search(scene, "random", seconds=1e-9).ended == "limit of 1e-09 s reached"
@@ -142,9 +141,7 @@ def test_a_search_says_why_it_ended(scenes) -> None:
     assert early.startswith("limit of 60 layouts reached; no independent searches have ended")
 
 
-def test_auto_ends_where_independent_searches_agree_on_any_number_of_threads(
-    scenes, tmp_path
-) -> None:
+def test_auto_ends_where_independent_searches_agree_on_any_number_of_threads(scenes, tmp_path):
     kept = numba.get_num_threads()
     try:
         numba.set_num_threads(1)
@@ -161,7 +158,7 @@ def test_auto_ends_where_independent_searches_agree_on_any_number_of_threads(
     assert (resumed.layout.spacing == alone.layout.spacing).all()
 
 
-def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypatch) -> None:
+def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypatch):
     """Near a stall a wave may complete at the tolerance of the search and not at a closer one."""
     scene = scenes["spacing"]
     honest = search(scene, "random", budget=300)
@@ -179,21 +176,13 @@ def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypat
     assert result.score == honest.score == scene.score(result.layout)
 
 
-def test_gain_needs_two_layouts_that_complete() -> None:
+def test_gain_needs_two_layouts_that_complete():
     assert gain(1.1, 1.0) == pytest.approx(0.1)
     assert gain(-0.5, 1.0) is None
     assert gain(1.0, -0.5) is None
 
 
-def test_public_names() -> None:
-    for name in optimize.__all__:
-        assert getattr(optimize, name) is not None
-    assert callable(optimize.search)  # not a module of that name
-    with pytest.raises(AttributeError, match="serach"):
-        optimize.serach  # noqa: B018 - reading it is the test
-
-
-def test_methods_load_only_when_asked_for() -> None:
+def test_methods_load_only_when_asked_for():
     script = (
         "import sys; from optimize import METHODS, search; "
         "print([m for m in ('cma', 'scipy.optimize', 'tqdm', 'matplotlib', 'cvxpy')"
@@ -204,7 +193,7 @@ def test_methods_load_only_when_asked_for() -> None:
     assert done.stdout.split() == ["[]", *METHODS]
 
 
-def test_auto_keeps_a_schedule_at_once() -> None:
+def test_auto_keeps_a_schedule_at_once():
     result = search("tempo")
     assert result.ended == "done: every domino is hit on schedule, to 1e-09 s"
     assert result.score > 1.0 - 1e-6

@@ -25,7 +25,7 @@ def mars(tmp_path: Path) -> Path:
     return folder / "layout.csv"
 
 
-def test_simulate_takes_the_scene_beside_the_layout_by_default(capsys, mars: Path) -> None:
+def test_simulate_takes_the_scene_beside_the_layout_by_default(capsys, mars):
     def answer(*words: str) -> dict[str, object]:
         assert main(["simulate", str(mars), "--json", *words]) == 0
         return json.loads(capsys.readouterr().out)
@@ -45,7 +45,7 @@ def test_simulate_takes_the_scene_beside_the_layout_by_default(capsys, mars: Pat
 
 
 @pytest.mark.parametrize("command", ["best-known gentle --layout", "evaluate ramp --layout"])
-def test_an_exported_layout_keeps_its_scene_and_score(capsys, tmp_path, command: str) -> None:
+def test_an_exported_layout_keeps_its_scene_and_score(capsys, tmp_path, command):
     (tmp_path / "scene.toml").write_text(de.load_scene("ideal").to_toml())  # of another run
     file = tmp_path / "row.csv"
     assert main([*command.split(), str(file)]) == 0
@@ -65,14 +65,14 @@ def test_an_exported_layout_keeps_its_scene_and_score(capsys, tmp_path, command:
     "simulate", "verify --no-engine --floor 0.5", "click --wav OUT.wav", "report --html OUT.html",
     "render --gif OUT.gif --width 160 --rate 2 --slow 1",
 ])  # fmt: skip
-def test_every_command_prints_the_physics_that_it_used(capsys, mars: Path, command: str) -> None:
+def test_every_command_prints_the_physics_that_it_used(capsys, mars, command):
     name, *words = command.replace("OUT", str(mars.parent / "out")).split()
     main([name, str(mars), *words])
     expected = "physics: friction 0.25, gravity 3.71 m/s², push 8 rad/s (of scene 'mars' beside"
     assert expected in capsys.readouterr().out
 
 
-def test_a_template_has_the_width_of_the_scene_beside(mars: Path, monkeypatch) -> None:
+def test_a_template_has_the_width_of_the_scene_beside(mars, monkeypatch):
     drawn: list[de.Layout] = []
     monkeypatch.setattr(
         "domino_env.view.template.write_template", lambda layout, *_: drawn.append(layout)
@@ -81,7 +81,7 @@ def test_a_template_has_the_width_of_the_scene_beside(mars: Path, monkeypatch) -
     assert drawn[0].width == 0.04
 
 
-def test_a_layout_without_a_scene_joins_a_race_with_a_notice(capsys, mars: Path, tmp_path) -> None:
+def test_a_layout_without_a_scene_joins_a_race_with_a_notice(capsys, mars, tmp_path):
     (tmp_path / "row.csv").write_text(GAPS)
     page = str(tmp_path / "race.html")
     assert main(["report", str(mars), str(tmp_path / "row.csv"), "--html", page]) == 0
@@ -89,7 +89,7 @@ def test_a_layout_without_a_scene_joins_a_race_with_a_notice(capsys, mars: Path,
     assert capsys.readouterr().err.count(notice) == 1
 
 
-def test_layouts_of_different_scenes_are_not_drawn_together(capsys, mars: Path, tmp_path) -> None:
+def test_layouts_of_different_scenes_are_not_drawn_together(capsys, mars, tmp_path):
     (tmp_path / "scene.toml").write_text(de.load_scene("gentle").to_toml())
     (tmp_path / "row.csv").write_text(GAPS)
     race = ["render", str(mars), str(tmp_path / "row.csv"), "--gif", str(tmp_path / "race.gif")]

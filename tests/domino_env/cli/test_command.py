@@ -26,17 +26,8 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def output_of(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    """Return the output of a command that succeeds."""
-    assert main([str(w) for w in words]) == 0
-    output = capsys.readouterr()
-    errors = output.err.splitlines()
-    assert [line for line in errors if not line.startswith("compiling")] == []  # the first call
-    return output.out
-
-
-def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, file: Path) -> None:
-    text = output_of(capsys, "simulate", file)
+def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(output_of, file):
+    text = output_of("simulate", file)
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics())
     table = [line.split() for line in text.splitlines()[1:6]]
     assert [int(cells[0]) for cells in table] == [0, 1, 2, 3, 4]
@@ -51,42 +42,42 @@ def test_simulate_prints_arrival_times_speed_and_how_the_wave_ended(capsys, file
     assert "relative error of the times below" in text
 
 
-def test_simulate_shows_free_standing_dominoes_too(capsys, file: Path) -> None:
-    text = output_of(capsys, "simulate", file, "--floor", 0.4)
+def test_simulate_shows_free_standing_dominoes_too(output_of, file):
+    text = output_of("simulate", file, "--floor", 0.4)
     standing = de.simulate_standing(de.Layout(GAPS, THICKNESS), de.Physics(), 0.4)
     assert f"mean speed {standing.mean_speed:.5f} m/s, " in text
     assert "5 of 5 toppled" in text
-    document = json.loads(output_of(capsys, "simulate", file, "--floor", 0.4, "--json"))
+    document = json.loads(output_of("simulate", file, "--floor", 0.4, "--json"))
     assert document["free_standing"]["arrival_times"] == standing.arrival_times.tolist()
 
 
-def test_the_two_ends_of_a_long_layout_are_printed(capsys, tmp_path: Path) -> None:
+def test_the_two_ends_of_a_long_layout_are_printed(output_of, tmp_path):
     path = tmp_path / "long.csv"
     layout = de.Layout.uniform(5000, pitch=0.024)
     layout.to_csv(path)
-    whole = output_of(capsys, "simulate", path, "--all").splitlines()
-    short = output_of(capsys, "simulate", path).splitlines()
+    whole = output_of("simulate", path, "--all").splitlines()
+    short = output_of("simulate", path).splitlines()
     assert "4,980 lines left out: --all prints, --csv writes them" in short[11]
     assert short[:11] + short[12:] == whole[:11] + whole[-15:]
     assert len(whole) == 1 + 5000 + 5
 
 
-def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(capsys, file, tmp_path: Path) -> None:
+def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(output_of, file, tmp_path):
     scene = de.load_scene("sprint")
     layout = scene.layout(0.012)
     layout.to_csv(tmp_path / "own.csv")
-    text = output_of(capsys, "simulate", tmp_path / "own.csv", "--scene", "sprint")
+    text = output_of("simulate", tmp_path / "own.csv", "--scene", "sprint")
     score, uniform = scene.score(layout), scene.uniform().score
     assert f"score {score:.6f} on 'sprint', {score / uniform - 1:+.2%} against the best" in text
-    text = output_of(capsys, "simulate", file, "--scene", "sprint", "--push", 9)
+    text = output_of("simulate", file, "--scene", "sprint", "--push", 9)
     assert "not a layout of scene 'sprint': the layout has 5 dominoes, and the scene 40" in text
     assert "not a layout of scene 'sprint': friction, gravity or push differ" in text
     assert "score" not in text
 
 
-def test_the_table_for_other_programs(capsys, file: Path, tmp_path: Path) -> None:
+def test_the_table_for_other_programs(output_of, file, tmp_path):
     path = tmp_path / "new" / "table.csv"
-    text = output_of(capsys, "simulate", file, "--csv", path)
+    text = output_of("simulate", file, "--csv", path)
     assert f"table written to {path}" in text
     with path.open(newline="") as file:
         table = list(csv.DictReader(file))
@@ -96,12 +87,12 @@ def test_the_table_for_other_programs(capsys, file: Path, tmp_path: Path) -> Non
     assert table[-1]["impact_velocity"] == ""
 
 
-def test_json_for_other_programs(capsys, file: Path) -> None:
-    document = json.loads(output_of(capsys, "simulate", file, "--json", "--push", 1.5))
+def test_json_for_other_programs(output_of, file):
+    document = json.loads(output_of("simulate", file, "--json", "--push", 1.5))
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(push=1.5))
     assert document["outcome"] == "STALLED"
     assert "push harder" in document["explanation"]
-    assert "error" not in output_of(capsys, "simulate", file, "--push", 0.1)  # of no times
+    assert "error" not in output_of("simulate", file, "--push", 0.1)  # of no times
     assert (document["hit"], document["mean_speed"]) == (wave.hit, 0.0)
     came = np.isfinite(wave.arrival_times)
     assert [t is not None for t in document["arrival_times"]] == came.tolist()
@@ -132,7 +123,7 @@ def test_json_for_other_programs(capsys, file: Path) -> None:
     ("validate 16=64 --thickness 0.0075", "--thickness = 0.0075 mm: give a finite number from 0.1"),
     ("validate 0.016=64", "0.016=64: pitch = 0.016 mm: give a finite number, more than 7.5, less"),
 ])  # fmt: skip
-def test_an_error_is_one_line(capsys, monkeypatch, file: Path, words: str, message: str) -> None:
+def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):
     monkeypatch.chdir(file.parent)
     texts = {
         "bad.csv": "spacing_mm,thickness_mm\n18,7.5\n18,thin\n,7.5\n",
@@ -154,8 +145,8 @@ def test_an_error_is_one_line(capsys, monkeypatch, file: Path, words: str, messa
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("becomes", [KeyboardInterrupt, ValueError, TypeError, None])
 def test_an_interruption_is_one_whatever_a_library_makes_of_it(
-    capsys, monkeypatch, file: Path, number: int, code: int, becomes: type[Exception] | None
-) -> None:
+    capsys, monkeypatch, file, number, code, becomes
+):
     """NumPy looks for an error of its own while it compares, and finds that of Ctrl-C.
 
     A search or a training makes nothing of it, but ends with the best so far.
@@ -178,9 +169,7 @@ def test_an_interruption_is_one_whatever_a_library_makes_of_it(
     assert capsys.readouterr().err.startswith("domino: interrupted" if becomes else "")
 
 
-def test_a_disk_that_is_full_is_named_by_the_file_asked_for(
-    capsys, monkeypatch, file: Path, tmp_path: Path
-) -> None:
+def test_a_disk_that_is_full_is_named_by_the_file_asked_for(capsys, monkeypatch, file, tmp_path):
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
@@ -192,7 +181,7 @@ def test_a_disk_that_is_full_is_named_by_the_file_asked_for(
     )
 
 
-def test_the_program_itself(file: Path) -> None:
+def test_the_program_itself(file):
     program = Path(sys.executable).with_name("domino")
     assert program.exists(), "install the package: make test does"
     done = subprocess.run([program, "--help"], capture_output=True, text=True, check=True)
@@ -204,7 +193,7 @@ def test_the_program_itself(file: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_the_command_line_explains_itself(capsys) -> None:
+def test_the_command_line_explains_itself(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["--help"])
     text = capsys.readouterr().out
@@ -216,7 +205,7 @@ def test_the_command_line_explains_itself(capsys) -> None:
     assert "'chapman': name a .json file, or put --json last" in capsys.readouterr().err
 
 
-def test_ctrl_c_while_modules_are_imported_prints_no_traceback() -> None:
+def test_ctrl_c_while_modules_are_imported_prints_no_traceback():
     code = """if True:
         import os, signal, sys, _domino_command
         class Finder:
@@ -230,7 +219,7 @@ def test_ctrl_c_while_modules_are_imported_prints_no_traceback() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
 
 
-def test_a_reader_that_has_enough_is_no_error(file: Path, tmp_path: Path) -> None:
+def test_a_reader_that_has_enough_is_no_error(file, tmp_path):
     de.Layout.uniform(3000, pitch=0.024).to_csv(tmp_path / "long.csv")  # more than a pipe holds
     program = [sys.executable, "-m", "domino_env", "simulate", str(tmp_path / "long.csv"), "--all"]
     with subprocess.Popen(
@@ -245,7 +234,7 @@ def test_a_reader_that_has_enough_is_no_error(file: Path, tmp_path: Path) -> Non
         assert running.wait() == 0
 
 
-def test_a_command_tells_what_takes_long(capsys, monkeypatch, file: Path) -> None:
+def test_a_command_tells_what_takes_long(capsys, monkeypatch, file):
     def run(_: object) -> int:
         with tqdm(total=2, desc="search") as bar:
             bar.update()

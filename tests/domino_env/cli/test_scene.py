@@ -17,7 +17,7 @@ def scene_of(capsys, tmp_path, words: str) -> de.Scene:
     return de.load_scene(file)
 
 
-def test_millimetres_and_degrees_become_a_scene(capsys, tmp_path) -> None:
+def test_millimetres_and_degrees_become_a_scene(capsys, tmp_path):
     words = "--count 120 --thickness 8 --height 43 --width 22 --length 2500 --slope 1"
     scene = scene_of(capsys, tmp_path, words)
     assert scene == de.Scene(
@@ -41,14 +41,14 @@ def test_millimetres_and_degrees_become_a_scene(capsys, tmp_path) -> None:
     ("--slope 20", "the ground slopes by 20°"),
     ("--gaps 30 5", "--gaps = 30.0 mm: give a finite number, at most 5"),
 ])  # fmt: skip
-def test_impossible_scenes_are_rejected(capsys, words: str, message: str) -> None:
+def test_impossible_scenes_are_rejected(capsys, words, message):
     assert main(["scene", "--count", "40", "--thickness", "7.5", *words.split()]) == 2
     found = capsys.readouterr()
     assert found.out == ""
     assert re.search(message, found.err)
 
 
-def test_placement_noise_spreads_the_time(capsys, tmp_path) -> None:
+def test_placement_noise_spreads_the_time(capsys, tmp_path):
     layout = de.Layout.uniform(30, spacing=0.038)
     layout.to_csv(tmp_path / "row.csv")
 

@@ -16,7 +16,7 @@ from domino_env.core.checks import require, require_choice
         (np.zeros((0, 3)), {"above": 0.0}),
     ],
 )  # fmt: skip
-def test_accepted(value: object, bounds: dict) -> None:
+def test_accepted(value, bounds):
     require("x", value, **bounds)
 
 
@@ -38,12 +38,12 @@ def test_accepted(value: object, bounds: dict) -> None:
          "x[1, 1] = nan m: give a finite number, more than 0"),
     ],
 )  # fmt: skip
-def test_rejected_with_a_sentence(value: object, bounds: dict, sentence: str) -> None:
+def test_rejected_with_a_sentence(value, bounds, sentence):
     with pytest.raises(ValueError, match=f"^{re.escape(sentence)}$"):
         require("x", value, **bounds)
 
 
-def test_choices() -> None:
+def test_choices():
     require_choice("method", "cma", ["auto", "cma"])
     with pytest.raises(ValueError, match=r"method = 'cam': did you mean 'cma'\? choose one of"):
         require_choice("method", "cam", ["auto", "cma"])

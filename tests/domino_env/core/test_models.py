@@ -1,7 +1,7 @@
 """Models of documents: what is wrong is a sentence with key, value and what is allowed."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import pytest
 from msgspec import Meta
@@ -64,20 +64,20 @@ class Outer(Table):
         ({"count": 2, "label": "long"}, "label = 'long': give a line of text of at most 3 char"),
     ],
 )  # fmt: skip
-def test_errors_have_their_place(document: Any, sentence: str) -> None:
+def test_errors_have_their_place(document, sentence):
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
         model_of(Outer, document)
     assert str(refused.value).startswith(sentence)
 
 
-def test_places_begin_where_the_document_stands() -> None:
+def test_places_begin_where_the_document_stands():
     with pytest.raises(ValueError, match=r"^run\.inner\.flag = 1: give true or false"):
         model_of(Outer, {"count": 2, "inner": {"flag": 1}}, "run")
     with pytest.raises(ValueError, match=r"^run = 7: give a table of kind"):
         model_of(Inner, 7, "run")
 
 
-def test_a_document_may_hold_more_than_is_read_of_it() -> None:
+def test_a_document_may_hold_more_than_is_read_of_it():
     class Few(Document):
         seed: int = 0
 

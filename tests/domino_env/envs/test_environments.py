@@ -20,27 +20,6 @@ from domino_env import DominoChain, DominoChainVector, DominoLayout
 
 KINDS = (DominoChain, DominoLayout)
 BOUNDS = ("spacing", "thickness")
-SLOW = ("stock", "jitter", "table")  # to find the uniform baseline of
-
-
-@pytest.fixture(autouse=True)
-def quick_baselines(monkeypatch):
-    """Take some layout for the uniform baseline, where finding that takes long."""
-    search, found = de.Scene.uniform, {}
-
-    def uniform(scene):
-        if scene.name not in SLOW:
-            return search(scene)
-        if scene not in found:
-            gap, thickness = sum(scene.spacing) / 2, scene.thickness[0]
-            if scene.stock is not None:
-                thickness = scene.stock.without(scene.first_thickness).dominoes[: scene.count - 1]
-            layout = scene.layout(gap, thickness)
-            wave = scene.simulate(layout)
-            found[scene] = de.UniformBaseline(layout, wave, scene.score(wave))
-        return found[scene]
-
-    monkeypatch.setattr(de.Scene, "uniform", uniform)
 
 
 def at_random(env, rng, low=-1.0, high=1.0):

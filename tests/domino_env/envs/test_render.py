@@ -25,7 +25,7 @@ def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
 
 
 @pytest.mark.parametrize("scene", ["sprint", "course", "marathon"])
-def test_an_image_shows_leader_and_fallen_dominoes(scene: str) -> None:
+def test_an_image_shows_leader_and_fallen_dominoes(scene):
     assert pixels(played("rgb_array", 0, scene).render(), LEADS) > 100
     env = played("rgb_array", 12, scene)
     frame = env.render()
@@ -38,7 +38,7 @@ def test_an_image_shows_leader_and_fallen_dominoes(scene: str) -> None:
     assert pixels(env.render(), FALLS) > pixels(frame, FALLS)
 
 
-def test_text_shows_the_chain_to_scale() -> None:
+def test_text_shows_the_chain_to_scale():
     text = played("ansi", 20).render()
     chain, line, _ = text.split("\n")
     assert chain.replace(" ", "").count(">") == 1
@@ -65,7 +65,7 @@ if {hidden}:
 @pytest.mark.parametrize(("hidden", "modes"), [
     (True, "rgb_array ansi"), (False, "rgb_array ansi human"),
 ], ids=["without pygame", "with pygame"])  # fmt: skip
-def test_checkers_render_every_mode_that_is_offered(hidden: bool, modes: str) -> None:
+def test_checkers_render_every_mode_that_is_offered(hidden, modes):
     pytest.importorskip("stable_baselines3" if hidden else "pygame")
     done = subprocess.run(
         [sys.executable, "-W", "error::UserWarning", "-c", CHECK.format(hidden=hidden)],
@@ -76,7 +76,7 @@ def test_checkers_render_every_mode_that_is_offered(hidden: bool, modes: str) ->
     assert done.stdout.splitlines()[-1] == modes
 
 
-def test_a_window_shows_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_shows_frames(monkeypatch):
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env = DominoChain("gentle", render_mode="human")

@@ -158,16 +158,3 @@ def test_checkers_and_frames_accept_sampled_scenes():
     envs.reset(seed=0)
     envs.step(np.zeros((2, 2)))
     assert all("2 of 2 struck" in frame for frame in envs.render())
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_uniform_baselines_of_sampled_scenes_complete(name):
-    envs = DominoChainVector(300, name)
-    envs.reset(seed=11)
-    assert len({scene.name for scene in envs.scenes}) > 250
-    for scene in envs.scenes[:20]:
-        uniform = scene.uniform()
-        assert uniform.wave.outcome == de.Outcome.PROPAGATED
-        assert scene.violations(uniform.layout) == []
-        scaled = envs.distribution.scaled(envs.distribution.numbers(scene))
-        assert np.abs(scaled).max() <= 1.0 + 1e-9

@@ -29,6 +29,10 @@ def compare(layout, physics, *, rtol=AGREE, reach=1e-9, slow=None):
     np.testing.assert_allclose(wave.impact_velocity[: came - 1], slow.impact_velocity, rtol=rtol)
     np.testing.assert_allclose(wave.stall_margin[: len(slow.margin)], slow.margin, atol=1e-8)
     assert wave.largest_flush_loss == pytest.approx(slow.largest_flush_loss, abs=1e-10)
+    if slow.outcome == "PROPAGATED" and came > 1:
+        assert wave.mean_speed == layout.length / wave.arrival_times[-1]
+        assert wave.error_estimate > 0.0
+        assert wave.converged == (wave.error_estimate <= wave.rtol)
     # where the wave did not come
     assert np.isinf(wave.arrival_times[came:]).all()
     assert np.isnan(wave.release_velocity[falls:]).all()

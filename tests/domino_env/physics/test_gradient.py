@@ -68,10 +68,10 @@ def differences(layout: Layout, physics: Physics, name: str, uneven: bool, of: s
 
 @grounds
 @pytest.mark.parametrize("friction", [0.0, 0.25, 0.6])
-def test_all_of_a_layout_by_differences(friction: float, uneven: bool) -> None:
+def test_all_of_a_layout_by_differences(friction, uneven):
     rng = np.random.default_rng(round(100 * friction))
     checked = kinks = flushes = releases = 0
-    while checked < 40:
+    while checked < 20:
         layout = random_layout(rng, 9, uneven, unequal=checked % 2 == 0)
         physics = Physics(friction, 9.81, rng.uniform(10.0, 40.0))
         wave = simulate(layout, physics, rtol=1e-12, gradient=True)
@@ -87,9 +87,9 @@ def test_all_of_a_layout_by_differences(friction: float, uneven: bool) -> None:
             assert np.abs(exact - fine)[smooth].max(initial=0.0) < 1e-7 * np.abs(exact).max()
         flushes, releases = flushes + wave.flushes, releases + wave.releases
         checked += 1
-    assert flushes > 60
+    assert flushes > 30
     assert releases > 0 or uneven
-    assert kinks < 100  # of 1400 derivatives, of 2080 on uneven ground
+    assert kinks < 50  # of 700 derivatives, of 1040 on uneven ground
 
 
 def precise_change(low: tuple[Layout, Physics], high: tuple[Layout, Physics]) -> float:
@@ -99,7 +99,7 @@ def precise_change(low: tuple[Layout, Physics], high: tuple[Layout, Physics]) ->
 
 
 @pytest.mark.parametrize(("uneven", "friction"), [(False, 0.0), (False, 0.3), (True, 0.3)])
-def test_against_sixty_digits(friction: float, uneven: bool) -> None:
+def test_against_sixty_digits(friction, uneven):
     """Along one direction through everything, without quadrature tables, tails or tolerances.
 
     The scaling laws tie gravity and push to the rest.
@@ -130,7 +130,7 @@ def test_against_sixty_digits(friction: float, uneven: bool) -> None:
 @pytest.mark.parametrize(("friction", "push", "slope"), [
     (0.25, 2.8763733065926576, -202896.50232592), (0.0, 2.7228503907455495, -214265.43019713),
 ])  # fmt: skip
-def test_near_a_stall_it_is_large_and_right(friction: float, push: float, slope: float) -> None:
+def test_near_a_stall_it_is_large_and_right(friction, push, slope):
     layout, physics = Layout([0.011, 0.009], 0.0075), Physics(friction, push=push)
     if os.environ.get("HYPOTHESIS_PROFILE") == "search":
         low, high = (physics.replace(push=push * (1.0 + step)) for step in (-1e-10, 1e-10))
@@ -154,7 +154,7 @@ def wave(request: pytest.FixtureRequest) -> Wave:
     return wave
 
 
-def test_scaling_laws(wave: Wave) -> None:
+def test_scaling_laws(wave):
     """Times scale by the root of lengths and the inverse root of gravity, not by density."""
     g, layout, physics, total = wave.gradient(), wave.layout, wave.physics, wave.arrival_times[-1]
     by_length = (
@@ -167,7 +167,7 @@ def test_scaling_laws(wave: Wave) -> None:
     assert abs(by_density.sum()) < 1e-12 * np.abs(by_density).sum()
 
 
-def test_later_dominoes_cannot_change_earlier_times(wave: Wave) -> None:
+def test_later_dominoes_cannot_change_earlier_times(wave):
     for k in (1, 5, 12):
         bar = np.zeros(14)
         bar[k] = 1.0
@@ -178,7 +178,7 @@ def test_later_dominoes_cannot_change_earlier_times(wave: Wave) -> None:
         assert g.spacing[k - 1] != 0.0
 
 
-def test_a_pullback_is_linear(wave: Wave) -> None:
+def test_a_pullback_is_linear(wave):
     one, two = np.random.default_rng(1).standard_normal((2, 14))
     bars = (one, two, 2.0 * one - two)
     for a, b, c in zip(*(parts(wave.pullback(bar)) for bar in bars), strict=True):
@@ -188,7 +188,7 @@ def test_a_pullback_is_linear(wave: Wave) -> None:
 # kinks, edges, batches ------------------------------------------------------------------------
 
 
-def test_at_the_onset_of_a_face_contact_it_is_one_of_the_two_sides() -> None:
+def test_at_the_onset_of_a_face_contact_it_is_one_of_the_two_sides():
     physics = Physics(0.25, 9.81, 14.0)
 
     def layout(gap: float) -> Layout:
@@ -208,7 +208,7 @@ def test_at_the_onset_of_a_face_contact_it_is_one_of_the_two_sides() -> None:
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_equal_gaps(friction: float) -> None:
+def test_equal_gaps(friction):
     """Face impacts at one instant give finite numbers; a uniform layout shares only its stack.
 
     A 1e-12 difference in one gap takes another path through the code, to the same gradient.
@@ -226,7 +226,7 @@ def test_equal_gaps(friction: float) -> None:
 
 
 @grounds
-def test_a_batch_gives_the_gradient_of_each(uneven: bool) -> None:
+def test_a_batch_gives_the_gradient_of_each(uneven):
     rng = np.random.default_rng(3)
     layouts = [random_layout(rng, 12, uneven, unequal=uneven) for _ in range(40)]
     layouts[7] = replace(layouts[7], spacing=np.full(11, 0.06))
@@ -242,7 +242,7 @@ def test_a_batch_gives_the_gradient_of_each(uneven: bool) -> None:
             assert np.array_equal(part, whole[b])
 
 
-def test_a_long_chain_takes_as_many_bytes_a_domino_as_a_short_one() -> None:
+def test_a_long_chain_takes_as_many_bytes_a_domino_as_a_short_one():
     used = []
     for count in (1000, 20_000):
         gaps = np.random.default_rng(2).uniform(0.01, 0.02, count - 1)
@@ -253,7 +253,7 @@ def test_a_long_chain_takes_as_many_bytes_a_domino_as_a_short_one() -> None:
     assert used[1] < 1.2 * used[0]
 
 
-def test_a_wave_that_stopped_pulls_back_what_it_reached() -> None:
+def test_a_wave_that_stopped_pulls_back_what_it_reached():
     layout = Layout([0.012, 0.02, 0.06, 0.02], 0.0075)
     wave = simulate(layout, Physics(0.25, push=10.0), gradient=True)
     assert wave.outcome == Outcome.OUT_OF_REACH
@@ -276,7 +276,7 @@ def test_a_wave_that_stopped_pulls_back_what_it_reached() -> None:
         (1, True, Wave.gradient, "a single domino has none"),
     ],
 )
-def test_what_cannot_be_differentiated(count: int, saved: bool, call: Any, words: str) -> None:
+def test_what_cannot_be_differentiated(count, saved, call, words):
     wave = simulate(Layout.uniform(count, spacing=0.0125), Physics(), gradient=saved)
     with pytest.raises(ValueError, match=words):
         call(wave)

@@ -6,7 +6,7 @@ import pytest
 from uneven_layouts import uneven_layout
 
 from domino_env.physics.layout import Layout
-from domino_env.physics.motion import Motion, outlines, stack_leans
+from domino_env.physics.motion import Motion, outlines
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Outcome, simulate
 
@@ -25,7 +25,7 @@ layouts = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 
 @layouts
 @pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_neighbours_touch_and_never_overlap(layout: Layout, friction: float) -> None:
+def test_neighbours_touch_and_never_overlap(layout, friction):
     """Behind the leader a tip lies on a rear face or an edge on a front."""
     wave = simulate(layout, Physics(friction, push=24.0))
     motion = Motion(layout, wave.physics)
@@ -47,7 +47,7 @@ def test_neighbours_touch_and_never_overlap(layout: Layout, friction: float) -> 
 
 
 @layouts
-def test_the_leader_keeps_the_time_of_the_wave_and_leans_only_grow(layout: Layout) -> None:
+def test_the_leader_keeps_the_time_of_the_wave_and_leans_only_grow(layout):
     wave = simulate(layout, Physics(0.25, push=24.0))
     motion = Motion(layout, wave.physics)
     arrivals = wave.arrival_times[: wave.hit]
@@ -63,7 +63,7 @@ def test_the_leader_keeps_the_time_of_the_wave_and_leans_only_grow(layout: Layou
     assert np.isfinite(leans).all()
 
 
-def test_many_pieces_agree_with_few(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_pieces_agree_with_few(monkeypatch):
     layout, physics = LAYOUTS["flushes"], Physics(0.25, push=12.0)
     few = Motion(layout, physics)
     monkeypatch.setattr("domino_env.physics.motion.PIECES", 512)
@@ -73,7 +73,7 @@ def test_many_pieces_agree_with_few(monkeypatch: pytest.MonkeyPatch) -> None:
     assert few.angles(times) == pytest.approx(many.angles(times), abs=2e-4)
 
 
-def test_a_wave_that_stops_stays_where_it_stopped() -> None:
+def test_a_wave_that_stops_stays_where_it_stopped():
     layout = Layout.uniform(8, spacing=0.002)
     wave, motion = simulate(layout, Physics()), Motion(layout, Physics())
     assert wave.outcome == Outcome.STALLED
@@ -85,19 +85,10 @@ def test_a_wave_that_stops_stays_where_it_stopped() -> None:
     assert not motion.angles([motion.end])[0, 2:].any()
 
 
-def test_corners_of_a_domino_that_stands_and_one_that_lies() -> None:
+def test_corners_of_a_domino_that_stands_and_one_that_lies():
     layout = Layout([0.02], [0.0075, 0.005])
     standing, lying = (outlines(layout, np.array([lean, 0.0])) for lean in (0.0, np.pi / 2))
     corners = np.array([[0.0, 0.0], [0.0, 0.048], [-0.0075, 0.048], [-0.0075, 0.0]])
     assert standing[0] == pytest.approx(corners)
     assert standing[1, 0] == pytest.approx([0.025, 0.0])
     assert lying[0] == pytest.approx(corners[:, ::-1] * [1.0, -1.0])
-
-
-def test_leans_of_many_instants_are_those_of_each() -> None:
-    layout = LAYOUTS["unequal"]
-    leaders, angles = np.array([3, 0, 12, 7]), np.array([0.1, 0.4, 0.0, 0.2])
-    together = stack_leans(layout, leaders, angles)
-    for k in range(4):
-        alone = stack_leans(layout, leaders[k : k + 1], angles[k : k + 1])[0]
-        assert np.array_equal(together[k], alone)

@@ -88,22 +88,6 @@ def test_a_worker_keeps_to_the_threads_of_its_surroundings(monkeypatch):
     assert calls == [(0, 100, threading.get_ident())] * 2
 
 
-def test_the_attributes_of_a_wave():
-    wave = de.simulate(de.Layout.uniform(30, pitch=0.024), de.Physics())
-    assert wave.outcome is de.Outcome.PROPAGATED
-    assert (wave.hit, wave.toppled, wave.reach) == (30, 30, 1.0)
-    assert wave.arrival_times[0] == 0.0
-    assert np.all(np.diff(wave.arrival_times) > 0.0)
-    assert wave.release_velocity[0] == 8.0
-    shapes = [getattr(wave, name).shape for name in RECORD]
-    assert shapes == [(30,), (30,), (29,), (30,)]
-    assert np.all((wave.stall_margin > 0.0) & (wave.stall_margin <= 1.0))
-    assert wave.mean_speed == wave.layout.length / wave.arrival_times[-1]
-    assert 0.0 < wave.error_estimate <= 1e-8
-    assert wave.converged
-    assert wave.run_time > 0.0
-
-
 def test_physics_is_the_standard_unless_given():
     layout = de.Layout.uniform(5, pitch=0.024)
     times = de.simulate(layout, de.Physics()).arrival_times
@@ -122,26 +106,9 @@ def test_millimetres_are_hinted_at():
 def test_a_wave_that_stops_says_where_and_what_to_do():
     wave = de.simulate(de.Layout.uniform(30, spacing=0.004), de.Physics(push=3.0))
     assert wave.outcome is de.Outcome.STALLED
-    assert wave.mean_speed == 0.0
     assert 0.0 < wave.reach < 1.0
-    assert wave.stall_margin[wave.hit - 1] == 0.0
-    assert np.isnan(wave.stall_margin[wave.hit :]).all()
     assert f"leading domino {wave.hit - 1};" in wave.explanation
     assert "push harder" in wave.explanation
-
-
-def test_looser_runs_agree_within_their_estimates():
-    spacing, thickness = random_batch(150)
-    spacing = np.minimum(spacing, 0.026)
-    tight = de.simulate_batch(spacing, thickness, de.Physics(0.3), rtol=1e-13)
-    came = np.isfinite(tight.arrival_times[:, 1:])
-    reference = np.where(came, tight.arrival_times[:, 1:], 1.0)
-    for rtol in (1e-3, 1e-5, 1e-7, 1e-9, 1e-11):
-        loose = de.simulate_batch(spacing, thickness, de.Physics(0.3), rtol=rtol)
-        np.testing.assert_array_equal(loose.outcome, tight.outcome)
-        error = np.where(came, np.abs(loose.arrival_times[:, 1:] / reference - 1.0), 0.0).max(1)
-        assert np.all(error <= loose.error_estimate + tight.error_estimate)
-        assert np.all(loose.error_estimate[loose.converged] <= rtol)
 
 
 # steady waves ------------------------------------------------------------------------------------
@@ -201,9 +168,8 @@ def test_where_there_is_no_steady_wave():
 
 
 def test_the_closed_form_is_near_for_thin_dominoes():
-    for pitch in (0.008, 0.012):
-        steady = de.steady_wave(pitch, 0.001, physics=de.Physics(0.0))
-        assert de.terminal_speed_estimate(pitch, 0.001) == pytest.approx(steady.speed, rel=0.05)
+    steady = de.steady_wave(0.012, 0.001, physics=de.Physics(0.0))
+    assert de.terminal_speed_estimate(0.012, 0.001) == pytest.approx(steady.speed, rel=0.05)
     with pytest.raises(ValueError, match="releases no energy"):
         de.terminal_speed_estimate(0.0077, 0.0075)
 
@@ -253,12 +219,6 @@ def test_just_above_a_stall_the_estimate_stays_honest(friction):
 
 
 # errors ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rtol", [1e-2, 1e-14, 0.0, -1.0, float("nan")])
-def test_a_tolerance_out_of_range(rtol):
-    with pytest.raises(ValueError, match=r"rtol = .*: give a finite number from"):
-        de.simulate(de.Layout.uniform(3, pitch=0.02), de.Physics(), rtol=rtol)
 
 
 @pytest.mark.parametrize(
@@ -311,3 +271,9 @@ def test_arguments_of_another_type(function):
         function([0.018, 0.02], de.Physics())
     with pytest.raises(TypeError, match=r"physics is a float: give a Physics, such as Physics\("):
         function(de.Layout([0.018], 0.0075), 0.25)
+
+
+def test_a_tolerance_out_of_range():
+    for rtol in (1e-2, 1e-14, 0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match=r"rtol = .*: give a finite number from"):
+            de.simulate(de.Layout.uniform(3, pitch=0.02), de.Physics(), rtol=rtol)

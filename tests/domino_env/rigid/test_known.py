@@ -25,7 +25,7 @@ AGAIN = (
 
 
 @pytest.mark.parametrize("name", best_known())
-def test_every_layout_that_ships_is_verified_as_it_is(name: str) -> None:
+def test_every_layout_that_ships_is_verified_as_it_is(name):
     layout, one = best_known()[name].layout, KEPT.get(name)
     assert one is not None, AGAIN
     assert one.digest == digest(layout, de.load_scene(name).physics), AGAIN
@@ -37,21 +37,21 @@ def test_every_layout_that_ships_is_verified_as_it_is(name: str) -> None:
     assert uniform.largest < 1e-3
 
 
-def test_the_page_shows_what_is_kept() -> None:
+def test_the_page_shows_what_is_kept():
     page = (Path(__file__).parents[3] / PAGE).read_text("utf-8")
     assert fill(page, {"known": known_table(KEPT)}) == page, AGAIN
     with pytest.raises(ValueError, match="no comment <!-- else -->"):
         fill(page, {"else": []})
 
 
-def test_a_layout_is_known_under_its_own_physics_only() -> None:
+def test_a_layout_is_known_under_its_own_physics_only():
     scene, layout = de.load_scene("sprint"), best_known()["sprint"].layout
     assert known_verification(layout, scene.physics) == KEPT["sprint"]
     assert known_verification(layout, de.Physics(friction=0.3, push=8.0)) is None
     assert known_verification(scene.uniform().layout, scene.physics) is None
 
 
-def test_a_verification_repeated_agrees_with_the_kept_one(tmp_path: Path) -> None:
+def test_a_verification_repeated_agrees_with_the_kept_one(tmp_path):
     name, lines = "magnify", []  # the shortest
     record, scene = best_known()[name], de.load_scene(name)
     found = verify_records({name: record}, {name: scene}, [0.5], report=lines.append)[name]

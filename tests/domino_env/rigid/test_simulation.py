@@ -35,7 +35,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_fixed_pivots_meet_the_analytic_model(name: str) -> None:
+def test_fixed_pivots_meet_the_analytic_model(name):
     layout, rtol = LAYOUTS[name]
     wave = de.simulate(layout, PHYSICS)
     rigid = de.simulate_standing(layout, PHYSICS, None, rtol=rtol)
@@ -48,7 +48,7 @@ def test_fixed_pivots_meet_the_analytic_model(name: str) -> None:
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1])
-def test_without_friction_below_a_domino_falls_as_its_energy_says(slope: float) -> None:
+def test_without_friction_below_a_domino_falls_as_its_energy_says(slope):
     """Gravity along the ground moves the centre, gravity across it turns the domino."""
     layout = de.Layout.uniform(2, spacing=0.03, slope=slope)
     along, across = 9.81 * np.array([math.sin(slope), math.cos(slope)])
@@ -67,7 +67,7 @@ def test_without_friction_below_a_domino_falls_as_its_energy_says(slope: float) 
 
 # last hits in Chipmunk 7.3, 1 500 sweeps, steps of 80 and 40 µs extrapolated; sure to 0.15 %
 @pytest.mark.parametrize(("floor", "last"), [(None, 1.2420804), (1.0, 1.2422501), (0.3, 1.2416406)])
-def test_a_free_standing_layout_meets_another_engine(floor: float | None, last: float) -> None:
+def test_a_free_standing_layout_meets_another_engine(floor, last):
     layout = de.Layout.uniform(40, spacing=0.018076685065514644)
     rigid = de.simulate_standing(layout, PHYSICS, floor)
     assert rigid.arrival_times[-1] == pytest.approx(last, rel=1.5e-3)
@@ -78,9 +78,7 @@ def test_a_free_standing_layout_meets_another_engine(floor: float | None, last: 
 @pytest.mark.parametrize(
     ("place", "same", "engine"), [(0, 5e-4, 3e-3), (1, 5e-4, 5e-3), (2, 5e-3, 4e-3)]
 )
-def test_an_edge_above_a_tip_does_not_meet_the_front_face(
-    place: int, same: float, engine: float
-) -> None:
+def test_an_edge_above_a_tip_does_not_meet_the_front_face(place, same, engine):
     """A false impact came 10 ms before hit 23, once a tip had slipped under the next domino."""
     known = json.loads((Path(__file__).parents[2] / "data" / "disputed_layout.json").read_text())
     layout, run = de.Layout(known["spacing"], known["thickness"]), known["runs"][place]
@@ -89,7 +87,7 @@ def test_an_edge_above_a_tip_does_not_meet_the_front_face(
     assert last == pytest.approx(run["engine"][-1], rel=engine)
 
 
-def test_lengths_times_four_take_twice_the_time() -> None:
+def test_lengths_times_four_take_twice_the_time():
     small = random_layout(1, 8)
     large = de.Layout(4.0 * small.spacing, 4.0 * small.thickness, 4.0 * small.height)
     times = de.simulate_standing(small, PHYSICS).arrival_times
@@ -99,20 +97,20 @@ def test_lengths_times_four_take_twice_the_time() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("floor", [None, 0.4])
-def test_the_estimate_holds_against_finer_runs(seed: int, floor: float | None) -> None:
+def test_the_estimate_holds_against_finer_runs(seed, floor):
     layout = random_layout(seed)
     rigid = de.simulate_standing(layout, PHYSICS, floor)
     fine = simulation._run(layout, PHYSICS, floor, 1.0 / 16.0)[0].arrivals
     np.testing.assert_allclose(rigid.arrival_times, fine, rtol=rigid.error_estimate)
 
 
-def test_more_friction_below_holds_the_feet() -> None:
+def test_more_friction_below_holds_the_feet():
     layout = random_layout(3)
     slid = [de.simulate_standing(layout, PHYSICS, floor).slid.max() for floor in (0.1, 0.4, 1.5)]
     assert slid[0] > slid[1] > slid[2]
 
 
-def test_a_wave_that_stops_tells_how_far_it_came() -> None:
+def test_a_wave_that_stops_tells_how_far_it_came():
     rigid = de.simulate_standing(de.Layout([0.01, 0.06, 0.01], 0.0075), PHYSICS)
     assert (rigid.hit, rigid.mean_speed, rigid.propagated) == (2, 0.0, False)
     assert "2 of 4" in repr(rigid)
@@ -127,14 +125,14 @@ def test_a_wave_that_stops_tells_how_far_it_came() -> None:
         ({"rtol": 0.0}, "rtol = 0.0"),
     ],
 )
-def test_what_makes_no_sense_is_refused(arguments: dict[str, float], words: str) -> None:
+def test_what_makes_no_sense_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         de.simulate_standing(random_layout(0, 3), PHYSICS, **arguments)  # type: ignore[arg-type]
 
 
 def test_a_long_simulation_is_interrupted_between_pieces_and_one_of_hours_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     layout, calls = de.Layout.uniform(20_000, spacing=0.012), iter([False, False, True])
     with pytest.raises(simulation.StoppedError):
         de.simulate_standing(layout, PHYSICS, stop=lambda: next(calls))

@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,9 +36,7 @@ LAYOUT, PHYSICS = de.Layout.uniform(14, pitch=0.024), de.Physics(push=5 * np.pi)
         (0.0, 0.0, 14, 13, "DIFFERS: every arrival time"),
     ],
 )
-def test_only_what_exceeds_the_uncertainty_counts(
-    late: float, uncertainty: float, hit: int, toppled: int, word: str
-) -> None:
+def test_only_what_exceeds_the_uncertainty_counts(late, uncertainty, hit, toppled, word):
     wave = de.simulate(LAYOUT, PHYSICS)
     times = wave.arrival_times * (1.0 + late)
     times[hit:] = np.inf
@@ -64,7 +61,7 @@ def test_only_what_exceeds_the_uncertainty_counts(
     assert read["engine_floors"] == read["floors"]
 
 
-def test_a_wave_that_ends_does_so_in_the_reference_too() -> None:
+def test_a_wave_that_ends_does_so_in_the_reference_too():
     layout = de.Layout([0.012, 0.012, 0.060, 0.012], 0.0075)
     ended = verify(layout, de.Physics(push=10.0), floors=[0.5])
     assert ended.wave.hit == ended.fixed.hit == ended.standing[0].hit == 3
@@ -83,9 +80,7 @@ RANDOM = de.Layout(RNG.uniform(0.008, 0.024, 13), RNG.uniform(0.005, 0.009, 14))
 
 
 @pytest.mark.parametrize("layout", [RANDOM, HILL], ids=["random", "over a hill"])
-def test_the_engine_agrees_with_both_or_says_that_it_has_not_converged(
-    layout: de.Layout, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_engine_agrees_with_both_or_says_that_it_has_not_converged(layout, monkeypatch):
     pytest.importorskip("pymunk")
     monkeypatch.setattr(engine, "STEPS", (2e-4, 1e-4))
     monkeypatch.setattr(engine, "RTOL", 3e-3)
@@ -105,7 +100,7 @@ def test_the_engine_agrees_with_both_or_says_that_it_has_not_converged(
     assert "has not converged within its limits" in "\n".join(verification_table(rough))
 
 
-def test_dominoes_far_behind_may_be_taken_away() -> None:
+def test_dominoes_far_behind_may_be_taken_away():
     pytest.importorskip("pymunk")
     # those held in place instead would push the others on, the more the more sweeps there are
     layout = de.Layout.uniform(40, pitch=0.02)
@@ -115,7 +110,7 @@ def test_dominoes_far_behind_may_be_taken_away() -> None:
     assert largest_difference(near, whole) < 1e-5
 
 
-def test_bad_questions_are_refused() -> None:
+def test_bad_questions_are_refused():
     with pytest.raises(ValueError, match=r"floor = -0\.3"):
         verify(LAYOUT, PHYSICS, floors=[-0.3])
     with pytest.raises(ValueError, match="no wave"):
@@ -125,9 +120,7 @@ def test_bad_questions_are_refused() -> None:
 SHORT = de.load_scene("sprint").replace(count=12)
 
 
-def test_the_command_verifies_without_the_engine(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_verifies_without_the_engine(tmp_path, capsys):
     SHORT.uniform().layout.to_csv(tmp_path / "layout.csv")
     (tmp_path / "scene.toml").write_text(SHORT.to_toml())
     line = ["verify", str(tmp_path / "layout.csv"), "--floor", "free"]
@@ -140,7 +133,7 @@ def test_the_command_verifies_without_the_engine(
     assert "--floor: 'rough': give a number" in capsys.readouterr().err
 
 
-def test_the_best_uniform_layout_of_a_floor_beats_its_neighbours() -> None:
+def test_the_best_uniform_layout_of_a_floor_beats_its_neighbours():
     baseline = SHORT.uniform().layout
     assert best_uniform_on(SHORT, baseline, None) is baseline
     gap = float(best_uniform_on(SHORT, baseline, 0.3).spacing[0])

@@ -16,7 +16,7 @@ def shipped(scene):
     return uniform._shipped_points().get(uniform.stamp(scene))
 
 
-def test_every_baseline_that_ships_is_of_its_scene_and_beats_its_neighbours() -> None:
+def test_every_baseline_that_ships_is_of_its_scene_and_beats_its_neighbours():
     for name in de.scene_names():
         scene = de.load_scene(name)
         assert shipped(scene), f"{name}: run `python -m domino_env.scenes.shipping`"
@@ -36,13 +36,13 @@ def test_every_baseline_that_ships_is_of_its_scene_and_beats_its_neighbours() ->
         assert scores[1:].max() <= scores[0] * (1.0 + 1e-9), name
 
 
-def test_a_stored_baseline_is_the_computed_one_bitwise() -> None:
+def test_a_stored_baseline_is_the_computed_one_bitwise():
     for name in ("sprint", "stock", "course"):
         scene = de.load_scene(name)
         assert best_point(scene).tolist() == shipped(scene)
 
 
-def test_a_changed_scene_has_no_stored_baseline() -> None:
+def test_a_changed_scene_has_no_stored_baseline():
     scene = de.load_scene("sprint")
     renamed = replace(scene, name="mine", title="the same under another name")
     assert shipped(renamed)
@@ -50,7 +50,7 @@ def test_a_changed_scene_has_no_stored_baseline() -> None:
         assert not shipped(replace(scene, **changed))
 
 
-def test_equal_scenes_share_their_baseline() -> None:
+def test_equal_scenes_share_their_baseline():
     one, other = (replace(de.load_scene("sprint"), count=9, name="own") for _ in range(2))
     assert one is not other
     assert one.uniform() is other.uniform()
@@ -67,9 +67,7 @@ LONG = {
 
 
 @pytest.mark.parametrize("changes", LONG.values(), ids=LONG)
-def test_long_layouts_have_the_same_baseline_by_their_first_dominoes_as_whole(
-    changes, monkeypatch
-) -> None:
+def test_long_layouts_have_the_same_baseline_by_their_first_dominoes_as_whole(changes, monkeypatch):
     for name in ("FULL", "BY_PREFIX"):
         monkeypatch.setattr(uniform, name, getattr(uniform, name)._replace(line=20))
     scene = replace(de.load_scene("marathon"), count=160, **changes)

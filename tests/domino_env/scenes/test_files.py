@@ -1,7 +1,5 @@
 """Scene files: read, written back, and rejected with file, key, value and what is allowed."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from env_scenes import SCENES
@@ -42,7 +40,7 @@ def changed(**tables: str) -> str:
     return top + "\n" + "\n".join(f"[{n}]\n{t}\n" for n, t in parts.items() if t is not None)
 
 
-def test_a_step_is_a_list_of_values() -> None:
+def test_a_step_is_a_list_of_values():
     scene = read(spacing="min = 0.004\nmax = 0.0061\nstep = 0.0005")
     assert scene.spacing_values == (0.004, 0.0045, 0.005, 0.0055, 0.006)
     assert scene.spacing == (0.004, 0.006)
@@ -106,15 +104,13 @@ BAD = [
 
 
 @pytest.mark.parametrize(("tables", "words"), BAD, ids=[words[:40] for _, words in BAD])
-def test_a_bad_scene_names_the_place(tables: dict[str, str], words: str) -> None:
+def test_a_bad_scene_names_the_place(tables, words):
     with pytest.raises(ValueError) as refused:  # noqa: PT011 - compared below
         read(**tables)
     assert str(refused.value).startswith(f"asked.toml: {words}")
 
 
-def test_a_file_of_the_same_name_does_not_hide_a_scene_that_ships(
-    tmp_path: Path, monkeypatch
-) -> None:
+def test_a_file_of_the_same_name_does_not_hide_a_scene_that_ships(tmp_path, monkeypatch):
     (tmp_path / "sprint").write_text("not a scene")
     monkeypatch.chdir(tmp_path)
     assert de.load_scene("sprint").count == 40
@@ -124,7 +120,7 @@ def test_a_file_of_the_same_name_does_not_hide_a_scene_that_ships(
 
 
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
-def test_a_scene_is_a_value_that_reads_back_the_same(scene: de.Scene) -> None:
+def test_a_scene_is_a_value_that_reads_back_the_same(scene):
     again = parse_scene(scene.to_toml(), "x", "x.toml")
     assert scene == again == scene.replace()
     assert hash(scene) == hash(again)
@@ -132,12 +128,12 @@ def test_a_scene_is_a_value_that_reads_back_the_same(scene: de.Scene) -> None:
 
 
 @pytest.mark.parametrize("title", ['Wörter, "quotes", \\, $x$ and <b>', "雨"])
-def test_names_and_titles_hold_any_language(title: str) -> None:
+def test_names_and_titles_hold_any_language(title):
     scene = read().replace(title=title, name="étude (2), 雨")
     assert parse_scene(scene.to_toml(), "x", "x.toml") == scene
 
 
-def test_a_scene_made_in_python_has_the_defaults_of_a_file() -> None:
+def test_a_scene_made_in_python_has_the_defaults_of_a_file():
     own = de.Scene(count=np.int64(9), spacing=np.array([0.002, 0.04]), thickness=(0.0075, 0.0075))
     text = """
     name = "own"
@@ -166,12 +162,12 @@ def test_a_scene_made_in_python_has_the_defaults_of_a_file() -> None:
     ({"settings": Tempo(30.0, 45.0)}, r"the table \[tempo\] is given"),
     ({"stock": Stock((0.005,), (3,))}, "stock.count adds up to 3 dominoes"),
 ])  # fmt: skip
-def test_a_scene_made_in_python_is_checked_as_its_file(changes, words: str) -> None:
+def test_a_scene_made_in_python_is_checked_as_its_file(changes, words):
     with pytest.raises(ValueError, match=f"^scene '.*': {words}"):
         de.load_scene("sprint").replace(**changes)
 
 
-def test_a_scene_in_millimetres_gives_a_hint() -> None:
+def test_a_scene_in_millimetres_gives_a_hint():
     with pytest.warns(
         Advice, match="asked.toml: the dominoes are 48 m tall: lengths are in metres"
     ):

@@ -15,7 +15,7 @@ SMALL = replace(
 GAPS = np.random.default_rng(3).uniform(*SMALL.spacing, (6, SMALL.count - 1))
 
 
-def test_the_score_is_the_speed_of_the_free_standing_layout() -> None:
+def test_the_score_is_the_speed_of_the_free_standing_layout():
     layout = SMALL.layout(GAPS[0])
     free_standing = de.simulate_standing(layout, SMALL.physics, SMALL.floor_friction)
     assert free_standing.topples.all()
@@ -29,7 +29,7 @@ def test_the_score_is_the_speed_of_the_free_standing_layout() -> None:
     assert "floor of friction 0.3" in SMALL.in_words(SMALL.score(layout), SMALL.simulate(layout))
 
 
-def test_a_failure_scores_by_how_far_it_topples() -> None:
+def test_a_failure_scores_by_how_far_it_topples():
     scene = replace(SMALL, spacing=(0.001, 0.06))
     gaps = np.repeat(GAPS[:1], 3, axis=0)
     gaps[0, 1] = gaps[1, 3] = 0.055  # out of reach
@@ -38,7 +38,7 @@ def test_a_failure_scores_by_how_far_it_topples() -> None:
     assert 2.0 / 5.0 <= early + 1.0 < 4.0 / 5.0 <= late + 1.0
 
 
-def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts() -> None:
+def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     placement = de.Placement(0.001, quantile=0.5, draws=4, seed=1)
     scene = SMALL.replace(objective="robust", settings=placement)
     speeds = np.sort(SMALL.evaluate(SMALL.batch(placement.placed(GAPS[:1]))).score)
@@ -51,7 +51,7 @@ def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts() ->
     assert words.endswith("on a floor of friction 0.3 reached by 50 % of the layouts as placed")
 
 
-def test_scores_do_not_depend_on_batch_and_threads() -> None:
+def test_scores_do_not_depend_on_batch_and_threads():
     threads = numba.get_num_threads()
     together = SMALL.evaluate(SMALL.batch(GAPS)).score
     try:
@@ -63,7 +63,7 @@ def test_scores_do_not_depend_on_batch_and_threads() -> None:
     assert np.array_equal(SMALL.evaluate_waves(waves).score, together[:2])
 
 
-def test_gradients_are_those_of_the_analytic_model_scaled_by_the_speed() -> None:
+def test_gradients_are_those_of_the_analytic_model_scaled_by_the_speed():
     free_standing, analytic = (
         scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
         for scene in (SMALL, replace(SMALL, floor_friction=None))
@@ -76,7 +76,7 @@ def test_gradients_are_those_of_the_analytic_model_scaled_by_the_speed() -> None
         )
 
 
-def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch) -> None:
+def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch):
     monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=4))
     baseline = SMALL.uniform()
     assert baseline.score == SMALL.score(baseline.layout)
@@ -84,14 +84,14 @@ def test_the_uniform_baseline_is_the_best_on_that_floor(monkeypatch) -> None:
     assert baseline.score >= SMALL.evaluate(SMALL.batch(gaps)).score.max() * (1.0 - 3e-4)
 
 
-def test_a_scene_without_success_has_a_baseline_and_a_search(monkeypatch) -> None:
+def test_a_scene_without_success_has_a_baseline_and_a_search(monkeypatch):
     monkeypatch.setattr(uniform, "STANDING", uniform.STANDING._replace(line=3, finest=1e-3))
     scene = replace(SMALL, physics=de.Physics(push=0.3))
     assert -1.0 < scene.uniform().score < 0.0
     assert scene.uniform().score <= search(scene, budget=4, progress=False).score < 0.0
 
 
-def test_auto_on_a_floor(monkeypatch) -> None:
+def test_auto_on_a_floor(monkeypatch):
     from optimize.methods.search import two_fidelities
 
     monkeypatch.setattr(two_fidelities, "ANALYTIC", 200)

@@ -25,7 +25,7 @@ def gaps_of(scene: Scene, spacings: int, seed: int = 0) -> np.ndarray:
 # tempo ------------------------------------------------------------------------------------------
 
 
-def test_the_schedule_of_tempo_rises_from_30_to_45_hits_a_second() -> None:
+def test_the_schedule_of_tempo_rises_from_30_to_45_hits_a_second():
     scene = de.load_scene("tempo")
     times = scene.tempo.schedule(40)
     rates = 1.0 / np.diff(times, prepend=0.0)
@@ -34,7 +34,7 @@ def test_the_schedule_of_tempo_rises_from_30_to_45_hits_a_second() -> None:
     assert np.diff(rates) == pytest.approx(np.full(38, 15.0 / 38.0))
 
 
-def test_a_layout_meets_its_own_arrival_times() -> None:
+def test_a_layout_meets_its_own_arrival_times():
     plain = some("tempo", count=9)
     layout = plain.layout(0.005 + 0.3 * gaps_of(plain, 1)[0], 0.006)
     times = plain.simulate(layout).arrival_times
@@ -51,7 +51,7 @@ def test_a_layout_meets_its_own_arrival_times() -> None:
 # robust -----------------------------------------------------------------------------------------
 
 
-def test_the_robust_score_is_the_quantile_computed_by_hand() -> None:
+def test_the_robust_score_is_the_quantile_computed_by_hand():
     scene = some("jitter", count=9)
     spacings = 0.005 + 0.4 * gaps_of(scene, 2, seed=4)
     errors = 0.0005 * np.random.default_rng(0).standard_normal((256, 8))
@@ -64,7 +64,7 @@ def test_the_robust_score_is_the_quantile_computed_by_hand() -> None:
         assert scene.score(scene.layout(gaps)) == pytest.approx(score, rel=1e-12)
 
 
-def test_draws_that_stop_count_as_zero() -> None:
+def test_draws_that_stop_count_as_zero():
     scene = some("jitter", count=9, settings=Placement(0.002, 0.25, 40, seed=3))
     gaps = np.full((1, 8), 0.02)
     gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
@@ -76,20 +76,20 @@ def test_draws_that_stop_count_as_zero() -> None:
     assert few.evaluate(few.batch(gaps)).score[0] > 0.0
 
 
-def test_no_gap_is_placed_tighter_than_a_fifth_of_a_millimetre() -> None:
+def test_no_gap_is_placed_tighter_than_a_fifth_of_a_millimetre():
     placed = Placement(0.01, draws=500, seed=1).placed(np.full((3, 5), 0.002))
     assert placed.shape == (1500, 5)
     assert placed.min() == LEAST_GAP
     assert np.array_equal(placed[:500], placed[500:1000])  # the same errors for every layout
 
 
-def test_the_rank_of_a_quantile() -> None:
+def test_the_rank_of_a_quantile():
     for quantile, draws, rank in [(0.05, 256, 12), (0.05, 20, 0), (0.5, 3, 1), (1.0, 7, 6),
                                   (0.1, 10, 0), (0.3, 10, 2)]:  # fmt: skip
         assert Placement(0.1, quantile, draws).rank == rank
 
 
-def test_without_errors_robust_is_the_mean_speed() -> None:
+def test_without_errors_robust_is_the_mean_speed():
     scene = some("jitter", count=9, settings=Placement(0.0, draws=3))
     spacings = 0.005 + 0.4 * gaps_of(scene, 5)
     plain = replace(scene, objective="mean_speed", settings=None)
@@ -100,7 +100,7 @@ def test_without_errors_robust_is_the_mean_speed() -> None:
 # toppled, magnify, time -------------------------------------------------------------------------
 
 
-def test_more_dominoes_toppled_score_more() -> None:
+def test_more_dominoes_toppled_score_more():
     scene = some("sprint", objective="toppled", count=20, spacing=(0.01, 0.05))
     spacings = np.full((13, 19), 0.016)
     for k in range(12):
@@ -113,7 +113,7 @@ def test_more_dominoes_toppled_score_more() -> None:
     assert scores[-1] == 20.0
 
 
-def test_magnify_scores_the_height_of_the_last() -> None:
+def test_magnify_scores_the_height_of_the_last():
     scene = de.load_scene("magnify")
     tall = 0.048 * 1.3 ** np.arange(1, 12)
     before = np.concatenate([[0.048], tall[:-1]])
@@ -125,7 +125,7 @@ def test_magnify_scores_the_height_of_the_last() -> None:
     assert -1.0 < scene.score(scene.layout(0.05 * before, None, tall)) < 0.0
 
 
-def test_growing_heights_keep_their_rules() -> None:
+def test_growing_heights_keep_their_rules():
     scene = de.load_scene("magnify")
     tall = 0.048 * 1.3 ** np.arange(1, 12)
     before = np.concatenate([[0.048], tall[:-1]])
@@ -138,7 +138,7 @@ def test_growing_heights_keep_their_rules() -> None:
         scene.layout(0.02)
 
 
-def test_the_uniform_baseline_with_growth() -> None:
+def test_the_uniform_baseline_with_growth():
     baseline = de.load_scene("magnify").uniform()
     growth = baseline.layout.height[1:] / baseline.layout.height[:-1]
     assert np.ptp(growth) < 1e-12
@@ -147,7 +147,7 @@ def test_the_uniform_baseline_with_growth() -> None:
     assert baseline.score == pytest.approx(0.048 * 1.6**11)
 
 
-def test_the_time_over_a_length_orders_layouts_by_speed() -> None:
+def test_the_time_over_a_length_orders_layouts_by_speed():
     scene = some("course", objective="time")
     speed = de.load_scene("course")
     layout = speed.uniform().layout
@@ -158,7 +158,7 @@ def test_the_time_over_a_length_orders_layouts_by_speed() -> None:
 # limits -----------------------------------------------------------------------------------------
 
 
-def test_a_broken_limit_scores_between_failures_and_successes() -> None:
+def test_a_broken_limit_scores_between_failures_and_successes():
     plain = some("gentle", count=20)
     random = np.random.default_rng(7)
     gaps = random.uniform(*plain.spacing, (400, 19))
@@ -181,7 +181,7 @@ def test_a_broken_limit_scores_between_failures_and_successes() -> None:
     assert np.all(np.argsort(before[dead]) == np.argsort(after[dead]))
 
 
-def test_falls_are_counted() -> None:
+def test_falls_are_counted():
     plain = some("gentle", count=20)
     gaps = gaps_of(plain, 60)
     thick = np.random.default_rng(7).uniform(*plain.thickness, (60, 19))
@@ -195,7 +195,7 @@ def test_falls_are_counted() -> None:
 # stock and lists --------------------------------------------------------------------------------
 
 
-def test_the_stock_of_the_scene() -> None:
+def test_the_stock_of_the_scene():
     scene = de.load_scene("stock")
     left = scene.stock.without(0.0075)
     assert left.count == (16, 13, 10)
@@ -209,7 +209,7 @@ def test_the_stock_of_the_scene() -> None:
     assert scene.violations(scene.layout(0.015, order))[0].startswith("thickness[4] = 0.006 m")
 
 
-def test_the_uniform_baseline_of_a_stock_has_one_pitch_and_the_order_given() -> None:
+def test_the_uniform_baseline_of_a_stock_has_one_pitch_and_the_order_given():
     scene = de.load_scene("stock")
     baseline = scene.uniform()
     assert np.ptp(baseline.layout.pitch) < 1e-12
@@ -217,7 +217,7 @@ def test_the_uniform_baseline_of_a_stock_has_one_pitch_and_the_order_given() -> 
     assert scene.violations(baseline.layout) == []
 
 
-def test_values_are_on_the_list_and_change_no_faster_than_allowed() -> None:
+def test_values_are_on_the_list_and_change_no_faster_than_allowed():
     scene = some("sprint", count=5, spacing_values=(0.002, 0.01, 0.02, 0.04), largest_change=0.01)
     assert scene.violations(scene.layout([0.002, 0.01, 0.02, 0.02])) == []
     words = scene.violations(scene.layout([0.002, 0.011, 0.04, 0.02]))
@@ -228,7 +228,7 @@ def test_values_are_on_the_list_and_change_no_faster_than_allowed() -> None:
     ]
 
 
-def test_the_uniform_baseline_of_lists() -> None:
+def test_the_uniform_baseline_of_lists():
     scene = some("sprint", count=12, spacing_values=(0.002, 0.011, 0.017, 0.04),
                  thickness=(0.005, 0.01), thickness_values=(0.005, 0.0075, 0.01))  # fmt: skip
     baseline = scene.uniform()
@@ -249,7 +249,7 @@ LISTS = {
 
 
 @pytest.mark.parametrize(("name", "changes"), LISTS.values(), ids=LISTS)
-def test_the_uniform_baseline_ignores_lists_that_do_not_meet_the_length(name, changes) -> None:
+def test_the_uniform_baseline_ignores_lists_that_do_not_meet_the_length(name, changes):
     scene = some(name, **changes)
     uniform = scene.uniform().layout
     assert uniform.length == pytest.approx(scene.length, abs=1e-12)
@@ -258,7 +258,7 @@ def test_the_uniform_baseline_ignores_lists_that_do_not_meet_the_length(name, ch
     assert kinds == {"thickness" if name == "sprint" else "spacing"}
 
 
-def test_the_uniform_baseline_takes_a_gap_of_the_list_that_meets_the_length() -> None:
+def test_the_uniform_baseline_takes_a_gap_of_the_list_that_meets_the_length():
     scene = some("course", spacing_values=GRID, length=59 * (0.0075 + 0.0125))
     assert scene.uniform().layout.spacing == pytest.approx(np.full(59, 0.0125))
     assert scene.violations(scene.uniform().layout) == []
@@ -269,7 +269,7 @@ def test_the_uniform_baseline_takes_a_gap_of_the_list_that_meets_the_length() ->
 
 @pytest.mark.parametrize("name", ["sprint", "course", "tempo", "jitter", "magnify"])
 @pytest.mark.parametrize("limits", [None, Limits(0.3, 0.02)])
-def test_scores_with_and_without_gradients_are_bitwise_equal(name: str, limits) -> None:
+def test_scores_with_and_without_gradients_are_bitwise_equal(name, limits):
     scene = replace(de.load_scene(name), limits=limits)
     random = np.random.default_rng(3)
     low, high = scene.spacing

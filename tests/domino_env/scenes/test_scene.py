@@ -2,7 +2,6 @@
 
 import dataclasses
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -39,7 +38,7 @@ def random_sizes(scene: de.Scene, count: int, seed: int) -> tuple[np.ndarray, np
 # what ships -------------------------------------------------------------------------------------
 
 
-def test_the_scenes_that_ship() -> None:
+def test_the_scenes_that_ship():
     assert NAMES == [
         "course", "downhill", "gentle", "hills", "ideal", "jitter", "magnify", "marathon", "sprint",
         "sprint-thickness", "stock", "table", "tempo", "uphill",
@@ -59,7 +58,7 @@ def test_the_scenes_that_ship() -> None:
         ("marathon", 0.988, 5e-4, 0.004, 0.0075),
     ],
 )
-def test_the_uniform_baseline(name, speed, digits, gap, thickness) -> None:
+def test_the_uniform_baseline(name, speed, digits, gap, thickness):
     scene = de.load_scene(name)
     baseline = scene.uniform()
     assert baseline.score == pytest.approx(speed, abs=digits)
@@ -74,20 +73,20 @@ def test_the_uniform_baseline(name, speed, digits, gap, thickness) -> None:
     assert scene.uniform() is baseline
 
 
-def test_a_baseline_that_stops_explains_why() -> None:
+def test_a_baseline_that_stops_explains_why():
     baseline = small(physics=de.Physics(push=0.01)).uniform()
     assert baseline.wave.outcome == de.Outcome.STALLED
     assert -1.0 <= baseline.score < 0.0
     assert "stalled" in baseline.wave.explanation
 
 
-def test_a_scene_without_design_variables_has_a_baseline() -> None:
+def test_a_scene_without_design_variables_has_a_baseline():
     scene = small(spacing=(0.016, 0.016))
     assert not scene.free_spacing
     assert scene.uniform().layout.spacing.tolist() == [0.016] * 7
 
 
-def test_a_length_fixes_the_gap_and_may_leave_the_thickness() -> None:
+def test_a_length_fixes_the_gap_and_may_leave_the_thickness():
     scene = small(length=0.14, thickness=(0.005, 0.01))
     layout = scene.uniform().layout
     assert layout.length == pytest.approx(0.14, abs=1e-12)
@@ -97,7 +96,7 @@ def test_a_length_fixes_the_gap_and_may_leave_the_thickness() -> None:
 # the score --------------------------------------------------------------------------------------
 
 
-def test_a_success_scores_its_speed_and_a_failure_how_far_it_came() -> None:
+def test_a_success_scores_its_speed_and_a_failure_how_far_it_came():
     scene = de.load_scene("gentle")
     spacing, thickness = random_sizes(scene, 300, seed=2)
     scores = scene.evaluate(scene.batch(spacing, thickness, rtol=1e-10)).score
@@ -110,13 +109,13 @@ def test_a_success_scores_its_speed_and_a_failure_how_far_it_came() -> None:
     assert np.all((scores > 0.0) | ((scores >= -1.0) & (scores < 0.0)))
 
 
-def test_a_layout_that_breaks_the_rules_has_no_score() -> None:
+def test_a_layout_that_breaks_the_rules_has_no_score():
     scene = small()
     with pytest.raises(ValueError, match=r"scene 'small': spacing\[0\] = 0\.035 m"):
         scene.score(scene.layout(0.035))
 
 
-def test_every_violation_has_its_sentence() -> None:
+def test_every_violation_has_its_sentence():
     scene = small(length=0.14, thickness=(0.006, 0.008))
     assert scene.violations(de.Layout([0.01], 0.0075)) == [
         "the layout has 2 dominoes, and the scene 8"
@@ -131,7 +130,7 @@ def test_every_violation_has_its_sentence() -> None:
     assert words[5].startswith("the layout is 0.138000000 m long: the scene has 0.14 m (-0.002 m)")
 
 
-def test_the_scene_completes_a_layout() -> None:
+def test_the_scene_completes_a_layout():
     scene = small(first_thickness=0.009)
     layout = scene.layout(0.016)
     assert layout.thickness.tolist() == [0.009] + [0.0075] * 7
@@ -139,7 +138,7 @@ def test_the_scene_completes_a_layout() -> None:
         small(thickness=(0.005, 0.01)).layout(0.016)
 
 
-def test_a_pickled_scene_keeps_its_baseline() -> None:
+def test_a_pickled_scene_keeps_its_baseline():
     scene = small()
     baseline = scene.uniform()
     other = pickle.loads(pickle.dumps(scene))
@@ -150,7 +149,7 @@ def test_a_pickled_scene_keeps_its_baseline() -> None:
 # files ------------------------------------------------------------------------------------------
 
 
-def test_the_default_name_is_that_of_the_file(tmp_path: Path) -> None:
+def test_the_default_name_is_that_of_the_file(tmp_path):
     path = tmp_path / "garden.toml"
     path.write_text(SMALL)
     scene = de.load_scene(path)

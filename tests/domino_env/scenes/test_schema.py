@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -17,14 +16,14 @@ SCENES = sorted(SCHEMA.parent.glob("*.toml"))
 VALIDATOR = jsonschema.Draft202012Validator(scene_schema())
 
 
-def test_the_shipped_schema_is_up_to_date() -> None:
+def test_the_shipped_schema_is_up_to_date():
     kept = json.loads(SCHEMA.read_text("utf-8"))
     assert kept == scene_schema(), "run `python -m domino_env.scenes.shipping`"
     jsonschema.Draft202012Validator.check_schema(kept)
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_scenes_that_ship_name_the_schema_and_keep_it(path: Path) -> None:
+def test_scenes_that_ship_name_the_schema_and_keep_it(path):
     text = path.read_text("utf-8")
     assert text.startswith(f"#:schema ./{SCHEMA.name}\n")
     VALIDATOR.validate(tomllib.loads(text))
@@ -50,7 +49,7 @@ def sprint(**tables: Any) -> dict[str, Any]:
     ],
     ids=range(9),
 )
-def test_the_reader_rejects_what_the_schema_rejects(document: dict[str, Any]) -> None:
+def test_the_reader_rejects_what_the_schema_rejects(document):
     assert not VALIDATOR.is_valid(document)
     with pytest.raises(ValueError, match=r"bad\.toml: "):
         scene_of_document(document, "bad", "bad.toml")

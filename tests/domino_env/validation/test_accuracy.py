@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,7 +46,7 @@ def _random_layouts(batch: int = 250, n: int = 30) -> Iterator[tuple[str, Physic
     yield "uneven ground", Physics(push=10.0), uneven
 
 
-def test_estimates_are_honest_and_tolerances_kept_over_random_layouts() -> None:
+def test_estimates_are_honest_and_tolerances_kept_over_random_layouts():
     small = runs = 0
     for name, physics, layouts in _random_layouts():
         exact = simulate_batch(**layouts, physics=physics, rtol=1e-13)
@@ -75,13 +74,13 @@ def _run(seconds: float, error: float) -> Measurement:
     return Measurement("example", "rk4", 1e-3, error, math.nan, seconds, 7, "PROPAGATED")
 
 
-def test_the_error_is_the_largest_over_the_dominoes_hit() -> None:
+def test_the_error_is_the_largest_over_the_dominoes_hit():
     exact = np.array([0.0, 1.0, 2.0, np.inf])
     assert error_of(np.array([0.0, 1.01, 2.04, np.inf]), exact) == pytest.approx(0.02)
     assert error_of(np.array([0.0, 1.0, 2.0, 3.0]), exact) == math.inf
 
 
-def test_run_times_at_a_level_lie_between_those_measured() -> None:
+def test_run_times_at_a_level_lie_between_those_measured():
     runs = [_run(1.0, 1e-2), _run(2.0, 1e-4), _run(0.5, math.inf)]
     found = [time_to_reach(runs, level) for level in (1e-2, 1e-3, 1e-4, 1e-6)]
     assert found == pytest.approx([1.0, math.sqrt(2.0), 2.0, math.nan], nan_ok=True)
@@ -91,7 +90,7 @@ def test_run_times_at_a_level_lie_between_those_measured() -> None:
 SIX = EdgeCase("short", "six", Layout.uniform(6, pitch=0.016), Physics())
 
 
-def test_every_solver_is_measured_and_finer_is_better() -> None:
+def test_every_solver_is_measured_and_finer_is_better():
     runs = list(accuracy.measure([SIX], seconds=0.05, quick=True))
     assert {m.solver for m in runs} == set(accuracy.SOLVERS)
     for solver in accuracy.SOLVERS:
@@ -103,13 +102,13 @@ def test_every_solver_is_measured_and_finer_is_better() -> None:
     assert len(list(accuracy.measure([SIX], seconds=1e-9))) == len(accuracy.SOLVERS)
 
 
-def test_a_wave_that_ends_otherwise_has_no_error() -> None:
+def test_a_wave_that_ends_otherwise_has_no_error():
     weak = EdgeCase("weak", "stalls", Layout.uniform(3, spacing=0.002), Physics(0.5, push=2.9))
     runs = list(accuracy.measure([weak], quick=True))
     assert all((m.outcome == "STALLED") == math.isfinite(m.error) for m in runs)
 
 
-def test_the_standard_examples_are_what_they_are_called() -> None:
+def test_the_standard_examples_are_what_they_are_called():
     waves = {one.group: simulate(one.layout, one.physics) for one in accuracy.standard_examples()}
     assert all(wave.outcome == Outcome.PROPAGATED for wave in waves.values())
     assert waves["classic"].arrival_times[-1] == pytest.approx(1.746404, abs=5e-7)
@@ -117,7 +116,7 @@ def test_the_standard_examples_are_what_they_are_called() -> None:
     assert np.nanmin(waves["near-stall"].stall_margin) == pytest.approx(1e-3, rel=1e-2)
 
 
-def test_a_scene_gives_its_uniform_baseline_and_a_random_layout() -> None:
+def test_a_scene_gives_its_uniform_baseline_and_a_random_layout():
     scene = load_scene("sprint-thickness")
     uniform, random = accuracy.scene_examples(scene)
     np.testing.assert_array_equal(uniform.layout.spacing, scene.uniform().layout.spacing)
@@ -133,9 +132,9 @@ def test_a_scene_gives_its_uniform_baseline_and_a_random_layout() -> None:
     ],
 )
 def test_domino_accuracy_writes_table_and_picture(
-    options: str, summary: str, table: str, lines: int, tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+    options, summary, table, lines, tmp_path,
+    capsys,
+):  # fmt: skip
     assert main(["accuracy", *options.split(), "--quick", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr()
     assert summary in printed.out

@@ -1,7 +1,5 @@
 """Chapman's tables and figures."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,7 @@ from domino_env.validation.chapman import (
 )
 
 
-def test_the_tables_are_those_of_the_independent_solution() -> None:
+def test_the_tables_are_those_of_the_independent_solution():
     found = np.array(angular_velocities())
     known = [[13.63153, 17.24773], [14.82572, 21.74023], [14.79539, 24.80159]]
     np.testing.assert_allclose(found[:, 1:3], known, atol=1e-5)
@@ -24,11 +22,11 @@ def test_the_tables_are_those_of_the_independent_solution() -> None:
     np.testing.assert_allclose(with_friction, [59.87259, 37.22842, 26.25904], atol=1e-5)
 
 
-def test_one_printed_number_differs() -> None:
+def test_one_printed_number_differs():
     assert markdown().count("(17.80*)") == markdown().count("*)") == 1
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_figures_are_drawn(name: str, tmp_path: Path) -> None:
+def test_figures_are_drawn(name, tmp_path):
     draw(name, tmp_path / "figure.png")
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")

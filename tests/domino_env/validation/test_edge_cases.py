@@ -28,13 +28,13 @@ SHORT = {str(case): case for case in short_cases()}
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_the_answer_is_right_and_says_how_right(case: EdgeCase) -> None:
+def test_the_answer_is_right_and_says_how_right(case):
     for rtol in (1e-4, 1e-8, 1e-12):
         assert examine(case, rtol).faults == ""
 
 
 @pytest.mark.parametrize("name", SHORT)
-def test_the_tightest_run_meets_the_stored_digits(name: str) -> None:
+def test_the_tightest_run_meets_the_stored_digits(name):
     case, true = SHORT[name], reference_waves()[name]
     wave = simulate(case.layout, case.physics, rtol=1e-13)
     error = true.relative_error(wave.arrival_times)
@@ -44,7 +44,7 @@ def test_the_tightest_run_meets_the_stored_digits(name: str) -> None:
         assert error < 4e-15 / true.lowest
 
 
-def test_the_stored_digits_are_those_of_every_short_case_as_solved_now() -> None:
+def test_the_stored_digits_are_those_of_every_short_case_as_solved_now():
     assert list(reference_waves()) == list(SHORT)
     assert len(SHORT) == 60
     for name in ("short: μ = 0.25, one face impact", "short: jams", "short: μ = 0, out of reach"):
@@ -61,7 +61,7 @@ EASY_TO_STEP = [case for case in CASES if not any(word in str(case) for word in 
 
 
 @pytest.mark.parametrize("case", EASY_TO_STEP, ids=str)
-def test_steps_in_time_end_alike(case: EdgeCase) -> None:
+def test_steps_in_time_end_alike(case):
     wave = simulate(case.layout, case.physics, rtol=1e-12)
     swing = math.sqrt(case.layout.height.min() / case.physics.gravity)
     last = wave.arrival_times[wave.hit - 1] / wave.hit
@@ -72,26 +72,14 @@ def test_steps_in_time_end_alike(case: EdgeCase) -> None:
     assert error < 1e-6 + 100.0 * wave.error_estimate
 
 
-@pytest.mark.parametrize("friction", [0.25, 0.0])
-def test_sizes_and_gravity_change_no_dimensionless_answer(friction: float) -> None:
-    times = []
-    for case in CASES:
-        if case.group == "sizes and gravity" and case.physics.friction == friction:
-            swing = math.sqrt(case.layout.height[0] / case.physics.gravity)
-            wave = simulate(case.layout, case.physics, rtol=1e-13)
-            times.append(wave.arrival_times / swing)
-    assert len(times) == 20
-    np.testing.assert_allclose(times[1:], np.broadcast_to(times[0], (19, 30)), rtol=1e-12)
-
-
-def test_a_fault_says_what_is_wrong() -> None:
+def test_a_fault_says_what_is_wrong():
     layout = Layout.uniform(3, pitch=0.016)
     answer = examine(EdgeCase("group", "name", layout, Physics(), (Outcome.JAMMED,)))
     assert answer.faults == "expected JAMMED"
     assert stability_table([answer])[1].endswith("expected JAMMED")
 
 
-def test_a_million_dominoes_need_little_more_than_their_results() -> None:
+def test_a_million_dominoes_need_little_more_than_their_results():
     layout = Layout.uniform(1_000_000, pitch=0.016)
     tracemalloc.start()
     wave = simulate(layout, Physics(), rtol=1e-6)
@@ -103,7 +91,7 @@ def test_a_million_dominoes_need_little_more_than_their_results() -> None:
 
 
 @pytest.mark.parametrize("width", [0.0, 0.01], ids=["equal gaps", "random gaps"])
-def test_long_layouts_do_not_lose_digits(width: float) -> None:
+def test_long_layouts_do_not_lose_digits(width):
     rng, errors = np.random.default_rng(6), []
     for count in (100, 100_000):
         layout = Layout(0.0085 + width * rng.uniform(0.15, 1.15, count - 1), 0.0075)
@@ -124,7 +112,7 @@ OPTIMISTIC_CASES = golden_layouts.OPTIMISTIC_CASES | {
 
 
 @pytest.mark.parametrize("name", OPTIMISTIC_CASES)
-def test_estimates_hold_where_searches_found_larger_errors(name: str) -> None:
+def test_estimates_hold_where_searches_found_larger_errors(name):
     case = OPTIMISTIC_CASES[name]
     tight = simulate(*case, rtol=1e-13)
     for rtol in (1e-3, 1e-4, 1e-6, 1e-10):

@@ -36,7 +36,7 @@ def synthetic(source: Source, friction: float, factor: float = 1.0) -> Source:
 
 
 @pytest.mark.parametrize("name", SOURCES)
-def test_a_source_is_complete_and_the_friction_of_synthetic_chains_is_recovered(name: str) -> None:
+def test_a_source_is_complete_and_the_friction_of_synthetic_chains_is_recovered(name):
     source = SOURCES[name]
     assert re.search(r"https?://|\d{4}|University", source.reference)
     assert source.unknown
@@ -51,7 +51,7 @@ def test_a_source_is_complete_and_the_friction_of_synthetic_chains_is_recovered(
     np.testing.assert_allclose(found.predicted, values, rtol=1e-4)
 
 
-def test_friction_is_found_from_frequencies() -> None:
+def test_friction_is_found_from_frequencies():
     pitches, measured = (0.016, 0.024, 0.032), (64.4, 42.3, 28.1)
     found = de.fit_friction(pitches, measured, gravity=9.8)
     assert found.friction == pytest.approx(0.178, abs=1e-3)
@@ -66,7 +66,7 @@ def test_friction_is_found_from_frequencies() -> None:
             de.fit_friction(pitches, frequencies)
 
 
-def test_fits_weigh_values_by_their_uncertainty() -> None:
+def test_fits_weigh_values_by_their_uncertainty():
     def model(friction: float) -> np.ndarray:
         return friction * np.array([1.0, 2.0])
 
@@ -79,7 +79,7 @@ def test_fits_weigh_values_by_their_uncertainty() -> None:
     assert fit(lambda f: np.array([math.inf]), values[:1], sigmas[:1])[1] == math.inf
 
 
-def test_the_uncertainty_of_a_spacing_counts() -> None:
+def test_the_uncertainty_of_a_spacing_counts():
     source = SOURCES["chapman"]
     found = compare(source, source.setting)
     low, high = (
@@ -89,7 +89,7 @@ def test_the_uncertainty_of_a_spacing_counts() -> None:
     assert found.sigmas[0] == pytest.approx(math.hypot(1.3, (high - low) / 2), rel=1e-2)
 
 
-def test_the_reasons_name_the_evidence() -> None:
+def test_the_reasons_name_the_evidence():
     toronto, chapman = SOURCES["toronto"], SOURCES["chapman"]
     right = validate(synthetic(toronto, 0.2), {})
     assert (right.explained, right.reasons) == (True, ())
@@ -115,7 +115,7 @@ def test_the_reasons_name_the_evidence() -> None:
     assert other.main.chi_square < pitch.chi_square
 
 
-def test_effects_are_as_large_as_simulated_layouts_have_them() -> None:
+def test_effects_are_as_large_as_simulated_layouts_have_them():
     setting = SOURCES["toronto"].setting
     assert uneven_gaps(0.0, setting, 0.02, 0.2) == pytest.approx(1.0, abs=1e-9)
     narrow = [uneven_gaps(d, setting, 0.015, 0.2) for d in (0.005, 0.02)]
@@ -127,14 +127,14 @@ def test_effects_are_as_large_as_simulated_layouts_have_them() -> None:
     assert sliding_feet(1.0, setting, 0.0508, 0.05) < 0.9
 
 
-def test_the_page_shows_the_results_of_the_command() -> None:
+def test_the_page_shows_the_results_of_the_command():
     text = (ROOT / "docs" / "measured-sources.md").read_text("utf-8")
     lines = markdown([validate(SOURCES["walker"])])
     assert "\n".join(lines[lines.index("## walker") :]) in text
     assert all(f"## {name}\n\n**{source.title}.**" in text for name, source in SOURCES.items())
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path, capsys):
     words = ["validate", "walker", "8=90", "--thickness", "3", "--out", str(tmp_path)]
     assert main([*words, "--json", str(tmp_path / "all.json")]) == 0
     assert "2 of 2 sources explained" in capsys.readouterr().out

@@ -32,13 +32,13 @@ def _error(name: str, method: str, setting: float) -> float:
     return error_of(stepped.arrival_times, exact.arrival_times)
 
 
-def test_the_layouts_have_every_state_of_contact() -> None:
+def test_the_layouts_have_every_state_of_contact():
     assert simulate(*LAYOUTS["face impacts together"]).flushes >= 4
     assert simulate(*LAYOUTS["separations"]).releases > 0
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_runge_kutta_with_located_hits_is_of_order_four(name: str) -> None:
+def test_runge_kutta_with_located_hits_is_of_order_four(name):
     steps = np.array([2e-3, 1e-3, 5e-4, 2.5e-4])
     errors = [_error(name, "rk4", step) for step in steps]
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
@@ -48,7 +48,7 @@ def test_runge_kutta_with_located_hits_is_of_order_four(name: str) -> None:
 
 @pytest.mark.parametrize("method", ["euler", "rk4-step"])
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_hits_located_to_the_step_leave_order_one(name: str, method: str) -> None:
+def test_hits_located_to_the_step_leave_order_one(name, method):
     # an error depends on where in its step a hit falls: the mean over several steps tells
     def mean_error(step: float) -> float:
         return float(np.mean([_error(name, method, step * x) for x in np.linspace(0.8, 1.2, 15)]))
@@ -60,7 +60,7 @@ def test_hits_located_to_the_step_leave_order_one(name: str, method: str) -> Non
 
 @pytest.mark.parametrize("method", ADAPTIVE)
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_scipy_meets_the_answer(name: str, method: str) -> None:
+def test_scipy_meets_the_answer(name, method):
     loose, tight = _error(name, method, 1e-4), _error(name, method, 1e-9)
     assert loose < 2e-2
     assert tight < 1e-6
@@ -82,7 +82,7 @@ DEAD = {
 
 @pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
 @pytest.mark.parametrize("name", DEAD)
-def test_a_wave_ends_for_the_same_reason(name: str, method: str) -> None:
+def test_a_wave_ends_for_the_same_reason(name, method):
     layout, physics = DEAD[name]
     wave = simulate(layout, physics)
     setting = 1e-4 if method in FIXED else 1e-8
@@ -94,7 +94,7 @@ def test_a_wave_ends_for_the_same_reason(name: str, method: str) -> None:
 
 
 @pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
-def test_the_evaluations_allowed_are_kept(method: str) -> None:
+def test_the_evaluations_allowed_are_kept(method):
     setting = 1e-5 if method in FIXED else 1e-8
     stepped = integrate(*LAYOUTS["uniform"], method, setting, most=100)
     assert stepped.outcome is None
@@ -105,6 +105,6 @@ def test_the_evaluations_allowed_are_kept(method: str) -> None:
     ("method", "step", "message"),
     [("heun", 1e-3, "choose one of euler, rk4-step, rk4, RK45"), ("rk4", 0.0, "more than 0")],
 )
-def test_what_cannot_be_stepped_is_refused(method: str, step: float, message: str) -> None:
+def test_what_cannot_be_stepped_is_refused(method, step, message):
     with pytest.raises(ValueError, match=message):
         integrate(*LAYOUTS["uniform"], method, step)

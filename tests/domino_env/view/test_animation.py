@@ -17,7 +17,7 @@ def pixels(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
     return int((np.abs(frame.astype(int) - colour).sum(axis=-1) < 12).sum())
 
 
-def test_a_race_ends_when_all_lie(tmp_path: Path) -> None:
+def test_a_race_ends_when_all_lie(tmp_path):
     racers = [
         Racer(name, de.simulate(de.Layout.uniform(40, spacing=gap), de.Physics()))
         for name, gap in (("a", 0.010), ("b", 0.018))
@@ -40,7 +40,7 @@ def test_a_race_ends_when_all_lie(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [30, 120])
-def test_a_race_has_one_camera_and_one_finish(count: int) -> None:
+def test_a_race_has_one_camera_and_one_finish(count):
     # 120 dominoes do not fit the picture, which follows the first leader in both strips
     gaps = np.linspace(0.006, 0.030, count - 1)
     racers = [
@@ -65,7 +65,7 @@ def layout(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(("ending", "begins"), [("gif", b"GIF8"), ("mp4", b"ftyp")])
-def test_the_command_writes_the_file(layout: Path, ending: str, begins: bytes) -> None:
+def test_the_command_writes_the_file(layout, ending, begins):
     pytest.importorskip("imageio_ffmpeg" if ending == "mp4" else "PIL")
     out = layout.with_name(f"out.{ending}")
     assert (
@@ -85,6 +85,6 @@ def test_the_command_writes_the_file(layout: Path, ending: str, begins: bytes) -
     ("--png out.png --moments 100000", "pixels: at most 200,000,000 are drawn; choose a lower --w"),
     ("--gif out.gif --width 10000 --slow 300", "pixels: at most 2,000,000,000 are drawn; choose"),
 ])  # fmt: skip
-def test_wrong_options_are_rejected(capsys, layout: Path, words: str, message: str) -> None:
+def test_wrong_options_are_rejected(capsys, layout, words, message):
     assert main(["render", str(layout), *words.split()]) == 2
     assert message in capsys.readouterr().err

@@ -31,7 +31,7 @@ def wheel(radius: float = 0.35, step: float = 0.06, count: int = 5) -> de.Layout
     return de.Layout(gaps, 0.0075, rise=np.diff(front[:, 1]), tilt=tilt)
 
 
-def test_the_line_goes_through_all_bases_and_has_no_kinks() -> None:
+def test_the_line_goes_through_all_bases_and_has_no_kinks():
     layout = uneven_layout(4, 30, unequal=True)
     line = ground_line(layout, 0.02, 0.03)
     feet = outlines(layout, layout.tilt)[:, [3, 0]].reshape(-1, 2)
@@ -42,7 +42,7 @@ def test_the_line_goes_through_all_bases_and_has_no_kinks() -> None:
     assert np.abs(np.diff(slope)).max() < 0.015  # where the bases turn by 0.06
 
 
-def test_places_are_counted_along_the_ground() -> None:
+def test_places_are_counted_along_the_ground():
     layout, radius, step = wheel(), 0.35, 0.06
     half = np.arcsin(0.5 * 0.0075 / radius)
     arcs = radius * (step - 2.0 * half) + 0.0075
@@ -52,7 +52,7 @@ def test_places_are_counted_along_the_ground() -> None:
 
 
 @pytest.mark.parametrize("layout", [LAYOUT, wheel()], ids=["uneven", "wheel"])
-def test_every_picture_stands_on_its_ground(layout: de.Layout) -> None:
+def test_every_picture_stands_on_its_ground(layout):
     """Nothing is drawn below the line, and the line is there."""
     tall = float(layout.height.max())
     scale = Scale.fitting(layout.length, tall, 600, 150, relief(layout))
@@ -71,7 +71,7 @@ def test_every_picture_stands_on_its_ground(layout: de.Layout) -> None:
     assert np.abs(off).max() < 3.5
 
 
-def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
+def test_ground_that_is_hardly_not_flat_looks_flat():
     looks = []
     for layout in (FLAT, HARDLY):
         wave = de.simulate(layout, PHYSICS)
@@ -87,7 +87,7 @@ def test_ground_that_is_hardly_not_flat_looks_flat() -> None:
     assert flat[2:] == pytest.approx(hardly[2:], rel=1e-6)
 
 
-def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
+def test_a_drawing_in_a_notebook_stands_on_its_line():
     html = LAYOUT._repr_html_()
     line, *dominoes = (
         np.array([point.split(",") for point in points.split()], dtype=float)
@@ -100,7 +100,7 @@ def test_a_drawing_in_a_notebook_stands_on_its_line() -> None:
             assert np.interp(x, *line.T) == pytest.approx(y + 0.5, abs=0.01)
 
 
-def test_the_line_follows_the_ground_ahead_of_a_layout() -> None:
+def test_the_line_follows_the_ground_ahead_of_a_layout():
     ground = de.load_scene("hills").ground
     layout = ground.layout([0.012] * 9, [0.0075] * 10)
     x, z = ground_line(layout, after=0.5, ground=ground).T

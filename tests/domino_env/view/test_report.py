@@ -5,7 +5,6 @@ import json
 import shutil
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ RACERS = [
     (de.Layout(np.random.default_rng(3).uniform(0.003, 0.03, 39), 0.008), 10.0),
     (uneven_layout(3, 12), 14.0),
 ], ids=["flat", "hills"])  # fmt: skip
-def test_energies_balance_and_little_friction_takes_little(layout: de.Layout, push: float) -> None:
+def test_energies_balance_and_little_friction_takes_little(layout, push):
     smooth, hardly, rough = (
         energies(Motion(layout, de.Physics(friction=mu, push=push))) for mu in (0.0, 1e-3, 0.25)
     )
@@ -45,14 +44,14 @@ def test_energies_balance_and_little_friction_takes_little(layout: de.Layout, pu
     assert np.diff(rough.friction).min() > -1e-4 * given
 
 
-def test_first_hit_of_equal_dominoes_takes_half() -> None:
+def test_first_hit_of_equal_dominoes_takes_half():
     wave = de.simulate(de.Layout.uniform(3, pitch=0.024), de.Physics(friction=0.0, push=8.0))
     energy = energies(Motion(wave.layout, wave.physics))
     at = int(np.argmax(energy.hits > 0.0))
     assert energy.hits[at] == pytest.approx(energy.kinetic[at - 1] / 2.0, rel=1e-3)
 
 
-def test_headline_names_the_faster_layout_in_any_order() -> None:
+def test_headline_names_the_faster_layout_in_any_order():
     fast = max(RACERS, key=lambda one: one.wave.mean_speed)
     assert headline(RACERS)["who"].startswith(f"{fast.name.capitalize()} wins")
     assert headline(RACERS[::-1]) == headline(RACERS)
@@ -61,7 +60,7 @@ def test_headline_names_the_faster_layout_in_any_order() -> None:
     assert headline([dead])["who"] == "No layout topples to its end"
 
 
-def test_headline_follows_the_score_where_speed_is_not_what_counts() -> None:
+def test_headline_follows_the_score_where_speed_is_not_what_counts():
     fast, slow = sorted(RACERS, key=lambda one: -one.wave.mean_speed)
     scored = [
         dataclasses.replace(fast, score=0.2, score_text="RMS error 4 ms", unit=""),
@@ -71,12 +70,12 @@ def test_headline_follows_the_score_where_speed_is_not_what_counts() -> None:
     assert race_data(scored)["winner"] == 1
 
 
-def test_a_report_shows_its_progress(capfd, tmp_path: Path) -> None:
+def test_a_report_shows_its_progress(capfd, tmp_path):
     write_report(RACERS, "test", tmp_path / "page.html", progress=True)
     assert "2/2" in capfd.readouterr().err
 
 
-def test_energies_are_sums_over_all_dominoes() -> None:
+def test_energies_are_sums_over_all_dominoes():
     layout = uneven_layout(3, 40)
     leader = np.arange(5, 35, 3)
     angle = np.full(len(leader), 0.1)
@@ -94,7 +93,7 @@ def test_energies_are_sums_over_all_dominoes() -> None:
     np.testing.assert_allclose(inertia, ((high - low) / 2e-6) ** 2 @ own, rtol=1e-7)
 
 
-def test_a_run_folder_has_scene_curve_and_verification(tmp_path: Path) -> None:
+def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
     scene = de.load_scene("sprint")
     run = tmp_path / "one"
     run.mkdir()
@@ -123,7 +122,7 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path: Path) -> None:
         race_data([])
 
 
-def test_layouts_of_runs_have_names_by_their_maker_and_curves(tmp_path: Path) -> None:
+def test_layouts_of_runs_have_names_by_their_maker_and_curves(tmp_path):
     from optimize.experiments.best_known import best_known
 
     layout = best_known()["sprint"].layout
@@ -173,7 +172,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
     window.quit()
 
 
-def test_page_loads_without_messages_and_requests(browser) -> None:
+def test_page_loads_without_messages_and_requests(browser):
     assert browser.get_log("browser") == []
     entries = browser.get_log("performance")
     events = [json.loads(entry["message"])["message"] for entry in entries]
@@ -185,7 +184,7 @@ def test_page_loads_without_messages_and_requests(browser) -> None:
     assert len(browser.find_elements("css selector", ".uplot canvas")) == 6
 
 
-def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path: Path) -> None:
+def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path):
     first = browser.current_url
     racers = [*RACERS, Racer("hills", de.simulate(uneven_layout(3, 14), de.Physics(push=14.0)))]
     write_report(racers, "test", tmp_path / "page.html")
@@ -199,7 +198,7 @@ def test_dominoes_stand_and_lean_on_the_page_as_in_the_model(browser, tmp_path: 
     browser.get(first)
 
 
-def test_page_reacts_to_buttons_slider_and_keyboard(browser) -> None:
+def test_page_reacts_to_buttons_slider_and_keyboard(browser):
     from selenium.webdriver.common.keys import Keys
 
     body = browser.find_element("css selector", "#race")
@@ -221,7 +220,7 @@ def test_page_reacts_to_buttons_slider_and_keyboard(browser) -> None:
     assert browser.execute_script("return race.now() === race.end")
 
 
-def test_page_fits_a_phone_and_follows_the_front(browser) -> None:
+def test_page_fits_a_phone_and_follows_the_front(browser):
     size = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     try:
@@ -240,7 +239,7 @@ def test_page_fits_a_phone_and_follows_the_front(browser) -> None:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
-def test_numbers_can_be_read_as_tables(browser) -> None:
+def test_numbers_can_be_read_as_tables(browser):
     browser.execute_script("document.getElementById('numbers').open = true")
     time.sleep(0.1)
     lines = browser.find_elements("css selector", "#each table:first-child tbody tr")
@@ -250,7 +249,7 @@ def test_numbers_can_be_read_as_tables(browser) -> None:
         assert ": from " in chart.get_attribute("aria-label")
 
 
-def test_pointing_at_a_domino_shows_its_numbers(browser) -> None:
+def test_pointing_at_a_domino_shows_its_numbers(browser):
     from selenium.webdriver import ActionChains
 
     browser.execute_script("race.go(0)")

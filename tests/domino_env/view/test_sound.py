@@ -1,7 +1,6 @@
 """Sound out and in."""
 
 import wave as wav
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ PUSH = 5 * np.pi
 
 
 @pytest.mark.parametrize("pitch", [0.016, 0.024, 0.032])
-def test_listening_to_clicks_gives_their_frequency(pitch: float, tmp_path: Path) -> None:
+def test_listening_to_clicks_gives_their_frequency(pitch, tmp_path):
     physics = de.Physics(push=PUSH)
     write_wav(clicks(de.simulate(de.Layout.uniform(100, pitch=pitch), physics)), tmp_path / "w.wav")
     result = listen(*read_wav(tmp_path / "w.wav"))
@@ -22,7 +21,7 @@ def test_listening_to_clicks_gives_their_frequency(pitch: float, tmp_path: Path)
     assert result.uncertainty < 0.02 * true
 
 
-def test_noise_changes_little_but_the_clarity() -> None:
+def test_noise_changes_little_but_the_clarity():
     wave = de.simulate(de.Layout.uniform(100, pitch=0.024), de.Physics(push=PUSH))
     sound = clicks(wave)
     rng = np.random.default_rng(0)
@@ -31,7 +30,7 @@ def test_noise_changes_little_but_the_clarity() -> None:
     assert listen(rng.standard_normal(2 * RATE), RATE).clarity < 0.5
 
 
-def test_clicks_come_when_the_dominoes_are_hit() -> None:
+def test_clicks_come_when_the_dominoes_are_hit():
     wave = de.simulate(de.Layout([0.02, 0.035, 0.01], 0.0075), de.Physics(push=8.0))
     sound = clicks(wave)
     for t in wave.arrival_times[1:]:
@@ -40,7 +39,7 @@ def test_clicks_come_when_the_dominoes_are_hit() -> None:
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
-def test_recordings_of_every_width_read_the_same(size: int, tmp_path: Path) -> None:
+def test_recordings_of_every_width_read_the_same(size, tmp_path):
     written = np.round(100 * np.sin(np.arange(500) / 7)) / 128.0
     with wav.open(str(tmp_path / "w.wav"), "wb") as file:
         file.setnchannels(2)
@@ -54,7 +53,7 @@ def test_recordings_of_every_width_read_the_same(size: int, tmp_path: Path) -> N
     np.testing.assert_allclose(samples, written, atol=1e-12)
 
 
-def test_silence_and_other_files_are_refused(tmp_path: Path) -> None:
+def test_silence_and_other_files_are_refused(tmp_path):
     with pytest.raises(ValueError, match="silent"):
         listen(np.zeros(1000), RATE)
     (tmp_path / "x.wav").write_text("no")

@@ -2,7 +2,6 @@
 
 import re
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,7 @@ POINT = 0.0254 / 72.0
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-def test_every_domino_is_whole_on_a_strip_or_shared_by_neighbours(paper: str) -> None:
+def test_every_domino_is_whole_on_a_strip_or_shared_by_neighbours(paper):
     plan = strips(LAYOUT, paper)
     assert sorted({i for strip in plan for i in strip.dominoes}) == list(range(60))
     for before, after in pairwise(plan):
@@ -33,7 +32,7 @@ def test_every_domino_is_whole_on_a_strip_or_shared_by_neighbours(paper: str) ->
         assert strip.end - strip.begin < PAPERS[paper][0]
 
 
-def test_footprints_are_drawn_at_one_to_one(tmp_path: Path) -> None:
+def test_footprints_are_drawn_at_one_to_one(tmp_path):
     write_template(LAYOUT, tmp_path / "row.pdf")
     text = (tmp_path / "row.pdf").read_bytes().decode("latin-1")
     boxes = re.findall(
@@ -48,7 +47,7 @@ def test_footprints_are_drawn_at_one_to_one(tmp_path: Path) -> None:
     np.testing.assert_allclose(gaps, LAYOUT.pitch[: first - 1], atol=2e-6)
 
 
-def test_strips_of_a_sheet_do_not_touch_and_a_page_has_advice(tmp_path: Path) -> None:
+def test_strips_of_a_sheet_do_not_touch_and_a_page_has_advice(tmp_path):
     plan = strips(LAYOUT)
     assert len(plan) > plan[-1].sheet == 2  # some are on one sheet
     for before, after in pairwise(plan):
@@ -62,7 +61,7 @@ def test_strips_of_a_sheet_do_not_touch_and_a_page_has_advice(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("count", [20, 21, 40, 41, 59, 60])
-def test_narrower_margins_save_a_sheet(count: int) -> None:
+def test_narrower_margins_save_a_sheet(count):
     layout = de.Layout.uniform(count, pitch=0.0212)
     plan = strips(layout)
     wide = PAPERS["a4"][0]
@@ -76,7 +75,7 @@ def test_narrower_margins_save_a_sheet(count: int) -> None:
         assert strip.end - strip.begin == pytest.approx(wide - 2 * strip.margin)
 
 
-def test_a_template_has_title_push_and_time_of_its_scene(tmp_path: Path) -> None:
+def test_a_template_has_title_push_and_time_of_its_scene(tmp_path):
     scene = de.load_scene("sprint")
     wave = scene.uniform().wave
     scene.uniform().layout.to_csv(tmp_path / "row.csv")
@@ -91,7 +90,7 @@ def test_a_template_has_title_push_and_time_of_its_scene(tmp_path: Path) -> None
     assert "expects that the wave stops" in stops
 
 
-def test_unknown_paper_and_giants_are_refused() -> None:
+def test_unknown_paper_and_giants_are_refused():
     with pytest.raises(ValueError, match="choose one of a4, letter"):
         strips(LAYOUT, "b5")
     giant = de.Layout([0.1], 0.1, height=1.0, width=0.5)

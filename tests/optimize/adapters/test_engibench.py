@@ -18,7 +18,7 @@ from optimize.adapters.engibench import DominoProblem
 KINDS = ["spacing", "both", "length-both", "dying"]
 
 
-def test_the_class_has_the_interface_of_engibench() -> None:
+def test_the_class_has_the_interface_of_engibench():
     """Repeat EngiBench's test of problems, except for the data set."""
     (base,) = DominoProblem.__orig_bases__
     assert typing.get_origin(base) is Problem
@@ -36,7 +36,7 @@ def test_the_class_has_the_interface_of_engibench() -> None:
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_designs_are_simulated_and_optimised(scenes, name: str) -> None:
+def test_designs_are_simulated_and_optimised(scenes, name):
     scene = scenes[name]
     problem = DominoProblem(config={"budget": 60}, scene=scene)
     problem.reset(seed=1)
@@ -57,7 +57,7 @@ def test_designs_are_simulated_and_optimised(scenes, name: str) -> None:
     assert problem.render(best).size == (1000, 200)
 
 
-def test_conditions_are_those_given(scenes) -> None:
+def test_conditions_are_those_given(scenes):
     problem = DominoProblem(config={"friction": 0.1}, scene=scenes["spacing"])
     design, _ = problem.random_design()
     layout = problem.layout(design)
@@ -67,7 +67,7 @@ def test_conditions_are_those_given(scenes) -> None:
         assert problem.simulate(design, config) == pytest.approx(speed, rel=1e-7)
 
 
-def test_a_broken_rule_is_a_violation(scenes) -> None:
+def test_a_broken_rule_is_a_violation(scenes):
     problem = DominoProblem(scene=scenes["length"])
     space = problem.design_space
     long, outside = space.high, space.high + 0.001

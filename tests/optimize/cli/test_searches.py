@@ -23,19 +23,9 @@ def scene_file(scenes, tmp_path: Path) -> Path:
     return path
 
 
-def output_of(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    assert main([str(w) for w in words]) == 0
-    output = capsys.readouterr()
-    # quiet where there is no terminal, except for the notice of a first compilation
-    assert all(line.startswith("compiling") for line in output.err.splitlines())
-    return output.out
-
-
-def test_the_output_names_the_best_layout_and_the_folder(
-    capsys, scene_file: Path, tmp_path: Path
-) -> None:
+def test_the_output_names_the_best_layout_and_the_folder(output_of, scene_file, tmp_path):
     out = tmp_path / "run"
-    text = output_of(capsys, "optimize", scene_file, "--budget", 400, "--seed", 5, "--out", out)
+    text = output_of("optimize", scene_file, "--budget", 400, "--seed", 5, "--out", out)
     summary = json.loads((out / "summary.json").read_text())
     uniform = de.load_scene(scene_file).uniform()
     assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "auto")
@@ -49,18 +39,16 @@ def test_the_output_names_the_best_layout_and_the_folder(
     assert lines[4] == f"written to {out}: {', '.join(FILES)}"
 
 
-def test_a_run_goes_to_runs_and_the_name_of_the_scene(
-    capsys, monkeypatch, scene_file: Path, tmp_path: Path
-) -> None:
+def test_a_run_goes_to_runs_and_the_name_of_the_scene(output_of, monkeypatch, scene_file, tmp_path):
     monkeypatch.chdir(tmp_path)
-    output_of(capsys, "optimize", "mine.toml", "--budget", 20)
+    output_of("optimize", "mine.toml", "--budget", 20)
     names = sorted(f.name for f in (tmp_path / "runs" / "both").iterdir())
     assert names == sorted((*FILES, JOURNAL))
 
 
-def test_the_output_has_the_gap_to_the_best_known(capsys, monkeypatch, tmp_path: Path) -> None:
+def test_the_output_has_the_gap_to_the_best_known(output_of, monkeypatch, tmp_path):
     words = ["optimize", "sprint", "--method", "uniform", "--budget", "9", "--update-best", "--out"]
-    text = output_of(capsys, *words, tmp_path / "run")
+    text = output_of(*words, tmp_path / "run")
     assert re.search(r"best known:       0.828\d+ m/s, by \w+: 3.08\d+% short", text)
     assert "new records: none" in text
     ended = json.loads((tmp_path / "run" / "summary.json").read_text())["ended"]
@@ -72,10 +60,10 @@ def test_the_output_has_the_gap_to_the_best_known(capsys, monkeypatch, tmp_path:
     assert best_known(tmp_path / "best.json")["sprint"].method == "uniform"
 
 
-def test_the_output_explains_why_a_wave_stops(capsys, scenes, tmp_path: Path) -> None:
+def test_the_output_explains_why_a_wave_stops(output_of, scenes, tmp_path):
     (tmp_path / "dead.toml").write_text(scenes["dead"].to_toml())
     words = ["--budget", 10, "--out", tmp_path / "run"]
-    text = output_of(capsys, "optimize", tmp_path / "dead.toml", *words)
+    text = output_of("optimize", tmp_path / "dead.toml", *words)
     assert "best uniform:     no speed" in text
     assert "best found:       no speed (STALLED;" in text
     assert "push harder" in text
@@ -90,7 +78,7 @@ def test_the_output_explains_why_a_wave_stops(capsys, scenes, tmp_path: Path) ->
     (["sprint", "--seed", "-1"], "--seed = -1: give a whole number"),
     (["sprint", "--out", "notes.txt"], "notes.txt is a file: name a folder"),
 ])  # fmt: skip
-def test_messages_are_one_line(capsys, monkeypatch, tmp_path, words, message) -> None:
+def test_messages_are_one_line(capsys, monkeypatch, tmp_path, words, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     monkeypatch.setattr("domino_env.scenes.scene.Scene.uniform", None)  # before any simulation
@@ -102,7 +90,7 @@ def test_messages_are_one_line(capsys, monkeypatch, tmp_path, words, message) ->
     assert [f.name for f in tmp_path.rglob("*")] == ["notes.txt"]
 
 
-def test_a_line_shows_the_best_speed_and_the_gain(capsys, scenes, monkeypatch) -> None:
+def test_a_line_shows_the_best_speed_and_the_gain(capsys, scenes, monkeypatch):
     at_once = functools.partial(progress_bar, mininterval=0.0)
     monkeypatch.setattr("optimize.searching.progress_bar", at_once)
     search(scenes["both"], "random", 4000, progress=True)

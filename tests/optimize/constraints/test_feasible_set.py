@@ -14,6 +14,7 @@ from domino_env.scenes.rules import Stock
 from domino_env.scenes.scene import Scene
 from optimize import METHODS, Problem, search
 from optimize.constraints.convex import nearest_smooth
+from optimize.constraints.feasible_set import conflicting_rules, require_feasible
 from optimize.constraints.lists import Lists
 from optimize.constraints.stock import assign, nearest_from_stock
 
@@ -56,7 +57,7 @@ ASKING = {
 
 
 @pytest.mark.parametrize("name", ASKING)
-def test_every_design_keeps_the_rules_and_stays_where_it_is(name: str) -> None:
+def test_every_design_keeps_the_rules_and_stays_where_it_is(name):
     scene = ASKING[name]
     problem = Problem(scene)
     wild = 3.0 * np.random.default_rng(1).random((60, problem.dimension)) - 1.0
@@ -89,7 +90,7 @@ def test_every_design_keeps_the_rules_and_stays_where_it_is(name: str) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.booleans(), st.booleans())
-def test_no_allowed_layout_is_nearer(seed: int, even: bool, length: bool, smooth: bool) -> None:
+def test_no_allowed_layout_is_nearer(seed, even, length, smooth):
     random = np.random.default_rng(seed)
     n = int(random.integers(1, 5))
     step = 0.001
@@ -111,7 +112,7 @@ def test_no_allowed_layout_is_nearer(seed: int, even: bool, length: bool, smooth
     assert float(np.square(found - wanted).sum()) == pytest.approx(least, abs=1e-15)
 
 
-def test_lists_that_no_layout_meets_are_rejected() -> None:
+def test_lists_that_no_layout_meets_are_rejected():
     free, tight = np.full(2, np.inf), np.full(2, 0.001)
     for change, total in ((free, (0.011, 0.011)), (tight, (0.014, 0.014)), (free, (-1.0, -0.5))):
         lists = Lists([(0.002, 0.004, 0.01)] * 3, change, total)
@@ -121,7 +122,7 @@ def test_lists_that_no_layout_meets_are_rejected() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_the_stock_is_taken_as_near_as_can_be(seed: int) -> None:
+def test_the_stock_is_taken_as_near_as_can_be(seed):
     random = np.random.default_rng(seed)
     stock = Stock((0.01, 0.005, 0.0075), tuple(random.integers(0, 3, 3) + np.array([1, 0, 1])))
     box = stock.dominoes
@@ -138,7 +139,7 @@ def test_the_stock_is_taken_as_near_as_can_be(seed: int) -> None:
         assert np.square(kinds[chosen] - want).sum() == pytest.approx(least, abs=1e-9)
 
 
-def test_an_assignment_that_changes_few_places() -> None:
+def test_an_assignment_that_changes_few_places():
     random = np.random.default_rng(0)
     kinds, current = np.array([2, 2, 2]), np.array([0, 0, 1, 1, 2])
     for changes in (0, 2, 3, 5):
@@ -154,7 +155,7 @@ def test_an_assignment_that_changes_few_places() -> None:
         assert prices[np.arange(5), found].sum() == pytest.approx(least)
 
 
-def test_assign_orders_a_small_box_as_well_as_can_be() -> None:
+def test_assign_orders_a_small_box_as_well_as_can_be():
     """Against all orders of the box at gaps that the scene fixes."""
     scene = asking(spacing=(0.018, 0.018), **BOXED)
     orders = set(permutations(BOX.without(0.0075).dominoes.tolist()))
@@ -166,7 +167,7 @@ def test_assign_orders_a_small_box_as_well_as_can_be() -> None:
 
 
 @pytest.mark.parametrize("length", [False, True])
-def test_the_nearest_smooth_layout_is_that_of_a_convex_programme(length: bool) -> None:
+def test_the_nearest_smooth_layout_is_that_of_a_convex_programme(length):
     random = np.random.default_rng(5)
     for _ in range(12):
         n = int(random.integers(2, 12))
@@ -204,7 +205,7 @@ SLOPED = {
 
 
 @pytest.mark.parametrize("name", SLOPED)
-def test_gradients_of_what_a_scene_asks(name: str) -> None:
+def test_gradients_of_what_a_scene_asks(name):
     scene = SLOPED[name]
     problem, exact = Problem(scene), Problem(scene, rtol=1e-12)
     box = 1e-5 * np.eye(problem.dimension)
@@ -218,7 +219,7 @@ def test_gradients_of_what_a_scene_asks(name: str) -> None:
     assert near >= 5  # a kink within reach spoils the differences of some
 
 
-def test_a_value_from_a_list_has_a_slope_only_relaxed() -> None:
+def test_a_value_from_a_list_has_a_slope_only_relaxed():
     problem = Problem(ASKING["stock"])
     assert problem.discrete
     x = problem.project(np.random.default_rng(0).random((1, problem.dimension)))
@@ -235,13 +236,13 @@ def test_a_value_from_a_list_has_a_slope_only_relaxed() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", ["length-smooth", "stock-length-grid", "growth"])
-def test_every_method_keeps_what_is_asked(method: str, name: str) -> None:
+def test_every_method_keeps_what_is_asked(method, name):
     result = search(ASKING[name], method, budget=60, seed=2)
     assert ASKING[name].violations(result.layout) == []
     assert result.score == ASKING[name].score(result.layout)
 
 
-def test_the_schedule_of_a_known_layout_is_found_again() -> None:
+def test_the_schedule_of_a_known_layout_is_found_again():
     plain = SLOPED["tempo"]
     layout = Problem(plain).layout(np.random.default_rng(4).random(12))
     times = plain.simulate(layout).arrival_times[1:]
@@ -249,7 +250,7 @@ def test_the_schedule_of_a_known_layout_is_found_again() -> None:
     assert search(scene, "gauss-newton", budget=300).score > 1.0 - 1e-6
 
 
-def test_the_gradient_of_lateness() -> None:
+def test_the_gradient_of_lateness():
     problem = Problem(SLOPED["tempo"])
     x = np.full(problem.dimension, 0.4)
     _, late, gradient = problem.lateness(x)
@@ -260,3 +261,42 @@ def test_the_gradient_of_lateness() -> None:
     assert late.shape == (6,)
     with pytest.raises(ValueError, match="has no schedule"):
         Problem(ASKING["smooth"]).lateness(np.full(8, 0.5))
+
+
+# conflicts ---------------------------------------------------------------------------------------
+
+PAIRED = {"stock": Stock((0.005, 0.01), (5, 4)), "thickness": (0.005, 0.01),
+          "thickness_values": (0.005, 0.01), "first_thickness": 0.005}  # fmt: skip
+CONFLICTS = [
+    (asking(length=0.18025, spacing_values=GRID),
+     ["spacing only 0.002, 0.0025, … 0.04 m", "thickness = 0.0075 m", "row.length = 0.18025 m"]),
+    # 2 mm and 40 mm would do, but not next to each other
+    (asking(length=8 * 0.0075 + 7 * 0.002 + 0.04, spacing_values=(0.002, 0.04),
+            largest_change=0.01),
+     ["spacing only 0.002, 0.04 m", "spacing.largest_change = 0.01 m", "thickness = 0.0075 m",
+      "row.length = 0.114 m"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("scene", "names"), CONFLICTS)
+def test_the_rules_that_conflict_are_named_and_no_others(scene, names):
+    assert conflicting_rules(scene) == names
+    with pytest.raises(
+        ValueError, match=r"scene 'asking': no layout of 9 dominoes keeps all"
+    ) as error:
+        search(scene, "random", budget=10)
+    assert all(name in str(error.value) for name in names)
+
+
+@pytest.mark.parametrize("scene", [
+    *map(de.load_scene, de.scene_names()),
+    asking(),
+    asking(length=0.18, spacing_values=GRID),
+    asking(length=8 * 0.0075 + 7 * 0.002 + 0.04, spacing_values=(0.002, 0.04)),
+    asking(length=0.16, **PAIRED),
+    asking(largest_change=0.0, spacing_values=(0.002, 0.04)),
+])  # fmt: skip
+def test_scenes_that_can_be_met_have_no_conflict(scene):
+    require_feasible(scene)
+    if scene.name == "asking":
+        assert conflicting_rules(scene) == []

@@ -2,13 +2,11 @@
 
 import csv
 import os
-import signal
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ import domino_env as de
 from domino_env.cli.main import main
 from domino_env.scenes.io.reading import scene_names
 from optimize import compare, search, sweep
-from optimize.experiments import best_known, pictures
+from optimize.experiments import best_known
 from optimize.experiments.experiment import TARGETS, Experiment
 from optimize.experiments.report import (
     COMPARISON_FILES,
@@ -57,7 +55,7 @@ def compared(scenes) -> Experiment:
     return compare(chosen, ["auto", "random", "uniform"], range(2), seconds=0.15)
 
 
-def test_every_method_runs_on_every_scene_with_every_seed(compared: Experiment) -> None:
+def test_every_method_runs_on_every_scene_with_every_seed(compared):
     runs = [(r.scene_name, r.method, r.seed) for r in compared.results]
     assert len(set(runs)) == len(runs) == 2 * 3 * 2
     assert compared.problems == ["spacing", "length"]
@@ -67,7 +65,7 @@ def test_every_method_runs_on_every_scene_with_every_seed(compared: Experiment) 
         assert compared.best[name] == max(scores)  # nothing is known of such small scenes
 
 
-def test_times_and_gaps_are_those_of_the_trace(compared: Experiment) -> None:
+def test_times_and_gaps_are_those_of_the_trace(compared):
     """The two are inverse to each other: a gap is reached at its time, and not before."""
     for result in compared.results:
         for gap in (1e-1, 1e-2, 1e-3):
@@ -80,7 +78,7 @@ def test_times_and_gaps_are_those_of_the_trace(compared: Experiment) -> None:
                 assert compared.gaps(result, np.array([1e9]))[0] > gap
 
 
-def test_targets_reached_are_counted(compared: Experiment) -> None:
+def test_targets_reached_are_counted(compared):
     assert np.all(np.diff(compared.reached("random", compared.times())) >= 0.0)
     runs = compared.runs("random")
     counted = sum(compared.time_to(r, t) < np.inf for r in runs for t in TARGETS)
@@ -88,7 +86,7 @@ def test_targets_reached_are_counted(compared: Experiment) -> None:
     assert compared.reached("random", np.array([0.0]))[0] == 0.0
 
 
-def test_the_report_of_a_comparison(compared: Experiment, tmp_path: Path) -> None:
+def test_the_report_of_a_comparison(compared, tmp_path):
     write_comparison(compared, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(COMPARISON_FILES)
     for line, result in zip(read_csv(tmp_path / "runs.csv"), compared.results, strict=True):
@@ -107,18 +105,7 @@ def test_the_report_of_a_comparison(compared: Experiment, tmp_path: Path) -> Non
         assert line in comparison_page(compared)
 
 
-def test_the_best_of_many_methods_have_a_colour(compared: Experiment, monkeypatch) -> None:
-    drawn = []
-    monkeypatch.setattr(pictures, "write_png", lambda figure, path: drawn.append(figure))
-    first = [r for r in compared.results if r.seed == 0]
-    many = [msgspec.structs.replace(r, method=f"{r.method} {k}") for k in range(4) for r in first]
-    pictures.draw_over_time(replace(compared, results=tuple(many)), Path("a"), Path("b"))
-    names = [text.get_text() for text in drawn[0].legends[0].texts]
-    assert len(names) == pictures.MAX_COLOURS + 1
-    assert {f"auto {k}" for k in range(4)} | {"others"} <= set(names)
-
-
-def test_a_title_cannot_write_markdown(scenes) -> None:
+def test_a_title_cannot_write_markdown(scenes):
     evil = "![x](http://evil/x.png) <script> `a` | b"
     experiment = compare([replace(scenes["spacing"], title=evil)], ["uniform"], [0], 1)
     page = next(line for line in comparison_page(experiment).splitlines() if "evil" in line)
@@ -134,14 +121,12 @@ def test_a_title_cannot_write_markdown(scenes) -> None:
     (["sprint"], ["cma"], range(10**8), 1, "100000000 seeds are 100000000 searches: give fewer"),
     (["sprint"], ["cma"], [0], None, "give each run a budget or seconds"),
 ])  # fmt: skip
-def test_impossible_comparisons_are_rejected(
-    scene_list, methods, seeds, budget, message: str
-) -> None:
+def test_impossible_comparisons_are_rejected(scene_list, methods, seeds, budget, message):
     with pytest.raises(ValueError, match=message):
         compare(scene_list, methods, seeds, budget)
 
 
-def test_an_interrupted_comparison_is_resumed(here: Path, monkeypatch, capsys) -> None:
+def test_an_interrupted_comparison_is_resumed(here, monkeypatch, capsys):
     words = ["compare", "mine.toml", "--methods", "random, uniform", "--seeds", "2"]
     words += ["--budget", "20", "--update-best"]
     calls = []
@@ -170,7 +155,7 @@ def test_an_interrupted_comparison_is_resumed(here: Path, monkeypatch, capsys) -
 
 
 @pytest.mark.parametrize("name", scene_names())
-def test_every_scene_has_a_record_that_is_valid(name: str) -> None:
+def test_every_scene_has_a_record_that_is_valid(name):
     record, scene = best_known.best_known()[name], de.load_scene(name)
     assert scene.violations(record.layout) == []
     known = 1e-11 if scene.floor_friction is None else 3e-4  # as closely as a score is known
@@ -179,7 +164,7 @@ def test_every_scene_has_a_record_that_is_valid(name: str) -> None:
     assert score >= scene.uniform().score * (1.0 - known)
 
 
-def test_a_record_is_kept_where_it_is_better(scenes, tmp_path: Path) -> None:
+def test_a_record_is_kept_where_it_is_better(scenes, tmp_path):
     path, scene = tmp_path / "best.json", scenes["both"]
     assert best_known.best_known(path) == {}
     baseline, found = (search(scene, m, budget=300) for m in ("uniform", "auto"))
@@ -205,7 +190,7 @@ def test_a_record_is_kept_where_it_is_better(scenes, tmp_path: Path) -> None:
     ("objective=mean_speed,toppled", ("mean_speed", "toppled")),
     ("spacing.values=[[0.01, 0.02], [0.01, 0.03]]", ([0.01, 0.02], [0.01, 0.03])),
 ])  # fmt: skip
-def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
+def test_an_axis_has_the_values_of_its_text(text, values):
     axis = parse_axis(text)
     assert axis.values == values
     assert [type(v) for v in axis.values] == [type(v) for v in values]
@@ -221,21 +206,18 @@ def test_an_axis_has_the_values_of_its_text(text: str, values: tuple) -> None:
     ("spacing.values=[1, ", "not JSON"),
     ("spacing.values=[null]", "give a list of numbers"),
 ])  # fmt: skip
-def test_wrong_texts_are_rejected(text: str, message: str) -> None:
+def test_wrong_texts_are_rejected(text, message):
     with pytest.raises(ValueError, match=f"--set .*{message}"):
         parse_axis(text)
 
 
-def test_a_grid_has_every_combination_once() -> None:
-    points = grid([parse_axis("physics.friction=0,0.1"), parse_axis("physics.push=4,8,12")])
-    assert len(points) == len({repr(p) for p in points}) == 6
-    assert points[1] == {"physics.friction": 0.0, "physics.push": 8.0}
+def test_a_grid_has_at_most_so_many_points():
     many = parse_axis("physics.push=1:1000:1000")
     with pytest.raises(ValueError, match="1000000 points: a sweep has at most"):
         grid([many, replace(many, key="physics.gravity")])
 
 
-def test_sampled_points_are_in_their_ranges_and_reproducible() -> None:
+def test_sampled_points_are_in_their_ranges_and_reproducible():
     texts = ["row.count=5:9", "physics.friction=0.1:0.4", "robust.deviation=1e-5:1e-3:log"]
     axes = [parse_axis(text, sampled=True) for text in [*texts, "objective=mean_speed,robust"]]
     points = sample_points(axes, 300, np.random.default_rng(1))
@@ -250,7 +232,7 @@ def test_sampled_points_are_in_their_ranges_and_reproducible() -> None:
         parse_axis("row.count=9:5", sampled=True)
 
 
-def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
+def test_a_point_changes_what_it_names_and_nothing_else(scenes):
     base = scenes["spacing"]
 
     def changed(scene: de.Scene, point: dict) -> de.Scene:
@@ -281,12 +263,12 @@ def test_a_point_changes_what_it_names_and_nothing_else(scenes) -> None:
     ("physics.push=4,8", {"seeds": 10**7}, "10000000 seeds are 20000000 searches: give fewer"),
     ("physics.push=4:8", {"random": 0}, "random = 0: give a whole number from 1 to"),
 ])  # fmt: skip
-def test_impossible_sweeps_are_rejected(scenes, axis: str, more: dict, message: str) -> None:
+def test_impossible_sweeps_are_rejected(scenes, axis, more, message):
     with pytest.raises(ValueError, match=f"^{message}"):
         plan_sweep(scenes["spacing"], [axis], **more)
 
 
-def test_only_the_points_of_a_file_must_be_possible(scenes, tmp_path: Path) -> None:
+def test_only_the_points_of_a_file_must_be_possible(scenes, tmp_path):
     path = tmp_path / "box.toml"
     path.write_text(scenes["length"].to_toml().replace("count = 9", "count = 40"))
     with pytest.raises(ValueError, match="cannot be met"):
@@ -309,11 +291,11 @@ def swept(scenes) -> Experiment:
     return sweep(scenes["spacing"], axes, methods=["auto", "random"], seeds=2, budget=40)
 
 
-def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experiment) -> None:
+def test_every_method_searches_every_point_with_every_seed(scenes, swept):
     runs = [(describe_labels(r.labels), r.method, r.seed) for r in swept.results]
     assert len(set(runs)) == len(runs) == 2 * 3 * 2 * 2
     assert swept.keys == ["physics.friction", "physics.push"]
-    assert len(swept.points) == 6
+    assert len(swept.points) == len({repr(labels) for labels in swept.points}) == 6
     assert swept.failures == ()
     one = swept.results[13]
     physics = de.Physics(one.labels["physics.friction"], 9.81, one.labels["physics.push"])
@@ -323,7 +305,7 @@ def test_every_method_searches_every_point_with_every_seed(scenes, swept: Experi
     assert all(r.score <= swept.best[r.problem] for r in swept.results)
 
 
-def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> None:
+def test_the_report_of_a_sweep(scenes, swept, tmp_path):
     write_sweep(swept, tmp_path)
     assert sorted(f.name for f in tmp_path.iterdir()) == sorted(SWEEP_FILES)
     for line, r in zip(read_csv(tmp_path / "sweep.csv"), swept.results, strict=True):
@@ -340,7 +322,7 @@ def test_the_report_of_a_sweep(scenes, swept: Experiment, tmp_path: Path) -> Non
     ("spacing", ["physics.friction=0.1,0.2", "physics.push=6,8", "row.count=5,6"]),
     ("dead", ["physics.push=0.3,0.5"]),
 ], ids=["line", "words", "three", "dead"])  # fmt: skip
-def test_pictures_of_other_sweeps(scenes, scene: str, axes: list[str], tmp_path: Path) -> None:
+def test_pictures_of_other_sweeps(scenes, scene, axes, tmp_path):
     experiment = sweep(scenes[scene], axes, methods=["uniform"], budget=1)
     write_sweep(experiment, tmp_path)
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
@@ -351,7 +333,7 @@ WORDS = ["sweep", "mine.toml", "--set", "physics.push=6,8", "--methods", "random
 WORDS += ["--budget", "20"]
 
 
-def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
+def test_names_of_studies(here, capsys, monkeypatch):
     def error_of(*words: str) -> str:
         assert main([*WORDS, *words]) == 2
         return capsys.readouterr().err
@@ -374,10 +356,7 @@ def test_names_of_studies(here: Path, capsys, monkeypatch) -> None:
     assert "2 of them done before" in capsys.readouterr().out.splitlines()[-2]
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_ends_a_command_and_resume_continues_it(
-    here: Path, scenes, number: int, status: int
-) -> None:
+def test_a_signal_ends_a_command_and_resume_continues_it(here, scenes):
     words = ["sweep", "mine.toml", "--set", "physics.push=6:10:9", "--methods", "random"]
     words += ["--budget", "15000"]
     with subprocess.Popen(
@@ -387,10 +366,10 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
     ) as process:  # fmt: skip
         assert process.stderr is not None
         first = process.stderr.readline()
-        process.send_signal(number)
+        process.terminate()
         err = first + process.communicate(timeout=60)[1]
     assert first.startswith("1/9"), err
-    assert process.returncode == status, err
+    assert process.returncode == 143, err
     assert "what is done is in study 'sweep-spacing'; the same command with --resume" in err
     assert "Traceback" not in err
     study = open_store("runs/studies.sqlite").study("sweep-spacing")
@@ -405,7 +384,7 @@ def test_a_signal_ends_a_command_and_resume_continues_it(
 # progress ---------------------------------------------------------------------------------------
 
 
-def test_the_progress_line_shows_the_tasks(scenes, capsys) -> None:
+def test_the_progress_line_shows_the_tasks(scenes, capsys):
     tasks = plan_sweep(scenes["spacing"], ["physics.push=6,8"], ["random"], budget=4000)
     run_experiment(tasks)
     assert capsys.readouterr() == ("", "")

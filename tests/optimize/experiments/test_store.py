@@ -40,7 +40,7 @@ def other(result: TaskResult, number: int, **changes: object) -> TaskResult:
 # results ----------------------------------------------------------------------------------------
 
 
-def test_results_come_back_bitwise(path: Path, result: TaskResult) -> None:
+def test_results_come_back_bitwise(path, result):
     ugly = other(
         result, 7,
         score=float(np.nextafter(0.8, 1.0)), gain=None, seconds=5e-324, seed=2**63 - 1,
@@ -55,7 +55,7 @@ def test_results_come_back_bitwise(path: Path, result: TaskResult) -> None:
     assert [type(v) for v in again[ugly.key].labels.values()] == [float, int, float, str]
 
 
-def test_the_first_result_of_a_key_stays_in_each_study(path: Path, result: TaskResult) -> None:
+def test_the_first_result_of_a_key_stays_in_each_study(path, result):
     store = open_store(path)
     one, two = store.begin("one", "sweep", {}), store.begin("two", "sweep", {})
     one.add(result)
@@ -66,7 +66,7 @@ def test_the_first_result_of_a_key_stays_in_each_study(path: Path, result: TaskR
     assert [(s.name, s.tasks) for s in store.studies()] == [("one", 1), ("two", 1)]
 
 
-def test_a_study_continues_only_with_what_it_was_begun_with(path: Path) -> None:
+def test_a_study_continues_only_with_what_it_was_begun_with(path):
     store = open_store(path)
     settings = {"evaluations": 100, "scenes": ["a"]}
     assert store.begin("one", "sweep", settings) == store.begin("one", "sweep", settings)
@@ -82,9 +82,9 @@ def test_a_study_continues_only_with_what_it_was_begun_with(path: Path) -> None:
 
 
 @pytest.mark.parametrize("change", [
-    {"score": float("nan")}, {"seed": 2**63}, {"labels": {"a": float("inf")}}, {"outcome": None},
+    {"score": float("nan")}, {"seed": 2**63}, {"labels": {"a": float("inf")}},
 ], ids=str)  # fmt: skip
-def test_results_that_cannot_be_kept_are_rejected(path: Path, result, change) -> None:
+def test_results_that_cannot_be_kept_are_rejected(path, result, change):
     study = open_store(path).begin("one", "sweep", {})
     with pytest.raises(ValueError, match="cannot be kept"):
         study.add(msgspec.structs.replace(result, **change))
@@ -103,7 +103,7 @@ def write_for_ever(path: Path, result: TaskResult, pipe) -> None:
         number += 1
 
 
-def test_a_writer_that_is_killed_leaves_all_its_results(path: Path, result: TaskResult) -> None:
+def test_a_writer_that_is_killed_leaves_all_its_results(path, result):
     context = mp.get_context("fork")
     mine, its = context.Pipe(duplex=False)
     process = context.Process(target=write_for_ever, args=(path, result, its))
@@ -138,7 +138,7 @@ def good(tmp_path_factory, result: TaskResult) -> bytes:
     ("UPDATE results SET data = substr(data, 9)", "is damaged .*restore a copy"),
     ("UPDATE results SET data = '{}'", "is damaged .*missing required field"),
 ])  # fmt: skip
-def test_damaged_stores_are_rejected(good: bytes, path: Path, statement, message) -> None:
+def test_damaged_stores_are_rejected(good, path, statement, message):
     path.write_bytes(good)
     with closing(sqlite3.connect(path)) as connection:
         connection.execute(statement)
@@ -150,9 +150,7 @@ def test_damaged_stores_are_rejected(good: bytes, path: Path, statement, message
     assert path.read_bytes() == before
 
 
-def test_a_full_disk_and_a_locked_store_keep_the_results_so_far(
-    path: Path, result: TaskResult, monkeypatch
-) -> None:
+def test_a_full_disk_and_a_locked_store_keep_the_results_so_far(path, result, monkeypatch):
     study = open_store(path).begin("one", "sweep", {})
     study.add(result)
     large = other(result, 1, scene="x" * 10**6)
@@ -175,7 +173,7 @@ def test_a_full_disk_and_a_locked_store_keep_the_results_so_far(
     assert len(study.done()) == 2
 
 
-def test_other_files_are_rejected(tmp_path: Path) -> None:
+def test_other_files_are_rejected(tmp_path):
     (tmp_path / "text").write_text("spacing,thickness\n" * 99)
     with pytest.raises(ValueError, match=r"is no store of studies .*: name another file"):
         open_store(tmp_path / "text")
@@ -191,12 +189,7 @@ def test_other_files_are_rejected(tmp_path: Path) -> None:
 # the command ------------------------------------------------------------------------------------
 
 
-def output_of(capsys, *words: object) -> str:
-    assert main([str(word) for word in words]) == 0
-    return capsys.readouterr().out
-
-
-def test_the_command_lists_and_shows(capsys, path: Path, result: TaskResult) -> None:
+def test_the_command_lists_and_shows(output_of, path, result):
     store = open_store(path)
     study = store.begin("friction", "sweep", {"evaluations": 300})
     store.begin("empty", "comparison", {})
@@ -205,11 +198,11 @@ def test_the_command_lists_and_shows(capsys, path: Path, result: TaskResult) -> 
         study.add(other(result, number, score=score, uniform_score=0.5, gain=gain))
     study.add(other(result, 8, scene_name="\x1b[31mred"))
     study.add(other(result, 9, labels={"a": "\x9b2J"}))
-    listed = output_of(capsys, "studies", "--store", path)
+    listed = output_of("studies", "--store", path)
     assert [line.split()[:3] for line in listed.splitlines()] == [
         ["study", "kind", "tasks"], ["friction", "sweep", "5"], ["empty", "comparison", "0"],
     ]  # fmt: skip
-    shown = output_of(capsys, "studies", "show", "friction", "--store", path)
+    shown = output_of("studies", "show", "friction", "--store", path)
     assert "evaluations = 300" in shown
     cells = next(line.split() for line in shown.splitlines() if line.startswith("both"))
     assert cells[1:] == ["random", "3", "0.7", "0.6", "0.5", "+40.00%", "00000000"]
@@ -218,15 +211,13 @@ def test_the_command_lists_and_shows(capsys, path: Path, result: TaskResult) -> 
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_an_export_holds_every_number_bitwise(
-    capsys, path: Path, result: TaskResult, suffix: str
-) -> None:
+def test_an_export_holds_every_number_bitwise(output_of, path, result, suffix):
     study = open_store(path).begin("=1+1", "sweep", {})
     labels = {"physics.friction": 0.1, "score": 3, "@mixed": -2}
     study.add(msgspec.structs.replace(result, labels=labels, gain=-0.25))
     study.add(other(result, 1, scene_name="+x", labels={"@mixed": "-cmd"}, gain=None))
     file = path.with_name(f"all.{suffix}")
-    text = output_of(capsys, "studies", "export", "=1+1", "--to", file, "--store", path)
+    text = output_of("studies", "export", "=1+1", "--to", file, "--store", path)
     assert text == f"written to {file}: 2 results\n"
     if suffix == "parquet":
         first, second = pytest.importorskip("pyarrow.parquet").read_table(file).to_pylist()
@@ -244,18 +235,18 @@ def test_an_export_holds_every_number_bitwise(
     assert int(first["label.score"]) == 3
 
 
-def test_the_best_layout_of_a_scene(capsys, path: Path, scenes, result) -> None:
+def test_the_best_layout_of_a_scene(output_of, capsys, path, scenes, result):
     study = open_store(path).begin("one", "sweep", {})
     better = Task.of(scenes["both"], "l-bfgs", 0, budget=200).run()
     study.add(result)
     study.add(better)
     assert better.score > result.score
     words = ["studies", "export", "one", "--store", str(path)]
-    output_of(capsys, *words, "--best", "both", "--to", path.with_name("b.json"))
+    output_of(*words, "--best", "both", "--to", path.with_name("b.json"))
     layout = de.Layout.read(path.with_name("b.json"))
     assert scenes["both"].score(layout) == better.score
     assert de.load_scene(path.with_name("b.scene.toml")) == scenes["both"]
-    output_of(capsys, *words, "--best", result.key[:8], "--to", path.with_name("c.csv"))
+    output_of(*words, "--best", result.key[:8], "--to", path.with_name("c.csv"))
     assert tuple(de.Layout.read(path.with_name("c.csv")).spacing) == result.spacing
     study.add(other(result, 1, scene="another"))
     assert main([*words, "--best", "both", "--to", "d.csv"]) == 2
@@ -270,9 +261,7 @@ def test_the_best_layout_of_a_scene(capsys, path: Path, scenes, result) -> None:
     (["export", "one", "--best", "nobody", "--to", "x.csv"], "has no scenes called 'nobody': name"),
     (["export", "one", "--to", "a.sqlite/x.csv"], "cannot be written"),
 ])  # fmt: skip
-def test_errors_are_one_line(
-    capsys, monkeypatch, tmp_path: Path, good: bytes, words, message
-) -> None:
+def test_errors_are_one_line(capsys, monkeypatch, tmp_path, good, words, message):
     monkeypatch.chdir(tmp_path)
     Path("a.sqlite").write_bytes(good)
     assert main(["studies", *words, "--store", "a.sqlite"]) == 2

@@ -7,7 +7,7 @@ import pytest
 
 from optimize.methods.gradient.local_search import CoarseToFine, LocalSearch
 from optimize.methods.search.perturbations import PERTURBATIONS, ends_tight, tight_end
-from optimize.methods.starts import knots, schedule
+from optimize.methods.starts import schedule
 
 
 def run(arm: LocalSearch | CoarseToFine, answer: Callable, most: int = 2000) -> int:
@@ -31,7 +31,7 @@ def quadratic(top: np.ndarray, seed: int = 0) -> Callable:
 
 
 @pytest.mark.parametrize("n", [1, 5, 40, 300])  # the last with limited memory
-def test_it_finds_the_maximum_of_a_quadratic(n: int) -> None:
+def test_it_finds_the_maximum_of_a_quadratic(n):
     top = np.random.default_rng(1).uniform(0.2, 0.8, n)
     arm = LocalSearch(np.full(n, 0.5))
     run(arm, quadratic(top))
@@ -39,7 +39,7 @@ def test_it_finds_the_maximum_of_a_quadratic(n: int) -> None:
     assert arm.score == pytest.approx(5.0, abs=1e-4)
 
 
-def test_it_finds_the_best_corner_or_face_of_the_box() -> None:
+def test_it_finds_the_best_corner_or_face_of_the_box():
     """No component of the gradient leads into the box."""
     top = np.array([1.4, 0.3, -0.2, 0.6, 1.1])
     answer = quadratic(top, seed=3)
@@ -55,7 +55,7 @@ def test_it_finds_the_best_corner_or_face_of_the_box() -> None:
 
 
 @pytest.mark.parametrize("n", [2, 10])
-def test_it_follows_a_kink(n: int) -> None:
+def test_it_follows_a_kink(n):
     """The ridge -8 |x0 - x1²| bends; along it a smooth score rises to x = 0.7."""
 
     def answer(x):
@@ -73,7 +73,7 @@ def test_it_follows_a_kink(n: int) -> None:
     assert arm.design[:2] == pytest.approx([0.49, 0.7], abs=5e-3)
 
 
-def test_a_step_of_the_score_stops_it() -> None:
+def test_a_step_of_the_score_stops_it():
     """Beyond x0 = 0.6 the wave stops: zero gradient and a negative score."""
 
     def answer(x):
@@ -86,7 +86,7 @@ def test_a_step_of_the_score_stops_it() -> None:
     assert arm.score >= 1.1 > 0.3  # it began at 0.3
 
 
-def test_from_coarse_to_fine_it_finds_the_same_maximum() -> None:
+def test_from_coarse_to_fine_it_finds_the_same_maximum():
     n = 60
     top = 0.5 + 0.3 * np.sin(np.arange(n) / 7.0)
     arm = CoarseToFine(np.full(n, 0.5), [schedule(1, n, 8), schedule(1, n, 20)])
@@ -95,32 +95,12 @@ def test_from_coarse_to_fine_it_finds_the_same_maximum() -> None:
     assert arm.score == pytest.approx(5.0, abs=1e-3)
 
 
-@pytest.mark.parametrize(("pairs", "most"), [(39, 24), (39, 100), (999, 28), (999, 110), (7, 2)])
-def test_knots_include_both_ends_and_are_limited(pairs: int, most: int) -> None:
-    places = knots(pairs, most)
-    assert places[0] == 0
-    assert places[-1] == pairs - 1
-    assert np.all(np.diff(places) > 0)
-    assert 0.6 * min(most, pairs) <= len(places) <= most
-    assert np.array_equal(places, (pairs - 1 - places)[::-1])
-
-
-def test_a_schedule_is_linear_between_its_knots() -> None:
-    matrix = schedule(2, 39, 24)
-    places = knots(39, 12)
-    values = np.random.default_rng(0).random((2, len(places)))
-    design = (matrix @ values.ravel()).reshape(2, 39)
-    assert design[:, places] == pytest.approx(values)
-    for part, line in zip(design, values, strict=True):
-        assert part == pytest.approx(np.interp(np.arange(39), places, line))
-
-
 # perturbations ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("shape", [(1, 39), (2, 39), (2, 1), (1, 2), (1, 6)])
 @pytest.mark.parametrize("perturbation", PERTURBATIONS, ids=lambda one: one.__name__)
-def test_a_perturbation_keeps_the_shape_and_its_parents(perturbation, shape) -> None:
+def test_a_perturbation_keeps_the_shape_and_its_parents(perturbation, shape):
     rng = np.random.default_rng(2)
     for _ in range(50):
         design, other = rng.random(shape), rng.random(shape)
@@ -135,7 +115,7 @@ def test_a_perturbation_keeps_the_shape_and_its_parents(perturbation, shape) -> 
 
 @pytest.mark.parametrize("had", [0, 1, 3])
 @pytest.mark.parametrize("wanted", [0, 1, 2, 5])
-def test_tight_ends_are_counted(had: int, wanted: int) -> None:
+def test_tight_ends_are_counted(had, wanted):
     design = np.random.default_rng(0).uniform(0.2, 0.9, (1, 20))
     design[0, 20 - had :] = 0.0
     assert ends_tight(design) == had

@@ -1,15 +1,14 @@
-"""Searches side by side: one batch for all, and each finds what it finds alone."""
+"""Searches side by side share their batches, and each finds what it finds alone."""
 
 import numpy as np
-import pytest
 
-from optimize.evaluator import BudgetSpent, Evaluator
+from optimize.evaluator import Evaluator
 from optimize.methods.gradient.local_search import LocalSearch, advance, run_local_searches
-from optimize.methods.gradient.lockstep import Request, Search, run_in_lockstep
+from optimize.methods.gradient.lockstep import run_in_lockstep
 from optimize.problem import Problem
 
 
-def test_climbs_that_ask_side_by_side_share_every_batch(scenes) -> None:
+def test_climbs_that_ask_side_by_side_share_every_batch(scenes):
     problem = Problem(scenes["both"])
     starts = np.random.default_rng(0).random((3, problem.dimension))
     asked: list[int] = []
@@ -29,23 +28,3 @@ def test_climbs_that_ask_side_by_side_share_every_batch(scenes) -> None:
     assert asked == batches
     assert three[longest].score == one_climb[longest].score
     assert len(batches) == three[longest].evaluations < sum(arm.evaluations for arm in three)
-
-
-def test_who_waits_is_asked_again_and_the_first_ends_it(scenes) -> None:
-    problem, answers = Problem(scenes["one-gap"]), []
-
-    def waiting() -> Search:
-        while len(answers) < 3:
-            yield None
-
-    def working() -> Search:
-        while True:
-            scores, gradients = yield Request(np.full((2, 1), 0.5))
-            answers.append((scores.shape, gradients.size))
-
-    budget = Evaluator(problem, 100)
-    run_in_lockstep(budget, [waiting(), working()])
-    assert answers == [((2,), 0)] * 3
-    assert budget.evaluations == 8  # the last two before anybody could know
-    with pytest.raises(BudgetSpent, match="limit of 100 layouts reached"):
-        run_in_lockstep(budget, [working()])

@@ -8,11 +8,11 @@ import pytest
 import domino_env as de
 from optimize import search
 from optimize.methods.search import long_layouts
-from optimize.methods.search.long_layouts import Stretched, best_steady, is_long, repeated
+from optimize.methods.search.long_layouts import best_steady, is_long, repeated
 
 
 @pytest.mark.parametrize("period", [1, 4, 16])
-def test_a_stretched_layout_keeps_its_ends_and_repeats_its_middle(period: int) -> None:
+def test_a_stretched_layout_keeps_its_ends_and_repeats_its_middle(period):
     columns = np.random.default_rng(0).random((2, 41))
     longer = repeated(columns, 200, period)
     assert longer.shape == (2, 200)
@@ -25,16 +25,7 @@ def test_a_stretched_layout_keeps_its_ends_and_repeats_its_middle(period: int) -
     assert np.array_equal(repeated(columns, 41, period), columns)
 
 
-def test_a_local_search_starts_at_a_layout_that_is_flat_between_its_ends() -> None:
-    ends = np.random.default_rng(1).random((2, 2, long_layouts.ENDS))
-    parts = [np.concatenate([a, np.full(700, a[-1]), b]) for a, b in ends]
-    for part, (_, b) in zip(parts, ends, strict=True):
-        part[long_layouts.ENDS - 1 : -long_layouts.ENDS + 1] = b[0]
-    start = np.concatenate(parts)
-    assert Stretched(start, 2, None).wanted == pytest.approx(start, abs=1e-12)
-
-
-def test_layouts_that_are_long() -> None:
+def test_layouts_that_are_long():
     scene = de.load_scene("marathon")
     assert is_long(scene)
     assert is_long(replace(scene, length=20.0))
@@ -43,7 +34,7 @@ def test_layouts_that_are_long() -> None:
     assert not is_long(replace(scene, length=20.0, spacing_values=(0.01, 0.02)))
 
 
-def test_no_steady_wave_beats_the_best_one() -> None:
+def test_no_steady_wave_beats_the_best_one():
     scene = de.load_scene("gentle")
     gap, thickness = best_steady(scene)
 
@@ -59,7 +50,7 @@ def test_no_steady_wave_beats_the_best_one() -> None:
 
 def test_a_long_search_is_bitwise_reproducible_and_beats_the_uniform_baseline(
     monkeypatch, tmp_path
-) -> None:
+):
     monkeypatch.setattr(long_layouts, "SEARCHED", 40)
     scene = replace(de.load_scene("marathon"), count=512)
     whole = search(scene, budget=36, seed=3)

@@ -49,7 +49,7 @@ def folder(tmp_path: Path, monkeypatch) -> Path:
     return tmp_path
 
 
-def test_a_method_is_named_or_given(folder: Path, scenes) -> None:
+def test_a_method_is_named_or_given(folder, scenes):
     named = search(scenes["spacing"], "my_methods:run", budget=40, seed=2)
     given = search(scenes["spacing"], sys.modules["my_methods"].run, budget=40, seed=2)
     assert named.method == given.method == "my_methods:run"
@@ -58,12 +58,12 @@ def test_a_method_is_named_or_given(folder: Path, scenes) -> None:
     assert search(scenes["spacing"], lambda e, _: e.evaluate([0.4] * 6), budget=9).evaluations == 1
 
 
-def test_a_method_that_catches_every_exception_ends(folder: Path, scenes) -> None:
+def test_a_method_that_catches_every_exception_ends(folder, scenes):
     result = search(scenes["spacing"], "my_methods:stubborn", budget=20)
     assert result.ended == "limit of 20 layouts reached"
 
 
-def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
+def test_it_runs_in_other_processes(folder, scenes):
     """Spawned processes import it from the working folder."""
     chosen = [scenes["spacing"]], ["my_methods:run", "random"], range(1)
     here = compare(*chosen, budget=21)
@@ -87,7 +87,7 @@ def test_it_runs_in_other_processes(folder: Path, scenes) -> None:
     ("my_typo:run", "'(' was never closed"),
     ("my_methods:", "there is no method 'my_methods:': choose auto, "),
 ])  # fmt: skip
-def test_what_is_no_method_is_rejected_in_a_line(folder, capsys, method: str, message: str) -> None:
+def test_what_is_no_method_is_rejected_in_a_line(folder, capsys, method, message):
     assert main(["optimize", "sprint", "--method", method, "--budget", "9"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("domino: ")
@@ -95,7 +95,7 @@ def test_what_is_no_method_is_rejected_in_a_line(folder, capsys, method: str, me
     assert any(part in error for part in message.split("|"))
 
 
-def test_what_other_processes_cannot_import_is_not_compared(folder: Path, scenes) -> None:
+def test_what_other_processes_cannot_import_is_not_compared(folder, scenes):
     load("my_methods:run")
     method = sys.modules["my_methods"].inside()
     with pytest.raises(ValueError, match="cannot be imported by that name, and so by no other"):
