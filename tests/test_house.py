@@ -63,26 +63,15 @@ def test_help_loads_no_heavy_module():
     assert not loaded & {"matplotlib", "pygame", "tqdm"}
 
 
-def test_layouts_and_physics_need_no_compiler():
-    loaded = loaded_by("import domino_env as de; de.Layout([0.02], 0.0075); de.Physics()")
-    assert not loaded & {"numba", "scipy"}
-
-
-def test_simulating_loads_no_search_and_no_picture():
-    loaded = loaded_by(
-        "import domino_env as de; s = de.load_scene('sprint'); s.score(s.layout(0.018))"
-    )
-    assert "numba" in loaded
-    heavy = {"torch", "cvxpy", "cma", "matplotlib", "pygame", "scipy.optimize"}
-    assert not loaded & heavy
-
-
-def test_an_environment_loads_no_drawing_module():
-    loaded = loaded_by(
-        "import gymnasium; env = gymnasium.make('domino_env:DominoChain-v1', scene='gentle');"
-        "env.reset(); env.step(env.action_space.sample())"
-    )
-    assert not loaded & {"PIL", "matplotlib", "pygame"}
+@pytest.mark.parametrize(("script", "heavy"), [
+    ("import domino_env as de; de.Layout([0.02], 0.0075); de.Physics()", "numba scipy"),
+    ("import domino_env as de; s = de.load_scene('sprint'); s.score(s.layout(0.018))",
+     "torch cvxpy cma matplotlib pygame scipy.optimize"),
+    ("import gymnasium; env = gymnasium.make('domino_env:DominoChain-v1', scene='gentle');"
+     "env.reset(); env.step(env.action_space.sample())", "PIL matplotlib pygame"),
+], ids=["layouts", "simulating", "environments"])  # fmt: skip
+def test_what_is_not_needed_is_not_loaded(script, heavy):
+    assert not loaded_by(script) & set(heavy.split())
 
 
 @pytest.mark.parametrize("first", [

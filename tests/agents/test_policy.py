@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 import domino_env as de
 from agents import evaluate, load_policy
 from agents.designer.policy import Designer
-from agents.network import acting, actor_of, read_arrays
+from agents.network import read_arrays
 from agents.policy import DESIGNER, POLICIES, ScenePolicy, folder_of, shipped
 from domino_env.cli.main import main
 
@@ -44,21 +45,6 @@ def test_every_policy_that_ships_has_a_card(name):
     card = (POLICIES / name / "README.md").read_text("utf-8")
     for part in ("**Scene", "**Seed", "**Score", "**Limits.**", "**Train it again.**"):
         assert part in card
-
-
-def test_the_network_agrees_with_torch():
-    torch = pytest.importorskip("torch")
-    arrays = read_arrays(SPRINT / "policy.npz")
-    network, rng = acting(actor_of(arrays)), np.random.default_rng(0)
-    linear, tanh = torch.nn.functional.linear, torch.tanh
-    for _ in range(20):
-        observation = rng.standard_normal(arrays[FIRST].shape[1]).astype(np.float32)
-        values = torch.from_numpy(observation)
-        for layer in ("mlp_extractor.policy_net.0.", "mlp_extractor.policy_net.2.", "action_net."):
-            weight, bias = (torch.from_numpy(arrays[layer + name]) for name in ("weight", "bias"))
-            values = linear(values if layer.endswith("0.") else tanh(values), weight, bias)
-        action = values.clamp(-1.0, 1.0).numpy()
-        assert network(observation) == pytest.approx(action, abs=2e-6)
 
 
 def test_evaluating_and_designing_need_no_torch(tmp_path):

@@ -99,9 +99,6 @@ def test_it_takes_options_of_the_environment_and_reports_episodes_as_monitor_doe
     assert frame.ndim == 3
 
 
-# the policy of APG and PPO ------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("algorithm", OFF_POLICY)
 def test_an_off_policy_training_updates_once_per_transition_and_keeps_its_transitions(
     tmp_path, algorithm

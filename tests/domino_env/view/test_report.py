@@ -11,7 +11,7 @@ import pytest
 from uneven_layouts import uneven_layout
 
 import domino_env as de
-from domino_env.physics.motion import Motion, stack_leans, stack_sums
+from domino_env.physics.motion import Motion
 from domino_env.view.energy import energies
 from domino_env.view.race import Racer, headline, race_data
 from domino_env.view.report import read_racers, write_report
@@ -73,24 +73,6 @@ def test_headline_follows_the_score_where_speed_is_not_what_counts():
 def test_a_report_shows_its_progress(capfd, tmp_path):
     write_report(RACERS, "test", tmp_path / "page.html", progress=True)
     assert "2/2" in capfd.readouterr().err
-
-
-def test_energies_are_sums_over_all_dominoes():
-    layout = uneven_layout(3, 40)
-    leader = np.arange(5, 35, 3)
-    angle = np.full(len(leader), 0.1)
-    released, inertia = stack_sums(layout, leader, angle, 1e-6, 1e-6)
-    low, leans, high = (
-        stack_leans(layout, leader, angle + layout.tilt[leader] + step) for step in (-1e-6, 0, 1e-6)
-    )
-    heights = [
-        0.5 * (layout.height * np.cos(lean) + layout.thickness * np.sin(lean))
-        for lean in (layout.tilt, leans)
-    ]
-    mass = layout.density * layout.height * layout.thickness * layout.width
-    np.testing.assert_allclose(released, (heights[0] - heights[1]) @ mass, rtol=1e-9)
-    own = mass * (layout.height**2 + layout.thickness**2) / 3.0
-    np.testing.assert_allclose(inertia, ((high - low) / 2e-6) ** 2 @ own, rtol=1e-7)
 
 
 def test_a_run_folder_has_scene_curve_and_verification(tmp_path):

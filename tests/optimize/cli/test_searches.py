@@ -54,9 +54,8 @@ def test_the_output_has_the_gap_to_the_best_known(output_of, monkeypatch, tmp_pa
     ended = json.loads((tmp_path / "run" / "summary.json").read_text())["ended"]
     assert f"the search ended: {ended}\n" in text
     monkeypatch.setattr("optimize.experiments.best_known.PATH", tmp_path / "best.json")
-    assert "best known:       none so far\nnew records: sprint" in output_of(
-        capsys, *words, tmp_path / "new"
-    )
+    text = output_of(*words, tmp_path / "new")
+    assert "best known:       none so far\nnew records: sprint" in text
     assert best_known(tmp_path / "best.json")["sprint"].method == "uniform"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optimize.methods.gradient.local_search import CoarseToFine, LocalSearch
-from optimize.methods.search.perturbations import PERTURBATIONS, ends_tight, tight_end
+from optimize.methods.search.perturbations import PERTURBATIONS
 from optimize.methods.starts import schedule
 
 
@@ -111,14 +111,3 @@ def test_a_perturbation_keeps_the_shape_and_its_parents(perturbation, shape):
         assert np.all(np.isfinite(moved))
         assert np.array_equal(design, before[0])
         assert np.array_equal(other, before[1])
-
-
-@pytest.mark.parametrize("had", [0, 1, 3])
-@pytest.mark.parametrize("wanted", [0, 1, 2, 5])
-def test_tight_ends_are_counted(had, wanted):
-    design = np.random.default_rng(0).uniform(0.2, 0.9, (1, 20))
-    design[0, 20 - had :] = 0.0
-    assert ends_tight(design) == had
-    moved = tight_end(design, wanted)
-    assert ends_tight(moved) == wanted
-    assert np.array_equal(moved[0, :5], design[0, :5])  # the start stays as it was
