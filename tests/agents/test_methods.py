@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 
 pytest.importorskip("stable_baselines3")
-import torch
 
 import domino_env as de
 from agents import evaluate
 from agents.policy import POLICIES
-from agents.sb3 import VectorARS
-from agents.vec_env import DominoVecEnv
 from optimize import METHODS, search
 from optimize.methods.registry import load, of_others
 
@@ -97,25 +94,3 @@ def test_without_the_extra_the_error_has_the_command_that_installs_it():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 'pip install "domino-chains[rl]"' in done.stdout
     assert 'pip install "domino-chains[rl]"' in done.stderr  # before any task
-
-
-def test_candidates_together_have_the_returns_that_each_has_alone(small):
-    env = DominoVecEnv(small, 4)
-    model = VectorARS("LinearPolicy", env, n_delta=3, n_top=2, seed=0)
-    weights = 0.3 * torch.randn(6, model.n_params, generator=torch.Generator().manual_seed(1))
-    model._setup_learn(100)
-
-    class Quiet:
-        def __getattr__(self, name):
-            return lambda *_: True
-
-    returns = model.evaluate_candidates(weights, Quiet(), None).numpy()
-    single = DominoVecEnv(small, 1)
-    for i in range(6):
-        model.policy.load_from_vector(weights[i])
-        observation, total, over = single.reset(), 0.0, False
-        while not over:
-            action = model.predict(observation, deterministic=True)[0]
-            observation, reward, (over,), _ = single.step(action)
-            total += float(reward[0])
-        assert returns[i] == pytest.approx(total, rel=1e-4, abs=1e-4)
