@@ -4,8 +4,7 @@ Those of PPO were found by hand on `sprint`, `ideal` and `sprint-thickness`. The
 of the actions follows a schedule and is not learned: it falls quickly at first and slowly from 0.1
 on, where the noise of the gaps no longer decides which thicknesses are best. A term of the loss
 returns means from outside the box, and actions near the end of the chain deviate further
-(`agents.sb3.ScheduledPolicy`). The reference speed of the rewards follows the best layout so far,
-so that the sum of rewards and the ratio that is scored agree in the end (Dinkelbach's iteration).
+(`agents.sb3.ScheduledPolicy`).
 
 SAC, TD3 and TQC have the defaults of Stable-Baselines3 and sb3-contrib, but one update per
 transition of 16 environments, two layers of 64 units, and for TD3 the exploration noise of its
@@ -13,7 +12,6 @@ authors, without which all environments of one scene would do the same.
 
 References
 ----------
-Dinkelbach, W. (1967). On nonlinear fractional programming. Management Science 13, 492-498.
 Fujimoto, S., van Hoof, H., Meger, D. (2018). Addressing function approximation error in
 actor-critic methods. arXiv:1802.09477.
 Haarnoja, T., Zhou, A., Abbeel, P., Levine, S. (2018). Soft actor-critic. arXiv:1801.01290.

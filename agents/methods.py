@@ -134,7 +134,7 @@ class _Learning:
         ):
             self._evaluate()
             self.next_evaluation += 1.0 / EVALUATIONS
-        self.learner.adapt(self.evaluator.progress, self.evaluator.best_score)
+        self.learner.adapt(self.evaluator.progress)
 
     def after_step(self, infos: Any) -> None:
         """Count the layouts that are complete; stop where too few evaluations remain."""

@@ -122,20 +122,16 @@ class Learner:
             warnings.simplefilter("ignore", UserWarning)
             self.model.learn(steps, callback=Callback(), reset_num_timesteps=False)
 
-    def adapt(self, done: float, best_score: float) -> None:
-        """Set the standard deviation of the actions and the reference speed by their schedules.
+    def adapt(self, done: float) -> None:
+        """Set the standard deviation of the actions by its schedule.
 
         Parameters
         ----------
         done
             Part of the training that is done, 0 to 1.
-        best_score
-            Score of the best layout so far.
         """
         if isinstance(self.model.policy, ScheduledPolicy):
             self.model.policy.deviation = self.hyperparameters.deviation(done)
-        if not isinstance(self.model, OffPolicyAlgorithm):  # whose buffer has earlier rewards
-            self.env.follow(best_score)
 
     def policy(self) -> Policy:
         """Return the present policy without noise."""

@@ -364,7 +364,7 @@ class Training:
             self.checkpoint()
             self.next_evaluation = steps + max(self.total // EVALUATIONS, 1)
         self.bar.update(steps - self.bar.n)
-        self.learner.adapt(min(steps / self.total, 1.0), float(max(self.best, self.sampled_best)))
+        self.learner.adapt(min(steps / self.total, 1.0))
 
     def after_step(self, infos: Any) -> None:
         """Count the layouts that were built with noise, and note their best score."""

@@ -71,21 +71,6 @@ class DominoVecEnv(VecEnv):
         self._reset_options()
         return observations
 
-    def follow(self, score: float) -> None:
-        """Set the reference speed of the rewards to the best score so far (Dinkelbach 1967).
-
-        Parameters
-        ----------
-        score
-            The best score; the reference is at least the uniform baseline. Nothing changes where
-            its wave stops, where the score is no speed, and where scenes are sampled.
-        """
-        if self.vector.distribution is not None:
-            return
-        scene = self.vector.scene
-        if scene.criterion.is_ratio and score > 0.0:
-            self.vector.reference_speed = max(score, scene.uniform().wave.mean_speed)
-
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions (B, A) for `step_wait`."""
         self._actions = actions

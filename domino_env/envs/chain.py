@@ -98,11 +98,20 @@ class DominoChain(DominoEnv):
     the bounds of gap and thickness.
 
     ## Rewards
-    The reward of each step but the last is (pitch - reference speed × time of the fall) / h: the
-    lead gained over a wave at the reference speed, in domino heights. The reference speed is by
-    default that of the uniform baseline. The reward of the last step completes the undiscounted
-    return to 100 times the gain, whatever the reference speed. Where the objective is not a speed
-    ("tempo", "toppled", "magnify"), all rewards but the last are 0.
+    The reward of a step is the change of the expected gain Φ [%], where Φ_k with k dominoes placed
+    is the gain if the rest of the chain were that of the uniform baseline:
+
+        Φ_k = 100 ((x_k + X_end - X_k) / (t_k + T_end - T_k) / v - 1),    Φ_0 = 0
+
+    x_k and t_k are the distance of domino k from the first and its arrival time, X_k and T_k those
+    in the uniform baseline, v = X_end / T_end. The reward of the last step is 100 gain - Φ_(k-1),
+    so the undiscounted return is 100 times the gain. On the uniform baseline every reward is 0.
+
+    - Where the scene has a length ℓ, the rest is ℓ - x_k long and takes the time
+      (T_end - T_k) (ℓ - x_k) / (ℓ - X_k).
+    - Where the wave of the uniform baseline stops, T_k = X_k / √(g h).
+    - Where the objective is no speed ("tempo", "toppled", "magnify"), Φ = 0: all rewards but the
+      last are 0.
 
     The gain compares the score with that of the uniform baseline:
 
@@ -151,8 +160,9 @@ class DominoChain(DominoEnv):
     of the reset.
 
     ## Version history
-    - v1: the return of a wave that stops is 100 (score - 1); it was 100 (score / score of the
-      uniform baseline - 1), which depended on the size of the dominoes.
+    - v1: rewards are changes of the expected gain; they were the lead gained over a wave at the
+      reference speed, in heights. The return of a wave that stops is 100 (score - 1); it was 100
+      (score / score of the uniform baseline - 1), which depended on the size of the dominoes.
     - v0: first version.
 
     Parameters
@@ -166,8 +176,8 @@ class DominoChain(DominoEnv):
         Relative error allowed in the arrival times, 1e-3 to 1e-13. The score on the last step is
         that of `scene.simulate(layout, rtol)`, which `scene.score` computes at 1e-10.
     reference_speed
-        Speed to which the rewards of single steps refer [m/s]; None for that of the uniform
-        baseline. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
+        Speed to which `lead` and `speed` of the observation refer [m/s]; None for that of the
+        uniform baseline. May be set at any time: `env.unwrapped.reference_speed = 0.83`.
     window
         W, number of gaps and thicknesses observed; at most N - 1.
     num_scenes
@@ -178,9 +188,6 @@ class DominoChain(DominoEnv):
     hide
         Sampled numbers that are left out of the observation, of `distribution.features`. Other
         parts may still depend on them.
-    potential
-        True to reward each step by the change of the gain [%] expected if the rest of the chain
-        were that of the uniform baseline, False by the lead gained.
 
     Examples
     --------
@@ -202,17 +209,16 @@ class DominoChain(DominoEnv):
         num_scenes: int | None = None,
         first_scene: int = 0,
         hide: Sequence[str] = (),
-        potential: bool = False,
     ) -> None:
         vector = DominoChainVector(
             1, scene, None, rtol, reference_speed, window,
-            num_scenes=num_scenes, first_scene=first_scene, hide=hide, potential=potential,
+            num_scenes=num_scenes, first_scene=first_scene, hide=hide,
         )  # fmt: skip
         super().__init__(vector, render_mode)
 
     @property
     def reference_speed(self) -> float:
-        """Speed to which the rewards of single steps refer [m/s]; may be set at any time."""
+        """Speed to which observations refer [m/s]; may be set at any time."""
         return cast("float", self._vector.reference_speed)
 
     @reference_speed.setter
@@ -265,7 +271,7 @@ class DominoChainVector(DominoVectorEnv):
         - SAME_STEP: with the last step itself; the last observation and info are in
           infos["final_obs"] and infos["final_info"].
         - DISABLED: with `reset(options={"reset_mask": …})`, before the next step.
-    num_scenes, first_scene, hide, potential
+    num_scenes, first_scene, hide
         As of `DominoChain`.
 
     Examples
@@ -289,11 +295,8 @@ class DominoChainVector(DominoVectorEnv):
         num_scenes: int | None = None,
         first_scene: int = 0,
         hide: Sequence[str] = (),
-        potential: bool = False,
     ) -> None:
-        source = SceneSource(
-            scene, num_envs, rtol, window, num_scenes, first_scene, hide, potential
-        )
+        source = SceneSource(scene, num_envs, rtol, window, num_scenes, first_scene, hide)
         super().__init__(num_envs, source, render_mode, autoreset_mode)
         self._rules = self._batch.rules
         self._reference: float | None = None  # reference speed of all episodes, where given
@@ -304,7 +307,7 @@ class DominoChainVector(DominoVectorEnv):
 
     @property
     def reference_speed(self) -> float | Floats:
-        """Speed to which the rewards of single steps refer [m/s]; may be set at any time.
+        """Speed to which observations refer [m/s]; may be set at any time.
 
         (B,) where each environment has its own scene; a speed that is set applies to all of them.
         """

@@ -42,8 +42,6 @@ class SceneSource:
         Number of gaps (and thicknesses) observed, at most.
     num_scenes, first_scene, hide
         As of `DominoChain`.
-    potential
-        True to reward by the expected gain, False by the lead gained.
 
     Attributes
     ----------
@@ -91,14 +89,13 @@ class SceneSource:
         num_scenes: int | None = None,
         first_scene: int = 0,
         hide: Sequence[str] = (),
-        potential: bool = False,
     ) -> None:
         require("num_envs", num_envs, 1, whole=True)
         require("rtol", rtol, TIGHTEST, LOOSEST)
         require("window", window, 0, whole=True, hint="the number of dominoes observed")
         if not isinstance(scene, Scene | SceneDistribution):
             scene = load_any(scene)
-        self.rtol, self.potential = float(rtol), potential
+        self.rtol = float(rtol)
         self.distribution = scene if isinstance(scene, SceneDistribution) else None
         self.first = scene.first if isinstance(scene, SceneDistribution) else scene
         _require_choice(self.first)
@@ -155,7 +152,9 @@ class SceneSource:
         baseline = scene.uniform()
         speed, positions = baseline.wave.mean_speed, baseline.layout.positions
         self.scenes[i] = scene
-        self.rules[i] = _rules_of(scene, self.rtol, speed, self.potential)
+        self.rules[i] = _rules_of(
+            scene, self.rtol, speed if speed > 0.0 else free_fall_speed(scene)
+        )
         self.features[i] = np.clip(features[self.shown], -FEATURE_LIMIT, FEATURE_LIMIT)
         self.first_thickness[i], self.score[i] = scene.first_thickness, baseline.score
         self.speed[i] = speed
@@ -202,13 +201,14 @@ def free_fall_speed(scene: Scene) -> float:
     return float(np.sqrt(scene.physics.gravity * scene.height))
 
 
-def _rules_of(scene: Scene, rtol: float, speed: float, potential: bool) -> tuple[Any, ...]:
-    """Return the fields of RULES of a scene whose uniform baseline has a speed [m/s]."""
+def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
+    """Return the fields of RULES of a scene that is compared with a speed [m/s]."""
     growth = scene.growth or (1.0, 1.0)
     values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
         "count": scene.count,
         "rtol": rtol,
-        "reference_speed": speed if speed > 0.0 else free_fall_speed(scene),
+        "uniform_speed": speed,
+        "reference_speed": speed,
         "length": scene.length or 0.0,
         "gap_low": scene.spacing[0],
         "gap_high": scene.spacing[1],
@@ -221,8 +221,7 @@ def _rules_of(scene: Scene, rtol: float, speed: float, potential: bool) -> tuple
         "unit": scene.height,
         "grows": scene.growth is not None,
         "in_heights": scene.in_heights,
-        "potential": potential,
-        "reward_scale": float(scene.criterion.rewards_speed),
+        "rewards_steps": scene.criterion.rewards_speed,
         "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
     }
     return tuple(values[name] for name in kernels.RULES.names or ())

@@ -76,25 +76,17 @@ def stand_on_ground(batch, curve, b, layout, n):
 
 @always_inline
 def fall_onto_next(rules, batch, b, lanes, layout, tape):
-    """Let the leader fall onto the domino just written in the layout.
-
-    Returns the lead gained over a wave at the reference speed, in heights.
-    """
+    """Let the leader fall onto the domino just written in the layout."""
     ring, state, episode = batch.rings[b], batch.states[b], batch.episodes[b]
     count, first = len(layout.thickness), episode.placed
-    pitch = pitch_of(layout, layout.tilt, first)
     episode.placed = first + 1
-    episode.distance += pitch
-    lead = 0.0
+    episode.distance += pitch_of(layout, layout.tilt, first)
     last = first + 1 if first + 2 == count else first  # the last domino falls freely
     for n in range(first, last + 1):
         outcome = next_fall(layout, lanes, ring, n, state, tape)
-        if n == first:
-            lead = (pitch - rules.reference_speed * state.fall_time) / rules.unit
         if outcome != PROPAGATED or n + 1 == count:
             close_episode(rules, state, episode, n, outcome, layout)
             break
-    return lead
 
 
 @always_inline
@@ -109,17 +101,16 @@ def expected_gain(rules, rest, state, episode):
         length = rules.length - episode.distance
         time *= length / uniform_length
     speed = (episode.distance + length) / (state.time + time)
-    return 100.0 * (speed / rules.reference_speed - 1.0)
+    return 100.0 * (speed / rules.uniform_speed - 1.0)
 
 
 @always_inline
-def step_reward(rules, batch, b, lead):
-    """Return the reward of a step that gained a lead and did not end the episode."""
-    episode = batch.episodes[b]
-    if rules.potential and rules.reward_scale > 0.0:
-        rest = batch.rest[b if len(batch.rest) > 1 else 0]
-        return expected_gain(rules, rest, batch.states[b], episode) - episode.rewarded
-    return lead * rules.reward_scale
+def step_reward(rules, batch, b):
+    """Return the reward of a step that did not end the episode: the change of expected gain."""
+    if not rules.rewards_steps:
+        return 0.0
+    episode, rest = batch.episodes[b], batch.rest[b if len(batch.rest) > 1 else 0]
+    return expected_gain(rules, rest, batch.states[b], episode) - episode.rewarded
 
 
 @entry_point
@@ -145,10 +136,10 @@ def reset_batch(first, last, batch, chosen, given, observations):
             if len(left) > 0:
                 left[nearest_left(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
             stand_on_ground(batch, batch.curve, b, layout, i)
-            lead = fall_onto_next(rules, batch, b, lanes, layout, tape)
+            fall_onto_next(rules, batch, b, lanes, layout, tape)
             if episode.phase == OVER:
                 break
-            episode.rewarded += step_reward(rules, batch, b, lead)
+            episode.rewarded += step_reward(rules, batch, b)
         observe(batch, b, layout, observations[b])
 
 
@@ -172,11 +163,11 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
         decode(actions[b], rules, view, view.left[b], episode.placed, episode.distance, layout)
         add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
         stand_on_ground(view, view.curve, b, layout, episode.placed)
-        lead = fall_onto_next(rules, view, b, lanes, layout, tape)
+        fall_onto_next(rules, view, b, lanes, layout, tape)
         if episode.phase == OVER:
             ended[b] = True
         else:
-            rewards[b] = step_reward(rules, view, b, lead)
+            rewards[b] = step_reward(rules, view, b)
             episode.rewarded += rewards[b]
         observe(view, b, layout, observations[b])
     keep_alive(own_lanes)

@@ -212,8 +212,6 @@ class Objective(ABC):
     """Result of a wave that stops, in words."""
     rewards_speed: ClassVar[bool] = False
     """A wave that is ahead of another on the way is likely to score more."""
-    is_ratio: ClassVar[bool] = False
-    """A success scores a length over a time, and a design may change both."""
     needs_arrivals: ClassVar[bool] = False
     """Scores depend on the arrival time of each domino."""
     differentiates_waves: ClassVar[bool] = False

@@ -48,7 +48,6 @@ class MeanSpeed(Speed):
     """Mean speed of a layout whose length is free, unless the scene fixes it too."""
 
     name: ClassVar[str] = "mean_speed"
-    is_ratio: ClassVar[bool] = True
 
 
 class Time(Speed):

@@ -106,14 +106,13 @@ def test_scores_beyond_the_steps_come_from_the_whole_layout():
     assert info["score"] == env.scene.score(again)
 
 
-@pytest.mark.parametrize("potential", [False, True])
 @pytest.mark.parametrize(("name", "push"), [("sprint", 3.0), ("gentle", 5.0)])
-def test_rewards_do_not_depend_on_the_size_of_the_dominoes(name, push, potential):
+def test_rewards_do_not_depend_on_the_size_of_the_dominoes(name, push):
     scene = short(name, 12)
     scene = scene.replace(physics=scene.physics.replace(push=push))
     outcomes, paid = set(), []
     for factor in (0.1, 1.0, 10.0):
-        env = DominoChain(scaled(scene, factor), rtol=1e-10, potential=potential)
+        env = DominoChain(scaled(scene, factor), rtol=1e-10)
         rng, rewards = np.random.default_rng(1), []
         for low, high in ((-0.1, 0.1), (-1.0, 1.0), (-7.0, -7.0), (7.0, 7.0)):
             *_, some, info = play(env, at_random(env, rng, low, high))
@@ -137,8 +136,8 @@ def test_rewards_are_changes_of_the_gain_expected_with_the_rest_uniform(name):
     assert (speed > 0.0) == (name != "stops")
     if name == "stops":
         times, speed = at / free, free
-    envs = DominoChainVector(1, scene, rtol=1e-10, potential=True)
-    env, rng = DominoChain(scene, rtol=1e-10, potential=True), np.random.default_rng(2)
+    envs = DominoChainVector(1, scene, rtol=1e-10)
+    env, rng = DominoChain(scene, rtol=1e-10), np.random.default_rng(2)
     for spread in (0.2, 1.0):
         *_, rewards, info = play(env, at_random(env, rng, -spread, spread))
         x, t = (
@@ -158,21 +157,16 @@ def test_rewards_are_changes_of_the_gain_expected_with_the_rest_uniform(name):
             assert abs(rewards[0]) < 1e-9
 
 
-def test_rewards_of_single_steps_are_the_lead_gained():
+def test_the_reference_speed_changes_observations_alone():
     env = DominoChain("sprint")
     assert env.reference_speed == env.scene.uniform().wave.mean_speed
-    actions, *_, rewards, _ = play(env, at_random(env, np.random.default_rng(1)))
-
-    def again(k):
-        if k == 20:
-            env.reference_speed = 0.9
-        return actions[k]
-
-    *_, moved, info = play(env, again)
-    np.testing.assert_array_equal(moved[:20], rewards[:20])
-    assert moved.sum() == pytest.approx(rewards.sum(), abs=1e-10)
-    lead = info["layout"].pitch - 0.9 * np.diff(info["wave"].arrival_times)
-    np.testing.assert_allclose(moved[20:-1], lead[20:-1] / env.scene.height, rtol=1e-9)
+    actions, _, rewards, _ = play(env, at_random(env, np.random.default_rng(1)))
+    env.reference_speed = 0.9
+    _, observations, same, info = play(env, lambda k: actions[k])
+    np.testing.assert_array_equal(same, rewards)
+    speed = info["layout"].positions[1:] / info["wave"].arrival_times[1:] / 0.9 - 1.0
+    seen = observations[1:, env.observation_layout["speed"]]
+    np.testing.assert_allclose(seen[:, 0], speed, rtol=1e-5, atol=1e-6)
     for bad in (0.0, -1.0, np.nan, np.inf, [0.8, 0.9]):
         with pytest.raises(ValueError, match="reference_speed"):
             env.reference_speed = bad
@@ -404,7 +398,7 @@ def test_the_page_has_all_arguments_and_the_sizes():
     page = (Path(__file__).parents[3] / "docs" / "environments.md").read_text("utf-8")
     lines = dict(line.strip("| ").split(" | ", 1) for line in page.splitlines() if " | " in line)
     for kind, listed in zip(KINDS, lines["Arguments"].split(" | "), strict=True):
-        known = set(inspect.signature(kind).parameters) - {"potential"}
+        known = set(inspect.signature(kind).parameters)
         assert re.findall(r"`(\w+)`", listed) == sorted(known, key=listed.index)
     entries = DominoChain("sprint").observation_space.shape[0]
     assert f"`sprint`: {entries} entries" in lines["Observation space"]
