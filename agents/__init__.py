@@ -3,7 +3,7 @@
     from agents import design, evaluate, train
     run = train("sprint", algorithm="ppo", steps=2_000_000, seed=0, folder="runs/ppo")
     evaluate(run.folder).score
-    design(scene).layout  # for a new scene, in milliseconds, by a policy that ships
+    design(scene).layout  # for a new scene, in milliseconds, by a shipped policy
 
 Policies build layouts in the environment DominoChain-v1 and are evaluated by the score of the
 scene, as searches are. The import loads no torch; training needs the extra "rl":

@@ -58,7 +58,7 @@ def make_dataset(
     folder
         Folder of the dataset.
     distribution
-        Name of a scene distribution that ships, or the path of its file.
+        Name of a shipped scene distribution, or the path of its file.
     scenes
         Number of scenes.
     seed

@@ -45,7 +45,7 @@ def evaluate(run: str | Path, scene: str | Scene | None = None, *, trust: bool =
     Parameters
     ----------
     run
-        The folder of a training; the name of a policy that ships ("designer", or one of
+        The folder of a training; the name of a shipped policy ("designer", or one of
         `agents.policy.shipped`) or of a scripted one ("uniform", "greedy", "ramp"); or an archive
         (.zip) of Stable-Baselines3 or sb3-contrib.
     scene
@@ -253,7 +253,7 @@ class ScenesEvaluation:
 def scenes_of(
     name: str | Path | SceneDistribution, number: int, seed: int | None = None
 ) -> list[Scene]:
-    """Return scenes to evaluate in: those of a test set that ships, or sampled ones.
+    """Return scenes to evaluate in: those of a shipped test set, or sampled ones.
 
     Parameters
     ----------

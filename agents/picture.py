@@ -59,7 +59,7 @@ def _draw_learning(axes: Axes, run: Run, rollout: Rollout) -> None:
     ):  # fmt: skip
         shown = values > 0.0
         axes.plot(seconds[shown], values[shown], color=colour, lw=width, label=label)
-    lines = [(rollout.uniform.score, UNIFORM, "-", "best uniform")]
+    lines = [(rollout.uniform.score, UNIFORM, "-", "uniform baseline")]
     known = best_known().get(scene.name)
     if known is not None:
         lines.append((known.score, KNOWN, ":", "best known"))

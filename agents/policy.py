@@ -59,14 +59,14 @@ def shipped() -> list[str]:
 
 
 def folder_of(run: str | Path) -> Path:
-    """Return the folder of a training, or of the policy that ships under a name.
+    """Return the folder of a training, or of the shipped policy under a name.
 
     A folder of the same name is given as a Path, or as "./name".
     """
     if run not in (*shipped(), DESIGNER):
         return Path(run)
     if Path(run).exists():
-        notice(f"'{run}' is the policy that ships; the folder is ./{run}")
+        notice(f"'{run}' is the shipped policy; the folder is ./{run}")
     return POLICIES / run
 
 

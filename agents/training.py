@@ -56,7 +56,7 @@ COLUMNS = (
 )  # fmt: skip
 EVALUATIONS = 200  # of the policy in a whole training, each with a checkpoint
 POOL_SCENES = 50  # sampled scenes in which a policy is evaluated while it is trained
-TEST_SCENES = 200  # of a distribution that ships
+TEST_SCENES = 200  # of a shipped distribution
 EPISODE = 32  # steps of an episode for default hyperparameters where their number varies
 
 

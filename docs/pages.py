@@ -40,9 +40,9 @@ README_FLOOR = 0.5  # friction of the floor of README's table
 FLOOR_NOTE = (
     "",
     "The last columns are gains on floors of the given friction (`domino best-known --verify`). A",
-    "layout of which dominoes stay up has no gain; of `marathon` only the first 100 dominoes are",
-    "simulated on floors ([verification](../verification.md)). The score of `jitter` is the speed",
-    "that 95 % of inexact placements reach; on floors its mean speed without errors is compared.",
+    "layout of which dominoes remain standing has no gain; of `marathon` only the first 100",
+    "dominoes are simulated on floors ([verification](../verification.md)). The score of `jitter` is",
+    "the speed that 95 % of inexact placements reach; on floors its mean speed without errors is compared.",
 )
 QUESTIONS = {
     "course": "How fast can sixty dominoes cover 1.2 m?",
@@ -240,7 +240,7 @@ def gain_on_floor(floor: float, name: str, records: dict[str, BestKnown]) -> str
     for check in one.floors if one else ():
         if check.floor == floor:
             if check.staying_up:
-                return f"{check.staying_up} stay up"
+                return f"{check.staying_up} do not topple"
             # a gain of the first dominoes only is another quantity
             return "–" if check.gain is None or one.first < one.count else f"{check.gain:+.1%}"
     return "–"

@@ -1,4 +1,4 @@
-"""Search without learning: spacing schedules, always against the best uniform pitch.
+"""Search without learning: spacing schedules, always against the uniform baseline.
 
 from optimize import search, METHODS
 

@@ -116,7 +116,7 @@ class SearchResult(MadeForScene):
         axes.axhline(uniform, color=UNIFORM, linewidth=1.5)
         axes.step(times, scores, color=OURS, linewidth=1.5, where="post")
         above = bool(scores[0] < uniform)  # where the curve is not
-        label_line(axes, f"best uniform pitch {uniform:.4f}", 0.005, uniform, UNIFORM, above=above)
+        label_line(axes, f"uniform baseline {uniform:.4f}", 0.005, uniform, UNIFORM, above=above)
         label_line(axes, f"{self.method} {last:.4f}", 1.0, last, OURS, above=last >= uniform)
         # the scores at the beginning would flatten the rest
         lowest = max(scores.min(), 0.85 * last) if last > 0.0 else scores.min()

@@ -79,7 +79,7 @@ def search(
         or none (not with one of seconds), for any number of threads.
     seconds
         Time that may be spent [s], that of the uniform baseline included where the scene object
-        does not know it yet; None for no limit. On a floor, the best uniform layout counts as the
+        does not know it yet; None for no limit. On a floor, the uniform baseline counts as the
         first evaluation.
     tolerance
         Relative gain of the second half of the evaluations below which a search ends, after at

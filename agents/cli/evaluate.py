@@ -1,6 +1,6 @@
-"""Compare the layout that an agent builds with the best uniform and the best known layout.
+"""Compare the layout that an agent builds with the uniform baseline and the best known layout.
 
-RUN is the folder of a training, the name of a policy that ships (sprint, designer), or a scripted
+RUN is the folder of a training, the name of a shipped policy (sprint, designer), or a scripted
 policy: uniform, greedy, ramp; or an archive (.zip) of Stable-Baselines3 or sb3-contrib with a
 --scene. Plain multilayer perceptrons are read without running code, others need --trust.
 `designer` designs a layout for a new --scene in milliseconds; --scenes evaluates it on many scenes

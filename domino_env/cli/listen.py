@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.pitch:
             metres = arguments.pitch * 1e-3
             line += f", {hits.frequency * metres:.4f} ± {hits.uncertainty * metres:.4f} m/s"
-        print(f"{line} (clarity {hits.clarity:.2f}, {hits.seconds:.2f} s evaluated)")
+        print(f"{line} (autocorrelation {hits.clarity:.2f}, {hits.seconds:.2f} s evaluated)")
         if hits.clarity < 0.3:
             print("  the hits hardly repeat: gaps are unequal, or the recording is noisy")
     return 0

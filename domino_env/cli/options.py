@@ -102,8 +102,8 @@ LAYOUT_FILE = output(".csv", ".json")
 
 
 def add_physics_options(parser: argparse.ArgumentParser, *, uniform: bool = False) -> None:
-    """Add --scene, --friction, --gravity and --push; `uniform`: a scene adds its best uniform."""
-    more = ", and its best uniform layout" * uniform
+    """Add --scene, --friction, --gravity and --push; `uniform`: a scene adds its baseline."""
+    more = ", and its uniform baseline" * uniform
     parser.add_argument(
         "--scene",
         help=f"physics of a scene, name or .toml file{more} (that beside LAYOUT, if any)",

@@ -1,6 +1,6 @@
 """Draw toppling chains as an animated GIF, a film or a picture.
 
-Several layouts race one below the other; with a scene its best uniform layout joins them.
+Several layouts are drawn one below the other; with a scene its uniform baseline is the last.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = chosen_physics(arguments, *arguments.layouts)
     layouts = [(layout_name(Path(name)), chosen.read(name)) for name in arguments.layouts]
     if chosen.scene:
-        layouts.append(("best uniform", chosen.scene.uniform().layout))
+        layouts.append(("uniform baseline", chosen.scene.uniform().layout))
     print(chosen.line)
     if chosen.scene:
         heading = f"{one_line(chosen.scene.name, 40)}: {one_line(chosen.scene.title, 100)}"

@@ -1,4 +1,4 @@
-"""Write a page that races layouts against each other and explains why one is faster.
+"""Write a page that compares layouts in an animation and explains why one is faster.
 
 RUN is a folder written by `domino optimize` or `domino train`, LAYOUT a .csv or .json file. The
 page is one file and needs no network.
@@ -15,7 +15,7 @@ from domino_env.cli.options import (
     require_output,
 )
 
-SUMMARY = "write a page that races layouts against each other"
+SUMMARY = "write a page that compares layouts in an animation"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -180,7 +180,7 @@ def _evaluation_lines(result: dict[str, object]) -> list[str]:
     name, violations = result["scene"], result["violations"]
     if isinstance(violations, list) and violations:
         return [f"not a layout of scene '{name}': {sentence}" for sentence in violations]
-    uniform = f"the best uniform layout ({result['uniform_score']:.6f})"
+    uniform = f"the uniform baseline ({result['uniform_score']:.6f})"
     against = f"below zero for a wave that stops; {uniform}"
     if "gain" in result:
         against = f"{result['gain']:+.2%} against {uniform}"

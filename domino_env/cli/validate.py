@@ -1,6 +1,6 @@
 """Compare measured chains with the model: fitted friction, leave-one-out predictions, verdict.
 
-SOURCE is the name of a source that ships, a .toml file of your own (copy one from
+SOURCE is the name of a shipped source, a .toml file of your own (copy one from
 domino_env/validation/sources), or a chain as PITCH=FREQUENCY in millimetres and hits per second:
 domino validate 16=64.4 24=42.3 32=28.1
 """

@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _beside_uniform(scene: Scene, checked: Verification) -> Iterator[str]:
-    """Yield how much faster the layout is than the best uniform one on the same floor."""
+    """Yield how much faster the layout is than the uniform baseline on the same floor."""
     from domino_env.rigid.simulation import floor_name, simulate_standing
     from domino_env.scenes.uniform import best_uniform_on
 
@@ -108,6 +108,6 @@ def _beside_uniform(scene: Scene, checked: Verification) -> Iterator[str]:
         speeds = rigid.mean_speed, uniform.mean_speed
         lead = f"{speeds[0] / speeds[1] - 1.0:+.2%}" if min(speeds) > 0.0 else "a wave stops"
         yield (
-            f"{floor_name(floor)}: {speeds[0]:.4f} m/s; best uniform layout there {speeds[1]:.4f} "
+            f"{floor_name(floor)}: {speeds[0]:.4f} m/s; uniform baseline there {speeds[1]:.4f} "
             f"m/s (gap {1e3 * uniform.layout.spacing.mean():.2f} mm): {lead}"
         )

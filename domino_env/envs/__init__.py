@@ -24,5 +24,5 @@ def register() -> None:
                 id=f"{name}-v1",
                 entry_point=f"domino_env.envs.{module}:{name}",
                 vector_entry_point=f"domino_env.envs.{module}:{name}Vector",
-                reward_threshold=0.0,  # per cent above the best uniform layout, in every scene
+                reward_threshold=0.0,  # per cent above the uniform baseline, in every scene
             )

@@ -1,4 +1,4 @@
-"""Verifications of the layouts that ship, kept with them, and their table.
+"""Verifications of the shipped layouts, kept with them, and their table.
 
 `known.json` beside this file has a `Verified` under each scene's name. ``domino best-known --verify
 --update`` writes it; the documentation and `domino report` read it.
@@ -24,7 +24,7 @@ from domino_env.rigid.simulation import floor_name
 
 PATH = Path(__file__).with_name("known.json")
 NAMES = (
-    "scene", "on", "best known", "best uniform", "gain", "last hit over model", "uncertainty",
+    "scene", "on", "best known", "uniform baseline", "gain", "last hit over model", "uncertainty",
     "engine over reference",
 )  # fmt: skip
 
@@ -36,7 +36,7 @@ class Check:
     Attributes
     ----------
     layout
-        The best known, or the best uniform layout of this floor.
+        The best known, or the uniform baseline of this floor.
     simulator
         Name and version.
     floor
@@ -54,8 +54,8 @@ class Check:
     score
         Score of the layout in its scene, in words.
     gain
-        Speed over that of the best uniform layout of this floor - 1; None for that layout, for
-        scenes with other scores, and where a domino stays up.
+        Speed over that of the uniform baseline of this floor - 1; None for that layout, for
+        scenes with other scores, and where a domino does not topple.
     """
 
     layout: Literal["best", "uniform"]
@@ -139,7 +139,7 @@ def known_verification(layout: Layout, physics: Physics) -> Verified | None:
 
 
 def known_table(found: dict[str, Verified]) -> list[str]:
-    """Return a Markdown table of the best known and the best uniform layouts on every floor."""
+    """Return a Markdown table of the best known and the uniform baselines on every floor."""
     lines = []
     for name, one in found.items():
         first = "" if one.first == one.count else f" (first {one.first} of {one.count})"
@@ -156,7 +156,7 @@ def known_table(found: dict[str, Verified]) -> list[str]:
 
 
 def _score(check: Check) -> str:
-    return check.score + (f" ({check.staying_up} stay up)" if check.staying_up else "")
+    return check.score + (f" ({check.staying_up} do not topple)" if check.staying_up else "")
 
 
 def _difference(reference: Check, engine: Check | None) -> str:

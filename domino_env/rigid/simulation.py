@@ -307,6 +307,8 @@ def _run(
             if stop is not None and stop():
                 raise StoppedError
             status = advance(chain, setting, state, record, STEPS_AT_ONCE)
+            if not begun:
+                bar.unpause()  # the first piece may have been compiled: the clock starts anew
             struck = int(state.run["leader"][0]) + 1
             bar.update(struck - bar.n)
             now = time.perf_counter()

@@ -214,7 +214,7 @@ def verification_table(checked: Verification) -> list[str]:
         for i in sorted({*range(10, count, 10), min(5, count - 1), count - 1})
     ]
     cells.append(["uncertainty", "", *(f"{one.error_estimate:.3%}" for one in waves)])
-    cells.append(["stay up", "", *(str(one.staying_up) for one in waves)])
+    cells.append(["not toppled", "", *(str(one.staying_up) for one in waves)])
     lines = text_table(names, cells, right=names[1:])
     for one in waves:
         if not one.converged:

@@ -298,7 +298,7 @@ def load_distribution(name: str | Path) -> SceneDistribution:
     Parameters
     ----------
     name
-        Name of a distribution that ships, or path of a TOML file.
+        Name of a shipped distribution, or path of a TOML file.
 
     Raises
     ------

@@ -29,7 +29,7 @@ class ScenePool:
     """Numbered scenes of a distribution, each with its uniform baseline.
 
     The number is the seed of the scene. Scene and baseline are made at their first use; those of
-    the distributions that ship are stored.
+    the shipped distributions are stored.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def load_test_set(name: str, beyond: str | None = None) -> list[Scene]:
     Parameters
     ----------
     name
-        Name of a distribution that ships. Every number of the scenes of "varied-beyond" is out of
+        Name of a shipped distribution. Every number of the scenes of "varied-beyond" is out of
         the ranges of "varied".
     beyond
         One of the numbers that "varied" samples (`distribution.features`): only this number is out

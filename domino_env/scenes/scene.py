@@ -280,7 +280,7 @@ class Scene(Specification):
         return self.in_words(score, wave) + words
 
     def uniform(self, seconds: float | None = None) -> UniformBaseline:
-        """Return the best uniform layout within the scene's rules, found once for equal scenes.
+        """Return the best layout with equal gaps, found once for equal scenes.
 
         Parameters
         ----------

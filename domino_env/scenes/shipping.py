@@ -1,6 +1,6 @@
 """Computation of the files that ship with scenes and distributions.
 
-python -m domino_env.scenes.shipping            JSON Schema and best uniform layouts of the scenes
+python -m domino_env.scenes.shipping            JSON Schema and uniform baselines of the scenes
 python -m domino_env.scenes.shipping NAME …     pool and test set of distributions
 """
 

@@ -113,9 +113,9 @@ def best_uniform(
     The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
     given at one pitch, pivot to pivot, or at one gap where the rules allow no such pitch. Where
     heights grow, gaps have one ratio to the heights, and heights to those before. Where lists of
-    allowed values do not meet a length, the baseline is the best uniform layout without the lists.
+    allowed values do not meet a length, the baseline is the uniform baseline without the lists.
 
-    Baselines of the scenes that ship come with the package.
+    Baselines of the shipped scenes come with the package.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def best_uniform(
 
 
 def best_point(scene: Specification, *, quick: bool = False) -> Floats:
-    """Return the two numbers (2,) of the best uniform layout, as of `UniformLayouts`.
+    """Return the two numbers (2,) of the uniform baseline, as of `UniformLayouts`.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def _best_standing(layouts: UniformLayouts, seconds: float) -> tuple[Floats, flo
         point = _search(layouts, STANDING, score, points[chosen])
         return point, next(value for value, at in tried if np.array_equal(at, point))
     except StoppedError:
-        notice("the best uniform layout on the floor is approximate: its search reached its limit")
+        notice("the uniform baseline on the floor is approximate: its search reached its limit")
         best, point = max(tried, key=lambda one: one[0])
         return point, best
 
@@ -331,6 +331,6 @@ def stamp(scene: Specification) -> str:
 
 @cache
 def _shipped_points() -> dict[str, tuple[float, float]]:
-    """Return the best points of the scenes that ship, by their digests."""
+    """Return the best points of the shipped scenes, by their digests."""
     file = resources.files("domino_env.scenes") / "shipped" / SHIPPED
     return {kept["stamp"]: kept["point"] for kept in json.loads(file.read_text("utf-8")).values()}

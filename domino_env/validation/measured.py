@@ -404,7 +404,7 @@ def _reasons(
         f"helped-by: {best.label}": best.worst < HELPFUL * main.worst,
     }
     codes = [code for code, is_so in patterns.items() if is_so and not main.holds]
-    codes += ["single-row"] * (len(main.chains) == 1)
+    codes += ["single-chain"] * (len(main.chains) == 1)
     if (own := source.friction) is not None and math.isfinite(main.uncertainty):
         difference = abs(main.friction - own.value)
         if difference > LARGEST_DEVIATION * math.hypot(own.uncertainty, main.uncertainty):

@@ -227,6 +227,6 @@ def source_of_frequencies(
 
 
 def shipped_sources() -> dict[str, Source]:
-    """Read all sources that ship, by name."""
+    """Read all shipped sources, by name."""
     folder = Path(str(files("domino_env.validation") / "sources"))
     return {path.stem: read_source(path) for path in sorted(folder.glob("*.toml"))}

@@ -66,7 +66,7 @@ def frames(
         for more than 5 000 images and for more pixels than memory should hold.
     """
     require("rate", rate, above=0.0, unit="1/s", hint="25 is a film's")
-    require("slow", slow, above=0.0, hint="5 times slower than nature")
+    require("slow", slow, above=0.0, hint="5 times slower than real time")
     motions, scale = _stage(racers, width, STRIP)
     end = max(motion.end for motion in motions)
     images = int((end + 2.0 * REST) * rate * slow)
@@ -77,7 +77,7 @@ def frames(
         )
     _require_pixels(images * len(racers), scale, MOST_PIXELS, "--width, --rate or --slow")
     times = np.arange(-REST, end + REST, 1.0 / (rate * slow))
-    pace = "true time" if slow == 1.0 else f"{slow:g} times slower than nature"
+    pace = "real time" if slow == 1.0 else f"{slow:g} times slower than real time"
     above = [title(heading, pace, width)] if heading else []
     for t in times:
         yield stacked([*above, *_strips(racers, motions, float(t), scale, AHEAD)])

@@ -212,7 +212,7 @@ def beside_uniform(
     """
     uniform, physics = scene.uniform(), scene.physics
     layouts = [
-        DrawnLayout(uniform.layout, uniform.wave, "best uniform pitch", UNIFORM),
+        DrawnLayout(uniform.layout, uniform.wave, "uniform baseline", UNIFORM),
         DrawnLayout(layout, wave, name),
     ]
     if ax is not None:

@@ -18,14 +18,14 @@ from domino_env.physics.wave import Wave
 from domino_env.view.energy import Energy, energies
 from domino_env.view.ground import ground_line
 
-DRAW = 1e-6  # relative difference below which nobody wins
+EQUAL = 1e-6  # relative difference below which two speeds are equal
 STEPS = 32  # of time in every interval between hits; straight lines between are within 1e-4 rad
 EDGE = 1e-5  # part of an interval left out at its ends
 
 
 @dataclass(frozen=True)
 class Racer:
-    """Layout of a race, with its wave.
+    """Layout of a comparison, with its wave.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ def race_data(racers: Sequence[Racer], progress: bool | None = False) -> dict[st
     first = max(range(len(racers)), key=lambda k: merits[k])
     return {
         "headline": headline(racers),
-        "winner": first if len(racers) > 1 and merits[first] > 0.0 else None,
+        "best": first if len(racers) > 1 and merits[first] > 0.0 else None,
         "racers": [
             _data_of(one) for one in progress_bar(progress, iterable=racers, unit=" layouts")
         ],
@@ -82,7 +82,7 @@ def race_data(racers: Sequence[Racer], progress: bool | None = False) -> dict[st
 
 
 def headline(racers: Sequence[Racer]) -> dict[str, str]:
-    """Return in a few sentences "who" won and "why".
+    """Return in a few sentences which layout is the best ("who") and "why".
 
     The scene's score decides where every layout has one, else the mean speed.
     """
@@ -104,16 +104,17 @@ def headline(racers: Sequence[Racer]) -> dict[str, str]:
     if len(ranked) == 1:
         return {"who": f"{name}: {results[0]}", "why": shape}
     if merits[1] <= 0.0 or not by_speed:
-        return {"who": f"{name} wins", "why": f"{why}. {shape}"}
-    if merits[0] / merits[1] - 1.0 < DRAW:
-        return {"who": f"{name} and {ranked[1].name} draw", "why": shape}
+        best = "is the fastest" if by_speed else "has the best score"
+        return {"who": f"{name} {best}", "why": f"{why}. {shape}"}
+    if merits[0] / merits[1] - 1.0 < EQUAL:
+        return {"who": f"{name} and {ranked[1].name} are equally fast", "why": shape}
     leads = ", ".join(
         f"{_lead(merits[0] / merit - 1.0)} faster than {one.name}"
         for one, merit in zip(ranked[1:], merits[1:], strict=True)
         if merit > 0.0
     )
     return {
-        "who": f"{name} wins: {leads}",
+        "who": f"{name} is the fastest: {leads}",
         "why": f"{why}. {_parts(first.wave, ranked[1].wave)} {shape}",
     }
 
@@ -198,7 +199,7 @@ def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
 
 
 def _parts(first: Wave, second: Wave) -> str:
-    """Return the third of the dominoes in which the winner gains most, in words."""
+    """Return the third of the dominoes in which the fastest layout gains most, in words."""
     leads = []
     for name, low, high in (("first", 0.0, 1 / 3), ("middle", 1 / 3, 2 / 3), ("last", 2 / 3, 1.0)):
         speeds = []

@@ -1,4 +1,4 @@
-"""Report: one page that races layouts against each other, and shows why one wins.
+"""Report: one page that compares layouts in an animation, and shows why one is faster.
 
 The page contains its data, scripts and styles, and needs neither network nor server. Layouts come
 from files and from folders of runs, with the curves and verifications in these folders.
@@ -40,7 +40,7 @@ from domino_env.scenes.scene import Scene
 from domino_env.view.animation import require_drawable
 from domino_env.view.race import Racer, race_data
 
-UNIFORM_NAME = "best uniform layout"
+UNIFORM_NAME = "uniform baseline"
 
 Times = tuple[Number | None, ...]
 
@@ -177,7 +177,7 @@ def read_racers(
         wave = baseline.wave if scored else simulate(baseline.layout, physics)
         racer = Racer(UNIFORM_NAME, wave)
         racers.append(_with_score(racer, scored, baseline.score) if scored else racer)
-    return racers, scene.title if scene else "race"
+    return racers, scene.title if scene else "layouts without a scene"
 
 
 def _with_score(racer: Racer, scene: Scene, score: float | None = None) -> Racer:

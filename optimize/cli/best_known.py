@@ -1,6 +1,6 @@
-"""List the best known layouts of the scenes that ship, write one of them, or verify them.
+"""List the best known layouts of the shipped scenes, write one of them, or verify them.
 
---verify simulates each, and the best uniform layout beside it, on fixed pivots and on floors with
+--verify simulates each, and the uniform baseline beside it, on fixed pivots and on floors with
 the reference simulator, which keeps no contact closed; with --engine a third-party engine (extra
 'verify') does so too. Of a layout of more than a hundred dominoes the first hundred are simulated.
 """
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_simulator_options(parser, engine=False, when="minutes per layout")
     add_json_option(parser)
     parser.add_argument(
-        "--update", action="store_true", help="keep the verifications in the package"
+        "--update", action="store_true", help="store the verifications in the package"
     )
 
 

@@ -1,9 +1,9 @@
 """Compare search methods with each other and with the uniform baseline, with equal budgets.
 
-SCENE is the name of a scene that ships, a .toml file, or `all`. The folder receives a page of
-Markdown (one table per scene: score, gain over uniform, gap to the best known, time to 1 % and
-0.1 % of it), the runs and their traces as CSV, and two pictures: the gap against run time, and the
-share of a ladder of targets that was reached. Ctrl-C ends it with the runs that are complete.
+SCENE is the name of a shipped scene, a .toml file, or `all`. The folder receives a page of
+Markdown (one table per scene: score, gain over uniform, shortfall from the best known, time to 1 %
+and 0.1 % of it), the runs and their traces as CSV, and two pictures: the shortfall against run
+time, and the part of 41 targets that was reached. Ctrl-C ends it with the runs that are complete.
 
 Every run is stored in the study at once; --resume continues a comparison that was stopped. Runs are
 independent: --workers or --dask distribute them. With --budget the results are bitwise
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_out_option(parser, "runs/comparison")
     add_study_options(parser)
     parser.add_argument(
-        "--update-best", action="store_true", help="keep new best known layouts in the package"
+        "--update-best", action="store_true", help="store new best known layouts in the package"
     )
 
 
@@ -84,5 +84,5 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.update_best:
             shipped = [r for r in experiment.results if r.scene_name in scene_names()]
             improved = update([(scene_of(r.scene), r) for r in shipped])
-            print(f"new records: {', '.join(improved) or 'none'}")
+            print(f"new best known: {', '.join(improved) or 'none'}")
         return exit_code(experiment)

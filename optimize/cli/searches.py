@@ -1,6 +1,6 @@
-"""Search a layout that scores better than the best uniform layout of a scene.
+"""Search a layout that scores better than the uniform baseline of a scene.
 
-SCENE is the name of a scene that ships (sprint, course, …) or a .toml file. The folder of the run
+SCENE is the name of a shipped scene (sprint, course, …) or a .toml file. The folder of the run
 receives the scene, the best layout (CSV and JSON), the trace of the search, a summary and a
 picture; a folder that holds a run already is refused without --resume. Ctrl-C ends the search and
 writes the best layout so far. --resume continues it, after a kill too, or with a larger budget; the
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
     from optimize.result import SearchResult
 
-SUMMARY = "search a layout better than the best uniform one"
+SUMMARY = "search a layout better than the uniform baseline"
 REACHED = 1e-6  # relative gap to the best known that counts as none
 
 
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="continue the search in the folder; the time it has spent counts",
     )  # fmt: skip
     parser.add_argument(
-        "--update-best", action="store_true", help="keep a new best known layout in the package"
+        "--update-best", action="store_true", help="store a new best known layout in the package"
     )
     add_executor_options(parser)
 
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     if scene.name in scene_names() and load_scene(scene.name) == scene:
         print(f"best known:       {_best_known(result)}")
         if arguments.update_best:
-            print(f"new records: {', '.join(update([(scene, result)])) or 'none'}")
+            print(f"new best known: {', '.join(update([(scene, result)])) or 'none'}")
     print(f"written to {folder}: {', '.join(FILES)}")
     return 0
 
@@ -92,7 +92,7 @@ def _print_uniform(scene: Scene) -> None:
     score, outcome = scene.in_words(uniform.score, uniform.wave), uniform.wave.outcome.name
     line = f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"
     write = tqdm.write if sys.stderr.isatty() else print  # above the line of progress
-    write(f"best uniform:     {line}")
+    write(f"uniform baseline: {line}")
     sys.stdout.flush()
 
 
@@ -107,8 +107,8 @@ def _best_known(result: SearchResult) -> str:
     gap = (record.score - closest_score(scene, result.layout)) / abs(record.score)
     if gap < -MIN_GAIN:
         return f"{score}: this search is better; --update-best keeps its layout"
-    short = "reached" if gap < REACHED else f"{gap:.4%} short"
-    return f"{score}, by {record.method}: {short}"
+    distance = "reached" if gap < REACHED else f"shortfall {gap:.4%}"
+    return f"{score}, by {record.method}: {distance}"
 
 
 def _best(result: SearchResult) -> str:

@@ -1,4 +1,4 @@
-"""Best known layouts of the scenes that ship, and the searches that found them.
+"""Best known layouts of the shipped scenes, and the searches that found them.
 
 `best_known.json` beside this file has, under the name of each scene, the layout, its score, and
 method, seed, seconds and version that found it.

@@ -94,7 +94,7 @@ def draw_curves(
 
 
 def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
-    """Draw the gap to the best known, and the part of the targets reached, against run time."""
+    """Draw the shortfall, and the part of the targets reached, against run time."""
     times = experiment.times()
     gap_curves: dict[str, dict[str, Curve]] = {}
     target_curves: dict[str, dict[str, Curve]] = {}
@@ -125,7 +125,7 @@ def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
         prepare(axes, title)
 
     for path, curves, value, statistic, scales in (
-        (gaps, gap_curves, "gap to the best known", MEDIANS, prepare_gaps),
+        (gaps, gap_curves, "shortfall from the best known", MEDIANS, prepare_gaps),
         (targets, target_curves, "targets reached", "all runs of", prepare_targets),
     ):
         subtitle = f"{experiment.limit} for each run, {experiment.over_seeds(statistic)}"

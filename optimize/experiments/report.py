@@ -68,18 +68,18 @@ def write_runs(experiment: Experiment, path: Path) -> None:
 
 COMPARISON_PAGE = """# Methods compared
 
-{limit} for each run, {over}. *Gain* is over the uniform baseline, *gap* to the best score known; \
-times are those at which a run came within 1 % and 0.1 % of it.
+{limit} for each run, {over}. *Gain* is over the uniform baseline, *shortfall* from the best score \
+known; times are those at which a run came within 1 % and 0.1 % of it.
 {sections}
 
-## Gap against run time
+## Shortfall against run time
 
-![gap to the best known against run time](gaps.png)
+![shortfall from the best known against run time](gaps.png)
 
 ## Targets reached
 
-Part of 41 targets (gaps from 10 % to 0.001 %) that were reached by a time, as in the reports of \
-COCO.
+Part of 41 targets (shortfalls from 10 % to 0.001 %) that were reached by a time, as in the \
+reports of COCO.
 
 ![part of the targets reached against run time](targets.png)
 """
@@ -89,7 +89,7 @@ other methods: its layout appears where the training ends."""
 SWEEP_PAGE = """# {name}, swept over {keys}
 
 {points} scenes, {runs} searches of up to {limit} each, {over}. *Gain* is over the uniform \
-baseline of the same scene, *gap* to the best score of any search there.
+baseline of the same scene, *shortfall* from the best score of any search there.
 
 ![{value} over {keys}](sweep.png)
 
@@ -129,7 +129,7 @@ def sweep_page(experiment: Experiment) -> str:
 def table(experiment: Experiment, problems: Iterable[str]) -> list[str]:
     """Return a line of Markdown for each problem and method, its best method first."""
     names = (
-        *experiment.keys, "method", "score", "worst", "uniform", "gain", "gap", "to 1 %",
+        *experiment.keys, "method", "score", "worst", "uniform", "gain", "shortfall", "to 1 %",
         "to 0.1 %", "layouts simulated",
     )  # fmt: skip
     time_format = "{:.2g} s" if experiment.clock == "seconds" else "{:.0f}"

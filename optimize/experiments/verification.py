@@ -97,7 +97,7 @@ def _shortened(layout: Layout) -> Layout:
 
 
 def _waves(scene: Scene, layout: Layout, floor: float | None, engine: bool) -> list[RigidWave]:
-    """Simulate the best known and the best uniform layout on a floor, the engine the best known."""
+    """Simulate the best known and the uniform baseline on a floor, the engine the best known."""
     physics, best = scene.physics, _shortened(layout)
     baseline = _shortened(scene.uniform().layout)
     # the baseline of fixed pivots may be the better one: the search is less accurate
@@ -122,7 +122,7 @@ def _checks(scene: Scene, waves: list[RigidWave]) -> list[Check]:
         else:
             scored = replace(wave, arrival_times=rigid.arrival_times)
             score = scene.in_words(scene.score(scored), scored)
-        # a layout of which a domino stays up has no gain
+        # a layout of which a domino does not topple has no gain
         compared = in_speed and k == 0 and rigid.propagated and waves[1].propagated
         lead = gain(rigid.mean_speed, waves[1].mean_speed) if compared else None
         checks.append(Check(

@@ -1,4 +1,4 @@
-"""Policies without torch: the network in NumPy, the policies that ship, damaged files."""
+"""Policies without torch: the network in NumPy, the shipped policies, damaged files."""
 
 import json
 import shutil

@@ -23,12 +23,12 @@ SCENE = "scene.toml"
 
 
 def scene_names() -> list[str]:
-    """Return the names of the scenes that ship."""
+    """Return the names of the shipped scenes."""
     return _names_in(SHIPPED)
 
 
 def distribution_names() -> list[str]:
-    """Return the names of the scene distributions that ship."""
+    """Return the names of the scene shipped distributions."""
     return _names_in(DISTRIBUTIONS)
 
 
@@ -43,7 +43,7 @@ def load_scene(name: str | Path) -> Scene:
     Parameters
     ----------
     name
-        Name of a scene that ships, or path of a TOML file.
+        Name of a shipped scene, or path of a TOML file.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def load_scene(name: str | Path) -> Scene:
 
 
 def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
-    """Read a file as TOML, by the name of what ships or by its path.
+    """Read a file as TOML, by the name of a shipped one or by its path.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def read_named(name: str | Path) -> tuple[dict[str, Any], str, str]:
         near += [str(path / SCENE)] * (path / SCENE).is_file()
         hint = f"did you mean '{near[-1]}'? " if near else ""
         raise ValueError(
-            f"there is no scene '{one_line(text, 100)}': {hint}scenes that ship: "
+            f"there is no scene '{one_line(text, 100)}': {hint}shipped scenes: "
             f"{', '.join(known)}; or give the path of a .toml file"
         )
     if not path.is_file():

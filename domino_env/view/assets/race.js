@@ -150,7 +150,7 @@
     if (done || (now === 0 && racer.mean_speed > 0)) {
       const length = `${(1000 * racer.positions[racer.positions.length - 1]).toFixed(0)} mm`;
       const time = done ? ` in ${racer.arrivals[racer.arrivals.length - 1].toFixed(3)} s` : "";
-      return `${length}${time}, ${racer.mean_speed.toFixed(4)} m/s` + (k === data.winner ? "  ★ winner" : "");
+      return `${length}${time}, ${racer.mean_speed.toFixed(4)} m/s` + (k === data.best ? "  ★ best" : "");
     }
     if (now >= racer.end) return racer.outcome;
     const count = `${front + 1} of ${racer.thickness.length}`;

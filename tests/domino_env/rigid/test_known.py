@@ -1,4 +1,4 @@
-"""Verifications that are kept of the layouts that ship."""
+"""Verifications that are kept of the shipped layouts."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Uniform baselines: stored ones of scenes that ship, and those of long layouts."""
+"""Uniform baselines: stored ones of shipped scenes, and those of long layouts."""
 
 from dataclasses import replace
 

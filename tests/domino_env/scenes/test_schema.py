@@ -1,4 +1,4 @@
-"""The JSON Schema of scene files: up to date, named by the scenes that ship, and true."""
+"""The JSON Schema of scene files: up to date, named by the shipped scenes, and true."""
 
 import json
 import tomllib

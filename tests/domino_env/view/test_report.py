@@ -53,10 +53,10 @@ def test_first_hit_of_equal_dominoes_takes_half():
 
 def test_headline_names_the_faster_layout_in_any_order():
     fast = max(RACERS, key=lambda one: one.wave.mean_speed)
-    assert headline(RACERS)["who"].startswith(f"{fast.name.capitalize()} wins")
+    assert headline(RACERS)["who"].startswith(f"{fast.name.capitalize()} is the fastest")
     assert headline(RACERS[::-1]) == headline(RACERS)
     dead = Racer("dead", de.simulate(de.Layout([0.02, 0.07], 0.0075), PHYSICS))
-    assert headline([dead, *RACERS])["who"].startswith(f"{fast.name.capitalize()} wins")
+    assert headline([dead, *RACERS])["who"].startswith(f"{fast.name.capitalize()} is the fastest")
     assert headline([dead])["who"] == "No layout topples to its end"
 
 
@@ -66,8 +66,8 @@ def test_headline_follows_the_score_where_speed_is_not_what_counts():
         dataclasses.replace(fast, score=0.2, score_text="RMS error 4 ms", unit=""),
         dataclasses.replace(slow, score=0.5, score_text="RMS error 1 ms", unit=""),
     ]
-    assert headline(scored)["who"] == f"{slow.name.capitalize()} wins"
-    assert race_data(scored)["winner"] == 1
+    assert headline(scored)["who"] == f"{slow.name.capitalize()} has the best score"
+    assert race_data(scored)["best"] == 1
 
 
 def test_a_report_shows_its_progress(capfd, tmp_path):
@@ -85,7 +85,7 @@ def test_a_run_folder_has_scene_curve_and_verification(tmp_path):
     (run / "verification.json").write_text('{"engine": "pymunk", "verdict": "AGREES"}')
     racers, title = read_racers([run])
     assert title == scene.title
-    assert [one.name for one in racers] == ["one", "best uniform layout"]
+    assert [one.name for one in racers] == ["one", "uniform baseline"]
     first, uniform = racers
     assert first.score == pytest.approx(uniform.score) == pytest.approx(scene.uniform().score)
     assert first.trace == ([0.25, 3.5], [0.5, 0.8])
@@ -122,7 +122,7 @@ def test_layouts_of_runs_have_names_by_their_maker_and_curves(tmp_path):
         "optimised layout (a)",
         "PPO agent's layout",
         "optimised layout (c)",
-        "best uniform layout",
+        "uniform baseline",
     ]
     assert [one.name for one in racers] == names
     assert racers[1].learning == ([10.0, 30.0], [0.5, 0.8])

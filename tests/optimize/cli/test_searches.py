@@ -31,7 +31,7 @@ def test_the_output_names_the_best_layout_and_the_folder(output_of, scene_file, 
     assert (summary["evaluations"], summary["seed"], summary["method"]) == (400, 5, "auto")
     lines = text.splitlines()
     assert lines[0] == "both: a small scene: both"
-    assert lines[1].startswith(f"best uniform:     {uniform.wave.mean_speed:.6f} m/s, gaps ")
+    assert lines[1].startswith(f"uniform baseline: {uniform.wave.mean_speed:.6f} m/s, gaps ")
     assert lines[1].endswith("(PROPAGATED)")
     speed, gain = summary["mean_speed"], summary["gain"]
     assert lines[2].startswith(f"best found:       {speed:.6f} m/s, {gain:+.2%} (PROPAGATED; auto,")
@@ -49,13 +49,13 @@ def test_a_run_goes_to_runs_and_the_name_of_the_scene(output_of, monkeypatch, sc
 def test_the_output_has_the_gap_to_the_best_known(output_of, monkeypatch, tmp_path):
     words = ["optimize", "sprint", "--method", "uniform", "--budget", "9", "--update-best", "--out"]
     text = output_of(*words, tmp_path / "run")
-    assert re.search(r"best known:       0.828\d+ m/s, by \w+: 3.08\d+% short", text)
-    assert "new records: none" in text
+    assert re.search(r"best known:       0.828\d+ m/s, by \w+: shortfall 3.08\d+%", text)
+    assert "new best known: none" in text
     ended = json.loads((tmp_path / "run" / "summary.json").read_text())["ended"]
     assert f"the search ended: {ended}\n" in text
     monkeypatch.setattr("optimize.experiments.best_known.PATH", tmp_path / "best.json")
     text = output_of(*words, tmp_path / "new")
-    assert "best known:       none so far\nnew records: sprint" in text
+    assert "best known:       none so far\nnew best known: sprint" in text
     assert best_known(tmp_path / "best.json")["sprint"].method == "uniform"
 
 
@@ -63,7 +63,7 @@ def test_the_output_explains_why_a_wave_stops(output_of, scenes, tmp_path):
     (tmp_path / "dead.toml").write_text(scenes["dead"].to_toml())
     words = ["--budget", 10, "--out", tmp_path / "run"]
     text = output_of("optimize", tmp_path / "dead.toml", *words)
-    assert "best uniform:     no speed" in text
+    assert "uniform baseline: no speed" in text
     assert "best found:       no speed (STALLED;" in text
     assert "push harder" in text
     assert "%" not in text

@@ -148,7 +148,7 @@ def test_an_interrupted_comparison_is_resumed(here, monkeypatch, capsys):
     runs = [(r["method"], r["seed"]) for r in lines]
     assert runs == [("random", "0"), ("uniform", "0"), ("random", "1"), ("uniform", "1")]
     assert lines[:2] == first
-    assert "new records: none" in capsys.readouterr().out  # they are of scenes that ship
+    assert "new best known: none" in capsys.readouterr().out  # they are of shipped scenes
 
 
 # best known layouts -----------------------------------------------------------------------------
