@@ -41,8 +41,9 @@ FLOOR_NOTE = (
     "",
     "The last columns are gains on floors of the given friction (`domino best-known --verify`). A",
     "layout of which dominoes remain standing has no gain; of `marathon` only the first 100",
-    "dominoes are simulated on floors ([verification](../verification.md)). The score of `jitter` is",
-    "the speed that 95 % of inexact placements reach; on floors its mean speed without errors is compared.",
+    "dominoes are simulated on floors ([verification](../verification.md)). The score of",
+    "`jitter` is the speed that 95 % of inexact placements reach; on floors its mean speed",
+    "without errors is compared.",
 )
 QUESTIONS = {
     "course": "How fast can sixty dominoes cover 1.2 m?",

@@ -54,7 +54,7 @@ def test_files_and_links_bring_back_the_same_design(name: str) -> None:
 def test_pages_and_templates_are_those_of_the_commands(design: Design) -> None:
     assert sent(design, "Template (PDF)").startswith(b"%PDF")
     page = sent(design, "Report (HTML)").decode()
-    assert '"best uniform layout"' in page
+    assert '"uniform baseline"' in page
     assert f"{design.score:.6f} m/s" in page
 
 
