@@ -169,6 +169,27 @@ def clock_started_late(late=200):
     return gaps[np.argmax((gaps + THICKNESS) / (times[:, last] - times[:, late]))]
 
 
+def any_number(length):
+    """Return the equal gap [m] of the fastest row of a length [m] with any number of dominoes."""
+    gaps = length / np.arange(15, 120) - THICKNESS
+    waves = (simulate(np.full(round(length / (gap + THICKNESS)), gap)) for gap in gaps)
+    return gaps[np.argmax([wave.mean_speed for wave in waves])]
+
+
+def wide_after(gap):
+    """Return the speeds [m/s] in the first gaps of 30 mm after a hundred others."""
+    layout = de.Layout(np.r_[np.full(100, gap), np.full(4, 0.030)], THICKNESS)
+    return de.simulate(layout, de.Physics(push=60.0)).local_speed[100:]
+
+
+def least_gap(thickness):
+    """Return the smallest equal gap [m] with which forty dominoes of a thickness [m] complete."""
+    gaps = np.arange(0.0005, 0.02, 0.0001)
+    spacing = np.repeat(gaps[:, None], SPRINT.count - 1, axis=1)
+    waves = de.simulate_batch(spacing, thickness, SPRINT.physics)
+    return gaps[waves.outcome == de.Outcome.PROPAGATED][0]
+
+
 def endless_gap(friction):
     """Return the gap of the fastest endless chain [m]."""
     physics = de.Physics(friction=friction)
@@ -189,7 +210,7 @@ def scenes():
     for omega in (3.0, 30.0):
         physics = de.Physics(friction=friction, push=omega)
         cases[f"push {omega:g} rad/s"] = SPRINT.replace(physics=physics)
-    cases["length 998 mm"] = SPRINT.replace(length=SPRINT.uniform().layout.length)
+    cases["length 997 mm"] = SPRINT.replace(length=SPRINT.uniform().layout.length)
     return cases
 
 
@@ -280,8 +301,15 @@ if __name__ == "__main__":
     tables = cheap_tables() | {"others": other_scenes()}
     print("\n\n".join("\n".join(table) for table in tables.values()))
     print(f"\nclock started at domino 200: best equal gap {1e3 * clock_started_late():.1f} mm")
-    wide = de.steady_wave(0.035 + THICKNESS, THICKNESS, physics=SPRINT.physics).speed
-    print(f"endless chain with gaps of 35 mm: {wide:.3f} m/s")
+    length = SPRINT.uniform().layout.length
+    print(f"{length:.3f} m of any number of dominoes: best gap {1e3 * any_number(length):.1f} mm")
+    for gap in (0.011, 0.018, 0.030):
+        print(
+            f"gaps of 30 mm after gaps of {1e3 * gap:g} mm:", *np.round(wide_after(gap), 2), "m/s"
+        )
+    for thickness in (0.004, THICKNESS, 0.012):
+        least = 1e3 * least_gap(thickness)
+        print(f"dominoes of {1e3 * thickness:g} mm complete at gaps from {least:.1f} mm")
     print("local speeds of the best layout:", *np.round(simulate(BEST).local_speed, 2))
     for mu in (0.0, 0.1, 0.25, 0.5):
         print(f"friction {mu:g}: an endless chain prefers {1e3 * endless_gap(mu):.2f} mm")
