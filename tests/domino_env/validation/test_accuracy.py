@@ -10,8 +10,7 @@ import pytest
 from domino_env.cli.main import main
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import Outcome, simulate, simulate_batch
-from domino_env.scenes.io.reading import load_scene
+from domino_env.physics.wave import simulate_batch
 from domino_env.validation import accuracy
 from domino_env.validation.accuracy import Measurement, time_to_reach
 from domino_env.validation.edge_cases import EdgeCase, error_of
@@ -106,22 +105,6 @@ def test_a_wave_that_ends_otherwise_has_no_error():
     weak = EdgeCase("weak", "stalls", Layout.uniform(3, spacing=0.002), Physics(0.5, push=2.9))
     runs = list(accuracy.measure([weak], quick=True))
     assert all((m.outcome == "STALLED") == math.isfinite(m.error) for m in runs)
-
-
-def test_the_standard_examples_are_what_they_are_called():
-    waves = {one.group: simulate(one.layout, one.physics) for one in accuracy.standard_examples()}
-    assert all(wave.outcome == Outcome.PROPAGATED for wave in waves.values())
-    assert waves["classic"].arrival_times[-1] == pytest.approx(1.746404, abs=5e-7)
-    assert waves["face-impacts"].flushes > 5
-    assert np.nanmin(waves["near-stall"].stall_margin) == pytest.approx(1e-3, rel=1e-2)
-
-
-def test_a_scene_gives_its_uniform_baseline_and_a_random_layout():
-    scene = load_scene("sprint-thickness")
-    uniform, random = accuracy.scene_examples(scene)
-    np.testing.assert_array_equal(uniform.layout.spacing, scene.uniform().layout.spacing)
-    assert not random.layout.is_uniform
-    assert not scene.violations(random.layout)
 
 
 @pytest.mark.parametrize(

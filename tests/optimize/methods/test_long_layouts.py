@@ -3,35 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 import domino_env as de
 from optimize import search
 from optimize.methods.search import long_layouts
-from optimize.methods.search.long_layouts import best_steady, is_long, repeated
-
-
-@pytest.mark.parametrize("period", [1, 4, 16])
-def test_a_stretched_layout_keeps_its_ends_and_repeats_its_middle(period):
-    columns = np.random.default_rng(0).random((2, 41))
-    longer = repeated(columns, 200, period)
-    assert longer.shape == (2, 200)
-    head = (41 + period) // 2 - period
-    tail = 41 - period - head
-    assert np.array_equal(longer[:, :head], columns[:, :head])
-    assert np.array_equal(longer[:, 200 - tail :], columns[:, 41 - tail :])
-    middle = longer[:, head : 200 - tail]
-    assert np.array_equal(middle[:, period:], middle[:, :-period])
-    assert np.array_equal(repeated(columns, 41, period), columns)
-
-
-def test_layouts_that_are_long():
-    scene = de.load_scene("marathon")
-    assert is_long(scene)
-    assert is_long(replace(scene, length=20.0))
-    assert not is_long(replace(scene, count=100))
-    assert not is_long(replace(scene, objective="toppled"))
-    assert not is_long(replace(scene, length=20.0, spacing_values=(0.01, 0.02)))
+from optimize.methods.search.long_layouts import best_steady
 
 
 def test_no_steady_wave_beats_the_best_one():
