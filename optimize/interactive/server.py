@@ -76,6 +76,7 @@ class Studio:
         """
         from panel.io.server import get_server
 
+        compile_for(self._first.scene, gradients=True)  # or the first search would hold the page up
         asyncio.set_event_loop(asyncio.new_event_loop())  # any thread may serve
         server: Any = get_server(
             lambda: self._new_tab(server.io_loop.stop if until_closed else lambda: None),
@@ -83,8 +84,6 @@ class Studio:
             websocket_max_message_size=2 * LARGEST_UPLOAD,
             check_unused_sessions_milliseconds=CHECK, unused_session_lifetime_milliseconds=UNUSED,
         )  # fmt: skip
-        scene = self._first.scene
-        threading.Thread(target=lambda: compile_for(scene, gradients=True), daemon=True).start()
         server.start()
         self.url = f"http://{HOST}:{server.port}/"
         opened(self.url)
@@ -131,8 +130,10 @@ class Studio:
             def serve() -> None:
                 self.serve(lambda _: ready.set(), until_closed=False)
 
-            threading.Thread(target=serve, daemon=True).start()
-            ready.wait(10.0)
+            thread = threading.Thread(target=serve, daemon=True)
+            thread.start()
+            while thread.is_alive() and not ready.wait(0.1):
+                pass
         return f'<iframe src="{self.url}" style="width:100%;height:{TALL}px;border:0"></iframe>'
 
 
