@@ -15,6 +15,7 @@ from domino_env.view.notebook import MadeForScene
 from optimize.searching import compile_for
 
 EVALUATION_SEEDS = 64  # number of seeds of placement noise: 0, 1, …
+EVALUATION_ORDERS = range(10_000, 10_200)  # seeds of random orders, none of them planned for
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +31,10 @@ class Rollout(MadeForScene):
     wave
         Its wave.
     score
-        Its score; under placement noise the mean over `EVALUATION_SEEDS` rollouts, of which this
-        is the first.
+        Its score; under placement noise or with pieces in random order the mean over rollouts with
+        `evaluation_seeds`, of which this is the first.
     uniform
-        The uniform baseline; under placement noise with its mean score over the same seeds.
+        The uniform baseline, with its mean score over the same seeds.
     seconds
         Time that building took [s], without the simulation of the baseline.
     simulations
@@ -91,15 +92,22 @@ def build(
     env = DominoChain(distribution or scene, reference_speed=reference_speed)
     options = None if distribution is None else {"scene": scene}
     began = time.perf_counter()
-    layout = completed(_last_info(env, policy, 0, options)["layout"], scene)
+    seeds = evaluation_seeds(scene)
+    layout = completed(_last_info(env, policy, seeds[0], options)["layout"], scene)
     seconds = time.perf_counter() - began
     wave = scene.simulate(layout)
     score = scene.score(wave)
-    if scene.placement_deviation:
-        seeds = range(1, EVALUATION_SEEDS)
-        others = [_last_info(env, policy, seed, options)["score"] for seed in seeds]
+    if len(seeds) > 1:
+        others = [_last_info(env, policy, seed, options)["score"] for seed in seeds[1:]]
         score, uniform = float(np.mean([score, *others])), _uniform_as_placed(scene)
     return Rollout(scene, layout, wave, score, uniform, seconds)
+
+
+def evaluation_seeds(scene: Scene) -> range:
+    """Return the seeds of the episodes over which a score is the mean; one where none is random."""
+    if scene.hand:
+        return EVALUATION_ORDERS
+    return range(EVALUATION_SEEDS if scene.placement_deviation else 1)
 
 
 def _last_info(
@@ -113,17 +121,17 @@ def _last_info(
 
 
 def as_placed(rollout: Rollout) -> Rollout:
-    """Return a rollout that did not observe placement noise with its mean score under it."""
+    """Return a rollout that observed no randomness with its mean score under it."""
     scene = rollout.scene
-    if not scene.placement_deviation:
+    if len(evaluation_seeds(scene)) == 1:
         return rollout
-    score = float(scene.score_placed(rollout.layout, range(EVALUATION_SEEDS)).mean())
+    score = float(scene.score_placed(rollout.layout, evaluation_seeds(scene)).mean())
     return replace(rollout, score=score, uniform=_uniform_as_placed(scene))
 
 
 def _uniform_as_placed(scene: Scene) -> UniformBaseline:
     baseline = scene.uniform()
-    scores = scene.score_placed(baseline.layout, range(EVALUATION_SEEDS))
+    scores = scene.score_placed(baseline.layout, evaluation_seeds(scene))
     return replace(baseline, score=float(scores.mean()))
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.rollout import Rollout, as_placed, build
+from agents.rollout import Rollout, as_placed, build, evaluation_seeds
 from domino_env import DominoChain
 from domino_env.core.types import Floats
 from domino_env.scenes.scene import Scene
@@ -121,10 +121,15 @@ class ScriptedPolicy:
             raise ValueError(
                 f"{self.name} was trained on no scene: name one to build for (--scene)"
             )
-        if self.name == "greedy" and scene.placement_deviation:
+        if self.name == "greedy" and len(evaluation_seeds(scene)) > 1:
             raise ValueError(
-                f"scene '{scene.name}' has placement noise: greedy tries each action in a copy of "
-                "the environment with the same noise, so its choice would depend on the noise to "
-                "come; use another policy"
+                f"scene '{scene.name}' is random: greedy tries each action in a copy of the "
+                "environment with the same placement noise and order of pieces, so its choice "
+                "would depend on what is still to come; use another policy"
+            )
+        if self.name == "ramp" and scene.hand:
+            raise ValueError(
+                f"scene '{scene.name}' draws its pieces in random order: ramp chooses thicknesses "
+                "without knowing what is in hand; use another policy"
             )
         return as_placed(SCRIPTED[self.name](scene))

@@ -60,7 +60,8 @@ class DominoChain(DominoEnv):
       over what fits the thickness chosen; the last pitch is the rest. `bounds_ahead()` returns
       them.
     - A largest change: the gap differs from the one before by at most this.
-    - Lists, steps: the nearest value that is allowed. A stock: the nearest thickness that is left.
+    - Lists, steps: the nearest value that is allowed. A stock: the nearest thickness that is left;
+      with a hand, the nearest that is in hand. Of two that are equally near, the thinner one.
 
     A length together with lists, a stock or a largest change is rejected.
 
@@ -80,7 +81,9 @@ class DominoChain(DominoEnv):
     | thicknesses | W    | last thicknesses, likewise, without the first domino's   | -1, 1     |
     | growths     | W    | last growths, likewise                                   | -1, 1     |
     | height      | 1    | log of the height over the first's, over its largest one | 0, 1      |
-    | stock       | K    | part of each kind that is left, thin to thick            | 0, 1      |
+    | hand        | K    | number in hand of each kind, thin to thick, over that of | 0, 1      |
+    |             |      | all pieces that a hand holds                             |           |
+    | stock       | K    | part of each kind that is left in the box, thin to thick | 0, 1      |
     | placed      | 1    | k / (N - 1)                                              | 0, 1      |
     | near_start  | 4    | exp(-k / c) for c = 1, 2, 4, 8                           | 0, 1      |
     | near_end    | 4    | exp(-(N - 1 - k) / c) for the same c                     | 0, 1      |
@@ -91,11 +94,11 @@ class DominoChain(DominoEnv):
 
     An observation has only the parts that can vary: length_left and pitch_left where the scene has
     a length, gaps and thicknesses where they are free, growths and height where heights grow, stock
-    where there is one, features where scenes are sampled (in the order of `distribution.features`,
-    beyond ±1 only for scenes that are given from beyond the ranges), slopes and rises on uneven
-    ground. The front is 0 where the wave has stopped, and windows are 0 where no domino is placed
-    yet. The next places lie ahead of the last pivot, one mean pitch apart along x: the middles of
-    the bounds of gap and thickness.
+    where there is one, hand where its pieces are drawn in random order, features where scenes are
+    sampled (in the order of `distribution.features`, beyond ±1 only for scenes that are given from
+    beyond the ranges), slopes and rises on uneven ground. The front is 0 where the wave has
+    stopped, and windows are 0 where no domino is placed yet. The next places lie ahead of the last
+    pivot, one mean pitch apart along x: the middles of the bounds of gap and thickness.
 
     ## Rewards
     The reward of a step is the change of the expected gain Φ [%], where Φ_k with k dominoes placed
@@ -144,6 +147,12 @@ class DominoChain(DominoEnv):
     of them, but at least 0.2 mm wide. The next observation shows where the domino stands (gaps
     beyond the scene's bounds at their ends), and the layout is scored as it stands; the uniform
     baseline remains the one without errors.
+
+    Where the pieces of a stock are drawn (`[stock] hand`, as in "draw"), every reset permutes those
+    in the box by `np_random`, after the dominoes of a given layout have been taken out. The hand
+    holds the first of them; each step places one and draws the next. The uniform baseline, over
+    which the gain is, has the best equal gap for pieces as they come, and the mean score of the
+    orders of seeds 0 to 63.
 
     Otherwise the seed changes nothing. Where `scene` is a distribution of scenes, such as "varied",
     every reset samples one by `np_random`, and `reset(options={"scene": scene})` chooses one; then
@@ -344,7 +353,7 @@ class DominoChainVector(DominoVectorEnv):
             self._which = before
             raise
         self._enter(envs)
-        self._draw_errors(envs, generators)
+        self._draw(envs, generators, dict(starts))
         batch, placed = self._batch, np.zeros(self.num_envs, np.int64)
         for b, start in starts:
             placed[b] = start.count - 1

@@ -36,7 +36,9 @@ class DominoLayout(DominoEnv):
     thicknesses (of dominoes 1 … N - 1), then for each of their growths, as far as the scene leaves
     them free; -1 stands for the smallest, 1 for the largest value, beyond them it is clipped.
     Where the scene has a total length, the layout is the nearest one (in metres) that has it;
-    other rules narrow the entries from the first domino to the last, as in `DominoChain-v1`.
+    other rules narrow the entries from the first domino to the last, as in `DominoChain-v1`. Where
+    pieces are drawn in random order, an action is a plan: each wished thickness is replaced by the
+    nearest in hand.
 
     ## Observation space
     `Box(0, 1, (1,), float32)`: 0 before the layout is placed, 1 after.
@@ -119,7 +121,7 @@ class DominoLayoutVector(DominoVectorEnv):
         self._batch.states["u"][chosen] = self.scene.physics.push**2
         self._batch.states["time"][chosen] = 0.0
         self._waves[chosen] = None
-        self._draw_errors(np.flatnonzero(chosen), generators)
+        self._draw(np.flatnonzero(chosen), generators, {})
         observations[chosen] = 0.0
         return {}
 

@@ -151,6 +151,8 @@ class SceneSource:
     def _keep(self, i: int, scene: Scene, features: Floats) -> None:
         baseline = scene.uniform()
         speed, positions = baseline.wave.mean_speed, baseline.layout.positions
+        if scene.hand and scene.criterion.is_mean_speed:  # the score is a mean over orders
+            speed = baseline.score
         self.scenes[i] = scene
         self.rules[i] = _rules_of(
             scene, self.rtol, speed if speed > 0.0 else free_fall_speed(scene)
@@ -206,6 +208,7 @@ def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
     growth = scene.growth or (1.0, 1.0)
     values = {name: getattr(scene.physics, name) for name in ("friction", "gravity", "push")} | {
         "count": scene.count,
+        "hand": scene.hand,
         "rtol": rtol,
         "uniform_speed": speed,
         "reference_speed": speed,

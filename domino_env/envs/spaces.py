@@ -38,6 +38,7 @@ class ObservationLayout(dict[str, slice]):
     def __init__(self, scene: Scene, window: int, features: int) -> None:
         has_length, grows = int(scene.length is not None), int(scene.free_height)
         ahead = window * int(scene.ground is not None)
+        kinds = 0 if scene.stock is None else len(scene.stock.thickness)
         parts = {
             "front": (1, 0.0, kernels.FRONT_LIMIT),
             "lead": (1, -kernels.LEAD_LIMIT, kernels.LEAD_LIMIT),
@@ -48,7 +49,8 @@ class ObservationLayout(dict[str, slice]):
             "thicknesses": (window * scene.free_thickness, -1.0, 1.0),
             "growths": (window * grows, -1.0, 1.0),
             "height": (grows, 0.0, 1.0),
-            "stock": (0 if scene.stock is None else len(scene.stock.thickness), 0.0, 1.0),
+            "hand": (kinds * (scene.hand > 0), 0.0, 1.0),
+            "stock": (kinds, 0.0, 1.0),
             "placed": (1, 0.0, 1.0),
             "near_start": (len(SCALES), 0.0, 1.0),
             "near_end": (len(SCALES), 0.0, 1.0),

@@ -29,6 +29,7 @@ from domino_env.envs.rendering import (
 )
 from domino_env.envs.sources import Generators, SceneSource
 from domino_env.envs.spaces import ObservationLayout, closeness
+from domino_env.physics.layout import Layout
 from domino_env.scenes.distribution import SceneDistribution
 from domino_env.scenes.scene import Scene
 
@@ -144,8 +145,8 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         Parameters
         ----------
         seed
-            Seeds of the generators that scenes and placement errors are sampled with: one for each
-            environment, or a number, from which environment i gets seed + i.
+            Seeds of the generators that scenes, placement errors and orders of pieces are sampled
+            with: one for each environment, or a number, from which environment i gets seed + i.
         options
             Options of the class, and "reset_mask": (B,) booleans. Environments where it is False
             stay as they are.
@@ -201,13 +202,21 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
             For options that no episode can begin with; every environment is then left as it was.
         """
 
-    def _draw_errors(self, envs: Indices, generators: Generators) -> None:
-        """Sample the errors of the gaps to be placed, where the scene has placement errors."""
-        errors = self._batch.errors
-        if len(errors):
-            for env in envs.tolist():
-                scene = self._scene(env)
+    def _draw(self, envs: Indices, generators: Generators, starts: dict[int, Layout]) -> None:
+        """Sample placement errors and the order of the pieces, where the scene has them.
+
+        starts: dominoes that stand at the start, by environment.
+        """
+        errors, order, kinds = self._batch.errors, self._batch.order, self._batch.kinds[0]
+        for env in envs.tolist() if len(errors) or order.shape[1] else ():
+            scene = self._scene(env)
+            if len(errors):
                 errors[env, : scene.count - 1] = scene.placement_errors(generators(env))
+            if scene.stock is not None and scene.hand:
+                first = np.array([scene.first_thickness])
+                taken = starts[env].thickness if env in starts else first
+                pieces = scene.stock.drawn(generators(env), taken)
+                order[env, len(taken) - 1 :] = np.searchsorted(kinds, pieces)
 
     def checked_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:
         """Return the options of a reset; raise ValueError for an unknown one."""
@@ -458,7 +467,7 @@ class DominoEnv(gymnasium.Env[Singles, Singles]):
         Parameters
         ----------
         seed
-            Seed of `np_random`, which samples scenes and placement errors.
+            Seed of `np_random`, which samples scenes, placement errors and orders of pieces.
         options
             Options of the class.
 
@@ -585,6 +594,8 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
         kinds=kinds,
         left=np.tile(kinds[1], (num_envs, 1)),
+        hand=np.zeros((num_envs, kinds.shape[1])),
+        order=np.zeros((num_envs, int(kinds[1].sum()) if scene.hand else 0), np.int16),
         errors=np.zeros((num_envs if scene.placement_deviation else 0, longest - 1)),
         rings=np.zeros((num_envs, size), link),
         states=np.zeros(num_envs, kernels.STATE),

@@ -20,6 +20,9 @@ EXCLUSIVE = (
     ("[thickness]", "[stock]", "both give the thicknesses"),
     ("physics.floor_friction", "[limits]",
      "stall margins and flushes are those of dominoes with fixed pivots"),
+    ("stock.hand", "physics.floor_friction",
+     "the uniform baseline is a mean over orders, which takes too long on a floor"),
+    ("stock.hand", "row.length", "an environment takes no stock with a length"),
     ("[placement]", "[robust]", "both draw errors of the gaps"),
     ("[placement]", "row.length", "gaps with errors do not add up to a length"),
     ("ground.profile", "row.length", "the length of a row depends on where its gaps lie"),
@@ -56,8 +59,9 @@ def _violations(tables: SceneFile) -> Iterator[str]:
         yield f"thickness is missing: give a table of {keys}"
     given = {
         "[thickness]": tables.thickness, "[stock]": tables.stock, "[limits]": tables.limits,
-        "[placement]": tables.placement, "[robust]": tables.settings("robust"),
-        "[growth]": tables.growth, "row.length": tables.row.length,
+        "stock.hand": tables.stock and tables.stock.hand, "[placement]": tables.placement,
+        "[robust]": tables.settings("robust"), "[growth]": tables.growth,
+        "row.length": tables.row.length,
         "physics.floor_friction": tables.physics.floor_friction,
         "ground.profile": tables.ground and tables.ground.profile,
     }  # fmt: skip

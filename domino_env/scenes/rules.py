@@ -115,6 +115,9 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         (K,) thicknesses of the kinds [m], no two alike.
     count
         (K,) number of dominoes of each kind.
+    hand
+        Number of pieces that the builder of an environment holds, drawn from the box in random
+        order; None where the whole box can be chosen from.
 
     Raises
     ------
@@ -130,6 +133,10 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         tuple[Annotated[int, Meta(ge=0, le=MOST_DOMINOES)], ...],
         Meta(max_length=MOST_KINDS, description="number of dominoes of each kind"),
     ]
+    hand: Annotated[
+        Annotated[int, Meta(ge=1, le=MOST_DOMINOES)] | None,
+        Meta(description="pieces held at a time, drawn in random order; without it, the whole box"),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -184,7 +191,27 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
             )
         count = list(self.count)
         count[kind] -= 1
-        return Stock(self.thickness, tuple(count))
+        return self.replace(count=tuple(count))
+
+    def drawn(self, generator: np.random.Generator, taken: Floats) -> Floats:
+        """Return the pieces that remain in the box in random order.
+
+        Parameters
+        ----------
+        generator
+            Source of randomness.
+        taken
+            Thicknesses of the dominoes that have been taken out before [m].
+
+        Returns
+        -------
+        NDArray
+            Thicknesses in the order in which the pieces are drawn [m].
+        """
+        count = np.array(self.count)
+        for thickness in taken:
+            count[self.kind(thickness)] -= 1
+        return generator.permutation(np.repeat(np.array(self.thickness), count))
 
     def violations(self, thickness: Floats) -> list[str]:
         """Return the violations of the stock by a layout.

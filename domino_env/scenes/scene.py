@@ -199,14 +199,15 @@ class Scene(Specification):
         return found
 
     def score_placed(self, layout: Layout, seeds: Sequence[int]) -> Floats:
-        """Return the scores of a layout with placement noise.
+        """Return the scores of a layout with placement noise, and with pieces as they come.
 
         Parameters
         ----------
         layout
-            The layout without errors.
+            The layout without errors. Where pieces are drawn in random order, they replace its own.
         seeds
-            One seed for each draw; an environment reset with the same seed makes the same errors.
+            One seed for each draw; an environment reset with the same seed makes the same errors
+            and draws the same pieces.
 
         Returns
         -------
@@ -219,11 +220,13 @@ class Scene(Specification):
             For a layout that breaks the scene's rules.
         """
         self._require(layout)
-        drawn = [self.placement_errors(np.random.default_rng(seed)) for seed in seeds]
-        gaps = placed(layout.spacing, np.array(drawn))
+        generators = [np.random.default_rng(seed) for seed in seeds]
+        errors = [self.placement_errors(generator) for generator in generators]
+        gaps = placed(layout.spacing, np.array(errors))
         ones = np.ones((len(gaps), 1))
+        thick = self.orders(generators) if self.hand else ones * layout.thickness[1:]
         tall = ones * layout.height[1:] if self.growth is not None else None
-        return self.evaluate(self.batch(gaps, ones * layout.thickness[1:], tall, SCORE_RTOL)).score
+        return self.evaluate(self.batch(gaps, thick, tall, SCORE_RTOL)).score
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
         """Return random errors of the gaps of a layout.
@@ -236,8 +239,10 @@ class Scene(Specification):
         Returns
         -------
         NDArray
-            (N-1,) errors [m], zero without placement noise.
+            (N-1,) errors [m]; zeros, and nothing is drawn, without placement noise.
         """
+        if not self.placement_deviation:
+            return np.zeros(self.count - 1)
         return self.placement_deviation * generator.standard_normal(self.count - 1)
 
     def in_words(self, score: float, wave: Wave) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -101,6 +102,35 @@ class Specification:
     def tempo(self) -> Tempo | None:
         """Schedule of the objective "tempo"; None for the others."""
         return self.settings if isinstance(self.settings, Tempo) else None
+
+    @property
+    def hand(self) -> int:
+        """Number of pieces held while building, drawn in random order; 0 for no random order."""
+        return 0 if self.stock is None else self.stock.hand or 0
+
+    def orders(self, generators: Sequence[np.random.Generator]) -> Floats:
+        """Return random orders of the pieces of the stock, all but the first domino.
+
+        Parameters
+        ----------
+        generators
+            Source of randomness of each of M orders.
+
+        Returns
+        -------
+        NDArray
+            (M, N-1) thicknesses in the order in which the pieces are drawn [m].
+
+        Raises
+        ------
+        ValueError
+            For a scene without a stock.
+        """
+        if self.stock is None:
+            raise ValueError(f"scene '{self.name}' has no stock to draw from")
+        first = np.array([self.first_thickness])
+        drawn = [self.stock.drawn(generator, first) for generator in generators]
+        return np.array(drawn)[:, : self.count - 1]
 
     @property
     def free_spacing(self) -> bool:

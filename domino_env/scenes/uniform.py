@@ -112,6 +112,8 @@ def best_uniform(
 
     The first domino keeps the scene's thickness. With a stock, the dominoes stand in the order
     given at one pitch, pivot to pivot, or at one gap where the rules allow no such pitch. Where
+    they are drawn in random order, they stand at one gap as they come, and the score is the mean
+    over the orders of seeds 0 to 63; the layout has the first of these orders. Where
     heights grow, gaps have one ratio to the heights, and heights to those before. Where lists of
     allowed values do not meet a length, the baseline is the uniform baseline without the lists.
 
@@ -132,7 +134,8 @@ def best_uniform(
     layout : Layout
         The layout.
     score : float or None
-        Its score where its search has found it on a floor; None where it has to be computed.
+        Its score where it is a mean over orders, or where its search has found it on a floor; None
+        where it has to be computed.
 
     Raises
     ------
@@ -141,12 +144,12 @@ def best_uniform(
     """
     layouts, score = uniform_layouts(scene), None
     point = known or _shipped_points().get(stamp(scene))
-    if point is not None:
-        return layouts.layout(np.array(point)), None
-    if scene.count >= LONG:
+    if point is None and scene.count >= LONG:
         notice(f"finding the uniform baseline of '{one_line(scene.name, 40)}' ...")
-    if scene.floor_friction is None:
-        found = best_point(scene)
+    if point is not None or scene.floor_friction is None:
+        found = best_point(scene) if point is None else np.array(point)
+        if scene.hand:
+            score = float(layouts.scores(found[None], FULL.rtol)[0])
     else:
         found, score = _best_standing(layouts, math.inf if seconds is None else seconds)
     return layouts.layout(found), score
@@ -182,7 +185,8 @@ def best_point(scene: Specification, *, quick: bool = False) -> Floats:
     layouts = uniform_layouts(scene)
     if scene.floor_friction is not None:
         return _best_standing(layouts, math.inf)[0]
-    fineness = QUICK if quick else DRAWN if scene.criterion.simulates_anew else FULL
+    drawn = scene.criterion.simulates_anew or scene.hand > 0
+    fineness = QUICK if quick else DRAWN if drawn else FULL
     points = grid(_axes(layouts, fineness))
     if layouts.steady and not quick and scene.count * len(points) > LARGEST_GRID:
 

@@ -22,6 +22,7 @@ from domino_env.scenes.waves import LayoutBatch, Waves
 PREFIX_RTOL = 1e-11
 LARGEST_BATCH = 4_000_000  # dominoes at once, some 200 MB
 SHORTEST = 64  # dominoes of the first prefixes; those that are not steady are doubled
+PLANNING_ORDERS = 64  # random orders of a stock, of seeds 0, 1, …, to plan for
 WINDOW = 4  # the last 1/4 of a prefix has to be steady
 
 
@@ -87,6 +88,9 @@ class UniformLayouts:
         self.allowed = [scene.spacing_values, scene.thickness_values]
         first, second = scene.spacing, scene.thickness
         self.bodies, self.one_pitch = np.zeros(0), False
+        self.orders = np.zeros((1, pairs))
+        if scene.hand:
+            self.orders = scene.orders([*map(np.random.default_rng, range(PLANNING_ORDERS))])
         if scene.growth is not None:
             second = scene.growth
         if scene.stock is not None:
@@ -95,6 +99,8 @@ class UniformLayouts:
             pitch = first[0] + self.bodies.max(), first[1] + self.bodies.min()
             wanted = pitch[0] if scene.length is None else scene.length / pairs
             self.one_pitch = scene.spacing_values is None and pitch[0] <= wanted <= pitch[1]
+            if scene.hand:  # pieces as they come, whose gap has no reason to depend on them
+                self.bodies, self.one_pitch = self.orders[0], False
             if scene.largest_change is not None and pairs > 1:
                 largest = float(np.abs(np.diff(self.bodies)).max())
                 self.one_pitch = self.one_pitch and largest <= scene.largest_change
@@ -179,16 +185,20 @@ class UniformLayouts:
         )
 
     def scores(self, points: Floats, rtol: float, stop: Callable[[], bool] | None = None) -> Floats:
-        """Return (B,) scores of the layouts at points (B, 2); `stop` as of `LayoutBatch`."""
-        scene = self.scene
-        piece = max(1, LARGEST_BATCH // (scene.count * scene.criterion.simulations_per_score))
-        scores = [
-            scene.criterion.evaluate(
-                replace(scene.batch(spacing, thickness, height, rtol), stop=stop)
-            ).score
-            for i in range(0, len(points), piece)
-            for spacing, thickness, height in [self.at(points[i : i + piece])]
-        ]
+        """Return (B,) scores of the layouts at points (B, 2); `stop` as of `LayoutBatch`.
+
+        Where pieces come in random order, the score is the mean over `orders`.
+        """
+        scene, orders = self.scene, len(self.orders)
+        simulations = scene.criterion.simulations_per_score * orders
+        piece, scores = max(1, LARGEST_BATCH // (scene.count * simulations)), []
+        for i in range(0, len(points), piece):
+            spacing, thickness, height = self.at(points[i : i + piece])
+            if scene.hand:
+                thickness = np.tile(self.orders, (len(spacing), 1))
+                spacing = np.repeat(spacing, orders, axis=0)
+            batch = replace(scene.batch(spacing, thickness, height, rtol), stop=stop)
+            scores.append(scene.criterion.evaluate(batch).score.reshape(-1, orders).mean(axis=1))
         return np.concatenate(scores)
 
     def scores_by_prefix(self, points: Floats, steady: float) -> Floats:

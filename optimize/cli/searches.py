@@ -4,7 +4,8 @@ SCENE is the name of a shipped scene (sprint, course, …) or a .toml file. The 
 receives the scene, the best layout (CSV and JSON), the trace of the search, a summary and a
 picture; a folder that holds a run already is refused without --resume. Ctrl-C ends the search and
 writes the best layout so far. --resume continues it, after a kill too, or with a larger budget; the
-result is that of an undisturbed search.
+result is that of an undisturbed search. Where pieces are drawn in random order (`draw`), the search
+chooses their order freely, which nobody who draws them can.
 """
 
 from __future__ import annotations
@@ -61,6 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}", flush=True)
+    if scene.hand:
+        print(f"free order:       of all pieces; environments draw them, with {scene.hand} in hand")
     waiting = [scene]  # to print its uniform baseline once the search has it
 
     def after_batch(_: object) -> None:

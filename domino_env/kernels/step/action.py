@@ -76,6 +76,28 @@ def nearest_left(kinds, left, thickness):
     return best
 
 
+@always_inline
+def pieces_of(rules, batch, b):
+    """Return how many pieces of each kind can be placed next: those in hand, or all left."""
+    return batch.hand[b] if rules.hand > 0 else batch.left[b]
+
+
+@internal
+def restock(batch, b):
+    """Put all pieces back into the box."""
+    for k in range(batch.kinds.shape[1]):
+        batch.left[b, k], batch.hand[b, k] = batch.kinds[1, k], 0.0
+
+
+@internal
+def draw(batch, b, first, last):
+    """Move pieces first … last - 1 of the random order, if there is one, into the hand."""
+    for j in range(first, min(last, batch.order.shape[1])):
+        k = batch.order[b, j]
+        batch.left[b, k] -= 1.0
+        batch.hand[b, k] += 1.0
+
+
 @internal
 def nearest_within(values, low, high, gap):
     """Return the value of a list in [low, high] that is nearest to a gap."""
@@ -87,10 +109,10 @@ def nearest_within(values, low, high, gap):
 
 
 @always_inline
-def decode(action, rules, batch, left, n, distance, layout):
-    """Write gap n, thickness (and height) of domino n+1 from an action into a layout.
+def decode(action, rules, batch, b, n, distance, layout):
+    """Write gap n, thickness (and height) of domino n+1 from an action into layout b.
 
-    batch: with the only gaps and thicknesses allowed, if any.  left: (K,) stock of each kind.
+    The batch has the only gaps and thicknesses allowed, if any, and what is left of a stock.
     """
     spacing, height = layout.spacing, layout.height
     column = len(action) - 1
@@ -107,8 +129,10 @@ def decode(action, rules, batch, left, n, distance, layout):
         low, high = thickness_bounds(rules, len(spacing) - n, distance)
         thick = between(action[column], low, high)
         if batch.kinds.shape[1] > 0:
-            k = nearest_left(batch.kinds[0], left, thick)
-            left[k] -= 1.0
+            pieces = pieces_of(rules, batch, b)
+            k = nearest_left(batch.kinds[0], pieces, thick)
+            pieces[k] -= 1.0
+            draw(batch, b, n + rules.hand, n + rules.hand + 1)
             thick = batch.kinds[0, k]
     gap = rules.gap_low
     if rules.gap_low < rules.gap_high:

@@ -12,6 +12,7 @@ IDLE, RUNNING, OVER = 0, 1, 2  # phases of an episode
 
 RULES = record_type(  # of a scene
     count=int,  # of dominoes
+    hand=int,  # pieces held at a time, drawn in random order; 0 where the whole stock is at hand
     friction=float,
     gravity=float,
     push=float,
@@ -55,7 +56,9 @@ class Batch(NamedTuple):
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c) of k dominoes to an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or empty
     kinds: NDArray[np.float64]  # (2, K) thicknesses in stock, and how many of each
-    left: NDArray[np.float64]  # (B, K) how many are left
+    left: NDArray[np.float64]  # (B, K) how many are left, without those in hand
+    hand: NDArray[np.float64]  # (B, K) how many are in hand
+    order: NDArray[np.int16]  # (B, S) kinds in the order in which they are drawn; or (B, 0)
     errors: NDArray[np.float64]  # (B, N-1) placement errors, added to the gaps [m]; or (0, N-1)
     rings: NDArray[np.record]  # (B, …) CONTACT or UNEVEN_CONTACT
     states: NDArray[np.record]  # (B,) STATE

@@ -20,9 +20,11 @@ from domino_env.kernels.step.action import (
     add_placement_error,
     decode,
     decode_back,
+    draw,
     encode,
     gap_bounds,
     nearest_left,
+    restock,
     thickness_bounds,
 )
 from domino_env.kernels.step.batch import OVER, RUNNING, layout_in, rules_of
@@ -130,8 +132,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
         start_chain(layout, rules.push, ring, state)
         episode.distance = episode.rewarded = episode.reach = episode.score = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
-        for k in range(len(left)):
-            left[k] = batch.kinds[1, k]
+        restock(batch, b)
         for i in range(given[b]):
             if len(left) > 0:
                 left[nearest_left(batch.kinds[0], left, layout.thickness[i + 1])] -= 1.0
@@ -140,6 +141,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
             if episode.phase == OVER:
                 break
             episode.rewarded += step_reward(rules, batch, b)
+        draw(batch, b, given[b], given[b] + rules.hand)
         observe(batch, b, layout, observations[b])
 
 
@@ -160,7 +162,7 @@ def step_batch(first, last, batch, actions, observations, rewards, ended):
         if episode.phase != RUNNING:
             continue
         layout = layout_in(view, b)
-        decode(actions[b], rules, view, view.left[b], episode.placed, episode.distance, layout)
+        decode(actions[b], rules, view, b, episode.placed, episode.distance, layout)
         add_placement_error(rules, view.errors, b, episode.placed, layout.spacing)
         stand_on_ground(view, view.curve, b, layout, episode.placed)
         fall_onto_next(rules, view, b, lanes, layout, tape)
@@ -181,11 +183,11 @@ def place_batch(first, last, batch, chosen, actions):
     for b in range(first, last):
         if not chosen[b]:
             continue
-        rules, layout, left, distance = rules_of(view, b), layout_in(view, b), view.left[b], 0.0
-        for k in range(len(left)):
-            left[k] = view.kinds[1, k]
+        rules, layout, distance = rules_of(view, b), layout_in(view, b), 0.0
+        restock(view, b)
+        draw(view, b, 0, rules.hand)
         for n in range(len(layout.spacing)):
-            decode(actions[b, n], rules, view, left, n, distance, layout)
+            decode(actions[b, n], rules, view, b, n, distance, layout)
             add_placement_error(rules, view.errors, b, n, layout.spacing)
             distance += layout.spacing[n] + layout.thickness[n + 1]
         episode = view.episodes[b]

@@ -12,7 +12,7 @@ FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0  # cl
 LEAD_UNIT = 10.0  # heights per unit of the entry `lead`
 ENTRIES = (
     "front", "lead", "speed", "length_left", "pitch_left", "gaps", "thicknesses", "growths",
-    "height", "stock", "placed", "near_start", "near_end", "features", "slopes", "rises",
+    "height", "hand", "stock", "placed", "near_start", "near_end", "features", "slopes", "rises",
 )  # fmt: skip
 # start of each entry in an observation, -1 where it is absent
 OBSERVATION = record_type(None, window=int, **dict.fromkeys(ENTRIES, int))
@@ -113,6 +113,9 @@ def observe(batch, b, layout, observation):
         observation[start.height] = min(
             math.log(layout.height[placed] / layout.height[0]) / most, 1.0
         )
+    if start.hand >= 0:
+        for k in range(batch.kinds.shape[1]):
+            observation[start.hand + k] = batch.hand[b, k] / rules.hand
     if start.stock >= 0:
         for k in range(batch.kinds.shape[1]):
             observation[start.stock + k] = batch.left[b, k] / max(batch.kinds[1, k], 1.0)

@@ -1,0 +1,157 @@
+"""Pieces drawn from a box in random order, some of them in hand."""
+
+import numpy as np
+import pytest
+
+import domino_env as de
+from agents.rollout import EVALUATION_ORDERS
+from agents.scripted import ScriptedPolicy
+from domino_env import DominoChain, DominoChainVector, DominoLayoutVector
+from domino_env.scenes.io.reading import parse_scene
+from domino_env.scenes.uniform_layouts import PLANNING_ORDERS
+
+COUNT = 12
+STOCK = de.Stock((0.005, 0.0075, 0.010), (4, 5, 4), 3)  # one more than the scene needs
+SCENE = de.load_scene("draw").replace(count=COUNT, stock=STOCK)
+KINDS = np.array(STOCK.thickness)
+
+
+def counts(thickness):
+    """Return how many dominoes of each kind there are."""
+    return (np.asarray(thickness)[:, None] == KINDS).sum(axis=0)
+
+
+def parts(env, observation):
+    """Return how many pieces of each kind are in hand and in the box."""
+    box = STOCK.without(SCENE.first_thickness).count
+    shown = env.observation_layout
+    return observation[shown["hand"]] * STOCK.hand, observation[shown["stock"]] * box
+
+
+def test_hand_box_and_chain_hold_the_stock_after_every_step():
+    env, rng = DominoChain(SCENE), np.random.default_rng(0)
+    for seed in range(5):
+        observation, _ = env.reset(seed=seed)
+        order = STOCK.drawn(np.random.default_rng(seed), np.array([SCENE.first_thickness]))
+        for n in range(COUNT - 1):
+            hand, box = parts(env, observation)
+            placed = env.snapshot().layout.thickness
+            assert hand + box + counts(placed) == pytest.approx(STOCK.count, abs=1e-5)
+            drawn = order[: n + STOCK.hand]
+            assert hand + counts(placed[1:]) == pytest.approx(counts(drawn), abs=1e-5)
+            action = rng.uniform(-1.0, 1.0, 2)
+            wished = KINDS[0] + 0.5 * (action[1] + 1.0) * (KINDS[-1] - KINDS[0])
+            held = KINDS[hand > 0.5]
+            observation, _, ended, _, info = env.step(action)
+            last = (info["layout"] if ended else env.snapshot().layout).thickness[-1]
+            assert last == held[np.argmin(np.abs(held - wished))]
+            if ended:
+                break
+
+
+def test_of_two_pieces_equally_near_the_thinner_is_taken():
+    env, seen = DominoChain(SCENE), 0
+    for seed in range(40):
+        observation, _ = env.reset(seed=seed)
+        hand, _ = parts(env, observation)
+        if hand[1] < 0.5 < min(hand[0], hand[2]):
+            env.step(np.zeros(2))
+            assert env.snapshot().layout.thickness[-1] == KINDS[0]
+            seen += 1
+    assert seen > 0
+
+
+def test_a_hand_that_holds_the_whole_stock_is_none():
+    whole = SCENE.replace(stock=STOCK.replace(hand=sum(STOCK.count)))
+    free = SCENE.replace(stock=STOCK.replace(hand=None))
+    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (COUNT - 1, 2))
+    ends = []
+    for scene in (whole, free):
+        env = DominoChain(scene)
+        env.reset(seed=2)
+        ends.append([env.step(action) for action in actions][-1][4])
+    assert ends[0]["layout"] == ends[1]["layout"]
+    assert ends[0]["score"] == ends[1]["score"]
+
+
+def test_plans_are_placed_alike_in_every_environment():
+    actions = np.random.default_rng(3).uniform(-1.0, 1.0, (2, COUNT - 1))
+    chain, whole = DominoChainVector(4, SCENE), DominoLayoutVector(4, SCENE)
+    for envs in (chain, whole):
+        envs.reset(seed=10)
+    for action in actions.T:
+        built = chain.step(np.tile(action, (4, 1)))[4]
+    at_once = whole.step(np.tile(actions.ravel(), (4, 1)))[4]
+    assert built["score"].tolist() == at_once["score"].tolist()
+    assert len(set(built["score"].tolist())) == 4  # of four orders
+    alone = DominoChain(SCENE)
+    alone.reset(seed=12)
+    assert [alone.step(action) for action in actions.T][-1][4]["score"] == built["score"][2]
+
+
+def test_a_given_layout_is_taken_out_before_the_rest_is_permuted():
+    env = DominoChain(SCENE)
+    start = de.Layout(np.full(4, 0.02), [0.0075, *[0.005] * 4], SCENE.height, SCENE.width)
+    for seed in range(4):
+        observation, _ = env.reset(seed=seed, options={"layout": start})
+        hand, box = parts(env, observation)
+        assert hand[0] == box[0] == 0.0  # all four thin ones stand
+        rest = STOCK.drawn(np.random.default_rng(seed), start.thickness)
+        assert hand == pytest.approx(counts(rest[: STOCK.hand]), abs=1e-6)
+
+
+def test_every_order_is_equally_likely():
+    stock, rng = de.Stock((0.005, 0.01), (3, 2), 1), np.random.default_rng(4)
+    drawn = [tuple(stock.drawn(rng, np.array([0.005]))) for _ in range(6000)]
+    orders, number = np.unique(drawn, axis=0, return_counts=True)
+    assert len(orders) == 6  # of two and two
+    assert ((number - 1000.0) ** 2 / 1000.0).sum() < 20.5  # 99.9 % of chi-square, 5 degrees
+
+
+def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_as_they_come():
+    orders = [
+        STOCK.drawn(np.random.default_rng(seed), np.array([SCENE.first_thickness]))
+        for seed in range(PLANNING_ORDERS)
+    ]
+    thickness = np.array(orders)[:, : COUNT - 1]
+
+    def mean(gap):
+        return SCENE.evaluate(SCENE.batch(np.full(thickness.shape, gap), thickness)).score.mean()
+
+    uniform = SCENE.uniform()
+    gap = uniform.layout.spacing[0]
+    assert np.ptp(uniform.layout.spacing) == 0.0
+    assert uniform.layout.thickness[1:].tolist() == thickness[0].tolist()
+    assert uniform.score == pytest.approx(mean(gap), rel=1e-6)
+    others = [mean(other) for other in (*np.linspace(*SCENE.spacing, 40), gap - 1e-4, gap + 1e-4)]
+    assert max(others) <= uniform.score * (1.0 + 1e-6)
+    assert DominoChain(SCENE).reference_speed == uniform.score
+
+
+def test_hands_are_read_and_checked():
+    assert parse_scene(SCENE.to_toml(), "x", "x") == SCENE
+    assert SCENE.hand == 3
+    assert de.load_scene("stock").hand == 0
+    with pytest.raises(ValueError, match="hand = 0: give a whole number from 1"):
+        SCENE.replace(stock=STOCK.replace(hand=0))
+    with pytest.raises(ValueError, match=r"stock\.hand and physics\.floor_friction exclude"):
+        SCENE.replace(floor_friction=0.5)
+
+
+def test_rollouts_and_the_baseline_are_means_over_the_same_orders():
+    scene = SCENE
+    rollout = ScriptedPolicy("uniform").build(scene)
+    low, high = scene.spacing
+    gap = 2.0 * (rollout.layout.spacing[0] - low) / (high - low) - 1.0
+    scores = scene.score_placed(rollout.layout, EVALUATION_ORDERS)
+    assert rollout.score == rollout.uniform.score == scores.mean() != scene.uniform().score
+    orders = scene.orders([np.random.default_rng(seed) for seed in EVALUATION_ORDERS[:3]])
+    wished = 2.0 * (orders - KINDS[0]) / (KINDS[-1] - KINDS[0]) - 1.0
+    env = DominoChainVector(3, scene)
+    env.reset(seed=EVALUATION_ORDERS[0])
+    for pieces in wished.T:  # as they come
+        info = env.step(np.stack([np.full(3, gap), pieces], axis=1))[4]
+    assert info["score"] == pytest.approx(scores[:3], rel=1e-5)
+    for name in ("greedy", "ramp"):
+        with pytest.raises(ValueError, match="use another policy"):
+            ScriptedPolicy(name).build(scene)
