@@ -48,6 +48,7 @@ FLOOR_NOTE = (
 QUESTIONS = {
     "course": "How fast can sixty dominoes cover 1.2 m?",
     "downhill": "How fast are forty dominoes down a slope of 3°?",
+    "draw": "How fast would forty dominoes be that come out of a box, if their order were free?",
     "gentle": "How fast are thirty rough dominoes after a faint push?",
     "hills": "Which gaps lead fastest over two hills?",
     "ideal": "How fast are forty dominoes of any thickness without friction?",
