@@ -316,10 +316,15 @@ def best_uniform_on(scene: Specification, baseline: Layout, floor: float | None)
     -------
     Layout
         As many dominoes as the baseline has; the baseline itself where the scene scores no speed
-        or has a length that fewer dominoes do not meet.
+        or has a length that fewer dominoes do not meet, or where pieces are drawn as they come.
     """
     whole = baseline.count == scene.count
-    if (floor is None and whole) or scene.criterion.unit != "m/s" or (scene.length and not whole):
+    if (
+        scene.hand
+        or (floor is None and whole)
+        or scene.criterion.unit != "m/s"
+        or (scene.length and not whole)
+    ):
         return baseline
     return best_uniform(scene.replace(
         count=baseline.count, floor_friction=floor, objective="mean_speed", settings=None,
