@@ -208,9 +208,8 @@ def scene_layout(rng: np.random.Generator, scene: de.Scene) -> de.Layout:
     thickness: Any = None
     if scene.name == "course":  # 1.2 m in all
         gaps = 1.2 / pairs - D + 0.3 * (gaps - gaps.mean())
-    elif scene.name == "stock":
-        box = np.repeat([0.005, 0.0075, 0.010], [16, 13, 10])  # the first is taken
-        thickness = rng.permutation(box)
+    elif scene.stock is not None:
+        thickness = rng.permutation(scene.stock.without(scene.first_thickness).dominoes)
     elif scene.name in ("sprint-thickness", "ideal", "tempo", "gentle"):
         thickness = rng.uniform(0.005, 0.012, pairs)
     elif scene.name == "magnify":
