@@ -114,8 +114,8 @@ class ScenePolicy:
         """
         if not ((folder / SCENE).exists() and (folder / POLICY).exists()):
             raise ValueError(
-                f"{folder} holds no policy: name the folder of a finished training, or one that "
-                f"ships: {', '.join(shipped())}"
+                f"{folder} holds no policy: name the folder of a finished training, or a "
+                f"shipped policy: {', '.join(shipped())}"
             )
         scene = load_any(folder / SCENE)
         env = DominoChain(scene)

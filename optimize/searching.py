@@ -36,6 +36,7 @@ Callback = Callable[[Evaluator], None]
 LONG = 20.0  # [s] of processor time from which on a search announces its duration
 TIMED = 8  # gradients that are timed for that
 AS_LONG = 130  # variables of which the local search takes as long as the simulation
+NONE_COMPLETES = "no layout completes: push harder, or allow other gaps, thicknesses or friction"
 LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
 BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
 FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
@@ -180,6 +181,8 @@ def search(
             ended = "; ".join(filter(None, (reason, evaluator.status)))
         except KeyboardInterrupt:
             interrupted, ended = True, "interrupted"
+        if evaluator.best_score <= 0.0 and not interrupted:
+            ended = f"{ended.partition(';')[0]}; {NONE_COMPLETES}"
         took = evaluator.seconds
     if not evaluator.finalists:
         if interrupted:

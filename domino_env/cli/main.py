@@ -40,7 +40,8 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise a ValueError."""
         message = message.removeprefix("argument ").replace(":  = ", " = ")
-        raise ValueError(f"{message}{f' ({self.prog} --help)' * (': give ' not in message)}")
+        usage = re.search("required|unrecognized|expected|choice|not allowed", message)
+        raise ValueError(f"{message}{f' ({self.prog} --help)' if usage else ''}")
 
 
 def parser() -> argparse.ArgumentParser:

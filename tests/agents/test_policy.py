@@ -91,7 +91,7 @@ def test_a_policy_of_another_scene_is_rejected():
         evaluate("sprint", "sprint-thickness")
     rougher = replace(de.load_scene("sprint"), name="rougher", physics=de.Physics(0.3, push=8.0))
     assert evaluate("sprint", rougher).score > 0.0
-    with pytest.raises(ValueError, match=r"ships: .*sprint"):
+    with pytest.raises(ValueError, match=r"policy: .*sprint"):
         evaluate("nothing-of-that-name")
 
 
