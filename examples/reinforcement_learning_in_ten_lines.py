@@ -14,14 +14,14 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import torch
-from PIL import Image
+from PIL import Image, ImageDraw
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 
 import domino_env as de
-from domino_env.core.colours import KNOWN, OURS, SOFT
+from domino_env.core.colours import INK, KNOWN, OURS, SOFT
 from domino_env.core.plot_style import label_line, new_figure, style, write_png
 from domino_env.view.animation import write_gif
 from optimize.experiments.best_known import best_known
@@ -78,11 +78,16 @@ def draw_curve(steps, returns):
 def episode(model):
     """Yield the frames of one episode of the policy, one for each domino that is placed."""
     env = gymnasium.make(ENVIRONMENT, scene=SCENE, render_mode="rgb_array")
-    observation, over = env.reset()[0], False
+    observation, over, step = env.reset()[0], False, 0
     while not over:
         action, _ = model.predict(observation, deterministic=True)
         observation, _, over, _, info = env.step(action)
-        yield Image.fromarray(env.render()).resize((900, 150), Image.Resampling.LANCZOS)
+        step += 1
+        words = f"step {step}" + (f": gain {info['gain']:+.2%}" if over else "")
+        image = Image.fromarray(env.render()).crop((0, 40, 1200, 200))
+        ImageDraw.Draw(image).rectangle((0, 0, 1200, 40), fill="white")
+        ImageDraw.Draw(image).text((30, 5), words, fill=INK, font_size=30)
+        yield image
     print(f"score {info['score']:.4f} m/s, gain {info['gain']:+.2%}")
 
 

@@ -59,10 +59,12 @@ def parts():
         alone, without = gaps["equal"].copy(), BEST.copy()
         alone[part], without[part] = BEST[part], gaps["equal"][part]
         speeds = [percent(simulate(one).mean_speed, equal.score) for one in (alone, without)]
-        ahead = [f"{1e3 * lead[one][part].sum():+.1f}" for one in gaps]
+        ahead = [f"{round(1e3 * lead[one][part].sum(), 1) + 0.0:+.1f}" for one in gaps]
         rows.append((name, *speeds, *ahead))
     speed = percent(simulate(BEST).mean_speed, equal.score)
-    rows.append(("all", speed, "+0.00%", *(f"{1e3 * lead[one].sum():+.1f}" for one in gaps)))
+    rows.append(
+        ("all", speed, "+0.00%", *(f"{round(1e3 * lead[one].sum(), 1) + 0.0:+.1f}" for one in gaps))
+    )
     names = ("gaps", "applied alone", "all but these", "lead, equal gaps [mm]", "lead, best [mm]")
     return markdown_table(names, rows)
 
