@@ -86,6 +86,7 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
         self.observation_layout = ObservationLayout(self.source.first, self.source.window, features)
         self._batch = _new_batch(self.source, self.observation_layout, self.num_envs)
         self._episodes = self._batch.episodes
+        self._pieces = self._remaining(np.array([self.source.first.first_thickness]))
         # before any reset there is a scene too
         number = self.source.sample(np.random.default_rng(0))
         self._which = np.full(self.num_envs, number)  # scene of each environment
@@ -207,16 +208,20 @@ class DominoVectorEnv(VectorEnv[Singles, Singles, NDArray[Any]]):
 
         starts: dominoes that stand at the start, by environment.
         """
-        errors, order, kinds = self._batch.errors, self._batch.order, self._batch.kinds[0]
+        errors, order = self._batch.errors, self._batch.order
         for env in envs.tolist() if len(errors) or order.shape[1] else ():
             scene = self._scene(env)
             if len(errors):
                 errors[env, : scene.count - 1] = scene.placement_errors(generators(env))
-            if scene.stock is not None and scene.hand:
-                first = np.array([scene.first_thickness])
-                taken = starts[env].thickness if env in starts else first
-                pieces = scene.stock.drawn(generators(env), taken)
-                order[env, len(taken) - 1 :] = np.searchsorted(kinds, pieces)
+            if order.shape[1]:
+                pieces = self._remaining(starts[env].thickness) if env in starts else self._pieces
+                order[env, order.shape[1] - len(pieces) :] = generators(env).permutation(pieces)
+
+    def _remaining(self, taken: Floats) -> NDArray[np.int16]:
+        """Return the kinds of the pieces that remain in the box of all scenes."""
+        stock, kinds = self.source.first.stock, self._batch.kinds[0]
+        left = np.empty(0) if stock is None else stock.remaining(taken)
+        return np.searchsorted(kinds, left).astype(np.int16)
 
     def checked_options(self, options: dict[str, Any] | None, *more: str) -> dict[str, Any]:
         """Return the options of a reset; raise ValueError for an unknown one."""

@@ -193,25 +193,24 @@ class Stock(Value, frozen=True):  # type: ignore[misc]
         count[kind] -= 1
         return self.replace(count=tuple(count))
 
-    def drawn(self, generator: np.random.Generator, taken: Floats) -> Floats:
-        """Return the pieces that remain in the box in random order.
+    def remaining(self, taken: Floats) -> Floats:
+        """Return the pieces that remain in the box.
 
         Parameters
         ----------
-        generator
-            Source of randomness.
         taken
             Thicknesses of the dominoes that have been taken out before [m].
 
         Returns
         -------
         NDArray
-            Thicknesses in the order in which the pieces are drawn [m].
+            Thicknesses, in the order of the kinds [m]; `generator.permutation` of them is the order
+            in which an environment draws them.
         """
         count = np.array(self.count)
         for thickness in taken:
             count[self.kind(thickness)] -= 1
-        return generator.permutation(np.repeat(np.array(self.thickness), count))
+        return np.repeat(np.array(self.thickness), count)
 
     def violations(self, thickness: Floats) -> list[str]:
         """Return the violations of the stock by a layout.

@@ -128,8 +128,8 @@ class Specification:
         """
         if self.stock is None:
             raise ValueError(f"scene '{self.name}' has no stock to draw from")
-        first = np.array([self.first_thickness])
-        drawn = [self.stock.drawn(generator, first) for generator in generators]
+        pieces = self.stock.remaining(np.array([self.first_thickness]))
+        drawn = [generator.permutation(pieces) for generator in generators]
         return np.array(drawn)[:, : self.count - 1]
 
     @property

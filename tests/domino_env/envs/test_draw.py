@@ -13,7 +13,7 @@ from domino_env.scenes.uniform_layouts import PLANNING_ORDERS
 COUNT = 12
 STOCK = de.Stock((0.005, 0.0075, 0.010), (4, 5, 4), 3)  # one more than the scene needs
 SCENE = de.load_scene("draw").replace(count=COUNT, stock=STOCK)
-KINDS = np.array(STOCK.thickness)
+KINDS, FIRST = np.array(STOCK.thickness), np.array([SCENE.first_thickness])
 
 
 def counts(thickness):
@@ -32,7 +32,7 @@ def test_hand_box_and_chain_hold_the_stock_after_every_step():
     env, rng = DominoChain(SCENE), np.random.default_rng(0)
     for seed in range(5):
         observation, _ = env.reset(seed=seed)
-        order = STOCK.drawn(np.random.default_rng(seed), np.array([SCENE.first_thickness]))
+        order = np.random.default_rng(seed).permutation(STOCK.remaining(FIRST))
         for n in range(COUNT - 1):
             hand, box = parts(env, observation)
             placed = env.snapshot().layout.thickness
@@ -96,13 +96,13 @@ def test_a_given_layout_is_taken_out_before_the_rest_is_permuted():
         observation, _ = env.reset(seed=seed, options={"layout": start})
         hand, box = parts(env, observation)
         assert hand[0] == box[0] == 0.0  # all four thin ones stand
-        rest = STOCK.drawn(np.random.default_rng(seed), start.thickness)
+        rest = np.random.default_rng(seed).permutation(STOCK.remaining(start.thickness))
         assert hand == pytest.approx(counts(rest[: STOCK.hand]), abs=1e-6)
 
 
 def test_every_order_is_equally_likely():
     stock, rng = de.Stock((0.005, 0.01), (3, 2), 1), np.random.default_rng(4)
-    drawn = [tuple(stock.drawn(rng, np.array([0.005]))) for _ in range(6000)]
+    drawn = [tuple(rng.permutation(stock.remaining(np.array([0.005])))) for _ in range(6000)]
     orders, number = np.unique(drawn, axis=0, return_counts=True)
     assert len(orders) == 6  # of two and two
     assert ((number - 1000.0) ** 2 / 1000.0).sum() < 20.5  # 99.9 % of chi-square, 5 degrees
@@ -110,7 +110,7 @@ def test_every_order_is_equally_likely():
 
 def test_the_uniform_baseline_is_the_best_equal_gap_with_pieces_as_they_come():
     orders = [
-        STOCK.drawn(np.random.default_rng(seed), np.array([SCENE.first_thickness]))
+        np.random.default_rng(seed).permutation(STOCK.remaining(FIRST))
         for seed in range(PLANNING_ORDERS)
     ]
     thickness = np.array(orders)[:, : COUNT - 1]
