@@ -299,7 +299,7 @@ def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
     for x, neighbour in (left, strip.number - 1), (right, strip.number + 1):
         if not 1 <= neighbour <= strip.total:
             continue
-        axes.plot([x, x], [middle - edge, middle + edge], color="black", lw=LINE, dashes=(4, 3))
+        axes.plot([x, x], [middle - edge, middle + edge], color="black", lw=LINE, dashes=(12, 8))
         for y in (middle - edge + 4.0, middle + edge - 4.0):
             axes.plot(x, y, marker="o", ms=6, mfc="none", mec="black", mew=LINE)
         side, shift = ("left", 4.0) if x == left else ("right", -4.0)
