@@ -91,8 +91,8 @@ class Chain:
         self._stop = Label(
             x=0, y=0, visible=False, text_color=KNOWN, text_align="center", text_font_size="13px"
         )
-        for mark in (self._finish, self._stop):
-            self.figure.add_layout(mark)
+        for annotation in (self._finish, self._stop):
+            self.figure.add_layout(annotation)
 
     def draw(self, layout: Layout, leans: Floats, leader: int, stop: int | None) -> None:
         """Draw the chain at one instant, with a mark where it stops.

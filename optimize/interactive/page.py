@@ -131,7 +131,7 @@ class Page:
         self._control = Latest(schedule, self._change)
         self._frame = Latest(schedule, lambda _: self._draw_chains(follow=True))
         view = self._view = new_view(design.layout)
-        self.chain, self.rival = Chain(view), Chain(view)
+        self.chain, self.compared = Chain(view), Chain(view)
         self.curves = {
             SPACING: Curve(view, "gap [mm]"), THICKNESS: Curve(view, "thickness [mm]"),
             "speed": Curve(view, "local speed [m/s]"),
@@ -228,7 +228,7 @@ class Page:
         actions = line(*(buttons[name] for name in first))
         main = pn.Column(
             self.title, self.numbers, actions, self.progress, self.message,
-            line(self.player, self.clock), self.chain.figure, self.rival.figure,
+            line(self.player, self.clock), self.chain.figure, self.compared.figure,
             curves[SPACING].figure, curves[THICKNESS].figure, curves["speed"].figure,
             line(self.pick, *self.sizes.values()), styles={"flex": "4 1 560px"}, min_width=0,
         )  # fmt: skip
@@ -261,8 +261,8 @@ class Page:
                 )
         self.pick.param.update(end=scene.count - 2, value=min(self.pick.value, scene.count - 2))
         kept = self._kept is not None and not scene.violations(self._kept)
-        rivals = {UNIFORM: True, KNOWN: known_record(scene), KEPT: kept}
-        self.race.options = [NOTHING, *(name for name, there in rivals.items() if there)]
+        choices = {UNIFORM: True, KNOWN: known_record(scene), KEPT: kept}
+        self.race.options = [NOTHING, *(name for name, there in choices.items() if there)]
         self._syncing = False
         for name, (ending, _) in exports(self.design).items():
             self.downloads[name].filename = f"{scene.name}{ending}"
@@ -304,19 +304,19 @@ class Page:
 
     def _redraw(self) -> None:
         """Show the layout: its numbers, its curves and its picture."""
-        design, rival = self.design, self._rival
+        design, compared = self.design, self._compared
         uniform = self._uniform[1] if self._uniform else None
         numbers = design.numbers(uniform.score if uniform else None)
         cells = (f"<div><b>{escape(v)}</b><br>{escape(name)}</div>" for name, v in numbers.items())
         explanation = escape(design.wave.explanation)
         self.numbers.object = f'<div class="numbers">{"".join(cells)}</div><p>{explanation}</p>'
-        other = None if rival is None else design.scene.simulate(rival)
+        other = None if compared is None else design.scene.simulate(compared)
         for curve in self.curves.values():
             curve.draw((design.wave, uniform.wave if uniform else None, other))
         waves = {"your layout": design.wave} | ({self.race.value: other} if other else {})
         self._waves, self._motions = [*waves.values()], []
-        self.rival.figure.visible = other is not None
-        self.rival.figure.title.text = self.race.value
+        self.compared.figure.visible = other is not None
+        self.compared.figure.title.text = self.race.value
         racers = [Racer(name, wave) for name, wave in waves.items()]
         self.chain.figure.title.text = headline(racers)["who"] if other else "Your layout"
         self._draw_chains()
@@ -333,7 +333,7 @@ class Page:
             poses = [(m.angles(now)[0], int(m.leader(now)[0][0])) for m in motions]
             self.clock.object = f"{now[0]:.3f} s of {end:.3f} s"
         stops = (self.design.stop, None)
-        chains = (self.chain, self.rival)
+        chains = (self.chain, self.compared)
         for chain, layout, pose, stop in zip(chains, layouts, poses, stops, strict=False):
             chain.draw(layout, *pose, stop)
         if follow:
@@ -353,7 +353,7 @@ class Page:
         )
 
     @property
-    def _rival(self) -> Layout | None:
+    def _compared(self) -> Layout | None:
         """Layout of the race against this one."""
         name, record = self.race.value, known_record(self.design.scene)
         if name == UNIFORM:
