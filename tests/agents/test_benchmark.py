@@ -187,7 +187,7 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
 
 
 @pytest.mark.parametrize(("given", "message"), [
-    ("--seeds 0", "seeds = 0: give a finite number, more than 0"),
+    ("--seeds 0", "seeds = 0: give a whole number, at least 1"),
     ("--algorithms ppo,ppo", "algorithms = ppo, ppo: give each once"),
     ("--algorithms nobody", "nobody"),
     ("--page", "no run has a result yet"),
