@@ -60,6 +60,7 @@ QUESTIONS = {
     "stock": "Which order of forty dominoes from a box of three thicknesses is fastest?",
     "table": "Which layout is fastest on a table, where dominoes slip?",
     "tempo": "Which gaps accelerate the hits from 30 a second to 45, in tempo?",
+    "tempo-noise": "The same where the gaps come out inexactly, as one sees while building?",
     "uphill": "How fast are forty dominoes up a slope of 4°?",
 }
 MADE = r"(<!-- {} -->\n).*?(<!-- end -->)"  # the text between two comments

@@ -75,6 +75,9 @@ class DominoChain(DominoEnv):
     | front       | 1    | angular velocity of the leading domino, times √(h/g)     | 0, 50     |
     | lead        | 1    | lead over the reference speed, in 10 h                   | -100, 100 |
     | speed       | 1    | mean speed over the reference speed, less 1; 0 at first  | -1, 20    |
+    | lateness    | 1    | arrival at the leading domino after schedule, over three |           |
+    |             |      | tolerances                                               | -1, 1     |
+    | intervals   | W    | next intervals of the schedule: -1 shortest, 1 longest   | -1, 1     |
     | length_left | 1    | length left, part of the whole                           | 0, 1      |
     | pitch_left  | 1    | mean pitch left: -1 the smallest, 1 the largest          | -1, 1     |
     | gaps        | W    | last gaps, latest first: -1 the smallest, 1 the largest  | -1, 1     |
@@ -92,13 +95,17 @@ class DominoChain(DominoEnv):
     |             |      | that tips the thinnest domino                            |           |
     | rises       | W    | heights of those places over the last pivot, in h        | -50, 50   |
 
-    An observation has only the parts that can vary: length_left and pitch_left where the scene has
-    a length, gaps and thicknesses where they are free, growths and height where heights grow, stock
-    where there is one, hand where its pieces are drawn in random order, features where scenes are
-    sampled (in the order of `distribution.features`, beyond ±1 only for scenes that are given from
-    beyond the ranges), slopes and rises on uneven ground. The front is 0 where the wave has
-    stopped, and windows are 0 where no domino is placed yet. The next places lie ahead of the last
-    pivot, one mean pitch apart along x: the middles of the bounds of gap and thickness.
+    An observation has only the parts that can vary: lateness and intervals where hits have a
+    schedule ("tempo"), length_left and pitch_left where the scene has a length, gaps and
+    thicknesses where they are free, growths and height where heights grow, stock where there is
+    An observation has only the parts that can vary: lateness and intervals where hits have a
+    schedule ("tempo"), length_left and pitch_left where the scene has a length, gaps and
+    thicknesses where they are free, growths and height where heights grow, stock where there is
+    one, hand where its pieces are drawn in random order, features where scenes are sampled (in the
+    order of `distribution.features`, beyond ±1 only for scenes that are given from beyond the
+    ranges), slopes and rises on uneven ground. The front is 0 where the wave has stopped, and
+    windows are 0 where no domino is placed yet. The next places lie ahead of the last pivot, one
+    mean pitch apart along x: the middles of the bounds of gap and thickness.
 
     ## Rewards
     The reward of a step is the change of the expected gain Φ [%], where Φ_k with k dominoes placed
@@ -113,8 +120,9 @@ class DominoChain(DominoEnv):
     - Where the scene has a length ℓ, the rest is ℓ - x_k long and takes the time
       (T_end - T_k) (ℓ - x_k) / (ℓ - X_k).
     - Where the wave of the uniform baseline stops, T_k = X_k / √(g h).
-    - Where the objective is no speed ("tempo", "toppled", "magnify"), Φ = 0: all rewards but the
-      last are 0.
+    - Where hits have a schedule ("tempo"), with S_k the score if the rest of the hits were on time
+      and S_u that of the uniform baseline, Φ_k = 100 ((S_k - 1) + (1 - S_u) k / (N - 1)) / S_u.
+    - Where the objective is another ("toppled", "magnify"), Φ = 0: all rewards but the last are 0.
 
     The gain compares the score with that of the uniform baseline:
 
@@ -388,6 +396,7 @@ class DominoChainVector(DominoVectorEnv):
         if self._reference is not None:
             self._rules["reference_speed"][envs] = self._reference
         batch.features[envs], batch.rest[envs] = source.features[which], source.rest[which]
+        batch.schedule[envs] = source.schedule[which]
         batch.thickness[envs, 0] = source.first_thickness[which]
         if len(batch.height) == self.num_envs:  # else all share one
             batch.height[envs] = source.rules["unit"][which, None]

@@ -85,7 +85,7 @@ class EpisodeResults:
                 reaches = self.reach[episodes].tolist()
                 waves = [replace(w, reach=r) for w, r in zip(waves, reaches, strict=True)]
             self._waves |= zip(episodes, waves, strict=True)
-            self.score[episodes] = scene.evaluate_waves(waves).score
+            self.score[episodes] = scene.as_placed.evaluate_waves(waves).score
 
     def _simulated(self, scene: Scene, placed: int, episodes: list[int]) -> list[Wave]:
         """Return the waves of episodes of one scene with equally many dominoes placed."""

@@ -70,6 +70,8 @@ class SceneSource:
     unit
         Score by which a success is divided in the gain, (S,): that of the baseline. Where that is
         no success: √(g h), h, or 1, by the unit of the objective.
+    schedule
+        Arrival times [s] and intervals, scaled to -1 … 1, where hits have a schedule, (S, N, 2).
     rest
         Length [m] and time [s] that the baseline has left with k dominoes placed, (S, N, 2).
 
@@ -114,6 +116,7 @@ class SceneSource:
         self.rules = np.zeros(places, kernels.RULES)
         self.features = np.zeros((places, len(self.shown)), np.float32)
         self.first_thickness, self.score, self.unit, self.speed = np.zeros((4, places))
+        self.schedule = np.zeros((places, self.longest, 2))
         self.rest = np.zeros((places, self.longest, 2))
         if isinstance(scene, Scene):
             self._keep(0, scene, np.empty(0))
@@ -163,6 +166,15 @@ class SceneSource:
         units = {"m/s": free_fall_speed(scene), "m": scene.height}
         success = baseline.score > 0.0
         self.unit[i] = baseline.score if success else units.get(scene.unit, 1.0)
+        self.rules["score_unit"][i] = self.unit[i]
+        tempo = scene.as_placed.tempo
+        if tempo is not None:
+            self.rules["tolerance"][i] = tempo.tolerance
+            due = np.append(0.0, tempo.schedule(scene.count))
+            low, high = np.diff(due).min(), np.diff(due).max()
+            middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-12)
+            self.schedule[i, : scene.count, 0] = due
+            self.schedule[i, 1 : scene.count, 1] = (np.diff(due) - middle) / half
         times = baseline.wave.arrival_times
         if not speed > 0.0:  # where the baseline stops, free fall
             times = positions / free_fall_speed(scene)
@@ -225,6 +237,8 @@ def _rules_of(scene: Scene, rtol: float, speed: float) -> tuple[Any, ...]:
         "grows": scene.growth is not None,
         "in_heights": scene.in_heights,
         "rewards_steps": scene.criterion.rewards_speed,
+        "tolerance": 0.0,
+        "score_unit": 1.0,
         "score_is_speed": scene.criterion.is_mean_speed and scene.limits is None,
     }
     return tuple(values[name] for name in kernels.RULES.names or ())

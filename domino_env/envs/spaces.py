@@ -37,12 +37,15 @@ class ObservationLayout(dict[str, slice]):
 
     def __init__(self, scene: Scene, window: int, features: int) -> None:
         has_length, grows = int(scene.length is not None), int(scene.free_height)
+        in_tempo = int(scene.as_placed.tempo is not None)
         ahead = window * int(scene.ground is not None)
         kinds = 0 if scene.stock is None else len(scene.stock.thickness)
         parts = {
             "front": (1, 0.0, kernels.FRONT_LIMIT),
             "lead": (1, -kernels.LEAD_LIMIT, kernels.LEAD_LIMIT),
             "speed": (1, -1.0, kernels.SPEED_LIMIT),
+            "lateness": (in_tempo, -1.0, 1.0),
+            "intervals": (window * in_tempo, -1.0, 1.0),
             "length_left": (has_length, 0.0, 1.0),
             "pitch_left": (has_length, -1.0, 1.0),
             "gaps": (window * scene.free_spacing, -1.0, 1.0),

@@ -594,6 +594,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         rules=np.zeros(1 if sampled is None else num_envs, kernels.RULES),
         entries=layout.starts,
         rest=np.zeros((1 if sampled is None else num_envs, longest, 2)),
+        schedule=np.zeros((1 if sampled is None else num_envs, longest, 2)),
         features=np.zeros((num_envs, source.features.shape[1]), np.float32),
         closeness=closeness(longest),
         gap_values=np.array(scene.spacing_values or (), dtype=np.float64),
@@ -611,6 +612,7 @@ def _new_batch(source: SceneSource, layout: ObservationLayout, num_envs: int) ->
         density=np.full((1, longest), scene.density),
     )
     batch.rules[0], batch.rest[0] = source.rules[0], source.rest[0]
+    batch.schedule[0] = source.schedule[0]
     if scene.ground is None:
         return batch
     _, tilt = scene.ground.lay(np.empty(0), batch.thickness[0, :1])

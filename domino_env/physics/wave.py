@@ -317,6 +317,24 @@ class WaveBatch:
         length = np.cumsum(pitches, axis=1)[:, -1] if pitches.shape[1] else np.zeros(len(self))
         return np.where(np.isfinite(total) & (total > 0.0), length / np.maximum(total, 1e-300), 0.0)
 
+    def pullback(self, arrival_bar: Floats) -> Gradient:
+        """Return the gradient of Σ_k arrival_bar[b, k] t_k of every layout b.
+
+        The layouts are simulated again.
+
+        Parameters
+        ----------
+        arrival_bar
+            (B, N) derivatives of B numbers by the arrival times of their layouts.
+
+        Returns
+        -------
+        Gradient
+            Arrays with a leading B, zero for a wave that did not propagate.
+        """
+        setting = _setting(self.physics, self.rtol)
+        return _pulled_back(self.arrays, setting, arrival_bar, np.empty_like(self.summaries))
+
     def wave(self, b: int, layout: Layout | None = None) -> Wave:
         """Return one wave as `simulate` returns it.
 
@@ -488,12 +506,24 @@ def simulate_batch(
     arrivals = np.empty((number, count if record else 0), kernels.ARRIVAL)
     size = number, count, arrays, *setting
     if gradient:
-        bars, wholes = adjoint_arrays(arrays), np.empty(number, kernels.PHYSICS_BAR)
-        share_pieces(kernels.vjp_batch, *size, summaries, bars, wholes)
-        found = gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
+        last = np.eye(1, count, count - 1)
+        found = _pulled_back(arrays, setting, last, summaries)
     else:
         share_pieces(kernels.solve_batch, *size, record, summaries, arrivals, _UNTAPED)
     return WaveBatch(arrays, physics, rtol, summaries, arrivals, time.perf_counter() - began, found)
+
+
+def _pulled_back(
+    arrays: kernels.Arrays,
+    setting: tuple[float, ...],
+    arrival_bar: Floats,
+    summaries: NDArray[np.record],
+) -> Gradient:
+    """Simulate layouts, write their summaries, and return the gradient of arrival times."""
+    bars, wholes = adjoint_arrays(arrays), np.empty(len(summaries), kernels.PHYSICS_BAR)
+    size = arrays.thickness.shape
+    share_pieces(kernels.vjp_batch, *size, arrays, *setting, arrival_bar, summaries, bars, wholes)
+    return gradient_of(bars, wholes["friction"], wholes["gravity"], wholes["push"])
 
 
 def _wave(

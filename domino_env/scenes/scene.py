@@ -82,7 +82,10 @@ class Scene(Specification):
         Ground on which layouts stand, a slope or a curve; None for flat ground.
     placement_deviation
         Placement noise of the environments: standard deviation of the normal error of every gap
-        [m], which is never less than 0.2 mm. 0 for none. Searches do not apply it.
+        [m], which is never less than 0.2 mm. 0 for none.
+    placement_draws
+        Number of draws of placement noise over which a score is the mean, so that a search plans
+        for the noise; 0 to score layouts without errors.
 
     Raises
     ------
@@ -226,7 +229,8 @@ class Scene(Specification):
         ones = np.ones((len(gaps), 1))
         thick = self.orders(generators) if self.hand else ones * layout.thickness[1:]
         tall = ones * layout.height[1:] if self.growth is not None else None
-        return self.evaluate(self.batch(gaps, thick, tall, SCORE_RTOL)).score
+        batch = self.batch(gaps, thick, tall, SCORE_RTOL)
+        return self.as_placed.evaluate(batch).score
 
     def placement_errors(self, generator: np.random.Generator) -> Floats:
         """Return random errors of the gaps of a layout.

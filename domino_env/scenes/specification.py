@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -17,6 +18,7 @@ from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.consistency import tables_of
 from domino_env.scenes.objectives import OBJECTIVES, Objective
 from domino_env.scenes.objectives.base import Limits
+from domino_env.scenes.objectives.robust import MeanOverDraws
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.rules import Bounds, Stock, off_list, on_other_ground, outside, too_steep
 from domino_env.scenes.tables import document_of
@@ -53,6 +55,7 @@ class Specification:
     floor_friction: float | None = None
     ground: Ground | None = None
     placement_deviation: float = 0.0
+    placement_draws: int = 0
 
     def __post_init__(self) -> None:
         try:
@@ -96,12 +99,21 @@ class Specification:
     def criterion(self) -> Objective:
         """Objective of the scene, with its settings."""
         kind, floor = OBJECTIVES[self.objective], self.floor_friction
-        return kind(self.settings, self.limits, ground=self.ground, floor_friction=floor)
+        found = kind(self.settings, self.limits, ground=self.ground, floor_friction=floor)
+        if not self.placement_draws:
+            return found
+        deviation, draws = self.placement_deviation, self.placement_draws
+        return MeanOverDraws(found, None, deviation=deviation, draws=draws)
+
+    @cached_property
+    def as_placed(self) -> Self:
+        """The scene that scores a layout as it was placed, not the mean over draws."""
+        return self.replace(placement_draws=0) if self.placement_draws else self
 
     @property
     def tempo(self) -> Tempo | None:
-        """Schedule of the objective "tempo"; None for the others."""
-        return self.settings if isinstance(self.settings, Tempo) else None
+        """Schedule by which a layout is scored; None where there is none, or a mean over draws."""
+        return self.criterion.settings if isinstance(self.criterion.settings, Tempo) else None
 
     @property
     def hand(self) -> int:

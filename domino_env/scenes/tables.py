@@ -20,6 +20,7 @@ from domino_env.physics.physics import Physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.objectives import OBJECTIVES
 from domino_env.scenes.objectives.base import Limits
+from domino_env.scenes.objectives.robust import LARGEST_DRAWS
 from domino_env.scenes.rules import MOST_DOMINOES, Bounds, Stock, Values
 
 MOST_PAIRS = 100_000  # of listed gaps and thicknesses: each is tried for the uniform baseline
@@ -144,6 +145,11 @@ class PlacementTable(Table):
     """Placement noise of the environments."""
 
     deviation: Annotated[Part, Meta(description="standard deviation of each gap's error [m]")]
+    draws: Annotated[
+        int,
+        Meta(ge=0, le=LARGEST_DRAWS,
+             description="layouts are scored by the mean over as many draws; 0: without errors"),
+    ] = 0  # fmt: skip
 
 
 class SceneTables(Table, kw_only=True):
@@ -218,6 +224,7 @@ class SceneTables(Table, kw_only=True):
             "in_heights": self.in_heights,
             "settings": self.settings(self.objective),
             "placement_deviation": self.placement.deviation if self.placement else 0.0,
+            "placement_draws": self.placement.draws if self.placement else 0,
         }  # fmt: skip
 
 
@@ -238,7 +245,10 @@ def document_of(scene: Any) -> dict[str, Any]:
     if scene.growth is not None:
         tables["growth"] = {"min": scene.growth[0], "max": scene.growth[1]}
     if scene.placement_deviation:
-        tables["placement"] = {"deviation": scene.placement_deviation}
+        tables["placement"] = {
+            "deviation": scene.placement_deviation,
+            "draws": scene.placement_draws,
+        }
     if scene.settings is not None:
         kinds = (name for name, kind in OBJECTIVES.items() if kind.table is type(scene.settings))
         tables[next(kinds, "settings")] = scene.settings

@@ -243,9 +243,12 @@ def vjp(layout, mu, gravity, push, tape, arrival_bar, bar, physics_bar):
 
 
 @entry_point
-def vjp_batch(first, last, layouts, mu, gravity, push, rtol, summaries, bars, physics_bars):
-    """Do what `solve_batch` does, with the gradient of the last arrival time; zeros if it is inf.
+def vjp_batch(
+    first, last, layouts, mu, gravity, push, rtol, arrival_bars, summaries, bars, physics_bars
+):
+    """Do what `solve_batch` does, with a gradient of arrival times; zeros if the wave stops.
 
+    arrival_bars: (B, N), or (1, N) for all layouts, as `arrival_bar` of `chain_vjp`.
     bars: `Arrays` of (B, N-1) and thrice (B, N).  physics_bars: (B,).
     """
     count = layouts.thickness.shape[1]
@@ -253,8 +256,7 @@ def vjp_batch(first, last, layouts, mu, gravity, push, rtol, summaries, bars, ph
     states, lanes, ring = borrow(arrays)
     state = states[0]
     configure(state, ring, mu, gravity, rtol, True)
-    tape, arrival_bar = np.empty(4 * count + 16, EVENT), np.zeros(count)
-    arrival_bar[count - 1] = 1.0
+    tape = np.empty(4 * count + 16, EVENT)
     for b in range(first, last):
         layout, bar, physics_bar = layout_of(layouts, b), layout_of(bars, b), physics_bars[b]
         while True:
@@ -266,6 +268,7 @@ def vjp_batch(first, last, layouts, mu, gravity, push, rtol, summaries, bars, ph
             tape = np.empty(int(1.5 * state.taped), EVENT)  # the same run writes as many again
         summarise(summaries[b], count, outcome, leader, struck, toppled, state)
         if outcome == PROPAGATED:
+            arrival_bar = arrival_bars[b if len(arrival_bars) > 1 else 0]
             events = tape[: state.taped]
             chain_vjp(layout, mu, gravity, push, events, arrival_bar, bar, physics_bar)
         else:

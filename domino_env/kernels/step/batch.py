@@ -32,11 +32,14 @@ RULES = record_type(  # of a scene
     grows=np.bool_,
     in_heights=np.bool_,
     rewards_steps=np.bool_,  # else all rewards but the last are 0
+    tolerance=float,  # RMS error that halves the score [s], where hits have a schedule, else 0
+    score_unit=float,  # score by which a success is divided in the gain
     score_is_speed=np.bool_,  # known when the wave ends, without another simulation
 )
 EPISODE = record_type(  # between two steps, besides the ring and the state
     distance=float,  # first pivot to last [m]
     rewarded=float,  # sum of the rewards, including the dominoes given at reset
+    lateness=float,  # sum of the squared errors of the arrival times [s²], with a schedule
     reach=float,  # when it is over: reach of the wave, score and outcome
     score=float,
     placed=int,  # dominoes after the first
@@ -53,6 +56,7 @@ class Batch(NamedTuple):
     entries: NDArray[np.record]  # (1,) OBSERVATION
     features: NDArray[np.float32]  # (B, F) of sampled scenes; F = 0 where the scene is fixed
     rest: NDArray[np.float64]  # (1, N, 2) or (B, N, 2) length [m] and time [s] left, uniform
+    schedule: NDArray[np.float64]  # (1, N, 2) or (B, N, 2) arrival times [s]; intervals, -1 to 1
     closeness: NDArray[np.float32]  # (N, S) exp(-k / c) of k dominoes to an end
     gap_values: NDArray[np.float64]  # the only gaps allowed, or empty
     kinds: NDArray[np.float64]  # (2, K) thicknesses in stock, and how many of each
@@ -77,6 +81,12 @@ class Batch(NamedTuple):
 def rules_of(batch, b):
     """Return the rules of environment b."""
     return batch.rules[b if len(batch.rules) > 1 else 0]
+
+
+@always_inline
+def schedule_of(batch, b):
+    """Return the schedule of environment b."""
+    return batch.schedule[b if len(batch.schedule) > 1 else 0]
 
 
 @always_inline

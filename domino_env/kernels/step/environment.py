@@ -27,7 +27,7 @@ from domino_env.kernels.step.action import (
     restock,
     thickness_bounds,
 )
-from domino_env.kernels.step.batch import OVER, RUNNING, layout_in, rules_of
+from domino_env.kernels.step.batch import OVER, RUNNING, layout_in, rules_of, schedule_of
 from domino_env.kernels.step.observation import observe
 
 
@@ -107,11 +107,29 @@ def expected_gain(rules, rest, state, episode):
 
 
 @always_inline
+def gain_in_tempo(rules, episode):
+    """Return the gain [%] if the rest of the hits were on schedule, less a part for each of them.
+
+    It is 0 with nothing placed, where a layout without errors would gain 1 / score_unit - 1, and
+    the gain of the layout with everything placed.
+    """
+    pairs = rules.count - 1
+    score = 1.0 / (1.0 + math.sqrt(episode.lateness / pairs) / rules.tolerance)
+    most = 1.0 / rules.score_unit
+    return 100.0 * ((score - 1.0) * most + (most - 1.0) * episode.placed / pairs)
+
+
+@always_inline
 def step_reward(rules, batch, b):
     """Return the reward of a step that did not end the episode: the change of expected gain."""
+    episode = batch.episodes[b]
+    if rules.tolerance > 0.0:
+        late = batch.states[b].time - schedule_of(batch, b)[episode.placed, 0]
+        episode.lateness += late * late
+        return gain_in_tempo(rules, episode) - episode.rewarded
     if not rules.rewards_steps:
         return 0.0
-    episode, rest = batch.episodes[b], batch.rest[b if len(batch.rest) > 1 else 0]
+    rest = batch.rest[b if len(batch.rest) > 1 else 0]
     return expected_gain(rules, rest, batch.states[b], episode) - episode.rewarded
 
 
@@ -131,6 +149,7 @@ def reset_batch(first, last, batch, chosen, given, observations):
         configure(state, ring, rules.friction, rules.gravity, rules.rtol, False)
         start_chain(layout, rules.push, ring, state)
         episode.distance = episode.rewarded = episode.reach = episode.score = 0.0
+        episode.lateness = 0.0
         episode.placed, episode.phase, episode.outcome, episode.uncertain = 0, RUNNING, 0, False
         restock(batch, b)
         for i in range(given[b]):

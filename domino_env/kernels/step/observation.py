@@ -6,13 +6,15 @@ from domino_env.kernels.arrays import PROPAGATED, record_type
 from domino_env.kernels.ground import height_and_slope as ground_at
 from domino_env.kernels.ground import piece_at
 from domino_env.kernels.jit import always_inline, internal
-from domino_env.kernels.step.batch import OVER, rules_of
+from domino_env.kernels.step.batch import OVER, rules_of, schedule_of
 
 FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0  # clipped there
 LEAD_UNIT = 10.0  # heights per unit of the entry `lead`
 ENTRIES = (
-    "front", "lead", "speed", "length_left", "pitch_left", "gaps", "thicknesses", "growths",
-    "height", "hand", "stock", "placed", "near_start", "near_end", "features", "slopes", "rises",
+    "front", "lead", "speed", "lateness", "intervals", "length_left", "pitch_left", "gaps",
+    "front", "lead", "speed", "lateness", "intervals", "length_left", "pitch_left", "gaps",
+    "thicknesses", "growths", "height", "hand", "stock", "placed", "near_start", "near_end",
+    "features", "slopes", "rises",
 )  # fmt: skip
 # start of each entry in an observation, -1 where it is absent
 OBSERVATION = record_type(None, window=int, **dict.fromkeys(ENTRIES, int))
@@ -35,6 +37,16 @@ def observe_front(rules, state, episode, start, observation):
     observation[start.front] = min(front, FRONT_LIMIT)
     observation[start.lead] = min(max(lead, -LEAD_LIMIT), LEAD_LIMIT)
     observation[start.speed] = min(max(speed, -1.0), SPEED_LIMIT)
+
+
+@always_inline
+def observe_tempo(rules, schedule, state, placed, start, observation):
+    """Write how late the leader was hit, over three tolerances, and the intervals that come."""
+    late = (state.time - schedule[placed, 0]) / (3.0 * rules.tolerance)
+    observation[start.lateness] = min(max(late, -1.0), 1.0)
+    for j in range(start.window):
+        i = placed + 1 + j
+        observation[start.intervals + j] = schedule[i, 1] if i < rules.count else 0.0
 
 
 @always_inline
@@ -105,6 +117,8 @@ def observe(batch, b, layout, observation):
     state, episode = batch.states[b], batch.episodes[b]
     placed, pairs = episode.placed, len(layout.spacing)
     observe_front(rules, state, episode, start, observation)
+    if start.lateness >= 0:
+        observe_tempo(rules, schedule_of(batch, b), state, placed, start, observation)
     if start.length_left >= 0:
         observe_course(rules, episode.distance, pairs - placed, start, observation)
     observe_window(rules, layout, placed, start, observation)

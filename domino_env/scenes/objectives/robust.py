@@ -1,10 +1,10 @@
-"""Mean speed that most layouts reach whose gaps have placement noise."""
+"""Scores of layouts with placement noise: a quantile of the speeds, or a mean score."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar
 
@@ -17,12 +17,14 @@ from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Wave, WaveBatch
-from domino_env.scenes.objectives.base import Evaluation
+from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
 from domino_env.scenes.objectives.speed import MeanSpeed, Speed
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 LARGEST_DRAWS = 100_000
 MOST_DRAWN = 4_000_000  # dominoes in all draws: some 200 MB when they are simulated
+DESCRIPTION = {"unit", "failure", "rewards_speed", "needs_arrivals"}
+"""Attributes that a mean over draws shares with the objective whose scores it averages."""
 LEAST_GAP = 0.0002  # [m] no gap is ever placed tighter
 
 
@@ -58,22 +60,6 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
     draws: Annotated[int, Meta(ge=1, le=LARGEST_DRAWS, description="number of draws")] = 256
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="of the draws")] = 0
 
-    def placed(self, spacing: Floats) -> Floats:
-        """Return the gaps of all draws.
-
-        Parameters
-        ----------
-        spacing
-            (B, N-1) gaps of layouts without errors [m].
-
-        Returns
-        -------
-        NDArray
-            (B · draws, N-1) gaps [m], layout by layout.
-        """
-        gaps = placed(spacing[:, None, :], errors(self, spacing.shape[1]))
-        return gaps.reshape(-1, spacing.shape[1])
-
     @property
     def rank(self) -> int:
         """Index of the draw that counts among all draws by speed; 0 is the slowest."""
@@ -93,6 +79,30 @@ class Placement(Value, frozen=True):  # type: ignore[misc]
             (B,) index of the draw at `rank` of each layout.
         """
         return np.argsort(speeds, axis=1, kind="stable")[:, self.rank]
+
+
+def placed_batch(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
+    """Return all draws of the layouts of a batch.
+
+    Parameters
+    ----------
+    batch
+        B layouts without errors.
+    errors
+        (D, N-1) errors of the gaps [m], the same for every layout.
+
+    Returns
+    -------
+    LayoutBatch
+        B · D layouts, those of one layout one after another.
+    """
+    draws, height = len(errors), batch.height
+    return replace(
+        batch,
+        spacing=placed(batch.spacing[:, None, :], errors).reshape(-1, batch.count - 1),
+        thickness=np.repeat(batch.thickness, draws, axis=0),
+        height=height if len(height) == 1 else np.repeat(height, draws, axis=0),
+    )
 
 
 @lru_cache(8)
@@ -128,10 +138,9 @@ def simulate_placed(
     if ground is None and not layout.is_flat:
         raise ValueError("placement noise on uneven ground needs the ground: name its scene")
     draws = min(placement.draws, max(MOST_DRAWN // layout.count, 1))
-    gaps = placement.replace(draws=draws).placed(layout.spacing[None])
-    thick = np.repeat(layout.thickness[None], draws, axis=0)
-    sizes = gaps, thick, layout.height[None], layout.width, layout.density
-    return LayoutBatch(*sizes, physics, 1e-6, ground).simulate()
+    sizes = layout.spacing[None], layout.thickness[None], layout.height[None]
+    batch = LayoutBatch(*sizes, layout.width, layout.density, physics, 1e-6, ground)
+    return placed_batch(batch, errors(placement.replace(draws=draws), layout.count - 1)).simulate()
 
 
 @dataclass(frozen=True)
@@ -169,13 +178,8 @@ class Robust(Speed):
 
     def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
         draws, each = self.settings.draws, np.arange(len(batch))
-        height = batch.height
-        placed = replace(
-            batch,
-            spacing=self.settings.placed(batch.spacing),
-            thickness=np.repeat(batch.thickness, draws, axis=0),
-            height=height if len(height) == 1 else np.repeat(height, draws, axis=0),
-        )
+        drawn_errors = errors(self.settings, batch.count - 1)
+        placed = placed_batch(batch, drawn_errors)
         speed_of = MeanSpeed(
             None, None, ground=self.ground, floor_friction=self.floor_friction
         ).evaluate
@@ -195,7 +199,7 @@ class Robust(Speed):
         if not gradient:
             return found
         gaps = placed.spacing.reshape(len(batch), draws, -1)[each, decisive]
-        intended = batch.spacing + errors(self.settings, batch.count - 1)[decisive]
+        intended = batch.spacing + drawn_errors[decisive]
         moved = np.abs(gaps - intended) < 1e-15  # those not at the least gap
         by = speed_of(replace(batch, spacing=gaps), gradient=True).gradient
         assert by is not None
@@ -215,3 +219,77 @@ class Robust(Speed):
                 f"robust.draws = {draws} of {count} dominoes are {count * draws:,}: draw at most "
                 f"{MOST_DRAWN // count} layouts"
             )
+
+
+@lru_cache(8)
+def frozen_errors(deviation: float, draws: int, pairs: int) -> Floats:
+    """Return errors (draws, pairs) [m], those of environments reset with seeds 0 … draws - 1."""
+    seeds = range(draws)
+    found = [np.random.default_rng(seed).standard_normal(pairs) for seed in seeds]
+    return deviation * np.array(found)
+
+
+@dataclass(frozen=True)
+class MeanOverDraws(Objective):
+    """Mean score of another objective, `settings`, over frozen draws of placement noise.
+
+    A search with it finds the best plan that does not react to the errors. The draws are those of
+    environments that are reset with the seeds 0, 1, …
+
+    Parameters
+    ----------
+    deviation
+        Standard deviation of the error of each gap [m].
+    draws
+        Number of draws.
+    """
+
+    deviation: float = field(kw_only=True)
+    draws: int = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        vars(self).update({name: getattr(self.settings, name) for name in DESCRIPTION})
+
+    @property
+    def simulates_anew(self) -> bool:
+        """True: the layouts are drawn."""
+        return True
+
+    @property
+    def simulations_per_score(self) -> int:
+        """Number of draws times that of the other objective."""
+        return self.draws * int(self.settings.simulations_per_score)
+
+    def success(self, waves: Waves) -> Floats:
+        """Return the scores (B,) of the waves themselves, without noise."""
+        return np.asarray(self.settings.success(waves))
+
+    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
+        """Simulate all draws of layouts, and average scores and derivatives."""
+        size = max(1, MOST_DRAWN // (self.draws * batch.count))
+        pieces = [batch[i : i + size] for i in range(0, max(len(batch), 1), size)]
+        return Evaluation.joined([self._evaluate(piece, gradient) for piece in pieces])
+
+    def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
+        drawn = frozen_errors(self.deviation, self.draws, batch.count - 1)
+        found = self.settings.evaluate(placed_batch(batch, drawn), gradient)
+        by_draw = len(batch), self.draws, -1
+        score, reach = (x.reshape(by_draw[:2]).mean(axis=1) for x in (found.score, found.reach))
+        falls = found.falls.reshape(by_draw[:2]).sum(axis=1)
+        mean = Evaluation(score, np.where(score > 0.0, 1.0, reach), falls)
+        if not gradient:
+            return mean
+        moved = batch.spacing[:, None, :] + drawn > LEAST_GAP  # not those at the least gap
+        by = found.gradient
+        return mean.with_gradient(
+            ScoreGradient(
+                (moved * by.spacing.reshape(by_draw)).mean(axis=1),
+                by.thickness.reshape(by_draw).mean(axis=1),
+                by.height.reshape(by_draw).mean(axis=1),
+            )
+        )
+
+    def in_words(self, score: float, wave: Wave) -> str:
+        """Return the mean score and the deviation of the gaps."""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"mean score {score:.6f}{unit} over {self.draws} draws of placement noise"

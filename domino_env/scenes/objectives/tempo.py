@@ -12,8 +12,8 @@ from msgspec import Meta
 
 from domino_env.core.models import Size, Value
 from domino_env.core.types import Floats
-from domino_env.physics.wave import Outcome, Wave, simulate
-from domino_env.scenes.objectives.base import Evaluation, Objective, ScoreGradient
+from domino_env.physics.wave import Outcome, Wave, WaveBatch
+from domino_env.scenes.objectives.base import Objective, ScoreGradient
 from domino_env.scenes.waves import LayoutBatch, Waves
 
 
@@ -143,8 +143,8 @@ class Tempo(Value, frozen=True, rename={"first": "from", "last": "to"}):  # type
             (B, N) derivatives by the arrival times [1/s]; 0 at the peak.
         """
         errors = self._errors(arrivals)
-        rms = np.maximum(self.error(arrivals)[:, None], 1e-300)
-        score = self.score(arrivals)[:, None]
+        rms = np.maximum(np.sqrt(np.mean(errors**2, axis=1, keepdims=True)), 1e-300)
+        score = 1.0 / (1.0 + rms / self.tolerance)
         by_time = -(score**2) / self.tolerance * errors / (errors.shape[1] * rms)
         return np.concatenate([np.zeros((len(errors), 1)), by_time], axis=1)
 
@@ -165,24 +165,12 @@ class InTempo(Objective):
         times = np.where(waves.propagated[:, None], waves.arrival_times, 0.0)
         return self.settings.score(times)
 
-    def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
-        """Simulate layouts and score them, one by one if the gradient is wanted."""
-        if not gradient or len(batch) == 0:
-            return super().evaluate(batch, gradient)
-        ones = [batch[b : b + 1] for b in range(len(batch))]
-        return Evaluation.joined([self._with_gradient(one) for one in ones])
-
-    def _with_gradient(self, one: LayoutBatch) -> Evaluation:
-        """Evaluate a batch of one layout."""
-        wave = simulate(one.layout(0), one.physics, rtol=one.rtol, gradient=True)
-        found = self.score(Waves.of_waves([wave], one.count))
-        if wave.outcome != Outcome.PROPAGATED:
-            return found.with_gradient(ScoreGradient.zero(one))
-        by = wave.pullback(self.settings.gradient(wave.arrival_times[None])[0])
-        if self.ground is not None:
-            by = self.ground.along_ground(by, wave.layout)
-        arrays = (array[None] for array in (by.spacing, by.thickness[1:], by.height[1:]))
-        return found.with_gradient(ScoreGradient(*arrays))
+    def derivatives(self, waves: WaveBatch, batch: LayoutBatch) -> ScoreGradient:
+        """Return the derivatives of the scores of the arrival times."""
+        propagated = (waves.outcome == Outcome.PROPAGATED)[:, None]
+        times = np.where(propagated, waves.arrival_times, 0.0)
+        found = waves.pullback(propagated * self.settings.gradient(times))
+        return ScoreGradient.of(batch.along_ground(found))
 
     def in_words(self, score: float, wave: Wave) -> str:
         """Return the root-mean-square error of the hits; less than 1 ns is rounding."""

@@ -232,13 +232,17 @@ def test_a_batch_gives_the_gradient_of_each(uneven):
     layouts[7] = replace(layouts[7], spacing=np.full(11, 0.06))
     batch = simulate_batch(**batch_of(layouts, uneven), physics=Physics(), rtol=1e-8, gradient=True)
     assert batch.outcome[7] == Outcome.OUT_OF_REACH
+    bars = rng.standard_normal((40, 12))
+    pulled = batch.pullback(bars)
     for b, layout in enumerate(layouts):
         one = simulate(layout, Physics(), rtol=1e-8, gradient=True)
         if one.outcome != Outcome.PROPAGATED:
-            assert not any(np.any(part[b]) for part in parts(batch.gradient))
+            assert not any(np.any(part[b]) for part in (*parts(batch.gradient), *parts(pulled)))
             continue
         assert batch.total_time[b] == one.arrival_times[-1]
         for part, whole in zip(parts(one.gradient()), parts(batch.gradient), strict=True):
+            assert np.array_equal(part, whole[b])
+        for part, whole in zip(parts(one.pullback(bars[b])), parts(pulled), strict=True):
             assert np.array_equal(part, whole[b])
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 import domino_env as de
 from domino_env.scenes import uniform
+from domino_env.scenes.objectives.robust import errors, placed
 from optimize import search
 
 SMALL = replace(
@@ -41,7 +42,9 @@ def test_a_failure_scores_by_how_far_it_topples():
 def test_a_robust_score_on_a_floor_is_the_quantile_of_free_standing_layouts():
     placement = de.Placement(0.001, quantile=0.5, draws=4, seed=1)
     scene = SMALL.replace(objective="robust", settings=placement)
-    speeds = np.sort(SMALL.evaluate(SMALL.batch(placement.placed(GAPS[:1]))).score)
+    speeds = np.sort(
+        SMALL.evaluate(SMALL.batch(placed(GAPS[:1], errors(placement, GAPS.shape[1])))).score
+    )
     found = scene.evaluate(scene.batch(GAPS[:1], rtol=1e-8), gradient=True)
     assert found.score == speeds[1] == scene.score(scene.layout(GAPS[0]))
     assert np.all(np.isfinite(found.gradient.spacing))

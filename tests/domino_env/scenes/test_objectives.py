@@ -9,7 +9,7 @@ import pytest
 
 import domino_env as de
 from domino_env.scenes.objectives.base import Limits
-from domino_env.scenes.objectives.robust import LEAST_GAP, Placement
+from domino_env.scenes.objectives.robust import LEAST_GAP, Placement, errors, placed
 from domino_env.scenes.objectives.tempo import Tempo
 from domino_env.scenes.scene import Scene
 
@@ -68,8 +68,8 @@ def test_draws_that_stop_count_as_zero():
     scene = some("jitter", count=9, settings=Placement(0.002, 0.25, 40, seed=3))
     gaps = np.full((1, 8), 0.02)
     gaps[0, 4] = 0.047  # out of reach at 48 mm: about a third of the draws die
-    placed = scene.settings.placed(gaps)
-    stopped = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in placed])
+    drawn = placed(gaps, errors(scene.settings, 8))
+    stopped = np.array([scene.simulate(scene.layout(g)).mean_speed == 0.0 for g in drawn])
     assert 10 < stopped.sum() < 30
     assert scene.evaluate(scene.batch(gaps)).score[0] < 0.0  # more than a quarter
     few = replace(scene, settings=Placement(0.002, (stopped.sum() + 1) / 40, 40, seed=3))
@@ -77,10 +77,24 @@ def test_draws_that_stop_count_as_zero():
 
 
 def test_no_gap_is_placed_tighter_than_a_fifth_of_a_millimetre():
-    placed = Placement(0.01, draws=500, seed=1).placed(np.full((3, 5), 0.002))
-    assert placed.shape == (1500, 5)
-    assert placed.min() == LEAST_GAP
-    assert np.array_equal(placed[:500], placed[500:1000])  # the same errors for every layout
+    drawn = errors(Placement(0.01, draws=500, seed=1), 5)
+    assert placed(np.full(5, 0.002), drawn).min() == LEAST_GAP
+
+
+@pytest.mark.parametrize("name", ["tempo-noise", "sprint"])
+def test_a_mean_over_frozen_draws_and_its_derivatives(name):
+    scene = some(name, count=9, placement_deviation=1e-3, placement_draws=5)
+    gaps = 0.003 + 0.5 * gaps_of(scene, 2, 1)
+    thick = np.full(gaps.shape, np.mean(scene.thickness))
+    found = scene.evaluate(scene.batch(gaps, thick, rtol=1e-10), gradient=True)
+    for gap, score in zip(gaps, found.score, strict=True):
+        drawn = scene.score_placed(scene.layout(gap, thick[0]), range(5))
+        assert score == pytest.approx(drawn.mean(), rel=1e-9)
+    for i in range(8):
+        step = 1e-7 * np.eye(8)[i]
+        sides = (scene.batch(gaps + sign * step, thick, rtol=1e-11) for sign in (1.0, -1.0))
+        up, down = (scene.evaluate(side).score for side in sides)
+        assert found.gradient.spacing[:, i] == pytest.approx((up - down) / 2e-7, rel=1e-4, abs=1e-4)
 
 
 def test_the_rank_of_a_quantile():

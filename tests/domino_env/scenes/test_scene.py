@@ -40,8 +40,8 @@ def random_sizes(scene: de.Scene, count: int, seed: int) -> tuple[np.ndarray, np
 
 def test_the_scenes_that_ship():
     assert NAMES == [
-        "course", "downhill", "gentle", "hills", "ideal", "jitter", "magnify", "marathon", "sprint",
-        "sprint-thickness", "stock", "table", "tempo", "uphill",
+        "course", "downhill", "draw", "gentle", "hills", "ideal", "jitter", "magnify", "marathon",
+        "sprint", "sprint-thickness", "stock", "table", "tempo", "tempo-noise", "uphill",
     ]  # fmt: skip
 
 
