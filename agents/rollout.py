@@ -14,8 +14,7 @@ from domino_env.scenes.uniform import gain
 from domino_env.view.notebook import MadeForScene
 from optimize.searching import compile_for
 
-EVALUATION_SEEDS = 64  # number of seeds of placement noise: 0, 1, …
-EVALUATION_ORDERS = range(10_000, 10_200)  # seeds of random orders, none of them planned for
+EVALUATION_SEEDS = range(10_000, 10_200)  # of placement noise and orders; no plan is for them
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +98,13 @@ def build(
     score = scene.score(wave)
     if len(seeds) > 1:
         others = [_last_info(env, policy, seed, options)["score"] for seed in seeds[1:]]
-        score, uniform = float(np.mean([score, *others])), _uniform_as_placed(scene)
+        score, uniform = float(np.mean([score, *others])), uniform_as_placed(scene)
     return Rollout(scene, layout, wave, score, uniform, seconds)
 
 
 def evaluation_seeds(scene: Scene) -> range:
     """Return the seeds of the episodes over which a score is the mean; one where none is random."""
-    if scene.hand:
-        return EVALUATION_ORDERS
-    return range(EVALUATION_SEEDS if scene.placement_deviation else 1)
+    return EVALUATION_SEEDS if scene.hand or scene.placement_deviation else range(1)
 
 
 def _last_info(
@@ -126,10 +123,11 @@ def as_placed(rollout: Rollout) -> Rollout:
     if len(evaluation_seeds(scene)) == 1:
         return rollout
     score = float(scene.score_placed(rollout.layout, evaluation_seeds(scene)).mean())
-    return replace(rollout, score=score, uniform=_uniform_as_placed(scene))
+    return replace(rollout, score=score, uniform=uniform_as_placed(scene))
 
 
-def _uniform_as_placed(scene: Scene) -> UniformBaseline:
+def uniform_as_placed(scene: Scene) -> UniformBaseline:
+    """Return the uniform baseline with its mean score over `evaluation_seeds`."""
     baseline = scene.uniform()
     scores = scene.score_placed(baseline.layout, evaluation_seeds(scene))
     return replace(baseline, score=float(scores.mean()))

@@ -9,15 +9,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize.elementwise import find_root
 
-from agents.rollout import Rollout, as_placed, build, evaluation_seeds
+from agents.rollout import Rollout, as_placed, build, evaluation_seeds, uniform_as_placed
 from domino_env import DominoChain
-from domino_env.core.types import Floats
-from domino_env.scenes.scene import Scene
+from domino_env.core.types import Floats, Ints
+from domino_env.scenes.objectives.robust import placed
+from domino_env.scenes.scene import SCORE_RTOL, Scene
+from optimize.experiments.best_known import best_known
 
 ACTIONS = 41, 11  # values that the greedy policy tries for one free variable, for each of several
 SAMPLES = 4000  # ramps that are simulated
 KEPT = 20  # best ramps around which more are sampled
+NEVER = 1e3  # [s] lateness of a hit that does not come
+GAP_TOLERANCE = 1e-8  # [m] to which the controller solves for a gap
 
 
 def uniform(scene: Scene) -> Rollout:
@@ -104,9 +109,64 @@ def _ramps(scene: Scene, numbers: Floats) -> tuple[Floats, Floats | None]:
     return gaps, thickness
 
 
+def plan(scene: Scene) -> Rollout:
+    """Build the best known layout, without a reaction to what happens."""
+    known = best_known().get(scene.name)
+    if known is None or scene.violations(known.layout):
+        raise ValueError(
+            f"no best known layout of scene '{scene.name}' ships: search one with `domino optimize`"
+        )
+    wave, baseline = scene.simulate(known.layout), scene.uniform()
+    return Rollout(scene, known.layout, wave, known.score, baseline, 0.0)
+
+
+def controller(scene: Scene) -> Rollout:
+    """Keep a schedule: choose each gap so that without errors the next domino is hit on time.
+
+    Thicknesses are those of the plan. Gaps are clipped to their bounds.
+    """
+    tempo, planned = scene.as_placed.tempo, plan(scene)
+    if tempo is None:
+        raise ValueError(
+            f"the objective of scene '{scene.name}' is {scene.objective}: controller keeps the "
+            'schedule of objective = "tempo"; use another policy'
+        )
+    generators = [np.random.default_rng(seed) for seed in evaluation_seeds(scene)]
+    errors = np.array([scene.placement_errors(generator) for generator in generators])
+    which = np.arange(len(errors))
+    thickness = np.tile(planned.layout.thickness[1:], (len(errors), 1))
+    gaps, (low, high) = np.empty(errors.shape), scene.spacing
+    began, simulations = time.perf_counter(), 0
+    for n, due in enumerate(tempo.schedule(scene.count)):
+
+        def lateness(gap: Floats, which: Ints, n: int = n, due: float = due) -> Floats:
+            chain = np.concatenate([gaps[which, :n], gap[:, None]], axis=1)
+            times = scene.batch(chain, thickness[which, : n + 1]).simulate().total_time
+            return np.where(np.isfinite(times), times - due, NEVER)
+
+        ends = np.full(len(errors), low), np.full(len(errors), high)
+        found = find_root(lateness, ends, args=(which,), tolerances={"xatol": GAP_TOLERANCE})
+        simulations += int(found.nfev.sum())
+        nearest = np.where(found.f_bracket[0] > 0.0, low, high)  # where neither end is on time
+        chosen = np.where(found.success, found.x, nearest)
+        gaps[:, n] = placed(chosen, errors[:, n])
+    scores = scene.as_placed.evaluate(scene.batch(gaps, thickness, rtol=SCORE_RTOL)).score
+    layout = scene.layout(gaps[0], thickness[0])
+    return replace(
+        planned,
+        layout=layout,
+        wave=scene.simulate(layout),
+        score=float(scores.mean()),
+        uniform=uniform_as_placed(scene),
+        seconds=(time.perf_counter() - began) / len(errors),
+        simulations=simulations // len(errors),
+    )
+
+
 SCRIPTED: dict[str, Callable[[Scene], Rollout]] = {
-    policy.__name__: policy for policy in (uniform, greedy, ramp)
+    policy.__name__: policy for policy in (uniform, greedy, ramp, plan, controller)
 }
+REACTING = {"controller"}  # policies whose rollouts are already with placement noise
 
 
 @dataclass(frozen=True)
@@ -127,9 +187,10 @@ class ScriptedPolicy:
                 "environment with the same placement noise and order of pieces, so its choice "
                 "would depend on what is still to come; use another policy"
             )
-        if self.name == "ramp" and scene.hand:
+        if self.name in ("ramp", "plan") and scene.hand:
             raise ValueError(
-                f"scene '{scene.name}' draws its pieces in random order: ramp chooses thicknesses "
+                f"scene '{scene.name}' draws its pieces in random order: {self.name} chooses them "
                 "without knowing what is in hand; use another policy"
             )
-        return as_placed(SCRIPTED[self.name](scene))
+        rollout = SCRIPTED[self.name](scene)
+        return rollout if self.name in REACTING else as_placed(rollout)

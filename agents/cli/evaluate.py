@@ -1,8 +1,9 @@
 """Compare the layout that an agent builds with the uniform baseline and the best known layout.
 
 RUN is the folder of a training, the name of a shipped policy (sprint, designer), or a scripted
-policy: uniform, greedy, ramp; or an archive (.zip) of Stable-Baselines3 or sb3-contrib with a
---scene. Plain multilayer perceptrons are read without running code, others need --trust.
+policy: uniform, greedy, ramp, plan (best known layout), controller (keeps a schedule); or an
+archive (.zip) of Stable-Baselines3 or sb3-contrib with a --scene. Plain multilayer perceptrons are
+read without running code, others need --trust.
 `designer` designs a layout for a new --scene in milliseconds; --scenes evaluates it on many scenes
 that it was not trained on, as it does policies trained on `varied`.
 """
@@ -29,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino evaluate`."""
     parser.add_argument(
         "agent", metavar="RUN",
-        help="folder of a training; sprint or designer, which ship; uniform, greedy or ramp",
+        help="folder of a training; sprint or designer, which ship; uniform, greedy, ramp, plan or "
+        "controller",
     )  # fmt: skip
     parser.add_argument(
         "--scene",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from agents.rollout import EVALUATION_ORDERS
+from agents.rollout import EVALUATION_SEEDS
 from agents.scripted import ScriptedPolicy
 from domino_env import DominoChain, DominoChainVector, DominoLayoutVector
 from domino_env.scenes.io.reading import parse_scene
@@ -143,12 +143,12 @@ def test_rollouts_and_the_baseline_are_means_over_the_same_orders():
     rollout = ScriptedPolicy("uniform").build(scene)
     low, high = scene.spacing
     gap = 2.0 * (rollout.layout.spacing[0] - low) / (high - low) - 1.0
-    scores = scene.score_placed(rollout.layout, EVALUATION_ORDERS)
+    scores = scene.score_placed(rollout.layout, EVALUATION_SEEDS)
     assert rollout.score == rollout.uniform.score == scores.mean() != scene.uniform().score
-    orders = scene.orders([np.random.default_rng(seed) for seed in EVALUATION_ORDERS[:3]])
+    orders = scene.orders([np.random.default_rng(seed) for seed in EVALUATION_SEEDS[:3]])
     wished = 2.0 * (orders - KINDS[0]) / (KINDS[-1] - KINDS[0]) - 1.0
     env = DominoChainVector(3, scene)
-    env.reset(seed=EVALUATION_ORDERS[0])
+    env.reset(seed=EVALUATION_SEEDS[0])
     for pieces in wished.T:  # as they come
         info = env.step(np.stack([np.full(3, gap), pieces], axis=1))[4]
     assert info["score"] == pytest.approx(scores[:3], rel=1e-5)

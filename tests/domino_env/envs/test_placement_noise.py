@@ -5,7 +5,7 @@ import pytest
 
 from agents.rollout import EVALUATION_SEEDS, as_placed, build
 from agents.scripted import ScriptedPolicy, uniform
-from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, load_scene
+from domino_env import DominoChain, DominoChainVector, DominoLayoutVector, Layout, load_scene
 from domino_env.envs.vector import RTOL
 from domino_env.scenes.io.reading import parse_scene
 from domino_env.scenes.objectives.robust import LEAST_GAP
@@ -63,7 +63,7 @@ def test_layouts_are_compared_by_means_over_the_same_errors():
     assert scripted.gain == pytest.approx(0.0, abs=1e-12)
     assert (
         scripted.score
-        == SCENE.score_placed(scripted.layout, range(EVALUATION_SEEDS)).mean()
+        == SCENE.score_placed(scripted.layout, EVALUATION_SEEDS).mean()
         < steady.score(scripted.layout)
     )
     with pytest.raises(ValueError, match="greedy tries each action in a copy"):
@@ -78,3 +78,20 @@ def test_rules_that_exclude_placement_noise_are_named():
     with pytest.raises(ValueError, match=r"placement\.deviation = -1"):
         SCENE.replace(placement_deviation=-1.0)
     assert parse_scene(SCENE.to_toml(), "x", "x") == SCENE
+
+
+def test_a_controller_keeps_the_schedule_that_a_plan_misses():
+    scene = load_scene("tempo-noise")
+    plan, controller = (ScriptedPolicy(name).build(scene) for name in ("plan", "controller"))
+    assert 4.0 * plan.uniform.score < plan.score < 0.6 * controller.score
+    tempo = scene.settings
+    errors = scene.placement_errors(np.random.default_rng(EVALUATION_SEEDS[0]))
+    chosen = controller.layout.spacing - errors
+    free = (chosen > scene.spacing[0] + 1e-6) & (chosen < scene.spacing[1] - 1e-6)
+    for n in np.flatnonzero(free)[::9]:  # without its own error, each hit is on time
+        gaps = np.append(controller.layout.spacing[:n], chosen[n])
+        first = Layout(gaps, controller.layout.thickness[: n + 2], scene.height)
+        wave = scene.simulate(first)
+        assert wave.arrival_times[-1] == pytest.approx(tempo.schedule(40)[n], abs=1e-6)
+    with pytest.raises(ValueError, match="keeps the schedule"):
+        ScriptedPolicy("controller").build(load_scene("sprint"))
