@@ -43,12 +43,13 @@ FLOOR_NOTE = (
     "layout of which dominoes remain standing has no gain; of `marathon` only the first 100",
     "dominoes are simulated on floors ([verification](../verification.md)). The score of",
     "`jitter` is the speed that 95 % of inexact placements reach; on floors its mean speed",
-    "without errors is compared.",
+    "without errors is compared. The baseline of `draw` is a mean over random orders, on floors",
+    "that of one order; its best known layout has a free order and is a bound.",
 )
 QUESTIONS = {
     "course": "How fast can sixty dominoes cover 1.2 m?",
     "downhill": "How fast are forty dominoes down a slope of 3°?",
-    "draw": "How fast would forty dominoes be that come out of a box, if their order were free?",
+    "draw": "How fast are forty dominoes drawn from a box? (gain: a bound, with a free order)",
     "gentle": "How fast are thirty rough dominoes after a faint push?",
     "hills": "Which gaps lead fastest over two hills?",
     "ideal": "How fast are forty dominoes of any thickness without friction?",
@@ -59,8 +60,8 @@ QUESTIONS = {
     "sprint-thickness": "How fast are they if each may have another thickness?",
     "stock": "Which order of forty dominoes from a box of three thicknesses is fastest?",
     "table": "Which layout is fastest on a table, where dominoes slip?",
-    "tempo": "Which gaps accelerate the hits from 30 a second to 45, in tempo?",
-    "tempo-noise": "The same where the gaps come out inexactly, as one sees while building?",
+    "tempo": "Which gaps and thicknesses accelerate the hits evenly from 30 a second to 45?",
+    "tempo-noise": "How closely do they follow that schedule if placed inexactly?",
     "uphill": "How fast are forty dominoes up a slope of 4°?",
 }
 MADE = r"(<!-- {} -->\n).*?(<!-- end -->)"  # the text between two comments
@@ -191,7 +192,12 @@ def readme_table(records: dict[str, BestKnown]) -> list[str]:
         place = f"[`{name}`](domino_env/scenes/shipped/{name}.toml)"
         floor = gain_on_floor(README_FLOOR, name, records)
         rows.append((place, QUESTIONS[name], advantage(scene, best, uniform), floor))
-    names = ("scene", "question", "gain over equal gaps", f"on a floor of {README_FLOOR:g}")
+    names = (
+        "scene",
+        "question",
+        "gain over equal gaps",
+        f"on a floor of friction {README_FLOOR:g}",
+    )
     return markdown_table(names, rows)
 
 

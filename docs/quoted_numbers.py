@@ -19,7 +19,10 @@ from optimize.experiments.best_known import best_known
 
 DOCS = Path(__file__).resolve().parent
 MARK = re.compile(r"([^\s<>(|*`~]+)<!--([a-z][\w.-]*)-->")
-WORDS = "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen"
+WORDS = (
+    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen "
+    "sixteen seventeen eighteen nineteen twenty"
+)
 
 
 def numbers() -> dict[str, str]:

@@ -98,7 +98,7 @@ def scene_text(box: argparse.Namespace) -> str:
     robust = box.deviation is not None
     lines = [
         "# A scene of domino-chains. Lengths are in metres: 18 mm is 0.018.",
-        "# `domino optimize FILE` searches the best layout; docs/files.md explains all keys.",
+        "# `domino optimize FILE` searches the best layout; docs/scenes/index.md has all keys.",
         f'title = "{box.count} dominoes of {box.thickness:g} x {box.width:g} x {box.height:g} mm"',
         'objective = "robust"     # the speed that 95 % of the layouts as placed reach'
         if robust
