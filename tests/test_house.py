@@ -1,7 +1,6 @@
 """Imports, public names, the installed wheel, requirements and the Makefile."""
 
 import email
-import importlib
 import os
 import re
 import shutil
@@ -96,13 +95,6 @@ def test_every_public_name_loads(package):
         package.simulat  # noqa: B018 - reading it is the test
 
 
-def test_the_reference_shows_public_names():
-    shown = re.findall(r"^::: (\w+)\.(\S+)$", (ROOT / "docs" / "reference.md").read_text(), re.M)
-    assert len(shown) > 20
-    for package, name in shown:
-        assert name in importlib.import_module(package).__all__
-
-
 # installation -----------------------------------------------------------------------------------
 
 
@@ -162,7 +154,8 @@ def test_every_requirement_is_pinned_to_the_version_under_test():
     lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
     pins = dict(line.split("==") for line in lines if line and not line.startswith("#"))
     pins = {canonicalize_name(name): number for name, number in pins.items()}
-    extras = PROJECT["project"]["optional-dependencies"]
+    extras = {**PROJECT["project"]["optional-dependencies"]}
+    del extras["zoo"]  # one of its requirements excludes that of others
     core = [Requirement(text) for text in PROJECT["project"]["dependencies"]]
     for requirement in [*core, *(Requirement(text) for group in extras.values() for text in group)]:
         assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)])

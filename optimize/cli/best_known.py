@@ -106,5 +106,5 @@ def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int
     if arguments.json != "-":
         numbers = ", ".join(f"{n} {verdict.lower()}" for verdict, n in sorted(verdicts.items()))
         print("\n" + "\n".join(known_table(verified)))
-        print(f"\non fixed pivots, of {len(verified)} layouts: {numbers}")
+        print(f"\nlayouts on fixed pivots: {numbers}")
     return int(verdicts["DIFFERS"] > 0)

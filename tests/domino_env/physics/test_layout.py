@@ -213,8 +213,8 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text, encoding):
     ("spacing_mm,thickness_mm\n18,7.5\n\n-2,7.5\n,7.5\n", "line 4, column 'spacing_mm': -2"),
     ("spacing_mm,thickness_mm\n18,7.5\n0,7.5\n,7.5\n",
      "line 3, column 'spacing_mm': 0; give the free gap in front of every domino but the last"),
-    ("spacing_mm,thickness_mm\n18,7.5\n20.5,7\n", "line 3, column 'spacing_mm': 20.5 in front of "
-     "the last domino leads nowhere: leave the last gap empty, or add the dominoes"),
+    ("spacing_mm,thickness_mm\n18,7.5\n20.5,7\n", "line 3, column 'spacing_mm': 20.5; no domino "
+     "follows this gap: leave the last gap empty, or add the dominoes"),
     ("spacing_mm,thickness_mm\n1_4,7.5\n,7\n", "'1_4' is not a number"),
     ("spacing_mm,thickness_mm,height_mm\n20,7,50\n,7,40\n", "would strike"),
     ('spacing_mm,thickness_mm\n"18,5",7\n,7\n',
@@ -254,5 +254,6 @@ def test_lengths_of_another_unit_get_a_warning(tmp_path, table, words):
 
 
 def test_only_csv_and_json_are_read(tmp_path):
-    with pytest.raises(ValueError, match=r"layout\.xlsx: a layout is a \.csv or \.json file"):
+    (tmp_path / "layout.xlsx").touch()
+    with pytest.raises(ValueError, match=r"layout\.xlsx: it is not a layout: a layout is"):
         Layout.read(tmp_path / "layout.xlsx")

@@ -152,7 +152,8 @@ def test_the_command(tmp_path, capsys):
     text = (ROOT / "domino_env/validation/sources/chapman.toml").read_text("utf-8")
     own.write_text(text.replace("height = 0.048", "heihgt = 0.048"), "utf-8")
     for word, message in {
-        "nobody": "give a source (camera, ", "5=60": "must be more than 0",
+        "nobody": "give a source (camera, ",
+        "5=60": "pitch = 5.0 mm: give a finite number, more than 7.5",
         "16=x": "write PITCH=FREQUENCY", str(own): "own.toml: unknown key 'setting.heihgt'",
     }.items():  # fmt: skip
         assert main(["validate", word]) == 2

@@ -77,7 +77,7 @@ def test_the_command_writes_the_file(layout, ending, begins):
 
 @pytest.mark.parametrize(("words", "message"), [
     ("", "give --gif FILE, --mp4 FILE or --png FILE"),
-    ("--png out.gif", "a file for --png ends in .png"),
+    ("--png out.gif", "--png: out.gif: name a .png file"),
     ("--png out.png --moments 0", "moments = 0: give a whole number"),
     ("--gif out.gif --slow 0", "slow = 0.0: give a finite number, more than 0"),
     ("--gif out.gif --width 401", "give an even number"),
