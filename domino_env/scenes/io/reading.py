@@ -28,7 +28,7 @@ def scene_names() -> list[str]:
 
 
 def distribution_names() -> list[str]:
-    """Return the names of the scene shipped distributions."""
+    """Return the names of the shipped scene distributions."""
     return _names_in(DISTRIBUTIONS)
 
 

@@ -124,10 +124,12 @@ class Limits(Value, frozen=True):  # type: ignore[misc]
     """
 
     stall_margin: Annotated[
-        Annotated[float, Meta(ge=0, lt=1)] | None, Meta(description="of all falls, at least")
+        Annotated[float, Meta(ge=0, lt=1)] | None,
+        Meta(description="of all intervals between hits, at least"),
     ] = None
     flush_loss: Annotated[
-        Annotated[float, Meta(ge=0, le=1)] | None, Meta(description="of all flushes, at most")
+        Annotated[float, Meta(ge=0, le=1)] | None,
+        Meta(description="loss of speed in a face impact, at most"),
     ] = None
 
     SCHEMA: ClassVar = {"minProperties": 1}
