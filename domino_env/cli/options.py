@@ -80,21 +80,21 @@ def folder(name: str) -> str:
     return name
 
 
-def output(*endings: str) -> Callable[[str], str]:
+def output(*suffixes: str) -> Callable[[str], str]:
     """Return the reader of an option that names a file to write."""
 
     def read(name: str) -> str:
         with _reading():
-            require_output(Path(name), *endings)
+            require_output(Path(name), *suffixes)
         return name
 
     return read
 
 
-def require_output(path: Path, *endings: str) -> None:
+def require_output(path: Path, *suffixes: str) -> None:
     """Raise for a file that has another ending, or cannot be written."""
-    if path.suffix.lower() not in endings or path.is_dir():
-        raise ValueError(f"{path}: name a {' or '.join(endings)} file")
+    if path.suffix.lower() not in suffixes or path.is_dir():
+        raise ValueError(f"{path}: name a {' or '.join(suffixes)} file")
     require_writable(path.parent)
 
 

@@ -59,6 +59,6 @@ def advise_on_units(file: str | Path, height: float, spacing: Range, thickness: 
     """
     hint = unit_hint(height, spacing, thickness)
     if hint is not None:
-        built = SHORTEST <= height <= TALLEST and max(thickness[0], spacing[0]) <= MOST * height
-        category = Advice if built and thickness[1] >= LEAST * height else WrongUnit
+        plausible = SHORTEST <= height <= TALLEST and max(thickness[0], spacing[0]) <= MOST * height
+        category = Advice if plausible and thickness[1] >= LEAST * height else WrongUnit
         advise(f"{one_line(str(file), 160, keep_end=True)}: {hint}", category, stacklevel=4)

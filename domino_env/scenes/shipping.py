@@ -43,8 +43,8 @@ def write_distribution(name: str) -> None:
     columns, pool = (*distribution.features, *POINT), ScenePool(distribution)
     tables = {"test": (columns, _test_scenes(distribution, TESTED))}
     if name == "varied":
-        apart = [_beyond(distribution, place) for place in distribution.ranges]
-        tables["beyond"] = (columns, [x for one in apart for x in _test_scenes(one, BEYOND)])
+        beyond = [_beyond(distribution, place) for place in distribution.ranges]
+        tables["beyond"] = (columns, [x for one in beyond for x in _test_scenes(one, BEYOND)])
     if name != "varied-beyond":
         for i in progress_bar(None, iterable=range(len(pool)), total=len(pool), unit=" scenes"):
             pool.scene(i)
