@@ -12,13 +12,14 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Outcome, Wave
 from domino_env.scenes.io.reading import load_scene, scene_names
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import best_point, gain, uniform_layouts
+from domino_env.scenes.uniform import UniformBaseline, best_point, gain, uniform_layouts
 from domino_env.view.animation import require_drawable
 from optimize.design_space import DesignSpace
 from optimize.experiments.best_known import best_known
 
 SPACING, THICKNESS = "spacing", "thickness"
 NAME = "own"  # of a scene that was changed
+GAIN, COMPUTING = "gain over the uniform baseline (best equal gaps)", "computing …"
 
 
 class Design:
@@ -40,7 +41,11 @@ class Design:
     wave
         Its wave, as of `Scene.simulate`.
     score
-        Its score, as of `Scene.score`; None on a floor until `evaluate` is called.
+        Its score, as of `Scene.score`; None on a floor until it is set.
+    uniform
+        Uniform baseline of the scene; None until it is set.
+    first
+        The first step of the history.
 
     Raises
     ------
@@ -54,10 +59,11 @@ class Design:
     score: float | None
 
     def __init__(self, scene: Scene, layout: Layout | None = None) -> None:
-        self._past: list[tuple[Scene, Layout]] = []
-        self._future: list[tuple[Scene, Layout]] = []
+        self.uniform: UniformBaseline | None = None
+        self._steps: list[tuple[Scene, Layout]] = []
+        self._at = -1  # the step that is shown
         self.open(scene, layout)
-        self.first = self.scene, self.layout
+        self.first = self._steps[0]
 
     # the history --------------------------------------------------------------------------------
 
@@ -80,41 +86,27 @@ class Design:
 
     def commit(self) -> None:
         """Keep what is shown as a step of the history, unless nothing has changed."""
-        if not self._past or self._past[-1] != (self.scene, self.layout):
-            self._past.append((self.scene, self.layout))
-            self._future.clear()
+        now = self.scene, self.layout
+        if not self._steps or now != self._steps[self._at]:
+            self._at += 1
+            self._steps[self._at :] = [now]
 
     @property
     def kept(self) -> Layout:
         """Layout of the last step of the history."""
-        return self._past[-1][1]
+        return self._steps[self._at][1]
 
-    @property
-    def can_undo(self) -> bool:
-        """True where there is an earlier step."""
-        return len(self._past) > 1
+    def can_go(self, steps: int) -> bool:
+        """Return True where the history has a step so far from the present one."""
+        return 0 <= self._at + steps < len(self._steps)
 
-    @property
-    def can_redo(self) -> bool:
-        """True where a step was undone."""
-        return bool(self._future)
-
-    def undo(self) -> None:
-        """Go back by one step."""
-        if self.can_undo:
-            self._future.append(self._past.pop())
-            self._return()
-
-    def redo(self) -> None:
-        """Repeat the step that was undone last."""
-        if self.can_redo:
-            self._past.append(self._future.pop())
-            self._return()
-
-    def _return(self) -> None:
-        self.scene, layout = self._past[-1]
-        self.space = DesignSpace(self.scene)
-        self.show(layout)
+    def go(self, steps: int) -> None:
+        """Show another step of the history: -1 for the one before, 1 for the one after."""
+        if self.can_go(steps):
+            self._at += steps
+            self.scene, layout = self._steps[self._at]
+            self.space = DesignSpace(self.scene)
+            self.show(layout)
 
     # changes ------------------------------------------------------------------------------------
 
@@ -138,20 +130,18 @@ class Design:
         entry, unit = index, np.minimum(height[:-1], height[1:])
         if part == THICKNESS:
             entry, unit = index - 1 + pairs * self.scene.free_spacing, height
-        values = space.low + space.design(before) * (space.high - space.low)
-        low, high = space.low[entry], space.high[entry]
-        wanted = np.clip(value / unit[index] if self.scene.in_heights else value, low, high)
+        values = self._values(before)
+        low, high = space.low, space.high
+        wanted = value / unit[index] if self.scene.in_heights else value
+        wanted = min(max(wanted, low[entry]), high[entry])
         left = values[entry] - wanted  # what the others have to take up
         values[entry] = wanted
         if self.scene.length is not None:
             distance = np.abs(np.arange(space.dimension) % pairs - entry % pairs)
-            distance[entry] = space.dimension
-            for k in np.argsort(distance, kind="stable")[:-1] if left else ():
-                if space.movable[k]:
-                    moved = np.clip(values[k] + left, space.low[k], space.high[k])
-                    left, values[k] = left - (moved - values[k]), moved
-                if not left:
-                    break
+            nearest = np.argsort(distance, kind="stable")
+            for k in nearest[(nearest != entry) & space.movable[nearest]]:
+                moved = min(max(values[k] + left, low[k]), high[k])
+                left, values[k] = left - (moved - values[k]), moved
             values[entry] += left
         self.show(self._nearest(space, values))
 
@@ -172,11 +162,15 @@ class Design:
         """
         scene = self.scene.replace(**{"name": NAME, "title": None} | fields)
         space = DesignSpace(scene)
-        old = self.space.low + self.space.design(self.layout) * (self.space.high - self.space.low)
-        parts = old.reshape(-1, self.scene.count - 1)
+        parts = self._values(self.layout).reshape(-1, self.scene.count - 1)
         before, after = (np.linspace(0.0, 1.0, n) for n in (parts.shape[1], scene.count - 1))
         layout = self._nearest(space, np.concatenate([np.interp(after, before, p) for p in parts]))
         self.open(scene, layout)
+
+    def _values(self, layout: Layout) -> Floats:
+        """Return the free values (n,) of a layout [m]."""
+        space = self.space
+        return np.asarray(space.low + space.design(layout) * (space.high - space.low))
 
     @staticmethod
     def _nearest(space: DesignSpace, values: Floats) -> Layout:
@@ -193,35 +187,27 @@ class Design:
             return None
         return int(np.isfinite(self.wave.stall_margin).sum()) - 1
 
-    def numbers(self, uniform: float | None) -> dict[str, str]:
-        """Return what a page shows of the layout, in words and units.
-
-        Parameters
-        ----------
-        uniform
-            Score of the uniform baseline; None while it is not known.
-        """
-        wave, score, computing = self.wave, self.score, "computing …"
-        speed = self.scene.unit == "m/s"
-        found = {"mean speed" if speed else "result": computing}
+    def numbers(self) -> dict[str, str]:
+        """Return what a page shows of the layout, in words and units."""
+        wave, score, scene = self.wave, self.score, self.scene
+        speed = scene.unit == "m/s"
+        shown = {"mean speed" if speed else "result": COMPUTING}
         if score is not None:
-            found = {key: self.scene.in_words(score, wave) for key in found}
+            shown = {name: scene.in_words(score, wave) for name in shown}
         if speed:
-            found["gain over the uniform baseline (best equal gaps)"] = computing
-            if score is not None and uniform is not None:
-                lead, record = gain(score, uniform), known_record(self.scene)
-                found["gain over the uniform baseline (best equal gaps)"] = (
-                    "–" if lead is None else f"{lead:+.2%}"
-                )
-                most = gain(record[1], uniform) if record else None
-                if lead is not None and most:
-                    found["normalised score (100 %: best known layout)"] = f"{lead / most:.1%}"
+            shown[GAIN] = COMPUTING
+        if speed and score is not None and self.uniform is not None:
+            lead, record = gain(score, self.uniform.score), known_record(scene)
+            shown[GAIN] = "–" if lead is None else f"{lead:+.2%}"
+            most = gain(record[1], self.uniform.score) if record else None
+            if lead is not None and most:
+                shown["normalised score (100 %: best known layout)"] = f"{lead / most:.1%}"
         if wave.hit == wave.layout.count:
             last = float(wave.arrival_times[-1])
-            found["last domino hit after"] = f"{last:.6f} s ± {wave.error_estimate * last:.0e} s"
+            shown["last domino hit after"] = f"{last:.6f} s ± {wave.error_estimate * last:.0e} s"
         else:
-            found["dominoes hit"] = f"{wave.hit} of {wave.layout.count}"
-        return found
+            shown["dominoes hit"] = f"{wave.hit} of {wave.layout.count}"
+        return shown
 
 
 def _about_uniform(space: DesignSpace) -> Layout:

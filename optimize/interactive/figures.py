@@ -25,6 +25,7 @@ from domino_env.physics.motion import outlines
 from domino_env.physics.wave import Wave
 from domino_env.view.drawing import FALLS, LEADS, STANDS
 from domino_env.view.ground import ground_line
+from optimize.interactive.design import SPACING, THICKNESS
 
 Handler = Callable[[Any], None]
 
@@ -32,14 +33,16 @@ MM = 1e3
 EDGES = 2.0  # heights beside a chain
 LONGEST = 60.0  # heights of a chain that is shown whole; of a longer one the beginning
 AHEAD = 0.7  # of the width: furthest place of the leading domino
-HALF = 0.5  # of the height of a picture above the middle of the ground
+SPEED = "speed"
+COLUMNS = "x", "y", "width", "height", "angle", "colour"  # of dominoes
+COLOURS = [f"#{bytes(colour).hex()}" for colour in (FALLS, LEADS, STANDS)]
 
 
-def new_view(layout: Layout) -> Range1d:
-    """Return the range of places [m] that all figures of a layout share."""
-    view = Range1d(0.0, 1.0)
-    set_view(view, layout)
-    return view
+TITLES = {
+    SPACING: "Gap [mm] – drag the points up and down",
+    THICKNESS: "Thickness [mm] – drag the points up and down",
+    SPEED: "Local speed [m/s] – dashed: uniform baseline",
+}
 
 
 def set_view(view: Range1d, layout: Layout, leader: float | None = None) -> None:
@@ -48,9 +51,9 @@ def set_view(view: Range1d, layout: Layout, leader: float | None = None) -> None
     first = -float(layout.thickness[0]) - 0.3 * EDGES * tall
     length = float(layout.pivots[-1, 0]) + EDGES * tall - first
     wide = min(length, LONGEST * tall)
-    begin = (
-        first if leader is None else max(first, min(leader - AHEAD * wide, first + length - wide))
-    )
+    begin = first
+    if leader is not None:
+        begin = max(first, min(leader - AHEAD * wide, first + length - wide))
     view.update(start=begin, end=begin + wide, bounds=(first, first + length))
 
 
@@ -81,12 +84,10 @@ class Chain:
             for change in changes.split():
                 model.js_on_change(change, keep)
         self._up = up
-        self._parts = [ColumnDataSource({"x": [], "y": []}) for _ in range(4)]
-        self.figure.line("x", "y", source=self._parts[3], color=SOFT)
-        for part, colour in zip(self._parts, (STANDS, FALLS, LEADS), strict=False):
-            self.figure.patch(
-                "x", "y", source=part, color=colour, line_color="white", line_width=0.5
-            )
+        self._ground = self.figure.line([], [], color=SOFT).data_source
+        self._dominoes = ColumnDataSource({key: [] for key in COLUMNS})
+        self.figure.rect(*COLUMNS[:5], source=self._dominoes, color="colour", line_color="white",
+                         line_width=0.5)  # fmt: skip
         self._finish = Span(location=0, dimension="height", line_color=INK, line_dash="dashed")
         self._stop = Label(
             x=0, y=0, visible=False, text_color=KNOWN, text_align="center", text_font_size="13px"
@@ -108,17 +109,14 @@ class Chain:
         stop
             Number of the leading domino with which the wave stops; None where it completes.
         """
-        pivots, corners = layout.pivots, outlines(layout, leans)
-        closed = np.concatenate([corners, np.full((layout.count, 1, 2), np.nan)], axis=1)
-        number = np.arange(layout.count)
-        groups = number > leader, number < leader, number == leader
-        for part, which in zip(self._parts, groups, strict=False):
-            x, y = closed[which].reshape(-1, 2).T
-            part.data = {"x": x, "y": y}
+        pivots, centres = layout.pivots, outlines(layout, leans).mean(axis=1)
+        state = np.sign(np.arange(layout.count) - leader) + 1
+        values = *centres.T, layout.thickness, layout.height, -leans, np.take(COLOURS, state)
+        self._dominoes.data = dict(zip(COLUMNS, values, strict=True))
         tall = float(layout.height.max())
         line = ground_line(layout, tall, tall)
-        self._parts[3].data = {"x": line[:, 0], "y": line[:, 1]}
-        self._up.start = float(np.ptp(line[:, 1]) * -HALF + line[:, 1].min()) - 0.4 * tall
+        self._ground.data = {"x": line[:, 0], "y": line[:, 1]}
+        self._up.start = float(line[:, 1].min() - 0.5 * np.ptp(line[:, 1]) - 0.4 * tall)
         self._finish.location = float(pivots[-1, 0])
         at = pivots[stop or 0]
         self._stop.update(x=float(at[0]), y=float(at[1]) + 1.15 * tall, visible=stop is not None,
@@ -132,59 +130,56 @@ class Curve:
     ----------
     view
         Range of places [m].
-    name
-        Quantity and unit: "gap [mm]", "thickness [mm]" or "local speed [m/s]".
+    part
+        One of `TITLES`.
     """
 
-    def __init__(self, view: Range1d, name: str) -> None:
-        self._speed, self._thickness = name.startswith("local"), name.startswith("thick")
-        hint = "dashed: uniform baseline" if self._speed else "drag the points up and down"
-        self.figure = _figure(view, 190, "", f"{name[0].upper()}{name[1:]} – {hint}")
+    def __init__(self, view: Range1d, part: str) -> None:
+        self._part = part
+        self.figure = _figure(view, 190, "", TITLES[part])
         self.figure.y_range = self._up = Range1d(0.0, 1.0)
-        self.sources = [ColumnDataSource({"x": [], "y": [], "n": []}) for _ in range(3)]
+        self.sources = [ColumnDataSource({"x": [], "y": [], "number": []}) for _ in range(3)]
         looks = ((OURS, "solid"), (UNIFORM, "dashed"), (KNOWN, "dotted"))
         for source, (colour, dash) in zip(self.sources, looks, strict=True):
             self.figure.line("x", "y", source=source, color=colour, line_dash=dash)
-        if not self._speed:
-            points = self.figure.scatter(
-                "x", "y", source=self.sources[0], color=OURS, size=8, nonselection_alpha=1.0,
-                selection_color=KNOWN, hover_color=KNOWN,
-            )  # fmt: skip
-            tips = [("number", "@n"), (name, "@y{0.000}")]
-            self.figure.add_tools(HoverTool(renderers=[points], tooltips=tips))
-        else:
-            self.figure.xaxis.axis_label = "place along the chain [m]"
 
     def draw(self, waves: Sequence[Wave | None]) -> None:
         """Draw the layout's wave, that of the uniform baseline and another one; None for none."""
-        top = 0.0
         for source, wave in zip(self.sources, waves, strict=True):
             x = y = np.empty(0)
             if wave is not None:
-                place, thick = wave.layout.pivots[:, 0], wave.layout.thickness
-                x = 0.5 * (place[:-1] + place[1:] - thick[1:])
-                y = wave.local_speed if self._speed else MM * wave.layout.spacing
-                if self._thickness:
-                    x, y = place[1:] - 0.5 * thick[1:], MM * thick[1:]
-                top = max(top, float(np.nanmax(y, initial=0.0)))
-            source.data = {"x": x, "y": y, "n": np.arange(len(x)) + self._thickness}
-        if self._speed:
-            self.fit(0.0, top)
+                place, thick = wave.layout.pivots[:, 0], wave.layout.thickness[1:]
+                x, y = 0.5 * (place[:-1] + place[1:] - thick), MM * wave.layout.spacing
+                if self._part == SPEED:
+                    y = wave.local_speed
+                elif self._part == THICKNESS:
+                    x, y = place[1:] - 0.5 * thick, MM * thick
+            number = np.arange(len(x)) + (self._part == THICKNESS)
+            source.data = {"x": x, "y": y, "number": number}
+        if self._part == SPEED:
+            self.fit(
+                0.0,
+                max(np.nan_to_num(source.data["y"]).max(initial=0.0) for source in self.sources),
+            )
 
     def fit(self, low: float, high: float) -> None:
         """Set the range of values."""
         room = 0.08 * (high - low) or 0.1 * high or 1.0
         self._up.update(start=low - room, end=high + room)
 
-
-def let_drag(curve: Curve, begin: Handler, go: Handler, end: Handler) -> None:
-    """Let points of a curve be dragged: call functions with the place and value of the pointer."""
-    nothing = curve.figure.scatter([], [])  # the tool keeps a touch from scrolling the page
-    tool = PointDrawTool(renderers=[nothing], add=False)
-    curve.figure.add_tools(tool)
-    curve.figure.toolbar.active_drag = tool
-    for kind, react in ((PanStart, begin), (Pan, go), (PanEnd, end)):
-        curve.figure.on_event(kind, react)
+    def let_drag(self, begin: Handler, go: Handler, end: Handler) -> None:
+        """Let points be dragged: call functions with the place and value of the pointer."""
+        points = self.figure.scatter(
+            "x", "y", source=self.sources[0], color=OURS, size=8, nonselection_alpha=1.0,
+            selection_color=KNOWN, hover_color=KNOWN,
+        )  # fmt: skip
+        tips = [("number", "@number"), (self._part, "@y{0.000} mm")]
+        # the tool keeps a touch from scrolling the page, and moves nothing by itself
+        tool = PointDrawTool(renderers=[self.figure.scatter([], [])], add=False)
+        self.figure.add_tools(HoverTool(renderers=[points], tooltips=tips), tool)
+        self.figure.toolbar.active_drag = tool
+        for kind, react in ((PanStart, begin), (Pan, go), (PanEnd, end)):
+            self.figure.on_event(kind, react)
 
 
 def _figure(view: Range1d, height: int, tools: str, title: str) -> Any:
@@ -193,13 +188,8 @@ def _figure(view: Range1d, height: int, tools: str, title: str) -> Any:
         x_range=view, height=height, sizing_mode="stretch_width", tools=tools, title=title,
         toolbar_location=None, min_border_left=48, min_border_right=12, outline_line_color=None,
     )  # fmt: skip
-    made.title.text_font_size, made.title.text_color, made.title.text_font_style = (
-        "13px",
-        INK,
-        "normal",
-    )
+    made.title.update(text_font_size="13px", text_color=INK, text_font_style="normal")
     made.grid.grid_line_color, made.axis.axis_line_color = FAINT, SOFT
     made.axis.major_label_text_color = made.axis.axis_label_text_color = SOFT
     made.axis.minor_tick_line_color = None
-    made.toolbar.logo = None
     return made

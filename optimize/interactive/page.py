@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import partial
 from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
 import panel as pn
+from bokeh.models import Range1d
 
 from domino_env.cli.simulate import noise_summary, placement_noise, rigid_summary
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import Motion
 from domino_env.physics.wave import Wave
-from domino_env.rigid.simulation import simulate_standing
+from domino_env.rigid.simulation import RigidWave, simulate_standing
 from domino_env.scenes.scene import Scene
+from domino_env.scenes.uniform import UniformBaseline
 from domino_env.view.race import Racer, headline
+from domino_env.view.report import UNIFORM_NAME
 from optimize.interactive.design import SPACING, THICKNESS, Design, known_record
 from optimize.interactive.exchange import exports, file_of, link_of, receive
-from optimize.interactive.figures import Chain, Curve, let_drag, new_view, set_view
-from optimize.interactive.jobs import Latest, Schedule, Work, find, improve, run_later
+from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
+from optimize.interactive.jobs import Work, find, improve
 
 FRAMES, INTERVAL = 150, 40  # of the animation, and [ms] from one to the next
 LONGEST_LINK = 30_000  # characters that servers and browsers accept in an address
 FLOOR_SECONDS = 30.0  # [s] that a uniform baseline on a floor may take
-MM = 1e3
 WIDE = {"sizing_mode": "stretch_width"}
 STYLE = """
 h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p { margin: 2px 0; }
@@ -35,7 +38,10 @@ h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p
 .error { color: #b03a00; }
 """
 WHOLE = ".bk-btn { padding: 0; } .bk-btn a { flex: 1; padding: 6px 12px; }"  # to be clicked
-NOTHING, UNIFORM, KNOWN, KEPT = "nothing", "uniform baseline", "best known layout", "kept layout"
+NOTHING, KEPT = "nothing", "kept layout"
+
+Schedule = Callable[[Callable[[], None]], object]
+"""Function that runs another one in the thread of the page, soon."""
 
 
 class Control(NamedTuple):
@@ -86,8 +92,7 @@ CONTROLS = (
     Control("Allowed gaps [mm]", 0.5, 100, 0.1, *_bounds(SPACING)),
     Control("Allowed thicknesses [mm]", 1, 50, 0.1, *_bounds(THICKNESS)),
     Control("Length, first to last pivot [mm]; 0 for any", 0, 5000, 0.5,
-            lambda s: _mm(s.length or 0),
-            lambda _, v: {"length": v / MM or None}),
+            lambda s: _mm(s.length or 0), lambda _, v: {"length": v / MM or None}),
     Control("Push of the first domino [rad/s]", 0.1, 40, 0.1, lambda s: s.physics.push,
             lambda s, v: {"physics": s.physics.replace(push=v)}),
     Control("Friction between dominoes", 0, 1, 0.01, lambda s: s.physics.friction,
@@ -119,32 +124,35 @@ class Page:
 
     def __init__(self, design: Design, schedule: Schedule) -> None:
         self.design, self._schedule = design, schedule
-        self._stopped: threading.Event | None = None  # ends the action that runs
-        self._uniform: tuple[Scene, Any] | None = None  # the uniform baseline, and its scene
+        self._newest: dict[Callable[..., None], Any] = {}  # values that wait for their use
+        self._stopped: threading.Event | None = None  # ends the search that runs
+        self._uniform_of: Scene | None = None  # scene of the uniform baseline
         self._kept: Layout | None = None
-        self._syncing = False  # the page sets its own controls
-        self._held = (SPACING, 0, 0.0)  # part, number and offset [m] of a drag
         self._waves: list[Wave] = []  # of this layout, and of the other one in a race
         self._motions: list[Motion] = []  # theirs; empty until the time is more than 0
-        self._drag = Latest(schedule, self._drag_to)
-        self._search = Latest(schedule, self._show_search)
-        self._control = Latest(schedule, self._change)
-        self._frame = Latest(schedule, lambda _: self._draw_chains(follow=True))
-        view = self._view = new_view(design.layout)
-        self.chain, self.compared = Chain(view), Chain(view)
-        self.curves = {
-            SPACING: Curve(view, "gap [mm]"), THICKNESS: Curve(view, "thickness [mm]"),
-            "speed": Curve(view, "local speed [m/s]"),
-        }  # fmt: skip
+        self._view = Range1d(0.0, 1.0)
+        self.chain, self.compared = Chain(self._view), Chain(self._view)
+        self.curves = {part: Curve(self._view, part) for part in TITLES}
         for part in (SPACING, THICKNESS):
-            let_drag(self.curves[part], *self.handlers(part))
-        self._make_controls()
+            self._let_drag(part)
         self.view = self._arranged()
         self._show_all()
 
     # what the page is made of -------------------------------------------------------------------
 
-    def _make_controls(self) -> None:
+    def _arranged(self) -> Any:
+        """Return the page: pictures and actions, and beside or below them the scene."""
+
+        def line(*parts: Any) -> Any:
+            return pn.FlexBox(*parts, align_items="end", gap="6px", **WIDE)
+
+        def card(title: str, *parts: Any) -> Any:
+            return pn.Column(pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[STYLE]), *parts, **WIDE)
+
+        def on_change(widget: Any, react: Callable[[Any], None]) -> Any:
+            widget.param.watch(lambda event: react(event.new), "value")
+            return widget
+
         self.title, self.numbers, self.message, self.link = (
             pn.pane.HTML(stylesheets=[STYLE], **WIDE) for _ in range(4)
         )
@@ -154,163 +162,199 @@ class Page:
             start=0, end=FRAMES, interval=INTERVAL, loop_policy="once", show_loop_controls=False,
             visible_buttons=["first", "pause", "play", "last"], name="Time", width=260, height=60,
         )  # fmt: skip
-        self.player.param.watch(lambda event: self._frame(event.new), "value")
-        self.race = pn.widgets.Select(name="Race against", options=[NOTHING, UNIFORM], **WIDE)
-        self.race.param.watch(lambda _: self._redraw(), "value")
-        self.controls = {control: self._widget(control) for control in CONTROLS}
-        self.pick = pn.widgets.IntInput(name="Gap number", start=0, value=0, width=110)
-        size = {"step": 0.1, "format": "0.000", "width": 170}
-        self.sizes = {
-            SPACING: pn.widgets.FloatInput(name="Size of this gap [mm]", **size),
-            THICKNESS: pn.widgets.FloatInput(name="Thickness after it [mm]", **size),
-        }
-        self.pick.param.watch(lambda _: self._show_sizes(), "value")
-        for part, field in self.sizes.items():
-            field.param.watch(lambda e, p=part: self._resize(p, e.new), "value")
-        self.floor = pn.widgets.FloatInput(name="Floor friction", value=0.5, step=0.1, width=120)
-        self.noise = pn.widgets.FloatInput(
-            name="Placement noise [mm]", value=0.5, step=0.1, width=120
+        on_change(self.player, partial(self._soon, self._draw_chains))
+        self.race = pn.widgets.Select(name="Race against", options=[NOTHING], **WIDE)
+        on_change(self.race, lambda _: self._redraw())
+        self.controls = {}
+        for control in CONTROLS:
+            kind = pn.widgets.EditableFloatSlider
+            if control.step == 1:
+                kind = pn.widgets.EditableIntSlider
+            elif "Allowed" in control.label:
+                kind = pn.widgets.EditableRangeSlider
+            label, low, high, step, *_ = control
+            self.controls[control] = widget = kind(
+                name=label, start=low, end=high, step=step, **WIDE
+            )
+            on_change(widget, partial(self._soon, self._change, control))
+        floor, noise = (
+            pn.widgets.FloatInput(name=name, value=0.5, start=0.0, step=0.1, width=150)
+            for name in ("Floor friction", "Placement noise [mm]")
         )
-        actions: dict[str, Callable[[], None]] = {
-            "Undo": lambda: self._edit(self.design.undo),
-            "Redo": lambda: self._edit(self.design.redo),
+        self.buttons = {}
+        actions: dict[str, Callable[[], Any]] = {
+            "Undo": lambda: self._edit(lambda: self.design.go(-1)),
+            "Redo": lambda: self._edit(lambda: self.design.go(1)),
             "Reset": lambda: self._edit(lambda: self.design.open(*self.design.first)),
             "Equal gaps": lambda: self._edit(self._equal_gaps),
             "Improve": lambda: self._run(improve),
             "Search": lambda: self._run(find),
-            "Stop": self._stop,
+            "Stop": self._stop_here,
             "Keep to compare": self._keep,
-            "Check on a floor": self._check_floor,
-            "Try the noise": self._try_noise,
+            "Check on a floor": lambda: self._check_floor(floor.value),
+            "Try the noise": lambda: self._try_noise(noise.value / MM),
         }
-        self.buttons = {}
         for name, action in actions.items():
             kind = "primary" if name in ("Improve", "Search") else "default"
             self.buttons[name] = button = pn.widgets.Button(name=name, button_type=kind)
             button.on_click(lambda _, a=action: self._guarded(a))
-        self.upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
-        self.upload.param.watch(self._receive, "value")
+        upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
+        on_change(upload, lambda data: self._receive(upload.filename, data))
         self.downloads = {
             name: pn.widgets.FileDownload(
-                label=name,
-                callback=lambda n=name: self._file(n),
-                filename="layout",
-                stylesheets=[WHOLE],
-                **WIDE,
-            )
-            for name in exports(self.design)
-        }
-
-    def _widget(self, control: Control) -> Any:
-        kind = pn.widgets.EditableFloatSlider
-        if control.step == 1:
-            kind = pn.widgets.EditableIntSlider
-        elif "Allowed" in control.label:
-            kind = pn.widgets.EditableRangeSlider
-        label, low, high, step, *_ = control
-        widget = kind(name=label, start=low, end=high, step=step, **WIDE)
-        widget.param.watch(
-            lambda e: None if self._syncing else self._control((control, e.new)), "value"
-        )
-        return widget
-
-    def _arranged(self) -> Any:
-        """Return the page: pictures and actions, and beside or below them the scene."""
-
-        def card(title: str, *parts: Any) -> Any:
-            return pn.Column(pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[STYLE]), *parts, **WIDE)
-
-        def line(*parts: Any) -> Any:
-            return pn.FlexBox(*parts, align_items="end", gap="6px", **WIDE)
-
-        buttons, curves = self.buttons, self.curves
-        first = ("Undo", "Redo", "Reset", "Equal gaps", "Improve", "Search", "Stop")
-        actions = line(*(buttons[name] for name in first))
+                label=name, callback=partial(self._file, name), filename="layout",
+                stylesheets=[WHOLE], **WIDE,
+            ) for name in exports(self.design)
+        }  # fmt: skip
+        *changes, keep, check, try_noise = self.buttons.values()
         main = pn.Column(
-            self.title, self.numbers, actions, self.progress, self.message,
+            self.title, self.numbers, line(*changes), self.progress, self.message,
             line(self.player, self.clock), self.chain.figure, self.compared.figure,
-            curves[SPACING].figure, curves[THICKNESS].figure, curves["speed"].figure,
-            line(self.pick, *self.sizes.values()), styles={"flex": "4 1 560px"}, min_width=0,
+            *(curve.figure for curve in self.curves.values()),
+            styles={"flex": "4 1 560px"}, min_width=0,
         )  # fmt: skip
         side = pn.Column(
             card("Scene", *self.controls.values()),
-            card("Compare", self.race, buttons["Keep to compare"]),
-            card("Will it work?", line(self.floor, buttons["Check on a floor"]),
-                 line(self.noise, buttons["Try the noise"])),
+            card("Compare", self.race, keep),
+            card("Will it work?", line(floor, check), line(noise, try_noise)),
             card("Build and save", *self.downloads.values(), self.link),
             card("Open", "A layout (.csv, .json) or a scene (.toml): choose it or drop it here.",
-                 self.upload),
+                 upload),
             styles={"flex": "1 1 270px"}, min_width=0,
         )  # fmt: skip
         return pn.FlexBox(main, side, align_items="flex-start", **WIDE)
+
+    def _let_drag(self, part: str) -> None:
+        """Let the points of a curve change gaps or thicknesses."""
+        points, offset = self.curves[part].sources[0], 0.0
+
+        def begin(event: Any) -> None:
+            nonlocal offset
+            self.stop()
+            at = int(np.argmin(np.abs(points.data["x"] - event.x)))
+            offset = points.data["y"][at] - event.y
+            self.player.param.update(direction=0, value=0)
+            points.selected.indices = [at]
+
+        def go(event: Any) -> None:
+            number = int(points.data["number"][points.selected.indices[0]])
+            self._soon(self.drag, part, number, max(event.y + offset, 0.0) / MM)
+
+        def end(_: Any) -> None:
+            self._use(self.drag)
+            self.design.commit()
+            points.selected.indices = []
+            self._settle()
+
+        self.curves[part].let_drag(begin, go, end)
+
+    # when things are done -----------------------------------------------------------------------
+
+    def _soon(self, use: Callable[..., None], *values: Any) -> None:
+        """Call a function with values, soon; newer values replace those that wait."""
+        waits = use in self._newest
+        self._newest[use] = values
+        if not waits:
+            self._schedule(lambda: self._use(use))
+
+    def _use(self, use: Callable[..., None]) -> None:
+        """Call a function with the values that wait for it, if there are some."""
+        if use in self._newest:
+            use(*self._newest.pop(use))
+
+    def _later(self, work: Callable[[], Any], use: Callable[[Any], None]) -> None:
+        """Call a function with the result of work in the background, or show why there is none."""
+
+        def run() -> None:
+            try:
+                result = work()
+                then = partial(use, result)
+            except (ValueError, ArithmeticError) as error:
+                then = partial(self.tell, str(error), "error")
+            self._schedule(then)
+
+        threading.Thread(target=run, daemon=True).start()
+
+    def _guarded(self, action: Callable[[], Any]) -> Any:
+        """Return the result of an action, or show why it cannot be done."""
+        self.tell("")
+        try:
+            return action()
+        except (ValueError, ArithmeticError) as error:
+            self.tell(str(error), "error")
+
+    def tell(self, words: str, kind: str = "") -> None:
+        """Show a sentence; the kind "error" has its own colour."""
+        self.message.object = f'<p role="status" class="{kind}">{escape(words)}</p>' * bool(words)
 
     # from the design to the page ----------------------------------------------------------------
 
     def _show_all(self) -> None:
         """Show a design whose scene may be another one."""
-        scene = self.design.scene
+        design, scene = self.design, self.design.scene
         self.title.object = f"<h1>Domino studio: {escape(str(scene.title))}</h1>"
-        self._syncing = True
         for control, widget in self.controls.items():
             value = control.read(scene)
             widget.visible = value is not None
             if value is not None:
-                low, high = np.min(value), np.max(value)
-                widget.param.update(
-                    start=min(control.low, low), end=max(control.high, high), value=value
-                )
-        self.pick.param.update(end=scene.count - 2, value=min(self.pick.value, scene.count - 2))
-        kept = self._kept is not None and not scene.violations(self._kept)
-        choices = {UNIFORM: True, KNOWN: known_record(scene), KEPT: kept}
-        self.race.options = [NOTHING, *(name for name, there in choices.items() if there)]
-        self._syncing = False
-        for name, (ending, _) in exports(self.design).items():
+                low, high = min(control.low, np.min(value)), max(control.high, np.max(value))
+                widget.param.update(start=low, end=high, value=value)
+        for name, (ending, _) in exports(design).items():
             self.downloads[name].filename = f"{scene.name}{ending}"
+        scale = MM * (float(design.layout.height.max()) if scene.in_heights else 1.0)
         for part, free in ((SPACING, scene.free_spacing), (THICKNESS, scene.free_thickness)):
-            self.curves[part].figure.visible = self.sizes[part].visible = free
-            low, high = getattr(scene, part)
-            scale = float(self.design.layout.height.max()) if scene.in_heights else 1.0
-            self.curves[part].fit(MM * low * scale, MM * high * scale)
-        set_view(self._view, self.design.layout)
-        if self._uniform is None or self._uniform[0] != scene:
-            self._uniform = None
-            run_later(
-                lambda: (scene, scene.uniform(FLOOR_SECONDS)), self._take_uniform, self._schedule
-            )
+            self.curves[part].figure.visible = free
+            self.curves[part].fit(*(scale * bound for bound in getattr(scene, part)))
+        set_view(self._view, design.layout)
+        if scene != self._uniform_of:
+            self._uniform_of, design.uniform = scene, None
+            self._later(lambda: (scene, scene.uniform(FLOOR_SECONDS)), self._take_uniform)
         self._settle()
+
+    def _take_uniform(self, result: tuple[Scene, UniformBaseline]) -> None:
+        if result[0] == self.design.scene:
+            self.design.uniform = result[1]
+            self._redraw()
 
     def _settle(self) -> None:
         """Show what a step of the history changes, after a drag for example."""
-        design = self.design
-        wave = design.wave
+        design, wave = self.design, self.design.wave
         if design.score is None:
-
-            def take(score: Any) -> None:
-                if design.wave is wave and isinstance(score, float):
-                    design.score = score
-                    self._redraw()
-
-            run_later(lambda: design.scene.score(wave), take, self._schedule)
+            scene = design.scene
+            self._later(lambda: (wave, scene.score(wave)), self._take_score)
         link = link_of(design)
         self.link.object = (
             f'<a href="{link}" target="_blank">Link that contains this layout</a>'
             if len(link) < LONGEST_LINK else "The layout is too long for a link: save its files."
         )  # fmt: skip
-        self.buttons["Undo"].disabled = not design.can_undo
-        self.buttons["Redo"].disabled = not design.can_redo
+        self.buttons["Undo"].disabled = not design.can_go(-1)
+        self.buttons["Redo"].disabled = not design.can_go(1)
         self.buttons["Stop"].disabled = self._stopped is None
-        self._show_sizes()
         self._redraw()
+
+    def _take_score(self, result: tuple[Wave, float]) -> None:
+        if result[0] is self.design.wave:
+            self.design.score = result[1]
+            self._redraw()
 
     def _redraw(self) -> None:
         """Show the layout: its numbers, its curves and its picture."""
-        design, compared = self.design, self._compared
-        uniform = self._uniform[1] if self._uniform else None
-        numbers = design.numbers(uniform.score if uniform else None)
-        cells = (f"<div><b>{escape(v)}</b><br>{escape(name)}</div>" for name, v in numbers.items())
+        design, scene, uniform = self.design, self.design.scene, self.design.uniform
+        record, kept = known_record(scene), self._kept
+        rivals = {
+            UNIFORM_NAME: uniform.layout if uniform else None,
+            "best known layout": record[0] if record else None,
+            KEPT: kept if kept and not scene.violations(kept) else None,
+        }
+        # a name stays while its layout is computed
+        self.race.options = [NOTHING, UNIFORM_NAME, *(n for n in [*rivals][1:] if rivals[n])]
+        cells = (
+            f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in design.numbers().items()
+        )
         explanation = escape(design.wave.explanation)
         self.numbers.object = f'<div class="numbers">{"".join(cells)}</div><p>{explanation}</p>'
-        other = None if compared is None else design.scene.simulate(compared)
+        compared = rivals.get(self.race.value)
+        other = None if compared is None else scene.simulate(compared)
         for curve in self.curves.values():
             curve.draw((design.wave, uniform.wave if uniform else None, other))
         waves = {"your layout": design.wave} | ({self.race.value: other} if other else {})
@@ -319,196 +363,122 @@ class Page:
         self.compared.figure.title.text = self.race.value
         racers = [Racer(name, wave) for name, wave in waves.items()]
         self.chain.figure.title.text = headline(racers)["who"] if other else "Your layout"
-        self._draw_chains()
+        self._draw_chains(None)
 
-    def _draw_chains(self, *, follow: bool = False) -> None:
-        """Draw the dominoes at the time of the player."""
+    def _draw_chains(self, frame: int | None) -> None:
+        """Draw the dominoes at the time of the player; with a new frame the view follows them."""
         layouts, part = [wave.layout for wave in self._waves], self.player.value / FRAMES
         poses = [(layout.tilt, -1) for layout in layouts]
         self.clock.object = "0 s"
         if part:  # a drag of a chain at rest does not wait for its motion
-            motions = self._motions or [Motion(wave.layout, wave.physics) for wave in self._waves]
-            self._motions, end = motions, max(motion.end for motion in motions)
+            self._motions = self._motions or [Motion(w.layout, w.physics) for w in self._waves]
+            end = max(motion.end for motion in self._motions)
             now = [part * end]
-            poses = [(m.angles(now)[0], int(m.leader(now)[0][0])) for m in motions]
+            poses = [(m.angles(now)[0], int(m.leader(now)[0][0])) for m in self._motions]
             self.clock.object = f"{now[0]:.3f} s of {end:.3f} s"
         stops = (self.design.stop, None)
-        chains = (self.chain, self.compared)
-        for chain, layout, pose, stop in zip(chains, layouts, poses, stops, strict=False):
+        for chain, layout, pose, stop in zip(
+            (self.chain, self.compared), layouts, poses, stops, strict=False
+        ):
             chain.draw(layout, *pose, stop)
-        if follow:
+        if frame is not None:
             set_view(self._view, layouts[0], float(layouts[0].pivots[max(poses[0][1], 0), 0]))
-
-    def _show_sizes(self) -> None:
-        layout, number = self.design.layout, self.pick.value
-        self._syncing = True
-        self.sizes[SPACING].value = _mm(float(layout.spacing[number]))
-        self.sizes[THICKNESS].value = _mm(float(layout.thickness[number + 1]))
-        self._syncing = False
-
-    def tell(self, words: str, kind: str = "") -> None:
-        """Show a sentence; the kind "error" has its own colour."""
-        self.message.object = (
-            f'<p role="status" class="{kind}">{escape(words)}</p>' if words else ""
-        )
-
-    @property
-    def _compared(self) -> Layout | None:
-        """Layout of the race against this one."""
-        name, record = self.race.value, known_record(self.design.scene)
-        if name == UNIFORM:
-            return self._uniform[1].layout if self._uniform else None
-        return record[0] if name == KNOWN and record else self._kept if name == KEPT else None
-
-    def _take_uniform(self, found: Any) -> None:
-        if isinstance(found, tuple) and found[0] == self.design.scene:
-            self._uniform = found
-            self._redraw()
 
     # from the page to the design ----------------------------------------------------------------
 
-    def _guarded(self, action: Callable[[], object]) -> bool:
-        """Do something and return True, or show why it cannot be done."""
-        self.tell("")
-        try:
-            action()
-        except (ValueError, ArithmeticError) as error:
-            self.tell(str(error), "error")
-            return False
-        return True
+    def drag(self, part: str, number: int, value: float) -> None:
+        """Show what a drag changes; arguments as of `Design.drag`."""
+        self.design.drag(part, number, value)
+        self._redraw()
 
-    def _edit(self, action: Callable[[], object]) -> None:
+    def _edit(self, action: Callable[[], Any]) -> None:
         """Change the design, and show it."""
-        self._abandon()
-        if self._guarded(action):  # a control keeps a value that is rejected, until it is changed
-            self._show_all()
+        self.stop()
+        self._guarded(action)
+        self._show_all()
 
-    def _abandon(self) -> None:
-        """End an action of which no result is wanted any more."""
+    def _change(self, control: Control, value: Any) -> None:
+        if value is not None and value != control.read(self.design.scene):
+            fields = control.fields(self.design.scene, value)
+            self._edit(lambda: self.design.change(**fields))
+
+    def _equal_gaps(self) -> None:
+        if self.design.uniform is None:
+            raise ValueError("the best equal gaps are still being computed: try again")
+        self.design.show(self.design.uniform.layout)
+        self.design.commit()
+
+    def _keep(self) -> None:
+        self._kept = self.design.layout
+        self._redraw()
+        self.race.value = KEPT
+
+    def _receive(self, names: list[str], data: list[bytes] | None) -> None:
+        if data:
+            files = dict(zip(names, data, strict=True))
+            self._edit(lambda: self.tell(receive(self.design, files)))
+
+    def _file(self, name: str) -> Any:
+        write = exports(self.design)[name][1]
+        return self._guarded(lambda: file_of(write, self.downloads[name].filename))
+
+    # actions in the background ------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """End a search of which no result is wanted any more."""
         if self._stopped is not None:
             self._stopped.set()
             self._stopped, self.progress.visible = None, False
             self.buttons["Stop"].disabled = True
 
-    close = _abandon
-
-    def _stop(self) -> None:
-        """End an action with the best so far."""
+    def _stop_here(self) -> None:
+        """End a search with the best so far."""
         if self._stopped is not None:
             self._stopped.set()
 
-    def _change(self, change: tuple[Control, Any]) -> None:
-        control, value = change
-        fields = control.fields(self.design.scene, value)
-        self._edit(lambda: self.design.change(**fields))
-
-    def _equal_gaps(self) -> None:
-        if self._uniform is None:
-            raise ValueError("the best equal gaps are still being computed: try again")
-        self.design.show(self._uniform[1].layout)
-        self.design.commit()
-
-    def _keep(self) -> None:
-        self._kept = self.design.layout
-        self._show_all()
-        self.race.value = KEPT
-
-    def handlers(self, part: str) -> Iterator[Callable[[Any], None]]:
-        """Yield what happens at the begin, during and at the end of a drag."""
-        places = self.curves[part].sources[0]
-
-        def begin(event: Any) -> None:
-            self._abandon()
-            at = int(np.argmin(np.abs(places.data["x"] - event.x)))
-            number = at + (part == THICKNESS)
-            self._held = part, number, places.data["y"][at] - event.y
-            self.player.param.update(direction=0, value=0)
-            self.pick.value = at
-            places.selected.indices = [at]
-
-        def end(_: Any) -> None:
-            self._drag.flush()
-            self.design.commit()
-            places.selected.indices = []
-            self._settle()
-
-        yield from (begin, lambda event: self._drag(event.y), end)
-
-    def _drag_to(self, y: float) -> None:
-        part, number, offset = self._held
-        self.design.drag(part, number, max(y + offset, 0.0) / MM)
-        self._redraw()
-
-    def _resize(self, part: str, value: float) -> None:
-        if not self._syncing and value is not None:
-            number = self.pick.value + (part == THICKNESS)
-            self.design.drag(part, number, value / MM)
-            self.design.commit()
-            self._settle()
-
-    def _receive(self, event: Any) -> None:
-        if event.new:
-            names = self.upload.filename
-            files = dict(zip(names, event.new, strict=True))
-            self._edit(lambda: self.tell(receive(self.design, files)))
-
-    def _file(self, name: str) -> Any:
-        found: list[Any] = [None]
-        _, write = exports(self.design)[name]
-        filename = self.downloads[name].filename
-        self._guarded(lambda: found.append(file_of(write, filename)))
-        return found[-1]
-
-    # actions in the background ------------------------------------------------------------------
-
     def _run(self, work: Work) -> None:
         """Run a search from the layout, and show how it climbs."""
-        self._abandon()
+        self.stop()
         stopped = self._stopped = threading.Event()
         design, began = self.design, self.design.score
         self.progress.param.update(visible=True, value=-1)
         self.buttons["Stop"].disabled = False
 
-        def show(found: tuple[Layout, float]) -> None:
-            self._search((stopped, *found))
+        def show(layout: Layout, part: float) -> None:
+            self._soon(self._show_search, stopped, layout, part)
 
-        def take(found: Any) -> None:
-            self._search.flush()
-            if self._stopped is stopped:
-                self._abandon()
-                layout, words = found if isinstance(found, tuple) else (None, str(found))
-                if layout is not None:
-                    design.show(layout)
-                    if began is not None and design.score is not None and design.score < began:
-                        design.show(design.kept)
-                        words = f"no better layout was found; {words}"
-                    design.commit()
-                self.tell(words)
-                self._settle()
+        def take(result: tuple[Layout, str]) -> None:
+            self._use(self._show_search)
+            if self._stopped is not stopped:
+                return
+            layout, words = result
+            self.stop()
+            design.show(layout)
+            if began is not None and design.score is not None and design.score < began:
+                design.show(design.kept)
+                words = f"no better layout was found; {words}"
+            design.commit()
+            self.tell(words)
+            self._settle()
 
-        run_later(lambda: work(design.scene, design.kept, stopped, show), take, self._schedule)
+        self._later(lambda: work(design.scene, design.kept, stopped, show), take)
 
-    def _show_search(self, found: tuple[threading.Event, Layout, float]) -> None:
-        stopped, layout, part = found
+    def _show_search(self, stopped: threading.Event, layout: Layout, part: float) -> None:
         if self._stopped is stopped:
-            self.progress.value = round(100 * part) if part else -1
+            self.progress.value = round(100 * part) or -1
             self.design.show(layout)
             self._redraw()
 
-    def _check_floor(self) -> None:
-        wave, friction = self.design.wave, self.floor.value
+    def _check_floor(self, friction: float) -> None:
+        wave = self.design.wave
         self.tell("simulating the free-standing dominoes …")
 
-        def take(found: Any) -> None:
-            if isinstance(found, Exception):
-                self.tell(str(found), "error")
-            elif self.design.wave is wave:
-                self.tell(" ".join(f"{line}." for line in rigid_summary(found, wave) if line))
+        def take(rigid: RigidWave) -> None:
+            if self.design.wave is wave:
+                self.tell(" ".join(f"{line}." for line in rigid_summary(rigid, wave) if line))
 
-        run_later(
-            lambda: simulate_standing(wave.layout, wave.physics, friction), take, self._schedule
-        )
+        self._later(lambda: simulate_standing(wave.layout, wave.physics, friction), take)
 
-    def _try_noise(self) -> None:
+    def _try_noise(self, deviation: float) -> None:
         wave, scene = self.design.wave, self.design.scene
-        self.tell(noise_summary(placement_noise(wave, scene, self.noise.value / MM)))
+        self.tell(noise_summary(placement_noise(wave, scene, deviation)))

@@ -51,8 +51,8 @@ class Studio:
 
     def __init__(self, design: Design, port: int = 0) -> None:
         self.design, self.url = design, ""
-        self._port, self._first = port, design
-        self._tabs: set[int] = set()
+        self._port, self._first = port, design.first
+        self._tabs: set[object] = set()
 
     @property
     def layout(self) -> Layout:
@@ -76,7 +76,7 @@ class Studio:
         """
         from panel.io.server import get_server
 
-        compile_for(self._first.scene, gradients=True)  # or the first search would hold the page up
+        compile_for(self._first[0], gradients=True)  # or the first search would hold the page up
         asyncio.set_event_loop(asyncio.new_event_loop())  # any thread may serve
         server: Any = get_server(
             lambda: self._new_tab(server.io_loop.stop if until_closed else lambda: None),
@@ -100,24 +100,22 @@ class Studio:
         from optimize.interactive.page import Page
 
         document: Any = pn.state.curdoc
-        problem = ""
-        first = Design(self._first.scene, self._first.layout)
+        self.design, problem = Design(*self._first), ""
         try:
             if link := (pn.state.session_args or {}).get(KEY):
-                first = of_link(link[0].decode())
+                self.design = of_link(link[0].decode())
         except ValueError as error:
             problem = str(error)
-        page = Page(first, document.add_next_tick_callback)
+        page = Page(self.design, document.add_next_tick_callback)
         page.tell(problem, "error")
-        self.design = first
 
         def close(_: Any) -> None:
-            page.close()
-            self._tabs.discard(id(page))
+            page.stop()
+            self._tabs.discard(page)
             if not self._tabs:
                 end()
 
-        pn.state.onload(lambda: self._tabs.add(id(page)))
+        pn.state.onload(lambda: self._tabs.add(page))
         pn.state.on_session_destroyed(close)
         template = pn.Template(TEMPLATE)
         template.add_panel("page", page.view)
@@ -128,12 +126,13 @@ class Studio:
             ready = threading.Event()
 
             def serve() -> None:
-                self.serve(lambda _: ready.set(), until_closed=False)
+                try:
+                    self.serve(lambda _: ready.set(), until_closed=False)
+                finally:
+                    ready.set()
 
-            thread = threading.Thread(target=serve, daemon=True)
-            thread.start()
-            while thread.is_alive() and not ready.wait(0.1):
-                pass
+            threading.Thread(target=serve, daemon=True).start()
+            ready.wait()
         return f'<iframe src="{self.url}" style="width:100%;height:{TALL}px;border:0"></iframe>'
 
 

@@ -11,7 +11,7 @@ import pytest
 import domino_env as de
 from domino_env.cli.main import main
 from optimize.interactive.design import SPACING, THICKNESS, Design
-from optimize.interactive.jobs import Latest, find, improve
+from optimize.interactive.jobs import find, improve
 
 SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
 LISTED = SPRINT.replace(spacing_values=(0.005, 0.010, 0.020, 0.040), count=12)
@@ -68,16 +68,16 @@ def test_a_drag_is_one_step_of_the_history() -> None:
     design.commit()
     dragged = design.layout
     design.change(count=30)
-    design.undo()
+    design.go(-1)
     assert (design.scene, design.layout) == (SPRINT, dragged)
-    design.undo()
+    design.go(-1)
     assert design.layout == first
-    assert not design.can_undo
-    design.redo()
+    assert not design.can_go(-1)
+    design.go(1)
     assert design.layout == dragged
     design.drag(SPACING, 3, 0.02)
     design.commit()
-    assert not design.can_redo
+    assert not design.can_go(1)
 
 
 @pytest.mark.parametrize("fields", [
@@ -109,8 +109,8 @@ def test_a_scene_that_cannot_be_changes_nothing() -> None:
 def test_numbers_are_those_of_the_score_and_of_the_command(capsys, tmp_path) -> None:
     design = Design(SPRINT)
     design.drag(SPACING, 3, 0.012)
-    uniform = SPRINT.uniform().score
-    numbers = design.numbers(uniform)
+    design.uniform = SPRINT.uniform()
+    numbers = design.numbers()
     path = tmp_path / "row.csv"
     design.layout.to_csv(path)
     assert main(["simulate", str(path), "--scene", "sprint"]) == 0
@@ -119,7 +119,7 @@ def test_numbers_are_those_of_the_score_and_of_the_command(capsys, tmp_path) -> 
     assert f"mean speed {speed} over" in printed
     assert f"last domino hit after {last}\n" in printed
     gained = numbers["gain over the uniform baseline (best equal gaps)"]
-    assert gained == f"{SPRINT.score(design.layout) / uniform - 1.0:+.2%}"
+    assert gained == f"{SPRINT.score(design.layout) / design.uniform.score - 1.0:+.2%}"
     assert f"score {speed.removesuffix(' m/s')} on 'sprint', {gained} against" in printed
 
 
@@ -128,22 +128,7 @@ def test_numbers_of_a_wave_that_stops_name_the_place() -> None:
     assert design.stop is None
     design.drag(SPACING, 20, 0.050)  # more than the height
     assert design.stop == 20
-    assert design.numbers(1.0)["dominoes hit"] == "21 of 40"
-
-
-def test_only_the_newest_of_waiting_values_is_used() -> None:
-    waiting: list[Any] = []
-    used: list[int] = []
-    latest = Latest(waiting.append, used.append)
-    for value in range(50):
-        latest(value)
-    assert len(waiting) == 1
-    waiting.pop()()
-    assert used == [49]
-    latest(50)
-    latest.flush()  # the end of a drag does not wait
-    waiting.pop()()
-    assert used == [49, 50]
+    assert design.numbers()["dominoes hit"] == "21 of 40"
 
 
 @pytest.mark.parametrize("kind", ["bounds", "length", "list"])
@@ -152,7 +137,7 @@ def test_improving_climbs_and_keeps_the_rules(kind: str, monkeypatch) -> None:
     scene = SCENES[kind].replace(count=12, length=None if kind != "length" else 0.24)
     design, shown = Design(scene), list[float]()
     layout, words = improve(
-        scene, design.layout, threading.Event(), lambda one: shown.append(scene.score(one[0]))
+        scene, design.layout, threading.Event(), lambda one, _: shown.append(scene.score(one))
     )
     assert scene.violations(layout) == []
     assert scene.score(layout) == shown[-1] == max(shown)
@@ -161,12 +146,12 @@ def test_improving_climbs_and_keeps_the_rules(kind: str, monkeypatch) -> None:
 
 
 def test_a_search_that_is_stopped_returns_its_best() -> None:
-    stopped, shown = threading.Event(), list[Any]()
+    stopped, shown = threading.Event(), list[de.Layout]()
 
-    def show(found: Any) -> None:
-        shown.append(found)
+    def show(layout: de.Layout, _: float) -> None:
+        shown.append(layout)
         stopped.set()
 
     layout, words = find(SPRINT, SPRINT.uniform().layout, stopped, show)
     assert "stopped" in words
-    assert SPRINT.score(layout) >= SPRINT.score(shown[0][0]) - 1e-6
+    assert SPRINT.score(layout) >= SPRINT.score(shown[0]) - 1e-6

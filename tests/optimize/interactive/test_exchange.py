@@ -21,7 +21,6 @@ from optimize.interactive.exchange import (
     of_link,
     open_design,
     receive,
-    scene_for,
 )
 
 SPRINT = de.load_scene("sprint")
@@ -45,7 +44,7 @@ def test_files_and_links_bring_back_the_same_design(name: str) -> None:
     design = Design(de.load_scene(name))
     other = Design(SPRINT)
     files = {"row.toml": sent(design, "Scene (TOML)"), "row.csv": sent(design, "Layout (CSV)")}
-    assert receive(other, files) == "opened scene row.toml, layout row.csv"
+    assert receive(other, files) == "opened row.toml, row.csv"
     linked = of_link(parse_qs(link_of(design)[1:])["design"][0])
     for one in (other, linked, open_design(f"http://localhost:1/{link_of(design)}")):
         assert (one.scene, one.layout, one.score) == (design.scene, design.layout, design.score)
@@ -71,12 +70,12 @@ def test_a_layout_is_opened_with_its_own_scene_or_one_that_fits(
         assert open_design(source).scene == SPRINT
     wide = de.Layout(np.linspace(0.001, 0.045, 11), 0.008)
     words = receive(design, {"wide.csv": file_of(wide.to_csv, "a.csv").read()})
-    assert "with bounds of its own, as in scene 'sprint' the layout has 12 dominoes" in words
-    assert design.scene == scene_for(wide, SPRINT)
+    assert "it is no layout of scene 'sprint': the layout has 12 dominoes" in words
+    assert design.scene.spacing == (0.001, 0.045)
     assert design.layout == wide
     with pytest.raises(ValueError, match="there is no scene 'sprnt': did you mean 'sprint'"):
         open_design("sprnt")
-    with pytest.raises(ValueError, match=r"height from 0\.04 to 0\.05"):
+    with pytest.raises(ValueError, match=r"allows 0\.04 m"):
         open_design(de.Layout([0.02], 0.008, [0.04, 0.05]))
 
 
@@ -123,7 +122,7 @@ def packed(data: bytes) -> str:
 
 @pytest.mark.parametrize("text", [
     "", "€", "AAAA", packed(b"[1, 2"), packed(b"{}"), packed(b"[" * 10**6), packed(b" " * 10**8),
-    packed(json.dumps(["count = 3", []]).encode()),
+    packed(json.dumps(["count = 3", "spacing"]).encode()),
 ])  # fmt: skip
 def test_a_damaged_link_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="the design in the link: "):

@@ -219,7 +219,7 @@ def test_a_wrong_file_gets_its_sentence_and_a_link_its_layout(tab: Tab, tmp_path
     assert tab.page.layout is before
     de.Layout.uniform(40, spacing=0.012).to_csv(path)
     tab.element("input[type=file]").send_keys(str(path))
-    tab.wait(lambda: "opened layout wrong.csv" in tab.text("status"))
+    tab.wait(lambda: "opened wrong.csv" in tab.text("status"))
     link = tab.studio.url + link_of(tab.page)
     tab.wait(
         lambda: tab.element("a", "Link that contains this layout").get_attribute("href") == link
