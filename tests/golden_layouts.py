@@ -210,7 +210,7 @@ def scene_layout(rng: np.random.Generator, scene: de.Scene) -> de.Layout:
         gaps = 1.2 / pairs - D + 0.3 * (gaps - gaps.mean())
     elif scene.stock is not None:
         thickness = rng.permutation(scene.stock.without(scene.first_thickness).dominoes)
-    elif scene.name in ("sprint-thickness", "ideal", "tempo", "gentle"):
+    elif scene.name in ("sprint-thickness", "ideal", "tempo", "tempo-noise", "gentle"):
         thickness = rng.uniform(0.005, 0.012, pairs)
     elif scene.name == "magnify":
         grown = H * np.cumprod(np.append(1.0, rng.uniform(1.0, 1.2 + 0.4 * width, pairs)))
