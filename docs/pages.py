@@ -20,7 +20,7 @@ import numpy as np
 import domino_env as de
 from domino_env.core.tables import markdown_table
 from domino_env.physics.motion import Motion, outlines
-from domino_env.rigid.known import known_verification, read_verified
+from domino_env.rigid.known import known_verification, not_toppled, read_verified
 from domino_env.scenes.io.schema import scene_schema
 from domino_env.view.ground import ground_line
 from optimize.experiments.best_known import BestKnown, best_known
@@ -249,7 +249,7 @@ def gain_on_floor(floor: float, name: str, records: dict[str, BestKnown]) -> str
     for check in one.floors if one else ():
         if check.floor == floor:
             if check.staying_up:
-                return f"{check.staying_up} do not topple"
+                return not_toppled(check.staying_up)
             # a gain of the first dominoes only is another quantity
             return "–" if check.gain is None or one.first < one.count else f"{check.gain:+.1%}"
     return "–"
@@ -328,7 +328,7 @@ def checked(record: BestKnown, scene: Any) -> list[str]:
     lines = [f"On fixed pivots, by the reference simulator: {one.verdict}", ""]
     for check in one.floors[1:]:
         gain = "" if check.gain is None else f", {check.gain:+.2%} over the uniform baseline there"
-        up = f"; {check.staying_up} do not topple" if check.staying_up else ""
+        up = f"; {not_toppled(check.staying_up)}" if check.staying_up else ""
         lines.append(f"- On a floor of friction {check.floor:g}: {check.score}{gain}{up}.")
     first = ""
     if one.first < one.count:

@@ -183,7 +183,7 @@ def _evaluation_lines(result: dict[str, object]) -> list[str]:
     uniform = f"the uniform baseline ({result['uniform_score']:.6f})"
     against = f"below zero for a wave that stops; {uniform}"
     if "gain" in result:
-        against = f"{result['gain']:+.2%} against {uniform}"
+        against = f"{result['gain']:+z.2%} against {uniform}"
     return [f"score {result['score']:.6f} on '{name}', {against}"]
 
 

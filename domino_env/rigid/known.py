@@ -155,8 +155,13 @@ def known_table(found: dict[str, Verified]) -> list[str]:
     return markdown_table(NAMES, lines)
 
 
+def not_toppled(number: int) -> str:
+    """Describe how many dominoes do not topple."""
+    return f"{number} {'does' if number == 1 else 'do'} not topple"
+
+
 def _score(check: Check) -> str:
-    return check.score + (f" ({check.staying_up} do not topple)" if check.staying_up else "")
+    return check.score + (f" ({not_toppled(check.staying_up)})" if check.staying_up else "")
 
 
 def _difference(reference: Check, engine: Check | None) -> str:

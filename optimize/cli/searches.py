@@ -118,7 +118,7 @@ def _best(result: SearchResult) -> str:
     """Describe the best layout of a search."""
     wave, score = result.wave, result.scene.in_words(result.score, result.wave)
     # the ratio of scores without a unit has no meaning
-    gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+.2%}"
+    gain = "" if result.gain is None or not result.scene.unit else f", {result.gain:+z.2%}"
     ended = "interrupted after " if result.interrupted else ""
     text = (
         f"{score}{gain} ({wave.outcome.name}; {result.method}, seed {result.seed}, "
