@@ -198,10 +198,12 @@ class Design:
             shown[GAIN] = COMPUTING
         if speed and score is not None and self.uniform is not None:
             lead, record = gain(score, self.uniform.score), known_record(scene)
-            shown[GAIN] = "–" if lead is None else f"{lead:+.2%}"
+            shown[GAIN] = "–" if lead is None else f"{round(lead, 4) + 0.0:+.2%}"
             most = gain(record[1], self.uniform.score) if record else None
             if lead is not None and most:
-                shown["normalised score (100 %: best known layout)"] = f"{lead / most:.1%}"
+                shown["normalised score (100 %: best known layout)"] = (
+                    f"{round(lead / most, 3) + 0.0:.1%}"
+                )
         if wave.hit == wave.layout.count:
             last = float(wave.arrival_times[-1])
             shown["last domino hit after"] = f"{last:.6f} s ± {wave.error_estimate * last:.0e} s"

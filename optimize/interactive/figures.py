@@ -89,9 +89,7 @@ class Chain:
         self.figure.rect(*COLUMNS[:5], source=self._dominoes, color="colour", line_color="white",
                          line_width=0.5)  # fmt: skip
         self._finish = Span(location=0, dimension="height", line_color=INK, line_dash="dashed")
-        self._stop = Label(
-            x=0, y=0, visible=False, text_color=KNOWN, text_align="center", text_font_size="13px"
-        )
+        self._stop = Label(x=0, y=0, visible=False, text_color=KNOWN, text_font_size="13px")
         for annotation in (self._finish, self._stop):
             self.figure.add_layout(annotation)
 
@@ -118,9 +116,15 @@ class Chain:
         self._ground.data = {"x": line[:, 0], "y": line[:, 1]}
         self._up.start = float(line[:, 1].min() - 0.5 * np.ptp(line[:, 1]) - 0.4 * tall)
         self._finish.location = float(pivots[-1, 0])
-        at = pivots[stop or 0]
-        self._stop.update(x=float(at[0]), y=float(at[1]) + 1.15 * tall, visible=stop is not None,
-                          text=f"▼ the wave stops here (domino {stop})")  # fmt: skip
+        at, text = pivots[stop or 0], f"the wave stops at domino {stop}"
+        right = (
+            stop or 0
+        ) > layout.count // 2  # where a text to the left of the mark has more room
+        self._stop.update(
+            x=float(at[0]), y=float(at[1]) + 1.15 * tall, visible=stop is not None,
+            x_offset=5 if right else -5, text_align="right" if right else "left",
+            text=f"{text} ▼" if right else f"▼ {text}",
+        )  # fmt: skip
 
 
 class Curve:
@@ -138,6 +142,7 @@ class Curve:
         self._part = part
         self.figure = _figure(view, 190, "", TITLES[part])
         self.figure.y_range = self._up = Range1d(0.0, 1.0)
+        self.figure.xaxis.axis_label = "place along the chain [m]" if part == SPEED else None
         self.sources = [ColumnDataSource({"x": [], "y": [], "number": []}) for _ in range(3)]
         looks = ((OURS, "solid"), (UNIFORM, "dashed"), (KNOWN, "dotted"))
         for source, (colour, dash) in zip(self.sources, looks, strict=True):

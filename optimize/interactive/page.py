@@ -91,7 +91,7 @@ CONTROLS = (
             lambda _, v: {THICKNESS: (v / MM, v / MM), "first_thickness": v / MM}),
     Control("Allowed gaps [mm]", 0.5, 100, 0.1, *_bounds(SPACING)),
     Control("Allowed thicknesses [mm]", 1, 50, 0.1, *_bounds(THICKNESS)),
-    Control("Length, first to last pivot [mm]; 0 for any", 0, 5000, 0.5,
+    Control("Length [mm] (0: any)", 0, 5000, 0.5,
             lambda s: _mm(s.length or 0), lambda _, v: {"length": v / MM or None}),
     Control("Push of the first domino [rad/s]", 0.1, 40, 0.1, lambda s: s.physics.push,
             lambda s, v: {"physics": s.physics.replace(push=v)}),
@@ -99,7 +99,7 @@ CONTROLS = (
             lambda s, v: {"physics": s.physics.replace(friction=v)}),
     Control("Slope [°], positive downhill", -15, 15, 0.1, _slope,
             lambda _, v: {"ground": Ground(slope=v) if v else None}),
-    Control("Floor friction of the score; 0 for fixed pivots", 0, 1.5, 0.05,
+    Control("Floor friction (0: fixed pivots)", 0, 1.5, 0.05,
             lambda s: s.floor_friction or 0, lambda _, v: {"floor_friction": v or None}),
 )  # fmt: skip
 
@@ -153,6 +153,7 @@ class Page:
             widget.param.watch(lambda event: react(event.new), "value")
             return widget
 
+        self.chain.figure.title.text = "Your layout"
         self.title, self.numbers, self.message, self.link = (
             pn.pane.HTML(stylesheets=[STYLE], **WIDE) for _ in range(4)
         )
@@ -164,7 +165,7 @@ class Page:
         )  # fmt: skip
         on_change(self.player, partial(self._soon, self._draw_chains))
         self.race = pn.widgets.Select(name="Race against", options=[NOTHING], **WIDE)
-        on_change(self.race, lambda _: self._redraw())
+        on_change(self.race, self._show_race)
         self.controls = {}
         for control in CONTROLS:
             kind = pn.widgets.EditableFloatSlider
@@ -305,11 +306,11 @@ class Page:
         for part, free in ((SPACING, scene.free_spacing), (THICKNESS, scene.free_thickness)):
             self.curves[part].figure.visible = free
             self.curves[part].fit(*(scale * bound for bound in getattr(scene, part)))
-        set_view(self._view, design.layout)
         if scene != self._uniform_of:
             self._uniform_of, design.uniform = scene, None
             self._later(lambda: (scene, scene.uniform(FLOOR_SECONDS)), self._take_uniform)
         self._settle()
+        self._fit_view()
 
     def _take_uniform(self, result: tuple[Scene, UniformBaseline]) -> None:
         if result[0] == self.design.scene:
@@ -352,7 +353,6 @@ class Page:
             f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in design.numbers().items()
         )
         explanation = escape(design.wave.explanation)
-        self.numbers.object = f'<div class="numbers">{"".join(cells)}</div><p>{explanation}</p>'
         compared = rivals.get(self.race.value)
         other = None if compared is None else scene.simulate(compared)
         for curve in self.curves.values():
@@ -362,7 +362,10 @@ class Page:
         self.compared.figure.visible = other is not None
         self.compared.figure.title.text = self.race.value
         racers = [Racer(name, wave) for name, wave in waves.items()]
-        self.chain.figure.title.text = headline(racers)["who"] if other else "Your layout"
+        verdict = f"<p><b>{escape(headline(racers)['who'])}</b></p>" if other else ""
+        self.numbers.object = (
+            f'<div class="numbers">{"".join(cells)}</div><p>{explanation}</p>{verdict}'
+        )
         self._draw_chains(None)
 
     def _draw_chains(self, frame: int | None) -> None:
@@ -382,7 +385,16 @@ class Page:
         ):
             chain.draw(layout, *pose, stop)
         if frame is not None:
-            set_view(self._view, layouts[0], float(layouts[0].pivots[max(poses[0][1], 0), 0]))
+            self._fit_view(float(layouts[0].pivots[max(poses[0][1], 0), 0]))
+
+    def _fit_view(self, leader: float | None = None) -> None:
+        """Show the longest chain as of `set_view`."""
+        longest = max((wave.layout for wave in self._waves), key=lambda layout: layout.length)
+        set_view(self._view, longest, leader)
+
+    def _show_race(self, _: str) -> None:
+        self._redraw()
+        self._fit_view()
 
     # from the page to the design ----------------------------------------------------------------
 
@@ -460,6 +472,7 @@ class Page:
             design.commit()
             self.tell(words)
             self._settle()
+            self._fit_view()
 
         self._later(lambda: work(design.scene, design.kept, stopped, show), take)
 
@@ -475,7 +488,8 @@ class Page:
 
         def take(rigid: RigidWave) -> None:
             if self.design.wave is wave:
-                self.tell(" ".join(f"{line}." for line in rigid_summary(rigid, wave) if line))
+                _, title, *lines = rigid_summary(rigid, wave)
+                self.tell(f"{title} {'; '.join(lines)}.")
 
         self._later(lambda: simulate_standing(wave.layout, wave.physics, friction), take)
 

@@ -22,8 +22,8 @@ TEMPLATE = """
 {% extends base %}
 {% block postamble %}
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<style>body { font-family: system-ui, sans-serif; color: #1d2126; margin: 0 auto; padding: 8px;
-max-width: 1500px; }</style>
+<style>body { font-family: system-ui, sans-serif; color: #1d2126; margin: 0 auto;
+padding: 8px 20px 8px 8px; max-width: 1500px; }</style>
 {% endblock %}
 {% block contents %}{{ embed(roots.page) }}{% endblock %}
 """

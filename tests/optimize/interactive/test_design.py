@@ -126,6 +126,8 @@ def test_numbers_are_those_of_the_score_and_of_the_command(capsys, tmp_path) -> 
 def test_numbers_of_a_wave_that_stops_name_the_place() -> None:
     design = Design(SPRINT.replace(spacing=(0.002, 0.060)))
     assert design.stop is None
+    design.uniform = design.scene.uniform()
+    assert "+0.00%" in design.numbers().values()
     design.drag(SPACING, 20, 0.050)  # more than the height
     assert design.stop == 20
     assert design.numbers()["dominoes hit"] == "21 of 40"
