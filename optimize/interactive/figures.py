@@ -54,7 +54,8 @@ def set_view(view: Range1d, layout: Layout, leader: float | None = None) -> None
     begin = first
     if leader is not None:
         begin = max(first, min(leader - AHEAD * wide, first + length - wide))
-    view.update(start=begin, end=begin + wide, bounds=(first, first + length))
+    view.bounds = first, first + length  # first, as the present ones limit start and end
+    view.update(start=begin, end=begin + wide)
 
 
 class Chain:
