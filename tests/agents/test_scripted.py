@@ -18,7 +18,7 @@ def small():
     return replace(de.load_scene("sprint"), name="small", count=8)
 
 
-@pytest.mark.parametrize("name", SCRIPTED)
+@pytest.mark.parametrize("name", ["uniform", "greedy", "ramp"])
 def test_a_scripted_policy_keeps_the_rules_and_has_the_score_of_the_scene(small, name):
     rollout = SCRIPTED[name](small)
     assert small.violations(rollout.layout) == []
@@ -61,6 +61,8 @@ def test_scripted_policies_are_evaluated_by_name(small, capsys):
     assert evaluate("uniform", small).score == small.uniform().score
     with pytest.raises(ValueError, match="name one to build for"):
         evaluate("uniform")
+    with pytest.raises(ValueError, match="no best known layout of scene 'small' ships"):
+        evaluate("plan", small)
     assert main(["evaluate", "uniform", "--scene", "sprint"]) == 0
     output = capsys.readouterr().out
     assert "score 0.802997" in output
