@@ -98,9 +98,6 @@ class DominoChain(DominoEnv):
     An observation has only the parts that can vary: lateness and intervals where hits have a
     schedule ("tempo"), length_left and pitch_left where the scene has a length, gaps and
     thicknesses where they are free, growths and height where heights grow, stock where there is
-    An observation has only the parts that can vary: lateness and intervals where hits have a
-    schedule ("tempo"), length_left and pitch_left where the scene has a length, gaps and
-    thicknesses where they are free, growths and height where heights grow, stock where there is
     one, hand where its pieces are drawn in random order, features where scenes are sampled (in the
     order of `distribution.features`, beyond ±1 only for scenes that are given from beyond the
     ranges), slopes and rises on uneven ground. The front is 0 where the wave has stopped, and

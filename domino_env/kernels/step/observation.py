@@ -12,7 +12,6 @@ FRONT_LIMIT, LEAD_LIMIT, SPEED_LIMIT, RISE_LIMIT = 50.0, 100.0, 20.0, 50.0  # cl
 LEAD_UNIT = 10.0  # heights per unit of the entry `lead`
 ENTRIES = (
     "front", "lead", "speed", "lateness", "intervals", "length_left", "pitch_left", "gaps",
-    "front", "lead", "speed", "lateness", "intervals", "length_left", "pitch_left", "gaps",
     "thicknesses", "growths", "height", "hand", "stock", "placed", "near_start", "near_end",
     "features", "slopes", "rises",
 )  # fmt: skip

@@ -105,6 +105,12 @@ def placed_batch(batch: LayoutBatch, errors: Floats) -> LayoutBatch:
     )
 
 
+def pieces_of(batch: LayoutBatch, draws: int) -> list[LayoutBatch]:
+    """Split a batch so that the draws of each piece fit into memory."""
+    size = max(1, MOST_DRAWN // (draws * batch.count))
+    return [batch[i : i + size] for i in range(0, max(len(batch), 1), size)]
+
+
 @lru_cache(8)
 def errors(placement: Placement, pairs: int) -> Floats:
     """Return the errors of the gaps (draws, pairs) [m], drawn once for each number of pairs."""
@@ -172,8 +178,7 @@ class Robust(Speed):
 
         The gradient is that of the draw which decides the score, simulated once more.
         """
-        size = max(1, MOST_DRAWN // (self.settings.draws * batch.count))
-        pieces = [batch[i : i + size] for i in range(0, max(len(batch), 1), size)]
+        pieces = pieces_of(batch, self.settings.draws)
         return Evaluation.joined([self._evaluate(piece, gradient) for piece in pieces])
 
     def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
@@ -266,8 +271,7 @@ class MeanOverDraws(Objective):
 
     def evaluate(self, batch: LayoutBatch, gradient: bool = False) -> Evaluation:
         """Simulate all draws of layouts, and average scores and derivatives."""
-        size = max(1, MOST_DRAWN // (self.draws * batch.count))
-        pieces = [batch[i : i + size] for i in range(0, max(len(batch), 1), size)]
+        pieces = pieces_of(batch, self.draws)
         return Evaluation.joined([self._evaluate(piece, gradient) for piece in pieces])
 
     def _evaluate(self, batch: LayoutBatch, gradient: bool) -> Evaluation:
