@@ -234,7 +234,7 @@ def test_sliders_follow_the_keyboard(tab: Tab) -> None:
 
     handle = tab.element(".noUi-handle")
     handle.send_keys(Keys.ARROW_RIGHT)
-    tab.wait(lambda: tab.page.scene.count == 41)
+    tab.wait(lambda: (tab.page.scene.count, tab.page.layout.count) == (41, 41))
     assert tab.page.scene.violations(tab.page.layout) == []
     tab.wait(lambda: "computing" not in tab.text("numbers"))
 
