@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--seeds", type=NATURAL, metavar="N", default=10,
-        help="number of seeds (10)",
+        help="number of seeds, from 100 (10)",
     )  # fmt: skip
     parser.add_argument("--steps", type=NATURAL, metavar="N", help="actions of a training at most")
     parser.add_argument(

@@ -136,7 +136,7 @@ def test_a_benchmark_trains_once_continues_and_writes_the_same_page_again(tmp_pa
     assert main(command.split()) == 0
     home = tmp_path / "runs" / "benchmark"
     first = {name: (home / name).read_bytes() for name in FILES}
-    (trained,) = home.glob("small-ppo-0-*")
+    (trained,) = home.glob("small-ppo-100-*")
     assert sum(line.startswith(b"small,") for line in first["benchmark.csv"].splitlines()) == 3
     assert main([*command.split(), "--page"]) == 0
     assert {name: (home / name).read_bytes() for name in FILES} == first
@@ -166,7 +166,7 @@ def test_the_score_with_sampled_scenes_is_the_median_gain_in_the_test_set(tmp_pa
     monkeypatch.setattr("agents.benchmark.load_test_set", lambda name: three)
     monkeypatch.setattr("agents.training.scenes_of", lambda *_: three)
     tasks = benchmark_tasks(["varied"], ["ars", "cma", "uniform"], 2, 4000, 0.5)
-    assert [t.name for t in tasks][-1] == "varied, cma, seed 1"  # scripted policies run once
+    assert [t.name for t in tasks][-1] == "varied, cma, seed 101"  # scripted policies run once
     learned, searched, plain = (task.run() for task in tasks[:3])
     assert (plain.score, plain.uniform_score) == (0.0, 0.0)
     policy = ScenePolicy.load(tasks[0].folder).policy
