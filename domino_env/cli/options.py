@@ -56,13 +56,14 @@ DEVIATION = number("mm", "0.5 is 0.0005 m", low=0.01, high=1e4)
 GRAVITY = number("m/s²", "9.81 on Earth", above=0.0, high=1000.0)
 PUSH = number("rad/s", above=0.0, high=1000.0)
 COEFFICIENT = number(hint="a coefficient of friction", low=0.0)
+POSITIVE_COEFFICIENT = number(hint="a coefficient of friction", above=0.0)
 SECONDS = number("s", above=0.0)
 NATURAL, SEED = number(whole=True, low=1), number(whole=True, low=0)
 
 
-def floor(text: str) -> float:
+def floor(text: str, read: Callable[[str], float] = COEFFICIENT) -> float:
     """Read the coefficient of friction of a floor; 'free' is 1."""
-    return 1.0 if text == "free" else COEFFICIENT(text)
+    return 1.0 if text == "free" else read(text)
 
 
 def require_deviation(deviation: float, gap: float) -> None:

@@ -165,10 +165,8 @@ def _evaluation(wave: Wave, scene: Scene) -> dict[str, object]:
     from domino_env.scenes.uniform import gain
 
     violations = scene.violations(wave.layout)
-    if wave.physics != scene.physics:
-        violations.append(f"friction, gravity or push differ: the scene has {scene.physics}")
     result: dict[str, object] = {"scene": scene.name, "violations": violations}
-    if not violations:
+    if not violations and wave.physics == scene.physics:
         score, uniform = scene.score(wave), scene.uniform().score
         result |= {"score": score, "uniform_score": uniform}
         if (relative := gain(score, uniform)) is not None:
@@ -180,6 +178,8 @@ def _evaluation_lines(result: dict[str, object]) -> list[str]:
     name, violations = result["scene"], result["violations"]
     if isinstance(violations, list) and violations:
         return [f"not a layout of scene '{name}': {sentence}" for sentence in violations]
+    if "score" not in result:
+        return [f"no score on '{name}': these are not the friction, gravity and push of the scene"]
     uniform = f"the uniform baseline ({result['uniform_score']:.6f})"
     against = f"below zero for a wave that stops; {uniform}"
     if "gain" in result:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import (
+    POSITIVE_COEFFICIENT,
     add_json_option,
     add_physics_options,
     chosen_physics,
@@ -52,7 +53,7 @@ def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, 
 
 def floors_of(text: str) -> tuple[float, ...]:
     """Return the frictions in a text such as '0.3,0.5,1'."""
-    return tuple(map(floor, text.split(",")))
+    return tuple(floor(word, POSITIVE_COEFFICIENT) for word in text.split(","))
 
 
 def run(arguments: argparse.Namespace) -> int:

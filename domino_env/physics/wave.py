@@ -244,8 +244,14 @@ class Wave:
             return f"{self.outcome.explanation}."
         leader = int(np.isfinite(self.stall_margin).sum()) - 1
         hint = f"; {self.layout.unit_hint}" if self.layout.unit_hint else ""
+        reason = self.outcome.explanation
+        if self.outcome == Outcome.STALLED and leader == 0:
+            reason = (
+                f"the wave stalled: the push of {self.physics.push:g} rad/s is too small, the "
+                "first domino falls back; push harder (smallest_push computes how hard)"
+            )
         return (
-            f"{self.outcome.explanation} (leading domino {leader}; {self.hit} of "
+            f"{reason} (leading domino {leader}; {self.hit} of "
             f"{len(self.arrival_times)} were hit, {self.toppled} toppled){hint}."
         )
 

@@ -71,8 +71,9 @@ def test_a_layout_is_scored_by_a_scene_unless_it_breaks_rules(output_of, file, t
     assert f"score {score:.6f} on 'sprint', {score / uniform - 1:+.2%} against" in text
     text = output_of("simulate", file, "--scene", "sprint", "--push", 9)
     assert "not a layout of scene 'sprint': the layout has 5 dominoes, and the scene 40" in text
-    assert "not a layout of scene 'sprint': friction, gravity or push differ" in text
     assert "score" not in text
+    text = output_of("simulate", tmp_path / "own.csv", "--scene", "sprint", "--push", 9)
+    assert "no score on 'sprint': these are not the friction, gravity and push of the" in text
 
 
 def test_the_table_for_other_programs(output_of, file, tmp_path):
@@ -91,7 +92,8 @@ def test_json_for_other_programs(output_of, file):
     document = json.loads(output_of("simulate", file, "--json", "--push", 1.5))
     wave = de.simulate(de.Layout(GAPS, THICKNESS), de.Physics(push=1.5))
     assert document["outcome"] == "STALLED"
-    assert "push harder" in document["explanation"]
+    assert "the push of 1.5 rad/s is too small" in document["explanation"]
+    assert "gaps" not in document["explanation"]
     assert "error" not in output_of("simulate", file, "--push", 0.1)  # of no times
     assert (document["hit"], document["mean_speed"]) == (wave.hit, 0.0)
     came = np.isfinite(wave.arrival_times)
@@ -105,6 +107,7 @@ def test_json_for_other_programs(output_of, file):
     ("simulate FILE --gravity 9810", "--gravity = 9810.0 m/s²: give a finite number, more than 0,"),
     ("simulate FILE --push nan", "--push = nan rad/s: give a finite number, more than 0,"),
     ("simulate FILE --floor -1", "--floor = -1.0: give a finite number, at least 0 (a coefficient"),
+    ("verify FILE --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
     ("simulate FILE --deviation 30", "--deviation = 30.0 mm: give a finite number, at most 11"),
     ("simulate FILE --rate 2", "unrecognized arguments: --rate 2 (domino --help)"),
     ("simulate FILE --scene sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
