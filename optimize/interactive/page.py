@@ -150,7 +150,7 @@ class Page:
             return pn.Column(pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[STYLE]), *parts, **WIDE)
 
         def on_change(widget: Any, react: Callable[[Any], None]) -> Any:
-            widget.param.watch(lambda event: react(event.new), "value")
+            widget.param.watch(partial(self._react, react), "value")
             return widget
 
         self.chain.figure.title.text = "Your layout"
@@ -198,7 +198,7 @@ class Page:
         for name, action in actions.items():
             kind = "primary" if name in ("Improve", "Search") else "default"
             self.buttons[name] = button = pn.widgets.Button(name=name, button_type=kind)
-            button.on_click(lambda _, a=action: self._guarded(a))
+            on_change(button, partial(self._press, action))
         upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
         on_change(upload, lambda data: self._receive(upload.filename, data))
         self.downloads = {
@@ -251,6 +251,13 @@ class Page:
 
     # when things are done -----------------------------------------------------------------------
 
+    def _react(self, react: Callable[[Any], None], event: Any) -> None:
+        """Call a function with a new value, holding the lock of the document.
+
+        Panel calls its watchers without that lock while other events wait.
+        """
+        self._schedule(lambda: react(event.new))
+
     def _soon(self, use: Callable[..., None], *values: Any) -> None:
         """Call a function with values, soon; newer values replace those that wait."""
         waits = use in self._newest
@@ -283,6 +290,9 @@ class Page:
             return action()
         except (ValueError, ArithmeticError) as error:
             self.tell(str(error), "error")
+
+    def _press(self, action: Callable[[], Any], _: Any) -> None:
+        self._guarded(action)
 
     def tell(self, words: str, kind: str = "") -> None:
         """Show a sentence; the kind "error" has its own colour."""

@@ -16,7 +16,9 @@ from optimize.interactive.exchange import KEY, LARGEST_UPLOAD, of_link, open_des
 from optimize.searching import compile_for
 
 HOST = "localhost"
-CHECK, UNUSED = 1_000, 3_000  # [ms] between looks for closed tabs, and from closing to the end
+CHECK = 1_000  # [ms] between looks for closed tabs
+UNUSED = 3  # of them without a tab, after there was one, end the server; a tab may be loaded anew
+LIFETIME = 60_000  # [ms] until a slow browser has to connect
 TALL = 1200  # [px] of the page in a notebook
 TEMPLATE = """
 {% extends base %}
@@ -52,7 +54,6 @@ class Studio:
     def __init__(self, design: Design, port: int = 0) -> None:
         self.design, self.url = design, ""
         self._port, self._first = port, design.first
-        self._tabs: set[object] = set()
 
     @property
     def layout(self) -> Layout:
@@ -75,26 +76,39 @@ class Studio:
             The port is taken.
         """
         from panel.io.server import get_server
+        from tornado.ioloop import PeriodicCallback
 
         compile_for(self._first[0], gradients=True)  # or the first search would hold the page up
         asyncio.set_event_loop(asyncio.new_event_loop())  # any thread may serve
         server: Any = get_server(
-            lambda: self._new_tab(server.io_loop.stop if until_closed else lambda: None),
-            port=self._port, address="127.0.0.1", title="Domino studio", location=False,
-            websocket_max_message_size=2 * LARGEST_UPLOAD,
-            check_unused_sessions_milliseconds=CHECK, unused_session_lifetime_milliseconds=UNUSED,
+            self._new_tab, port=self._port, address="127.0.0.1", title="Domino studio",
+            location=False, websocket_max_message_size=2 * LARGEST_UPLOAD,
+            check_unused_sessions_milliseconds=CHECK, unused_session_lifetime_milliseconds=LIFETIME,
         )  # fmt: skip
+        left = 0  # looks without a tab before the end
+
+        def look() -> None:
+            nonlocal left
+            if any(session.connection_count for session in server.get_sessions()):
+                left = UNUSED
+            elif left == 1:
+                server.io_loop.stop()
+            left = max(left - 1, 0)
+
         server.start()
+        if until_closed:
+            PeriodicCallback(look, CHECK).start()
         self.url = f"http://{HOST}:{server.port}/"
         opened(self.url)
         try:
             server.io_loop.start()
         finally:
             server.stop()
+            server.io_loop.close()
             self.url = ""
 
-    def _new_tab(self, end: Callable[[], None]) -> Any:
-        """Return the page of a new tab; `end` is called after the last was closed."""
+    def _new_tab(self) -> Any:
+        """Return the page of a new tab."""
         import panel as pn
 
         from optimize.interactive.page import Page
@@ -108,15 +122,7 @@ class Studio:
             problem = str(error)
         page = Page(self.design, document.add_next_tick_callback)
         page.tell(problem, "error")
-
-        def close(_: Any) -> None:
-            page.stop()
-            self._tabs.discard(page)
-            if not self._tabs:
-                end()
-
-        pn.state.onload(lambda: self._tabs.add(page))
-        pn.state.on_session_destroyed(close)
+        pn.state.on_session_destroyed(lambda _: page.stop())
         template = pn.Template(TEMPLATE)
         template.add_panel("page", page.view)
         return template

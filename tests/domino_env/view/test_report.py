@@ -2,9 +2,8 @@
 
 import dataclasses
 import json
-import shutil
 import time
-from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -136,22 +135,13 @@ BROWSED = (
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
-    webdriver = pytest.importorskip("selenium.webdriver")
-    binary, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if binary is None or driver is None:
-        pytest.skip("no Chromium here")
-    options = webdriver.ChromeOptions()
-    options.binary_location = binary
-    for flag in ("headless=new", "no-sandbox", "disable-gpu", "window-size=1100,900"):
-        options.add_argument(f"--{flag}")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    window = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+def browser(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     page = tmp_path_factory.mktemp("report") / "page.html"
     write_report(BROWSED, "test", page)
-    window.get(page.as_uri())
-    yield window
-    window.quit()
+    for log in ("browser", "performance"):  # of pages of other tests
+        chromium.get_log(log)
+    chromium.get(page.as_uri())
+    return chromium
 
 
 def test_page_loads_without_messages_and_requests(browser):
