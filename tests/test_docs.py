@@ -30,7 +30,6 @@ from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import scene_of_document
 from domino_env.view.sound import clicks, write_wav
 from optimize.experiments.best_known import best_known
-from optimize.methods.registry import METHODS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {p.name: p.read_text("utf-8") for p in [ROOT / "README.md", *ROOT.glob("docs/*.md")]}
@@ -294,9 +293,3 @@ def test_the_page_of_a_scene_has_its_drawing_and_its_numbers(pages):
     assert (ROOT / "domino_env" / "scenes" / "shipped" / "course.toml").read_text(
         "utf-8"
     ).rstrip() in text
-
-
-def test_every_method_has_a_section(pages):
-    text = pages.methods_page()
-    headings = "".join(line for line in text.splitlines() if line.startswith("## "))
-    assert all(f"`{name}`" in headings for name in METHODS)

@@ -68,7 +68,9 @@ def test_help_loads_no_heavy_module():
      "torch cvxpy cma matplotlib pygame scipy.optimize"),
     ("import gymnasium; env = gymnasium.make('domino_env:DominoChain-v1', scene='gentle');"
      "env.reset(); env.step(env.action_space.sample())", "PIL matplotlib pygame"),
-], ids=["layouts", "simulating", "environments"])  # fmt: skip
+    ("import optimize; optimize.search, optimize.METHODS",
+     "cma scipy.optimize tqdm matplotlib cvxpy"),
+], ids=["layouts", "simulating", "environments", "methods"])  # fmt: skip
 def test_what_is_not_needed_is_not_loaded(script, heavy):
     assert not loaded_by(script) & set(heavy.split())
 
@@ -169,31 +171,6 @@ def test_everything_is_compiled_through_one_decorator():
     plain = re.compile(r"\bn?jit\(|@\S*\bn?jit\b|import n?jit\b|\bcache=True")
     found = {str(path.relative_to(ROOT)) for path in sources if plain.search(path.read_text())}
     assert all(place.startswith("domino_env/kernels/jit/") for place in found), found
-
-
-ALONE = """
-import numpy as np
-from domino_env.rigid import dynamics
-from domino_env.validation import equations
-from optimize import search
-from optimize.constraints.lists import Lists
-lists = Lists([(0.002, 0.004, 0.011)] * 3, np.full(2, np.inf), (0.017, 0.017))
-print(lists.nearest(np.ones((1, 3))))
-"""
-
-
-def test_searches_run_without_a_folder_for_compiled_code(tmp_path):
-    for package in ("domino_env", "optimize"):
-        copied = shutil.copytree(
-            ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
-        )
-        for folder in [copied, *(p for p in copied.rglob("*") if p.is_dir())]:
-            (folder / "__pycache__").write_text("a file where the folder should be")
-    nowhere = dict.fromkeys(("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"), os.devnull)
-    printed = output_of(
-        sys.executable, "-c", ALONE, cwd=tmp_path, PYTHONPATH=str(tmp_path), **nowhere
-    )
-    assert sorted(map(float, re.findall(r"0\.\d+", printed))) == [0.002, 0.004, 0.011]
 
 
 # make -------------------------------------------------------------------------------------------

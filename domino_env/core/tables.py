@@ -66,8 +66,8 @@ def text_table(
     columns = []
     for column in zip(names, *lines, strict=True):
         cells = [one_line(cell, WIDEST) for cell in column]
-        align = str.rjust if column[0] in right else str.ljust
-        columns.append([align(cell, max(map(len, cells))) for cell in cells])
+        align, width = str.rjust if column[0] in right else str.ljust, max(map(len, cells))
+        columns.append([align(cell, width) for cell in cells])
     return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
 
 

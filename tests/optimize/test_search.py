@@ -1,8 +1,6 @@
 """search(): its arguments and its end."""
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -16,7 +14,7 @@ from domino_env.rigid import dynamics
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import gain
 from domino_env.scenes.uniform_layouts import UniformLayouts
-from optimize import METHODS, search
+from optimize import search
 from optimize.experiments.task import Task
 
 
@@ -180,17 +178,6 @@ def test_gain_needs_two_layouts_that_complete():
     assert gain(1.1, 1.0) == pytest.approx(0.1)
     assert gain(-0.5, 1.0) is None
     assert gain(1.0, -0.5) is None
-
-
-def test_methods_load_only_when_asked_for():
-    script = (
-        "import sys; from optimize import METHODS, search; "
-        "print([m for m in ('cma', 'scipy.optimize', 'tqdm', 'matplotlib', 'cvxpy')"
-        " if m in sys.modules], *METHODS)"
-    )
-    words = [sys.executable, "-c", script]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["[]", *METHODS]
 
 
 def test_auto_keeps_a_schedule_at_once():

@@ -93,17 +93,6 @@ def test_a_slope_is_level_ground_under_turned_gravity(slope):
     np.testing.assert_allclose(layout.positions, de.Layout(gaps, thick).positions, rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["sprint", "sprint-thickness", "ideal", "gentle"])
-def test_layouts_within_the_bounds_of_a_scene(name):
-    """The first fourteen dominoes of a random layout, under the scene's physics."""
-    scene, rng = de.load_scene(name), np.random.default_rng(300)
-    thickness = np.full(14, scene.first_thickness)
-    if scene.free_thickness:
-        thickness[1:] = rng.uniform(*scene.thickness, 13)
-    gaps = rng.uniform(*scene.spacing, 13)
-    compare(de.Layout(gaps, thickness, scene.height, density=scene.density), scene.physics)
-
-
 # events ------------------------------------------------------------------------------------------
 
 

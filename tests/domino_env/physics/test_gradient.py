@@ -1,6 +1,5 @@
 """Gradients of a wave: against differences, against many digits, and by laws."""
 
-import os
 from dataclasses import astuple, replace
 from typing import Any
 
@@ -98,7 +97,7 @@ def precise_change(low: tuple[Layout, Physics], high: tuple[Layout, Physics]) ->
     return float(after - before)
 
 
-@pytest.mark.parametrize(("uneven", "friction"), [(False, 0.0), (False, 0.3), (True, 0.3)])
+@pytest.mark.parametrize(("uneven", "friction"), [(False, 0.0), (True, 0.3)])
 def test_against_sixty_digits(friction, uneven):
     """Along one direction through everything, without quadrature tables, tails or tolerances.
 
@@ -120,22 +119,17 @@ def test_against_sixty_digits(friction, uneven):
         physics.replace(friction=friction + x * (friction > 0.0)) for x in (1e-8, -1e-8)
     )
     exact += (smooth.friction - rough.friction) * gradient.friction
-    print(exact, (smooth.friction - rough.friction) * gradient.friction)
     change = precise_change((low, rough), (high, smooth))
     assert change == pytest.approx(exact, rel=1e-9 if uneven else 1e-10)
 
 
-# friction, push 1 + 1e-7 times the smallest [rad/s], derivative of the last time by it [s²/rad];
-# HYPOTHESIS_PROFILE=search computes the last again, in a minute
+# friction, push 1 + 1e-7 times the smallest [rad/s], and the derivative of the last time by it
+# [s²/rad], by `precise_change` between pushes 1e-10 of the push above and below
 @pytest.mark.parametrize(("friction", "push", "slope"), [
     (0.25, 2.8763733065926576, -202896.50232592), (0.0, 2.7228503907455495, -214265.43019713),
 ])  # fmt: skip
 def test_near_a_stall_it_is_large_and_right(friction, push, slope):
     layout, physics = Layout([0.011, 0.009], 0.0075), Physics(friction, push=push)
-    if os.environ.get("HYPOTHESIS_PROFILE") == "search":
-        low, high = (physics.replace(push=push * (1.0 + step)) for step in (-1e-10, 1e-10))
-        found = precise_change((layout, low), (layout, high)) / (high.push - low.push)
-        assert found == pytest.approx(slope, rel=1e-10)
     wave = simulate(layout, physics, rtol=1e-10, gradient=True)
     assert wave.stall_margin.min() < 2e-6
     assert wave.gradient().push == pytest.approx(slope, rel=1e-6)

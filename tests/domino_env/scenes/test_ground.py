@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import oracle
 import pytest
 
 import domino_env as de
@@ -65,23 +64,6 @@ def test_scores_on_grounds_of_one_shape_are_the_same(one, other, rtol):
     np.testing.assert_allclose(score, same, rtol=rtol)
     close = 1e-9 if rtol else 0.0
     np.testing.assert_allclose(by, like, rtol=close, atol=1e-2 * close)
-
-
-def test_a_score_is_that_of_the_independent_solution():
-    gaps, thick = random_sizes(1, seed=4)
-    layout = FREE.layout(gaps[0], thick[0])
-    slow = oracle.topple(
-        layout.spacing,
-        layout.thickness,
-        push=14.0,
-        friction=0.25,
-        rise=layout.rise,
-        tilt=layout.tilt,
-    )
-    assert FREE.score(layout) == pytest.approx(layout.length / slow.arrival[-1], rel=1e-9)
-    assert layout.length == pytest.approx(
-        np.hypot(*np.diff(layout.pivots, axis=0).T).sum(), rel=1e-14
-    )
 
 
 SCORED = {

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import domino_env as de
-from domino_env.cli.main import main
 from domino_env.core.progress import progress_bar
 from optimize import search
 from optimize.experiments.best_known import best_known
@@ -69,26 +68,6 @@ def test_the_output_explains_why_a_wave_stops(output_of, scenes, tmp_path):
     assert "; no layout completes: push harder" in text
     assert "longer search" not in text
     assert "%" not in text
-
-
-@pytest.mark.parametrize(("words", "message"), [
-    (["sprint", "--method", "cmae"], "there is no method 'cmae': did you mean 'cma'?"),
-    (["sprnit"], "there is no scene 'sprnit': did you mean 'sprint'?"),
-    (["sprint", "--budget", "0"], "--budget = 0: give a whole number, at least 1"),
-    (["sprint", "--seconds", "-1"], "--seconds = -1.0 s: give a finite number, more than 0"),
-    (["sprint", "--seed", "-1"], "--seed = -1: give a whole number"),
-    (["sprint", "--out", "notes.txt"], "notes.txt is a file: name a folder"),
-])  # fmt: skip
-def test_messages_are_one_line(capsys, monkeypatch, tmp_path, words, message):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "notes.txt").write_text("mine")
-    monkeypatch.setattr("domino_env.scenes.scene.Scene.uniform", None)  # before any simulation
-    assert main(["optimize", *words]) == 2
-    output = capsys.readouterr()
-    assert output.err.startswith("domino: ")
-    assert message in output.err
-    assert output.err.count("\n") == 1
-    assert [f.name for f in tmp_path.rglob("*")] == ["notes.txt"]
 
 
 def test_a_line_shows_the_best_speed_and_the_gain(capsys, scenes, monkeypatch):
