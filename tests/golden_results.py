@@ -91,7 +91,9 @@ def waves(digests: Digests) -> None:
 
 def batched(layouts: list[de.Layout], physics: de.Physics, rtol: float, **given: bool) -> Any:
     """Simulate layouts of one length as a batch."""
-    arrays = {name: np.array([getattr(one, name) for one in layouts]) for name in LAYOUT[:4]}
+    uneven = any(one.rise.any() or one.tilt.any() for one in layouts)
+    names = (*LAYOUT[:4], *(("rise", "tilt") if uneven else ()))
+    arrays = {name: np.array([getattr(one, name) for one in layouts]) for name in names}
     return de.simulate_batch(**arrays, physics=physics, rtol=rtol, **given)
 
 
@@ -202,29 +204,6 @@ class Actions:
         return (self.middle + self.spread * noise).astype(np.float32)
 
 
-def single_episodes(digests: Digests, scene: str) -> None:
-    env = gymnasium.make("DominoChain-v1", scene=scene)
-    start = None
-    for episode in range(EPISODES + 1):
-        options = {"layout": start} if episode == EPISODES else None
-        if episode == EPISODES and start is None:
-            break  # no episode was long enough to begin another with its first dominoes
-        actions = Actions(episode, 1, env.action_space.shape[0])  # type: ignore[index]
-        digests.add(f"{scene}, single", env.reset(seed=episode, options=options)[0])
-        ended = False
-        while not ended:
-            observation, reward, ended, cut, info = env.step(actions.draw()[0])
-            digests.add(f"{scene}, single", observation, reward, ended, cut)
-        digests.add(f"{scene}, single, info", info_results(info))
-        layout = info["layout"]
-        if layout.count > 6:
-            start = de.Layout(
-                layout.spacing[:3], layout.thickness[:4], layout.height[:4],
-                layout.width, layout.density[:4],
-                layout.rise[:3], layout.tilt[:4],
-            )  # fmt: skip
-
-
 def vector_episodes(digests: Digests, scene: str, mode: str) -> None:
     count = de.load_scene(scene).count
     env = gymnasium.make_vec(
@@ -243,17 +222,9 @@ def vector_episodes(digests: Digests, scene: str, mode: str) -> None:
 
 
 def episodes(digests: Digests) -> None:
-    """Ten random episodes of every scene, single and in a vector, with every autoreset mode."""
-    for scene in de.scene_names():
-        single_episodes(digests, scene)
-        for mode in ("NextStep", "SameStep", "Disabled"):
-            vector_episodes(digests, scene, mode)
-        env = gymnasium.make("DominoLayout-v1", scene=scene)
-        actions = Actions(21, EPISODES, env.action_space.shape[0])  # type: ignore[index]
-        for values in actions.draw():
-            digests.add(f"{scene}, whole rows", env.reset(seed=0)[0])
-            *step, info = env.step(values)
-            digests.add(f"{scene}, whole rows", step, info_results(info))
+    """Ten random episodes of every scene in a vector environment, with every autoreset mode."""
+    for scene, mode in product(de.scene_names(), ("NextStep", "SameStep", "Disabled")):
+        vector_episodes(digests, scene, mode)
 
 
 def scores(digests: Digests) -> None:

@@ -59,6 +59,7 @@ ADDED = {
     "domino sweep": "--budget 1",
     "domino compare .* --budget": "--budget 20 --seeds 1",
     "domino compare .*agent:": "--seconds 0.05 --seeds 1 --methods auto,ars,agent:sprint",
+    "domino compare sprint --seconds": "--seconds 0.05 --seeds 1 --methods auto,cma,slsqp",
     "domino compare": "--seconds 0.05 --seeds 1",
     "domino benchmark": "sprint --algorithms ramp,auto --seeds 1 --seconds 0.1 --out runs/made",
     "domino evaluate .*--scenes": "--scenes 2",
@@ -92,6 +93,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr("agents.training.default_hyperparameters", few_steps)
+        patch.setattr("domino_env.core.plot_style.png", lambda _: b"")
         assert run("domino optimize sprint --budget 20") == 0
         assert run("domino train sprint --algorithm apg") == 0
         assert run("domino sweep sprint --set physics.friction=0,0.1 --budget 1") == 0
@@ -164,6 +166,7 @@ def test_the_commands_of_a_page_run(page, desk, tmp_path, monkeypatch):
     folder = shutil.copytree(desk, tmp_path / "desk")
     monkeypatch.chdir(folder)
     monkeypatch.setattr("agents.training.default_hyperparameters", few_steps)
+    monkeypatch.setattr("domino_env.core.plot_style.png", lambda _: b"")  # rendered elsewhere
     for line in commands(page):
         if any(part in line for part in PARSED) or ("parquet" in line and not find_spec("pyarrow")):
             continue

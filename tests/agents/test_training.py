@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 import domino_env as de
 from agents import evaluate, train
-from agents.algorithms import ALGORITHMS, OFF_POLICY, Hyperparameters, default_hyperparameters
+from agents.algorithms import OFF_POLICY, Hyperparameters, default_hyperparameters
 from agents.evaluation import evaluate_scenes, load_policy, scenes_of
 from agents.sb3 import CLASSES, Learner, read_checkpoint, weights
 from agents.training import Training, save_zip
@@ -127,7 +127,7 @@ def test_an_off_policy_training_updates_once_per_transition_and_keeps_its_transi
 # trainings ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("algorithm", ["apg", "ppo", "ars", "sac"])  # td3 and tqc go as sac goes
 def test_a_training_learns_repeats_and_continues_after_a_failure(tmp_path, monkeypatch, algorithm):
     chosen = tiny(algorithm)
     run = train(SMALL, algorithm, seed=3, folder=tmp_path / "run", hyperparameters=chosen)

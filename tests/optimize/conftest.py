@@ -6,6 +6,7 @@ import pytest
 
 import domino_env as de
 from domino_env.scenes.scene import Scene
+from optimize.result import SearchResult
 
 
 def small_scene(name: str) -> Scene:
@@ -25,6 +26,13 @@ def small_scene(name: str) -> Scene:
 
 
 KINDS = ["spacing", "one-gap", "thickness", "both", "length", "length-both", "dying", "dead"]
+
+
+@pytest.fixture
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No drawing of results, which takes longer than searches in small scenes."""
+    monkeypatch.setattr(SearchResult, "figure", lambda _: None)
+    monkeypatch.setattr("domino_env.core.plot_style.png", lambda _: b"")
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ from optimize.result import SearchResult
 from optimize.run_folder import JOURNAL
 
 FEW = 60  # evaluations
+pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +26,6 @@ def problems(scenes):
     """A scene for each kind of question that a method can ask."""
     tempo = replace(de.load_scene("tempo"), count=8)  # lateness
     return scenes | {"tempo": tempo, "stock": de.load_scene("stock")}
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch) -> None:
-    """They take longer than these searches."""
-    monkeypatch.setattr(SearchResult, "plot", lambda _: None)
-    monkeypatch.setattr("domino_env.core.plot_style.write_png", lambda _, p: p.write_bytes(b""))
 
 
 def plain(result: SearchResult) -> list[object]:

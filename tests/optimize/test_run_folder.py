@@ -74,6 +74,7 @@ def test_a_place_that_cannot_be_written_is_reported_first(scenes, no_search, tmp
             search(scenes["spacing"], "random", budget=10, folder=tmp_path / folder)
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_path):
     caplog.set_level("INFO")
     for name in ("notes.txt", *DERIVED):
@@ -89,6 +90,7 @@ def test_files_of_others_are_kept_until_the_layout_changes(scenes, caplog, tmp_p
     assert f"removed {', '.join(DERIVED)}, made of an earlier layout" in caplog.text
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
     words = scenes["spacing"], "random"
     search(*words, budget=600, folder=tmp_path)
@@ -107,6 +109,7 @@ def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
     assert {name: after[name] for name in FILES} == {name: before[name] for name in FILES}
 
 
+@pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize(("change", "message"), [
     ({"method": "cma"}, "with method = 'random', not 'cma'"),
     ({"seed": 8}, "with seed = 0, not 8"),
@@ -126,6 +129,7 @@ def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change, me
     assert files(tmp_path) == before
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_the_best_so_far_is_on_disk_while_the_search_runs(scenes, monkeypatch, tmp_path):
     monkeypatch.setattr("optimize.run_folder.PAUSE", 0.0)
     scores = []
@@ -143,6 +147,7 @@ def test_the_best_so_far_is_on_disk_while_the_search_runs(scenes, monkeypatch, t
     assert len(set(scores)) > 3
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_a_full_disk_leaves_the_earlier_run_as_it_was(monkeypatch, scenes, tmp_path):
     def run(budget: int) -> None:
         search(scenes["both"], "cma", budget, folder=tmp_path, resume=True)

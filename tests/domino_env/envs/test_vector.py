@@ -29,7 +29,9 @@ FIXED = {
     "thicknesses over a course": COURSE.replace(thickness=(0.004, 0.012), spacing=(0.0118, 0.0118)),
     "robust": short("jitter", 6).replace(settings=de.Placement(0.0005, draws=8)),
     "placed with errors": GENTLE.replace(placement_deviation=0.001),
-    "drawn": de.load_scene("draw").replace(count=12, stock=de.Stock((0.005, 0.0075, 0.01), (4, 5, 4), 3)),
+    "drawn": de.load_scene("draw").replace(
+        count=12, stock=de.Stock((0.005, 0.0075, 0.01), (4, 5, 4), 3)
+    ),
 } | {name: SCENES[name] for name in ("ideal", "hills", "two", "three", "magnify", "box", "tempo")}
 SAMPLED = {"small": small_scenes(), "varied": de.load_distribution("varied")}
 CASES = [

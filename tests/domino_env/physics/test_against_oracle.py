@@ -74,7 +74,7 @@ def uneven_ground(rng):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25, 0.5])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
     "draw", [gaps_alone, all_different, up_and_down, equal_stretches, uneven_ground]
 )
@@ -103,7 +103,7 @@ def test_a_slope_is_level_ground_under_turned_gravity(slope):
         # contact 0 closes at θ_1 = acos(d/p), where domino 1 strikes if s_1 = √(p² - d²) L/p
         pytest.param([0.005, H * 0.8, 0.02], D, 18.0, (0.0, 0.25), 1, 0, id="at a hit"),
         pytest.param(
-            [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], D, 24.0, (0.0, 0.1, 0.3),
+            [0.044, 0.012, 0.045, 0.030, 0.045, 0.002, 0.046, 0.020], D, 24.0, (0.0, 0.3),
             0, 2, id="separation from tip and from corner",
         ),
         pytest.param(

@@ -75,15 +75,14 @@ def test_it_keeps_the_budget_and_the_rules_of_the_scene(scenes, monkeypatch, met
 
 
 @every_method
-@pytest.mark.parametrize("name", ["length-both", "dying"])
-def test_it_is_repeatable_to_the_bit(scenes, monkeypatch, tmp_path, method, name):
+def test_it_is_repeatable_to_the_bit(scenes, monkeypatch, tmp_path, method):
     """Without a file, and without the streams of random numbers that all share."""
     monkeypatch.chdir(tmp_path)
-    first = search(scenes[name], method, budget=250, seed=11)
+    first = search(scenes["dying"], method, budget=150, seed=11)
     np.random.seed(1)  # noqa: NPY002
     before = np.random.get_state()[1:3], random.getstate()  # noqa: NPY002
     (tmp_path / "cma_signals.in").write_text("{'timeout': 0, 'popsize': 3}")  # which pycma reads
-    assert same(first, search(scenes[name], method, budget=250, seed=11))
+    assert same(first, search(scenes["dying"], method, budget=150, seed=11))
     after = np.random.get_state()[1:3], random.getstate()  # noqa: NPY002
     assert [f.name for f in tmp_path.iterdir()] == ["cma_signals.in"]
     np.testing.assert_equal(after, before)
