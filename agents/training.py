@@ -111,8 +111,8 @@ class Run:
         how = f"{self.steps:,} dominoes placed in {self.seconds:.0f} s; {self.folder}"
         return f"Run({self.algorithm} on {self.scene}: {result}; {how})"
 
-    def _repr_html_(self) -> str | None:
-        return None if self.rollout is None else self.rollout._repr_html_()
+    def _repr_png_(self) -> bytes | None:
+        return None if self.rollout is None else self.rollout._repr_png_()
 
     def plot(self) -> Any:
         """Draw the layout, the uniform baseline and the learning curve.

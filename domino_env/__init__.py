@@ -23,9 +23,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 register_drawings(
     {
         "layout": "domino_env.view.figures:plot_layout",
-        "layout.html": "domino_env.view.notebook:layout_html",
         "wave": "domino_env.view.figures:plot_wave",
-        "wave.html": "domino_env.view.notebook:wave_html",
     }
 )
 if "_domino_command" not in sys.modules:  # which has no use for them, and should not wait

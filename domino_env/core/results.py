@@ -1,8 +1,7 @@
 """Results: their drawings, their line in a session, the versions that made them.
 
-A result is drawn without an import of what draws it: a package registers its drawing functions in
-its `__init__`, under "kind" for a Matplotlib figure and "kind.html" for what a notebook shows. They
-are imported at the first call.
+A result is drawn without an import of what draws it: a package registers the functions that return
+a Matplotlib figure in its `__init__`. They are imported at the first call.
 """
 
 from __future__ import annotations

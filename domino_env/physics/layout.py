@@ -137,9 +137,9 @@ class Layout:
             sizes.append(f"ground sloping {_span(np.degrees(self.tilt), 1.0)}°")
         return f"Layout({number}: {', '.join(sizes)})"
 
-    def _repr_html_(self) -> str:
-        html: str = draw("layout.html", self)
-        return html
+    def _repr_png_(self) -> bytes:
+        png: bytes = draw("layout", self, None, False)._repr_png_()
+        return png
 
     @classmethod
     def uniform(

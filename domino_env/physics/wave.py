@@ -137,9 +137,9 @@ class Wave:
             how = f"{self.hit} of {count} dominoes were struck, {self.toppled} toppled"
         return f"Wave({ended}: {how})"
 
-    def _repr_html_(self) -> str:
-        html: str = draw("wave.html", self)
-        return html
+    def _repr_png_(self) -> bytes:
+        png: bytes = draw("wave", self, None, False)._repr_png_()
+        return png
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the layout to scale, and gaps and speed along it.

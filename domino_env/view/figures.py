@@ -150,16 +150,16 @@ def layouts_figure(
     return figure
 
 
-def plot_layout(layout: Layout, ax: Axes | None = None) -> Figure:
+def plot_layout(layout: Layout, ax: Axes | None = None, register: bool = True) -> Figure:
     """Draw a layout to scale and its gaps, or its gaps alone into axes."""
     count, _, sizes = repr(layout)[len("Layout(") : -1].partition(": ")
     layouts = [DrawnLayout(layout, None, "as it stands")]
     if ax is not None:
         return _draw_alone(ax, layouts, "spacing")
-    return layouts_figure(layouts, count, sizes, register=True)
+    return layouts_figure(layouts, count, sizes, register=register)
 
 
-def plot_wave(wave: Wave, ax: Axes | None = None) -> Figure:
+def plot_wave(wave: Wave, ax: Axes | None = None, register: bool = True) -> Figure:
     """Draw the layout of a wave to scale, its gaps and its speed, or its speed alone into axes."""
     physics, ended = wave.physics, wave.outcome.name.lower().replace("_", " ")
     layouts = [DrawnLayout(wave.layout, wave, "the layout")]
@@ -170,7 +170,7 @@ def plot_wave(wave: Wave, ax: Axes | None = None) -> Figure:
         f"{wave.layout.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s, gravity {physics.gravity:g} m/s²"
     )
-    return layouts_figure(layouts, headline, subtitle, register=True)
+    return layouts_figure(layouts, headline, subtitle, register=register)
 
 
 def beside_uniform(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from matplotlib.patches import Rectangle
 
 from domino_env.core.checks import require_choice
 from domino_env.core.colours import INK, SOFT
-from domino_env.core.files import write_bytes
+from domino_env.core.files import counted, write_bytes
 from domino_env.core.plot_style import escaped
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -29,12 +30,10 @@ from domino_env.view.ground import places_along
 PAPERS = {"a4": (0.297, 0.210), "letter": (0.2794, 0.2159)}  # [m] landscape
 MOST_SHEETS = 1_000  # of a layout some hundred metres long
 MARGIN = 0.014  # [m] that stays white
-LEAST_MARGIN = 0.006  # [m] that printers need, where that saves a sheet
 LEAD = 0.010  # [m] of paper before the first domino and after the last
 HEAD, FOOT = 0.024, 0.026  # [m] for the title, for the scale bar
 BESIDE = 0.013  # [m] of a strip on both sides of the dominoes, for their numbers
 BAR = 0.100  # [m] length of the scale bar
-MOST_GAPS = 240  # in the list on the page of advice
 INCH, MM = 0.0254, 1000.0
 LINE = 0.4  # [pt]
 
@@ -59,8 +58,6 @@ class Strip:
         Place of its right end [m]; neighbours share an end, which is a joining line on both.
     dominoes
         Indices of the dominoes whose footprint touches it; on paper they are numbered from 1.
-    margin
-        Width of the white margin on its left and right [m].
     """
 
     number: int
@@ -70,13 +67,10 @@ class Strip:
     begin: float
     end: float
     dominoes: tuple[int, ...]
-    margin: float
 
 
 def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
     """Cut a layout into strips, as many on a sheet of paper as fit.
-
-    The margins are narrower where that saves a sheet.
 
     Parameters
     ----------
@@ -103,19 +97,12 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
         raise ValueError(f"width = {layout.width} m: the dominoes are wider than {paper} paper")
     front = places_along(layout)
     rear = front - layout.thickness
-    begin = float(rear[0]) - LEAD
-    whole = float(front[-1]) + LEAD - begin
-    margin, total = MARGIN, _strip_count(whole, wide - 2.0 * MARGIN)
-    papers = -(-total // on_a_sheet)
-    fewer = (papers - 1) * on_a_sheet
-    if fewer and whole <= fewer * (wide - 2.0 * LEAST_MARGIN):
-        papers, total = papers - 1, fewer
-        margin = 0.5 * (wide - whole / fewer)
-    stretch = wide - 2.0 * margin
-    if papers > MOST_SHEETS:
+    begin, stretch = float(rear[0]) - LEAD, wide - 2.0 * MARGIN
+    total = math.ceil((float(front[-1]) + LEAD - begin) / stretch)
+    if total > MOST_SHEETS * on_a_sheet:
         raise ValueError(
-            f"a layout of {layout.length:.6g} m takes {papers:,} sheets of paper: at most "
-            f"{MOST_SHEETS:,} are drawn; check that its sizes are in metres"
+            f"a layout of {layout.length:.6g} m takes {-(-total // on_a_sheet):,} sheets of paper: "
+            f"at most {MOST_SHEETS:,} are drawn; check that its sizes are in metres"
         )
     strips = []
     for k in range(total):
@@ -123,13 +110,8 @@ def strips(layout: Layout, paper: str = "a4") -> list[Strip]:
         inside = np.flatnonzero((front > low) & (rear < high_end))
         sheet, place = divmod(k, on_a_sheet)
         middle = high - HEAD - (place + 0.5) * across
-        dominoes = tuple(int(i) for i in inside)
-        strips.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, dominoes, margin))
+        strips.append(Strip(k + 1, total, sheet + 1, middle, low, high_end, tuple(inside.tolist())))
     return strips
-
-
-def _strip_count(length: float, stretch: float) -> int:
-    return int(np.ceil(length / stretch - 1e-9))
 
 
 def write_template(
@@ -173,7 +155,7 @@ def write_template(
         PdfPages(buffer, metadata={"CreationDate": None, "Title": title}) as pages,
     ):
         with _page(pages, paper, title, repr(layout)[len("Layout(") : -1]) as axes:
-            _advise(axes, layout, plan, physics)
+            _advise(axes, _advice(plan, layout, physics))
         for number in range(1, total + 1):
             with _page(pages, paper, title, f"sheet {number} of {total}") as axes:
                 for strip in plan:
@@ -181,11 +163,8 @@ def write_template(
                         _draw(axes, layout, strip)
                 _draw_bar(axes)
     write_bytes(path, lambda file: file.write(buffer.getvalue()))
-    sheets = "one sheet" if total == 1 else f"{total} sheets"
-    strip_count = "one strip" if len(plan) == 1 else f"{len(plan)} strips"
-    return (
-        f"a page of advice and {sheets} with {strip_count}: print at 100 % and check the scale bar"
-    )
+    amount = f"a page of advice and {counted(total, 'sheet')} with {counted(len(plan), 'strip')}"
+    return f"{amount}: print at 100 % and check the scale bar"
 
 
 def _advice(plan: Sequence[Strip], layout: Layout, physics: Physics | None) -> list[str]:
@@ -194,39 +173,32 @@ def _advice(plan: Sequence[Strip], layout: Layout, physics: Physics | None) -> l
     if len(plan) > 1:
         steps.append(
             "Cut the strips out along the thin lines. Cut the left end of each along its dashed "
-            "line, and lay it on the dashed line at the right end of the strip before, so that "
-            "the circles meet."
+            "line, and lay it on the dashed line at the right end of the strip before."
         )
-    tape = "Tape the paper down flat: where it bends, gaps are wrong, and it must not slip."
-    stand = "Stand a domino upright on every box, its faces along the lines."
+    steps.append("Tape the paper down flat: where it bends, gaps are wrong, and it must not slip.")
     if not layout.is_flat:
-        tape = (
+        steps[-1] = (
             "Tape the paper along the ground so that it lies on it everywhere: the boxes are "
             "apart as measured along the surface. Slopes are printed above the boxes where they "
             "change, in degrees, positive downhill: check them as well as the gaps."
         )
-        stand = "Stand a domino on every box, flat on the ground, its faces along the lines."
-    return [
-        *steps,
-        tape,
-        f"{stand} Leave a few places empty and fill them last: a domino that falls early then "
-        "topples only some of the others.",
-        "Push domino 1 at its top; the wave runs along the arrows.",
-        *([] if physics is None else [_expectation(layout, physics)]),
-    ]
-
-
-def _expectation(layout: Layout, physics: Physics) -> str:
-    """Return the push and the time of the wave, in a sentence."""
-    wave, top = simulate(layout, physics), physics.push * float(layout.height[0])
-    push = f"With a push of {physics.push:.3g} rad/s ({top:.2f} m/s at the top edge)"
-    given = f"at a friction of {physics.friction:g} between the dominoes"
-    if wave.mean_speed == 0.0:
-        return f"{push} {given} the model expects that the wave stops: {wave.explanation}"
-    return (
-        f"{push} the last domino is hit after {wave.arrival_times[-1]:.3f} s {given} in the model; "
-        "published measurements differ from it by some 10 %."
+    steps.append(
+        "Stand a domino on every box, flat on the ground, its faces along the lines. Leave a few "
+        "places empty and fill them last: a domino that falls early then topples only some of the "
+        "others."
     )
+    steps.append("Push domino 1 at its top; the wave runs to higher numbers.")
+    if physics is not None:
+        wave, top = simulate(layout, physics), physics.push * float(layout.height[0])
+        steps.append(
+            f"With a push of {physics.push:.3g} rad/s ({top:.2f} m/s at the top edge) and a "
+            f"friction of {physics.friction:g} between the dominoes, the last domino is hit after "
+            f"{wave.arrival_times[-1]:.3f} s in the model; published measurements differ from it "
+            "by some 10 %."
+            if wave.mean_speed > 0.0
+            else f"In the model the wave stops: {wave.explanation}"
+        )
+    return steps
 
 
 @contextmanager
@@ -245,50 +217,30 @@ def _page(pages: Any, paper: str, title: str, subtitle: str) -> Iterator[Axes]:
     pages.savefig(figure)
 
 
-def _advise(axes: Axes, layout: Layout, plan: Sequence[Strip], physics: Physics | None) -> None:
-    """Write the steps on the left, and the gaps of a layout that is not too long on the right."""
-    left, top = MARGIN * MM, axes.get_ylim()[1] - 32.0
-    axes.text(left, top, "How to build it", size=11, color=INK, weight="bold")
-    y = top - 9.0
-    for number, step in enumerate(_advice(plan, layout, physics), 1):
-        lines = wrap(step, 68)
-        axes.text(left, y, f"{number}", size=9.5, color=SOFT, va="top")
-        axes.text(left + 6.0, y, "\n".join(lines), size=9.5, color=INK, va="top", linespacing=1.35)
-        y -= 4.9 * len(lines) + 3.0
-    if not 1 < layout.count <= MOST_GAPS + 1:
-        return
-    x = 0.52 * axes.get_xlim()[1]
-    heading, columns, wide = "Gap in front of each domino [mm]", 6, 23.0
-    lines = [f"{i:3d} {1e3 * gap:6.2f}" for i, gap in enumerate(layout.spacing, 1)]
-    if not layout.is_flat:
-        heading, columns, wide = f"{heading}, slope under it [°]", 5, 29.0
-        gaps = [*(f"{1e3 * gap:6.2f}" for gap in layout.spacing), " " * 6]
-        both = enumerate(zip(gaps, _slope_labels(layout), strict=True), 1)
-        lines = [f"{i:3d} {gap} {slope}" for i, (gap, slope) in both]
-    down = max(40, -(-len(lines) // columns))
-    axes.text(x, top, heading, size=11, color=INK, weight="bold")
-    for k in range(0, len(lines), down):
-        text = "\n".join(lines[k : k + down])
-        axes.text(x, top - 9.0, text, size=8, color=INK, va="top", family="monospace")
-        x += wide
+def _advise(axes: Axes, steps: Sequence[str]) -> None:
+    """Write the steps of building the layout."""
+    left, y = MARGIN * MM, axes.get_ylim()[1] - 32.0
+    axes.text(left, y, "How to build it", size=11, color=INK, weight="bold")
+    for number, step in enumerate(steps, 1):
+        y -= 9.0
+        lines = wrap(f"{number}  {step}", 110, subsequent_indent="    ")
+        axes.text(left, y, "\n".join(lines), size=9.5, color=INK, va="top", linespacing=1.35)
+        y -= 4.9 * (len(lines) - 1)
 
 
 def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
     """Draw a strip: its edges, its dominoes, and the lines that join it to its neighbours."""
     middle, half = strip.middle * MM, 0.5 * layout.width * MM
-    places, left = places_along(layout), strip.margin * MM
+    places, left = places_along(layout), MARGIN * MM
     right = left + (strip.end - strip.begin) * MM
-    edge, labels = half + BESIDE * MM, _slope_labels(layout)
-    axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, dashes=(8, 3, 1, 3))
-    for y in (middle - edge, middle + edge):
-        axes.plot([0.0, right + left], [y, y], color="0.7", lw=LINE)
-    window = Rectangle((0.0, 0.0), right + left, axes.get_ylim()[1], transform=axes.transData)
+    edge, labels = half + BESIDE * MM, [f"{tilt:+.1f}" for tilt in np.degrees(layout.tilt)]
+    axes.plot([left, right], [middle, middle], color="0.6", lw=LINE, ls="-.")
+    axes.hlines((middle - edge, middle + edge), 0.0, right + left, color="0.7", lw=LINE)
     for i in strip.dominoes:
         thick = layout.thickness[i] * MM
         x = left + (places[i] - strip.begin) * MM - thick
         box = Rectangle((x, middle - half), thick, 2.0 * half, fill=False, lw=LINE, ec="black")
         axes.add_patch(box)
-        box.set_clip_path(window)
         if left <= x + thick / 2.0 < right:
             # numbers stand at two heights, as narrow gaps leave no room side by side
             y = middle - half - (3.0 if i % 2 == 0 else 7.0)
@@ -296,32 +248,18 @@ def _draw(axes: Axes, layout: Layout, strip: Strip) -> None:
             if not layout.is_flat and (i == strip.dominoes[0] or labels[i] != labels[i - 1]):
                 y = middle + half + (2.0 if i % 2 == 0 else 4.5)
                 axes.text(x + thick / 2.0, y, labels[i], ha="center", va="center", fontsize=5)
-    for x, neighbour in (left, strip.number - 1), (right, strip.number + 1):
-        if not 1 <= neighbour <= strip.total:
-            continue
-        axes.plot([x, x], [middle - edge, middle + edge], color="black", lw=LINE, dashes=(12, 8))
-        for y in (middle - edge + 4.0, middle + edge - 4.0):
-            axes.plot(x, y, marker="o", ms=6, mfc="none", mec="black", mew=LINE)
-        side, shift = ("left", 4.0) if x == left else ("right", -4.0)
-        word = f"joins strip {neighbour}"
-        axes.text(x + shift, middle + edge - 4.0, word, ha=side, va="center", fontsize=7)
-    at, y = 0.5 * (left + right), middle + edge - 4.0
-    axes.text(at, y, f"strip {strip.number}", ha="right", va="center", fontsize=7)
-    axes.annotate("", (at + 24.0, y), (at + 4.0, y), arrowprops={"arrowstyle": "->", "lw": 0.8})
-
-
-def _slope_labels(layout: Layout) -> list[str]:
-    """Return the slope of the ground under each domino [°] in words, positive downhill."""
-    return [f"{slope:+5.1f}" for slope in np.degrees(layout.tilt)]
+    y = middle + edge - 4.0
+    axes.text(0.5 * (left + right), y, f"strip {strip.number}", ha="center", va="center", size=7)
+    for x, neighbour, align in (left, strip.number - 1, "left"), (right, strip.number + 1, "right"):
+        if 1 <= neighbour <= strip.total:
+            axes.vlines(x, middle - edge, middle + edge, color="black", lw=LINE, ls="--")
+            words = f"  joins strip {neighbour}  "
+            axes.text(x, y, words, ha=align, va="center", size=7)
 
 
 def _draw_bar(axes: Axes) -> None:
-    left, y = MARGIN * MM, 14.0
-    axes.plot([left, left + BAR * MM], [y, y], color="black", lw=0.8)
-    for k in range(11):
-        x = left + 0.1 * k * BAR * MM
-        axes.plot([x, x], [y, y + (3.0 if k % 5 == 0 else 1.5)], color="black", lw=LINE)
-    axes.text(
-        left + BAR * MM + 3.0, y, f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the "
-        "page", va="center", fontsize=7,
-    )  # fmt: skip
+    marks, y = MARGIN * MM + np.linspace(0.0, BAR * MM, 11), 14.0
+    axes.hlines(y, marks[0], marks[-1], color="black", lw=0.8)
+    axes.vlines(marks, y, y + 3.0, color="black", lw=LINE)
+    words = f"{BAR * MM:.0f} mm: if not, print at 100 %, not fitted to the page"
+    axes.text(marks[-1] + 3.0, y, words, va="center", size=7)

@@ -49,18 +49,16 @@ def test_lines_have_the_main_numbers(results):
     assert (str(DEAD.outcome), f"{DEAD.outcome}", DEAD.outcome) == ("STALLED", "STALLED", 1)
 
 
-@pytest.mark.parametrize(("name", "dominoes"), [("layout", 12), ("dead", 30), ("result", 80)])
-def test_notebooks_draw_every_domino(results, name, dominoes):
-    html = results[name]._repr_html_()
-    assert html.count("<polygon") == dominoes
-    assert html.count('opacity="0.3"') == (29 if name == "dead" else 0)
-    assert "&gt;" not in html
-    assert repr(results[name]) in html
+@pytest.mark.parametrize("name", ["layout", "dead", "result"])
+def test_notebooks_show_the_figure(results, name):
+    assert results[name]._repr_png_() == results[name].plot()._repr_png_()
 
 
-def test_a_long_layout_is_drawn_by_its_ends():
-    html = de.Layout.uniform(100_000, pitch=0.02)._repr_html_()
-    assert 50 < html.count("<polygon") < 300
+@pytest.mark.parametrize(("count", "windows"), [(40, 1), (100_000, 2)])
+def test_a_long_layout_is_drawn_by_its_ends(count, windows):
+    dominoes, *_ = de.Layout.uniform(count, pitch=0.02).plot().axes
+    boxes = sum(len(drawn.get_paths()) for drawn in dominoes.collections)
+    assert boxes == 40 if windows == 1 else 10 < boxes < 100
 
 
 @pytest.mark.parametrize(("name", "curves", "label"), [
