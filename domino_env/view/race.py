@@ -18,7 +18,6 @@ from domino_env.physics.wave import Wave
 from domino_env.view.energy import Energy, energies
 from domino_env.view.ground import ground_line
 
-EQUAL = 1e-6  # relative difference below which two speeds are equal
 STEPS = 32  # of time in every interval between hits; straight lines between are within 1e-4 rad
 EDGE = 1e-5  # part of an interval left out at its ends
 
@@ -82,7 +81,7 @@ def race_data(racers: Sequence[Racer], progress: bool | None = False) -> dict[st
 
 
 def headline(racers: Sequence[Racer]) -> dict[str, str]:
-    """Return in a few sentences which layout is the best ("who") and "why".
+    """Return which layout is the best ("who"), and the result of each ("why").
 
     The scene's score decides where every layout has one, else the mean speed.
     """
@@ -91,42 +90,32 @@ def headline(racers: Sequence[Racer]) -> dict[str, str]:
     # the first of equals first
     order = sorted(range(len(racers)), key=lambda k: -merits[k])
     ranked, merits = [racers[k] for k in order], [merits[k] for k in order]
-    first, shape = ranked[0], _shape(ranked[0].wave)
-    name = first.name[0].upper() + first.name[1:]
-    results = []
+    results, leads = [], []
     for one, merit in zip(ranked, merits, strict=True):
         result = f"{merit:.4f} m/s" if by_speed and merit > 0.0 else one.score_text
-        results.append(result if one.wave.mean_speed > 0.0 else one.wave.explanation)
-    why = "; ".join(f"{one.name}: {text}" for one, text in zip(ranked, results, strict=True))
+        results.append(
+            f"{one.name}: {result if one.wave.mean_speed > 0.0 else one.wave.explanation}"
+        )
+        if merit > 0.0 and one is not ranked[0]:
+            leads.append(f"{merits[0] / merit - 1.0:.2%} faster than {one.name}")
+    first = ranked[0]
+    who = f"{first.name[0].upper()}{first.name[1:]} "
     if merits[0] <= 0.0:
         keeps = "keeps the limits of the scene" if first.wave.mean_speed else "topples to its end"
-        return {"who": f"No layout {keeps}", "why": why}
-    if len(ranked) == 1:
-        return {"who": f"{name}: {results[0]}", "why": shape}
-    if merits[1] <= 0.0 or not by_speed:
-        best = "is the fastest" if by_speed else "has the best score"
-        return {"who": f"{name} {best}", "why": f"{why}. {shape}"}
-    if merits[0] / merits[1] - 1.0 < EQUAL:
-        return {"who": f"{name} and {ranked[1].name} are equally fast", "why": shape}
-    leads = ", ".join(
-        f"{_lead(merits[0] / merit - 1.0)} faster than {one.name}"
-        for one, merit in zip(ranked[1:], merits[1:], strict=True)
-        if merit > 0.0
-    )
-    return {
-        "who": f"{name} is the fastest: {leads}",
-        "why": f"{why}. {_parts(first.wave, ranked[1].wave)} {shape}",
-    }
+        who = f"No layout {keeps}"
+    elif len(ranked) == 1:
+        who += "topples to its end"
+    elif by_speed:
+        who += f"is the fastest{': ' * bool(leads)}{', '.join(leads)}"
+    else:
+        who += "has the best score"
+    return {"who": who, "why": "; ".join(results)}
 
 
 def _merits(racers: Sequence[Racer]) -> list[float]:
     """Return the numbers that rank: the scores where all have one, else the speeds [m/s]."""
     scores = [one.score for one in racers if one.score is not None]
     return scores if len(scores) == len(racers) else [one.wave.mean_speed for one in racers]
-
-
-def _lead(part: float) -> str:
-    return f"{part:.1%}" if part >= 0.01 else f"{part:.2%}"
 
 
 def _data_of(one: Racer) -> dict[str, Any]:
@@ -196,37 +185,6 @@ def _kinetic_of_falls(energy: Energy) -> tuple[Floats, Floats]:
     moves = ends > begins
     sums = np.trapezoid(kinetic[moves], time[moves], axis=1)
     return 0.5 * (begins + ends)[moves], sums / (ends - begins)[moves]
-
-
-def _parts(first: Wave, second: Wave) -> str:
-    """Return the third of the dominoes in which the fastest layout gains most, in words."""
-    leads = []
-    for name, low, high in (("first", 0.0, 1 / 3), ("middle", 1 / 3, 2 / 3), ("last", 2 / 3, 1.0)):
-        speeds = []
-        for wave in (first, second):
-            a, b = (round(x * (wave.layout.count - 1)) for x in (low, high))
-            b = max(b, a + 1) if a + 1 < wave.layout.count else b
-            if b <= a:
-                return ""
-            length = wave.layout.positions[b] - wave.layout.positions[a]
-            speeds.append(float(length / (wave.arrival_times[b] - wave.arrival_times[a])))
-        leads.append((speeds[0] / speeds[1] - 1.0, name))
-    best, worst = max(leads), min(leads)
-    text = f"It gains most in the {best[1]} third of the layout ({best[0]:+.1%})"
-    if worst[0] < -0.005:
-        text += f", and is slower in the {worst[1]} third ({worst[0]:+.1%})"
-    return text + "."
-
-
-def _shape(wave: Wave) -> str:
-    """Return the gaps in a sentence."""
-    gaps = wave.layout.spacing * 1e3
-    if np.ptp(gaps) < 1e-6:
-        return f"Its gaps are all {gaps[0]:.1f} mm."
-    return (
-        f"Its gaps begin at {gaps[0]:.0f} mm, are {np.median(gaps):.0f} mm in the middle (median) "
-        f"and end at {gaps[-1]:.0f} mm."
-    )
 
 
 def _short(values: ArrayLike) -> list[Any]:

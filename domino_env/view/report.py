@@ -6,10 +6,8 @@ from files and from folders of runs, with the curves and verifications in these 
 
 from __future__ import annotations
 
-import csv
 import io
 import json
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,6 +16,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from msgspec import Meta
 
 from domino_env.core.files import (
@@ -26,7 +25,6 @@ from domino_env.core.files import (
     one_line,
     read_bytes,
     read_json,
-    shown,
     write_text,
 )
 from domino_env.core.models import Document, Number, model_of
@@ -208,26 +206,13 @@ def _curve(
         return None
     path = folder / name
     with naming(path):
-        text = decoded(read_bytes(path))
-        columns: tuple[list[float], list[float]] = [], []
-        reader = csv.DictReader(io.StringIO(text, newline=""))
-        try:
-            for line in reader:
-                for key, values in zip((across, up), columns, strict=True):
-                    values.append(_number(line.get(key), f"line {reader.line_num}, {key}"))
-        except csv.Error as error:
-            raise ValueError(f"line {reader.line_num}: not a table: {error}") from None
-    return columns
-
-
-def _number(cell: object, where: str) -> float:
-    try:
-        value = float(cell) if isinstance(cell, str) else math.nan
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"{where}: {shown(cell)} is not a finite number")
-    return value
+        text = io.StringIO(decoded(read_bytes(path)))
+        table = np.genfromtxt(text, delimiter=",", names=True, usecols=(across, up), ndmin=1)
+        for column in (across, up):
+            if not np.isfinite(table[column]).all():
+                line = 2 + int(np.argmin(np.isfinite(table[column])))
+                raise ValueError(f"line {line}, {column}: give a finite number")
+        return table[across].tolist(), table[up].tolist()
 
 
 def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict[str, Any] | None:
