@@ -181,7 +181,7 @@ def test_drawings_and_sounds_that_would_take_too_long_are_rejected():
     with pytest.raises(ValueError, match="long: 5,001 dominoes: at most"):
         next(frames([Racer("long", de.simulate(long, de.Physics()))]))
     short = Racer("short", de.simulate(de.Layout([0.02], 0.0075), de.Physics()))
-    with pytest.raises(ValueError, match=r"s of toppling take .* images"):
+    with pytest.raises(ValueError, match=r"strips of .* pixels: at most"):
         next(frames([short], slow=1e6))
     far = de.Layout([3e5], 1e5, height=1e6, width=0.02)
     with pytest.raises(ValueError, match=r"a wave of .* s has .* samples"):

@@ -93,9 +93,9 @@ def headline(racers: Sequence[Racer]) -> dict[str, str]:
     results, leads = [], []
     for one, merit in zip(ranked, merits, strict=True):
         result = f"{merit:.4f} m/s" if by_speed and merit > 0.0 else one.score_text
-        results.append(
-            f"{one.name}: {result if one.wave.mean_speed > 0.0 else one.wave.explanation}"
-        )
+        if one.wave.mean_speed == 0.0:
+            result = one.wave.explanation
+        results.append(f"{one.name}: {result}")
         if merit > 0.0 and one is not ranked[0]:
             leads.append(f"{merits[0] / merit - 1.0:.2%} faster than {one.name}")
     first = ranked[0]

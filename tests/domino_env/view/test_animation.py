@@ -82,8 +82,8 @@ def test_the_command_writes_the_file(layout, ending, begins):
     ("--gif out.gif --slow 0", "slow = 0.0: give a finite number, more than 0"),
     ("--gif out.gif --width 401", "give an even number"),
     ("--png out.png --width 10000000", "width = 10000000 px: give a whole number from 200 to 10"),
-    ("--png out.png --moments 100000", "pixels: at most 200,000,000 are drawn; choose a lower --w"),
-    ("--gif out.gif --width 10000 --slow 300", "pixels: at most 2,000,000,000 are drawn; choose"),
+    ("--png out.png --moments 100000", "pixels: at most 500,000,000 are drawn; choose a lower --w"),
+    ("--gif out.gif --width 10000 --slow 300", "pixels: at most 500,000,000 are drawn; choose"),
 ])  # fmt: skip
 def test_wrong_options_are_rejected(capsys, layout, words, message):
     assert main(["render", str(layout), *words.split()]) == 2
