@@ -9,7 +9,6 @@ domino optimize mine.toml
 from __future__ import annotations
 
 import argparse
-import math
 
 from domino_env.cli.options import (
     COEFFICIENT,
@@ -22,6 +21,7 @@ from domino_env.cli.options import (
     require_deviation,
 )
 
+HEAD = "# Lengths are in metres: 18 mm is 0.018. docs/scenes/index.md describes all keys.\n"
 SUMMARY = "write a scene file for your own dominoes"
 LEAST_GAP, FREE_GAP = 2.0, 0.8  # [mm], of the height: bounds of the gaps without --gaps
 
@@ -64,72 +64,44 @@ def run(arguments: argparse.Namespace) -> int:
 
     from domino_env.core.checks import require
     from domino_env.core.files import write_text
-    from domino_env.scenes.io.reading import parse_scene
+    from domino_env.physics.ground import Ground
+    from domino_env.physics.physics import Physics
+    from domino_env.scenes.objectives.robust import Placement
+    from domino_env.scenes.scene import Scene
 
-    if arguments.gaps is None:
-        arguments.gaps = LEAST_GAP, FREE_GAP * arguments.height
-    (low, high), thickness = arguments.gaps, arguments.thickness
-    require("--thickness", thickness, below=arguments.height, unit="mm", hint="the height")
-    require("--gaps", low, high=high, unit="mm", hint="smallest gap first")
-    require("--gaps", high, below=arguments.height, unit="mm", hint="the height")
-    if arguments.deviation is not None:
-        require_deviation(arguments.deviation, high)
-    if arguments.length is not None:
-        pairs, length = arguments.count - 1, arguments.length
-        least, most = pairs * (low + thickness), pairs * (high + thickness)
-        fitting = f"{math.ceil(length * pairs / most) + 1} to {int(length * pairs / least) + 1}"
-        hint = f"gaps of {low:g} to {high:g} mm; or --count {fitting}"
-        require("--length", length, least, most, unit="mm", hint=hint)
-    text = scene_text(arguments)
-    parse_scene(text, "mine", "domino scene")
-    if arguments.out:
-        write_text(Path(arguments.out), text)
-        print(
-            f"written to {arguments.out}: domino optimize {arguments.out} searches its best layout"
-        )
-    else:
+    box = arguments
+    low, high = box.gaps or (LEAST_GAP, FREE_GAP * box.height)
+    require("--thickness", box.thickness, below=box.height, unit="mm", hint="the height")
+    require("--gaps", high, below=box.height, unit="mm", hint="the height")
+    objective, settings = "mean_speed", None
+    if box.deviation is not None:
+        require_deviation(box.deviation, high)
+        draws = 256 if box.floor is None else 8
+        objective, settings = "robust", Placement(_metres(box.deviation), draws=draws)
+    scene = Scene(
+        name=Path(box.out).stem if box.out else "mine",
+        title=f"{box.count} dominoes of {box.thickness:g} x {box.width:g} x {box.height:g} mm",
+        objective=objective,
+        settings=settings,
+        count=box.count,
+        height=_metres(box.height),
+        width=_metres(box.width),
+        length=None if box.length is None else _metres(box.length),
+        spacing=(_metres(low), _metres(high)),
+        thickness=(_metres(box.thickness), _metres(box.thickness)),
+        physics=Physics(box.friction, push=box.push),
+        floor_friction=box.floor,
+        ground=None if box.slope is None else Ground(slope=box.slope),
+    )
+    text = f"{HEAD}{scene.to_toml()}"
+    if box.out is None:
         print(text, end="")
+        return 0
+    write_text(Path(box.out), text)
+    print(f"written to {box.out}: domino optimize {box.out} searches its best layout")
     return 0
 
 
-def scene_text(box: argparse.Namespace) -> str:
-    """Return the commented TOML text of a scene."""
-    low, high = box.gaps
-    robust = box.deviation is not None
-    lines = [
-        "# A scene of domino-chains. Lengths are in metres: 18 mm is 0.018.",
-        "# `domino optimize FILE` searches the best layout; docs/scenes/index.md has all keys.",
-        f'title = "{box.count} dominoes of {box.thickness:g} x {box.width:g} x {box.height:g} mm"',
-        'objective = "robust"     # the speed that 95 % of the layouts as placed reach'
-        if robust
-        else 'objective = "mean_speed" # length over the time of the last hit',
-        "\n[row]",
-        f"count = {box.count}",
-        _metres("height", box.height),
-        _metres("width", box.width),
-        *([] if box.length is None else [_metres("length", box.length, "first to last pivot")]),
-        "\n[spacing]               # free gaps: the design variables",
-        _metres("min", low),
-        _metres("max", high),
-        "\n[thickness]",
-        _metres("fixed", box.thickness, "or min and max, or values = [...]"),
-        "\n[physics]",
-        f"friction = {box.friction:<13g} # Coulomb coefficient between dominoes",
-        "gravity = 9.81           # [m/s²]",
-        f"push = {box.push:<17g} # [rad/s] angular velocity of the first domino",
-    ]
-    if box.floor is not None:
-        lines.append(f"floor_friction = {box.floor:<7g} # coefficient of friction of the floor")
-    if box.slope is not None:
-        lines += ["\n[ground]", f"slope = {box.slope:<16g} # [degrees], positive downhill"]
-    if robust:
-        draws = f"draws = {256 if box.floor is None else 8:<16}"
-        lines += ["\n[robust]", _metres("deviation", box.deviation, "error of each gap")]
-        lines += ["quantile = 0.05          # share of the draws that may be slower"]
-        lines += [f"{draws} # random layouts that are simulated for each score"]
-    return "\n".join(lines) + "\n"
-
-
-def _metres(key: str, millimetres: float, about: str = "") -> str:
-    """Return a line of the file with a length in metres."""
-    return f"{f'{key} = {millimetres / 1000.0:.9g}':<24} # [m] {about}".rstrip()
+def _metres(millimetres: float) -> float:
+    """Return a length in metres, without the digits of rounding."""
+    return round(millimetres / 1000.0, 12)

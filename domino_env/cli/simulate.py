@@ -7,8 +7,6 @@ and thickness in metres; height and density where they differ), or a .json file.
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import (
@@ -17,7 +15,6 @@ from domino_env.cli.options import (
     chosen_physics,
     floor,
     number,
-    output,
     require_deviation,
     write_json,
 )
@@ -28,9 +25,6 @@ if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
 
 SUMMARY = "simulate one layout: arrival times, speed and outcome"
-CSV_COLUMNS = (
-    "number", "position", "arrival_time", "release_velocity", "impact_velocity", "stall_margin",
-)  # fmt: skip
 WAVE = (
     "outcome explanation mean_speed hit toppled reach error_estimate converged flushes releases "
     "largest_flush_loss"
@@ -40,7 +34,7 @@ RIGID = (
     "floor_friction mean_speed hit toppled error_estimate converged arrival_times slid opened "
     "opened_at"
 )
-MOST_LINES = 60  # of a table that is printed whole without --all
+MOST_LINES = 60  # of a table that is printed whole
 ENDS = 10  # lines at each end of a longer one
 OPEN = 1e-5  # [m] contacts that open by less are not worth a line
 
@@ -55,13 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1e-8,
         help="largest relative error of the arrival times (1e-8)",
     )
-    parser.add_argument(
-        "--csv", type=output(".csv"), metavar="FILE", help="write the table in SI units"
-    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON, SI units")
-    parser.add_argument(
-        "--all", action="store_true", help=f"print every line of more than {MOST_LINES} dominoes"
-    )
     parser.add_argument(
         "--floor", type=floor, metavar="FRICTION",
         help="simulate free-standing dominoes too, on a floor of this coefficient of friction "
@@ -74,11 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate, print, and write the table if chosen to."""
-    from pathlib import Path
-
+    """Simulate and print."""
     from domino_env.core.results import document
-    from domino_env.core.tables import write_csv
     from domino_env.physics.wave import simulate
     from domino_env.rigid.simulation import simulate_standing
 
@@ -89,8 +74,6 @@ def run(arguments: argparse.Namespace) -> int:
         require_deviation(arguments.deviation, 1e3 * layout.spacing.max())
     wave = simulate(layout, chosen.physics, rtol=arguments.rtol)
     evaluation = _evaluation(wave, scene) if scene else {}
-    if arguments.csv:
-        write_csv(Path(arguments.csv), CSV_COLUMNS, _csv_lines(wave))
     rigid = None
     if arguments.floor is not None:
         rigid = simulate_standing(wave.layout, wave.physics, arguments.floor, progress=None)
@@ -107,16 +90,15 @@ def run(arguments: argparse.Namespace) -> int:
             result["placement_noise"] = noise
         write_json(result, "-")
         return 0
-    lines = [*_table(wave, whole=arguments.all), *_summary(wave), chosen.line]
+    lines = [*_table(wave), *_summary(wave), chosen.line]
     lines += _evaluation_lines(evaluation) if scene else []
     lines += rigid_summary(rigid, wave) if rigid else []
     lines += [noise_summary(noise)] if noise else []
-    lines += [f"table written to {arguments.csv}"] * bool(arguments.csv)
     print("\n".join(lines))
     return 0
 
 
-def _table(wave: Wave, *, whole: bool) -> list[str]:
+def _table(wave: Wave) -> list[str]:
     """Return one line per domino that is hit; of a long layout its two ends."""
     from domino_env.core.tables import text_table
 
@@ -132,9 +114,8 @@ def _table(wave: Wave, *, whole: bool) -> list[str]:
         ],
     }  # fmt: skip
     lines = text_table([*columns], zip(*columns.values(), strict=False), right=columns)
-    if not whole and wave.hit > MOST_LINES:
-        omitted = f"{wave.hit - 2 * ENDS:,} lines left out: --all prints, --csv writes them"
-        lines[1 + ENDS : -ENDS] = [f"   ...  {omitted}"]
+    if wave.hit > MOST_LINES:
+        lines[1 + ENDS : -ENDS] = [f"   ...  {wave.hit - 2 * ENDS:,} lines left out: see --json"]
     return lines
 
 
@@ -245,13 +226,3 @@ def rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
         )
     unmet = "" if rigid.converged else f", more than the tolerance {rigid.rtol:g}"
     return [*lines, f"relative error of these times below {rigid.error_estimate:.1e}{unmet}"]
-
-
-def _csv_lines(wave: Wave) -> Iterator[list[float | None]]:
-    """Yield one line per domino that is hit, with empty cells for missing numbers."""
-    columns = (
-        wave.layout.positions, wave.arrival_times, wave.release_velocity,
-        [*wave.impact_velocity, math.nan], wave.stall_margin,
-    )  # fmt: skip
-    for i in range(wave.hit):
-        yield [i, *(float(c[i]) if math.isfinite(c[i]) else None for c in columns)]

@@ -11,12 +11,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import (
-    GRAVITY,
     SIZE,
-    add_json_option,
     folder,
-    number,
-    write_json,
 )
 
 if TYPE_CHECKING:
@@ -30,7 +26,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "sources", metavar="SOURCE", nargs="*", help="name, .toml file or PITCH=FREQUENCY (all)"
     )
-    add_json_option(parser)
     parser.add_argument(
         "-o",
         "--out",
@@ -46,18 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     chains.add_argument(
         "--height", type=SIZE, metavar="MM", default=48.0, help="height of the dominoes [mm] (48)"
     )
-    chains.add_argument(
-        "--gravity", type=GRAVITY, metavar="M/S2", default=9.81,
-        help="gravitational acceleration [m/s²] (9.81)",
-    )  # fmt: skip
-    chains.add_argument(
-        "--uncertainty", type=number("%", above=0.0, below=100.0), metavar="PERCENT", default=2.0,
-        help="standard uncertainty of each frequency [%%] (2)",
-    )  # fmt: skip
-    chains.add_argument(
-        "--pitch-uncertainty", type=number("mm", low=0.0, high=100.0), metavar="MM", default=0.2,
-        help="standard uncertainty of each pitch [mm] (0.2, of a template)",
-    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -67,13 +50,9 @@ def run(arguments: argparse.Namespace) -> int:
     from domino_env.core.files import write_text
     from domino_env.core.tables import fill
     from domino_env.validation.measured import validate
-    from domino_env.validation.measured_page import PAGE, PLOT, as_document, draw, markdown, text
+    from domino_env.validation.measured_page import PAGE, PLOT, draw, markdown, text
 
     validations = [validate(source) for source in _sources(arguments)]
-    if arguments.json:
-        write_json(as_document(validations), arguments.json)
-        if arguments.json == "-":
-            return 0
     print("\n\n".join("\n".join(text(one)) for one in validations))
     explained = sum(one.explained for one in validations)
     if len(validations) > 1:
@@ -91,7 +70,12 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
     """Return the sources that are named, in order, with the given chains as the last."""
     from pathlib import Path
 
-    from domino_env.validation.source import read_source, shipped_sources, source_of_frequencies
+    from domino_env.validation.source import (
+        TEMPLATE,
+        read_source,
+        shipped_sources,
+        source_of_frequencies,
+    )
 
     shipped, sources, pairs = shipped_sources(), [], []
     for word in arguments.sources:
@@ -100,7 +84,7 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
         elif word.endswith(".toml"):
             sources.append(read_source(Path(word)))
         elif "=" in word:
-            pairs.append(_pair(word, arguments.thickness, arguments.height))
+            pairs.append(_pair(word))
         else:
             raise ValueError(
                 f"'{word}': give a source ({', '.join(shipped)}), a .toml file, or chains as in "
@@ -108,26 +92,17 @@ def _sources(arguments: argparse.Namespace) -> list[Source]:
             )
     if pairs:
         pitches, frequencies = zip(*pairs, strict=True)
+        sizes = 1e-3 * arguments.thickness, 1e-3 * arguments.height
         sources.append(
-            source_of_frequencies(
-                pitches, frequencies, 1e-3 * arguments.thickness, 1e-3 * arguments.height,
-                arguments.gravity, 0.01 * arguments.uncertainty, 1e-3 * arguments.pitch_uncertainty,
-            )
-        )  # fmt: skip
+            source_of_frequencies(pitches, frequencies, *sizes, pitch_uncertainty=TEMPLATE)
+        )
     return sources or list(shipped.values())
 
 
-def _pair(word: str, thickness: float, height: float) -> tuple[float, float]:
-    """Read PITCH=FREQUENCY as a pitch [m] and hits per second [1/s]; sizes in millimetres."""
-    from domino_env.core.checks import require
-
+def _pair(word: str) -> tuple[float, float]:
+    """Read PITCH=FREQUENCY, pitch in millimetres, as a pitch [m] and hits per second [1/s]."""
     try:
         pitch, frequency = map(float, word.split("="))
     except ValueError:
         raise ValueError(f"'{word}': write PITCH=FREQUENCY, as in 16=64.4") from None
-    hint = "between the thickness of a domino and thickness plus height"
-    require(
-        f"{word}: pitch", pitch, above=thickness, below=thickness + height, unit="mm", hint=hint
-    )
-    require(f"{word}: frequency", frequency, above=0.0, unit="1/s")
     return 1e-3 * pitch, frequency

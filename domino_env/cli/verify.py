@@ -17,7 +17,6 @@ from domino_env.cli.options import (
     add_physics_options,
     chosen_physics,
     floor,
-    output,
     write_json,
 )
 
@@ -34,9 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_physics_options(parser)
     add_simulator_options(parser, engine=None, when="where pymunk is installed")
     add_json_option(parser)
-    parser.add_argument(
-        "--plot", type=output(".png"), metavar="FILE", help="draw the differences (PNG)"
-    )
 
 
 def add_simulator_options(parser: argparse.ArgumentParser, engine: bool | None, when: str) -> None:
@@ -60,13 +56,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Verify each layout; 1 if any differs by more than 0.3 per cent, or topples in one only."""
     import sys
     from importlib.util import find_spec
-    from pathlib import Path
 
     from domino_env.rigid import verification
     from domino_env.rigid.engine import engine_name
 
-    if len(arguments.layouts) > 1 and (arguments.json or arguments.plot):
-        raise ValueError("--json and --plot name one file: give one layout with them")
+    if len(arguments.layouts) > 1 and arguments.json:
+        raise ValueError("--json names one file: give one layout with it")
     engine = arguments.engine
     if engine:
         engine_name()  # raises where it is not installed, before time is spent
@@ -88,8 +83,6 @@ def run(arguments: argparse.Namespace) -> int:
         differs |= any(verdict.startswith("DIFFERS") for verdict in checked.verdicts)
         if arguments.json:
             write_json(verification.as_document(checked), arguments.json)
-        if arguments.plot:
-            verification.write_plot(checked, Path(arguments.plot), Path(name).stem)
     if not engine and arguments.engine is None:
         print("(with a third-party engine too: pip install 'domino-chains[verify]')", file=output)
     return 1 if differs else 0

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -261,34 +260,6 @@ def as_document(checked: Verification) -> dict[str, Any]:
         }
     )
     return document(wave.physics, "friction gravity push") | result
-
-
-def write_plot(checked: Verification, path: Path, title: str) -> None:
-    """Draw differences of arrival times: fixed pivots above, floors below, the engine dashed."""
-    from domino_env.core.colours import COLOURS, INK, SHADE
-    from domino_env.core.plot_style import LEGEND, new_figure, style, write_png
-
-    figure = new_figure(8.0, 5.6)
-    above, below = figure.subplots(2, 1, sharex=True)
-    style(above, f"{title}: {checked.verdict.partition(':')[0].lower()}")
-    style(below)
-    above.axhspan(-100.0 * AGREES, 100.0 * AGREES, color=SHADE, zorder=0)
-    for waves, line in ((checked.reference, "-"), (checked.engine, "--")):
-        for k, one in enumerate(waves):
-            times = np.stack([one.arrival_times, checked.wave.arrival_times])[:, 1:]
-            times[~np.isfinite(times)] = np.nan
-            (below if k else above).plot(
-                1 + np.arange(times.shape[1]), 100.0 * (times[0] / times[1] - 1.0),
-                color=COLOURS[k], linestyle=line,
-                label=f"{one.simulator}, {floor_name(one.floor_friction)}",
-            )  # fmt: skip
-    for axes in (above, below):
-        axes.axhline(0.0, color=INK, linewidth=0.8)
-        axes.set_ylabel("arrival over model [%]")
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(ncols=2, **LEGEND)
-    below.set_xlabel("domino")
-    write_png(figure, path)
 
 
 def _percent(value: float, model: float) -> str:

@@ -19,8 +19,7 @@ from domino_env.core.results import as_json
 from domino_env.core.tables import csv_table, text_table
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
-from domino_env.physics.wave import TIGHTEST, Outcome, Wave, simulate
-from domino_env.scenes.scene import Scene
+from domino_env.physics.wave import TIGHTEST, Wave, simulate
 from domino_env.validation.edge_cases import TIP, EdgeCase, error_of
 from domino_env.validation.ode import ADAPTIVE, FIXED, integrate
 
@@ -50,10 +49,6 @@ class Measurement:
         Error estimate of the simulator; nan for ODE solvers, which have none.
     seconds
         Run time of one call [s], the best of several.
-    evaluations
-        Evaluations of the stack's acceleration; 0 for the simulator.
-    outcome
-        Name of the wave's `Outcome`; UNFINISHED where a solver used up its evaluations.
     """
 
     example: str
@@ -62,8 +57,6 @@ class Measurement:
     error: float
     estimate: float
     seconds: float
-    evaluations: int
-    outcome: str
 
 
 def standard_examples() -> list[EdgeCase]:
@@ -83,20 +76,6 @@ def standard_examples() -> list[EdgeCase]:
         ),
     }  # fmt: skip
     return [EdgeCase(group, *rest) for group, rest in examples.items()]
-
-
-def scene_examples(scene: Scene) -> list[EdgeCase]:
-    """Return the uniform baseline of a scene and, where gaps are free, a random layout."""
-    baseline, rng = scene.uniform().layout, np.random.default_rng(0)
-    found = [EdgeCase("uniform", f"{scene.name}: uniform baseline", baseline, scene.physics)]
-    for _ in range(200 if scene.free_spacing and scene.length is None else 0):
-        gaps = rng.uniform(*scene.spacing, scene.count - 1)
-        thick = rng.uniform(*scene.thickness, scene.count - 1) if scene.free_thickness else None
-        layout = scene.layout(gaps, thick)
-        if simulate(layout, scene.physics, rtol=1e-6).outcome == Outcome.PROPAGATED:
-            name = f"{scene.name}: a random layout"
-            return [*found, EdgeCase("random", name, layout, scene.physics)]
-    return found
 
 
 def settings(solver: str, example: EdgeCase, quick: bool = False) -> tuple[float, ...]:
@@ -152,8 +131,7 @@ def measure(
 def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Measurement:
     """Return the best of as many runs of one setting as fit into `LONG_ENOUGH`."""
     seconds: list[float] = []
-    estimate, evaluations = math.nan, 0
-    outcome: Outcome | None
+    estimate = math.nan
     while sum(seconds) < LONG_ENOUGH:
         began = time.process_time()  # which excludes other work of the machine
         if solver == SIMULATE:
@@ -162,13 +140,9 @@ def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Me
         else:
             stepped = integrate(example.layout, example.physics, solver, setting)
             outcome, times = stepped.outcome, stepped.arrival_times
-            evaluations = stepped.evaluations
         seconds.append(time.process_time() - began)
     error = error_of(times, exact.arrival_times) if outcome == exact.outcome else math.inf
-    name = "UNFINISHED" if outcome is None else outcome.name
-    return Measurement(
-        example.group, solver, setting, error, estimate, min(seconds), evaluations, name
-    )
+    return Measurement(example.group, solver, setting, error, estimate, min(seconds))
 
 
 def time_to_reach(runs: Iterable[Measurement], level: float) -> float:

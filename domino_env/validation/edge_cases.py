@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from domino_env.core.tables import text_table
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -318,19 +317,6 @@ def inconsistencies(wave: Wave) -> list[str]:
         == (wave.reach == 1.0),
     }
     return [fault for fault, right in checks.items() if not right]
-
-
-def stability_table(answers: Sequence[Answer]) -> list[str]:
-    """Return a table of the answers with their faults."""
-    names = ("group", "case", "outcome", "error", "estimate", "converged", "against", "faults")
-    lines = [
-        (
-            one.group, one.name, one.outcome, f"{one.error:.1e}", f"{one.estimate:.1e}",
-            "yes" if one.converged else "no", one.against, one.faults,
-        )
-        for one in answers
-    ]  # fmt: skip
-    return text_table(names, lines, right=("error", "estimate"))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,6 @@ import numpy as np
 from domino_env.kernels.jit import compile_alone
 
 PROPAGATED, STALLED, OUT_OF_REACH, JAMMED, NO_RIGID_ANSWER = 0, 1, 2, 3, 4  # as in `wave.Outcome`
-UNFINISHED = -1  # the evaluations allowed were used up
 
 TIP, FACE = 0.0, 1.0  # states of a contact
 TOGETHER = 1e-9  # [rad] face impacts within this Δ are one impact
@@ -206,14 +205,13 @@ def rk4_step(stack, angle, speed, a1, h):
 
 @compile_alone
 def locate(stack, angle, speed, a1, h, end, changes):
-    """(time, angle, speed, steps) of the first change of contact in a step of h, or of `end`.
+    """(time, angle, speed) of the first change of contact in a step of h, or of `end`.
 
     Newton's method for the angle `end`, bisection for a change of contact, after which it returns.
     """
-    low, high, t, steps = 0.0, h, h, 0
+    low, high, t = 0.0, h, h
     new, v = angle, speed
-    while steps < ITERATIONS:
-        steps += 1
+    for _ in range(ITERATIONS):
         new, v = rk4_step(stack, angle, speed, a1, t)
         # nan, where the step leads too far, is over too
         over = sums(stack, min(new, end))[3] <= ROUNDING if changes else not new < end
@@ -227,7 +225,7 @@ def locate(stack, angle, speed, a1, h, end, changes):
     if changes:
         t = high
         new, v = rk4_step(stack, angle, speed, a1, t)
-    return t, new, v, steps
+    return t, new, v
 
 
 # --- A chain --------------------------------------------------------------------------------------
@@ -242,8 +240,8 @@ def goal(table, n):
 
 
 @compile_alone
-def follow(stack, push, h, rule, most, arrival):
-    """Follow a chain in steps of h until its wave ends; return (outcome, evaluations).
+def follow(stack, push, h, rule, arrival):
+    """Follow a chain in steps of h until its wave ends; return its outcome.
 
     Arrival times go into `arrival`. With the rule LOCATED steps end at hits and changes of contact
     (order four). With the others the events of a step take place at its end, and the next leader
@@ -251,41 +249,37 @@ def follow(stack, push, h, rule, most, arrival):
     (order one).
     """
     slack = ROUNDING if rule == LOCATED else 0.0
-    angle, speed, now, used = stack.table[0, TILT], push, 0.0, 0
+    angle, speed, now = stack.table[0, TILT], push, 0.0
     end, hits = goal(stack.table, 0)
-    while used < most:
+    while True:
         a = acceleration(stack, angle, speed)
         dt = h
-        used += 1
         if rule == EULER:
             new, v = angle + h * speed, speed + h * a
         else:
             new, v = rk4_step(stack, angle, speed, a, h)
-            used += 3
         due = sums(stack, min(new, end))[3] <= slack
         if rule == LOCATED and (due or not new < end):
-            dt, new, v, steps = locate(stack, angle, speed, a, h, end, due)
-            used += 3 * steps
+            dt, new, v = locate(stack, angle, speed, a, h, end, due)
             if not due:
                 new = end
         if not v > 0.0:
-            return (NO_RIGID_ANSWER if math.isnan(v) else STALLED), used
+            return NO_RIGID_ANSWER if math.isnan(v) else STALLED
         angle, speed, now = new, v, now + dt
         if due:
             keep, back = change(stack, min(angle, end), TOGETHER if rule == LOCATED else 0.0)
             if not 0.0 < keep < np.inf:
-                return JAMMED, used
+                return JAMMED
             stack = Stack(stack.table, stack.n, back, stack.mu, stack.gravity)
             speed *= keep
         if angle < end:
             continue
         if not hits:
-            return (OUT_OF_REACH if stack.n + 1 < len(stack.table) else PROPAGATED), used
+            return OUT_OF_REACH if stack.n + 1 < len(stack.table) else PROPAGATED
         keep = hit(stack, sums(stack, min(angle, end))[0])
         arrival[stack.n + 1] = now
         if not 0.0 < keep < np.inf:
-            return JAMMED, used
+            return JAMMED
         stack = Stack(stack.table, stack.n + 1, stack.back, stack.mu, stack.gravity)
         angle, speed = stack.table[stack.n, TILT], speed * keep
         end, hits = goal(stack.table, stack.n)
-    return UNFINISHED, used

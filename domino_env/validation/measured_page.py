@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import msgspec
 import numpy as np
 from matplotlib.axes import Axes
 
 from domino_env.core.colours import AMBER, BLUE, INK, PALE, RED
 from domino_env.core.plot_style import LEGEND, escaped, new_panels, write_png
-from domino_env.core.results import document
 from domino_env.core.tables import markdown_table, text_table
 from domino_env.core.types import Floats
 from domino_env.validation.measured import Comparison, Validation, model_value
@@ -27,10 +24,6 @@ COLUMNS = (
 READINGS = (
     "reading or effect", "on speeds", "friction", "largest deviation", "χ²", "explained",
 )  # fmt: skip
-NUMBERS = (
-    "label friction uncertainty sigmas model friction_alone frictionless predicted factors worst "
-    "holds"
-)
 POINTS = 60  # of a line
 WIDEST = 0.97  # [heights] gap that is drawn
 
@@ -47,24 +40,6 @@ def text(validation: Validation) -> list[str]:
         f"friction {_friction(main)}, spacings {spread}, {verdict}explained"
         + f": {reasons}" * bool(reasons),
     ]
-
-
-def as_document(validations: Sequence[Validation]) -> dict[str, Any]:
-    """Return everything as one document for other programs; null where there is no wave."""
-
-    def reading(one: Comparison) -> dict[str, Any]:
-        settings = {"setting": one.setting, "chains": one.chains}
-        return document(one, NUMBERS) | dict(msgspec.to_builtins(settings))
-
-    return {
-        "sources": [
-            document(one.source, "name title reference quantity unit")
-            | document(one, "explained reasons")
-            | {"readings": [reading(r) for r in (one.main, *one.readings)]}
-            | {"effects": [reading(e) for e in one.effects]}
-            for one in validations
-        ]
-    }
 
 
 def markdown(validations: Sequence[Validation]) -> list[str]:

@@ -35,21 +35,16 @@ class SteppedWave:
     Attributes
     ----------
     outcome
-        As `Wave.outcome`; None where the evaluations were used up before the end.
+        As `Wave.outcome`.
     arrival_times
         Arrival times [s], shape (N,); inf for dominoes that are not hit.
-    evaluations
-        Number of evaluations of the stack's acceleration.
     """
 
-    outcome: Outcome | None
+    outcome: Outcome
     arrival_times: Floats
-    evaluations: int
 
 
-def integrate(
-    layout: Layout, physics: Physics, method: str, setting: float, most: int = 10**9
-) -> SteppedWave:
+def integrate(layout: Layout, physics: Physics, method: str, setting: float) -> SteppedWave:
     """Simulate a layout with an ODE solver.
 
     Parameters
@@ -60,8 +55,6 @@ def integrate(
         One of `FIXED` or `ADAPTIVE`.
     setting
         The step [s] of a fixed method, the relative tolerance of an adaptive one.
-    most
-        Largest number of evaluations of the stack's acceleration.
 
     Raises
     ------
@@ -76,33 +69,22 @@ def integrate(
     arrival = np.full(layout.count, np.inf)
     arrival[0] = 0.0
     if method in FIXED:
-        code, used = eq.follow(stack, physics.push, setting, FIXED[method], most, arrival)
+        code = eq.follow(stack, physics.push, setting, FIXED[method], arrival)
     else:
-        code, used = _adaptive(stack, physics.push, method, setting, most, arrival)
-    outcome = None if code == eq.UNFINISHED else Outcome(code)
-    return SteppedWave(outcome, arrival, used)
+        code = _adaptive(stack, physics.push, method, setting, arrival)
+    return SteppedWave(Outcome(code), arrival)
 
 
-class _SpentError(Exception):
-    """The evaluations allowed are used up."""
-
-
-def _adaptive(
-    stack: eq.Stack, push: float, method: str, rtol: float, most: int, arrival: Floats
-) -> tuple[int, int]:
-    """Simulate by solve_ivp, one call from event to event; return (outcome, evaluations).
+def _adaptive(stack: eq.Stack, push: float, method: str, rtol: float, arrival: Floats) -> int:
+    """Simulate by solve_ivp, one call from event to event; return the outcome.
 
     Events end a call: the leader reaches the next domino (or tips), a contact changes, the leader
     stops.
     """
-    table, used = stack.table, 0
+    table = stack.table
     end, hits = eq.goal(table, 0)
 
     def rate(_: float, y: Floats) -> tuple[float, float]:
-        nonlocal used
-        used += 1
-        if used > most:
-            raise _SpentError
         return y[1], eq.acceleration(stack, y[0], y[1])
 
     def arrives(_: float, y: Floats) -> float:
@@ -123,34 +105,30 @@ def _adaptive(
         if changes(now, np.array([angle, speed])) <= 1e-14:
             keep, back = eq.change(stack, angle, eq.TOGETHER)
             if not 0.0 < keep < math.inf:
-                return eq.JAMMED, used
+                return eq.JAMMED
             stack = stack._replace(back=back)
             speed *= keep
         if angle >= end:
             if not hits:
-                return (eq.PROPAGATED if stack.n + 1 == len(table) else eq.OUT_OF_REACH), used
+                return eq.PROPAGATED if stack.n + 1 == len(table) else eq.OUT_OF_REACH
             arrival[stack.n + 1] = now
             keep = eq.hit(stack, eq.sums(stack, angle)[0])
             if not 0.0 < keep < math.inf:
-                return eq.JAMMED, used
+                return eq.JAMMED
             stack = stack._replace(n=stack.n + 1)
             angle, speed = float(table[stack.n, eq.TILT]), speed * keep
             end, hits = eq.goal(table, stack.n)
         if not eq.sums(stack, angle)[0] > 0.0:
-            return eq.NO_RIGID_ANSWER, used
+            return eq.NO_RIGID_ANSWER
         swing = math.sqrt(table[stack.n, eq.HEIGHT] / stack.gravity)
-        try:
-            done = solve_ivp(
-                rate, (now, now + 1e4 * swing), (angle, speed), method=method,
-                rtol=max(rtol, 2.3e-14),
-                atol=(rtol * (end - float(table[stack.n, eq.TILT])), rtol / swing), events=events,
-            )  # fmt: skip
-        except _SpentError:
-            return eq.UNFINISHED, used
-        if done.status != 1:  # the step size fell to nothing, or time ran out
-            return (eq.NO_RIGID_ANSWER if done.status == -1 else eq.UNFINISHED), used
-        if len(done.t_events[2]) > 0:
-            return eq.STALLED, used
+        done = solve_ivp(
+            rate, (now, now + 1e4 * swing), (angle, speed), method=method, rtol=max(rtol, 2.3e-14),
+            atol=(rtol * (end - float(table[stack.n, eq.TILT])), rtol / swing), events=events,
+        )  # fmt: skip
+        if done.status == -1:  # the step size fell to nothing
+            return eq.NO_RIGID_ANSWER
+        if done.status == 0 or len(done.t_events[2]) > 0:  # time ran out, or the leader stops
+            return eq.STALLED
         now = float(done.t[-1])
         angle, speed = float(done.y[0, -1]), float(done.y[1, -1])
         if len(done.t_events[0]) > 0:

@@ -33,13 +33,13 @@ def test_millimetres_and_degrees_become_a_scene(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    ("--length 9000", "--length = 9000.0 mm: give .* from 370.5 to 1790.1 .*--count 198 to 948"),
+    ("--length 9000", "row.length = 9 m cannot be met: .* row.count = 198 to 948 would fit"),
     ("--thickness 60", "--thickness = 60.0 mm: give a finite number, less than 48"),
     ("--deviation 30", "--deviation = 30.0 mm: give a finite number, at most 19.2"),
     ("--deviation 0.001", "--deviation = 0.001 mm: give a finite number from 0.01"),
     ("--out x.csv", "x.csv: name a .toml file"),
     ("--slope 20", "the ground slopes by 20°"),
-    ("--gaps 30 5", "--gaps = 30.0 mm: give a finite number, at most 5"),
+    ("--gaps 30 5", "spacing.min = 0.03 m is more than max = 0.005 m"),
 ])  # fmt: skip
 def test_impossible_scenes_are_rejected(capsys, words, message):
     assert main(["scene", "--count", "40", "--thickness", "7.5", *words.split()]) == 2

@@ -70,7 +70,7 @@ def test_estimates_are_honest_and_tolerances_kept_over_random_layouts():
 
 
 def _run(seconds: float, error: float) -> Measurement:
-    return Measurement("example", "rk4", 1e-3, error, math.nan, seconds, 7, "PROPAGATED")
+    return Measurement("example", "rk4", 1e-3, error, math.nan, seconds)
 
 
 def test_the_error_is_the_largest_over_the_dominoes_hit():
@@ -94,23 +94,17 @@ def test_every_solver_is_measured_and_finer_is_better():
     assert {m.solver for m in runs} == set(accuracy.SOLVERS)
     for solver in accuracy.SOLVERS:
         mine = [m for m in runs if m.solver == solver]
-        assert all(m.outcome == "PROPAGATED" and m.seconds > 0.0 for m in mine)
+        assert all(math.isfinite(m.error) and m.seconds > 0.0 for m in mine)
         assert len(mine) == 1 or mine[-1].error < mine[0].error
         assert all(m.error <= m.estimate for m in mine if solver == accuracy.SIMULATE)
     # finer settings that exceed the time are left out
     assert len(list(accuracy.measure([SIX], seconds=1e-9))) == len(accuracy.SOLVERS)
 
 
-def test_a_wave_that_ends_otherwise_has_no_error():
-    weak = EdgeCase("weak", "stalls", Layout.uniform(3, spacing=0.002), Physics(0.5, push=2.9))
-    runs = list(accuracy.measure([weak], quick=True))
-    assert all((m.outcome == "STALLED") == math.isfinite(m.error) for m in runs)
-
-
 @pytest.mark.parametrize(
     ("options", "summary", "table", "lines"),
     [
-        ("--scene gentle --seconds 0.02", "uniform: seconds to an error", "accuracy", 20),
+        ("--seconds 0.02", "classic: seconds to an error", "accuracy", 20),
         ("--stability", "edge cases: none with a fault", "stability", 200),
     ],
 )

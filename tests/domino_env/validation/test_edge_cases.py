@@ -17,7 +17,6 @@ from domino_env.validation.edge_cases import (
     examine,
     inconsistencies,
     short_cases,
-    stability_table,
 )
 from domino_env.validation.ode import integrate
 from domino_env.validation.precise import precise_wave, reference_waves
@@ -65,7 +64,7 @@ def test_steps_in_time_end_alike(case):
     swing = math.sqrt(case.layout.height.min() / case.physics.gravity)
     last = wave.arrival_times[wave.hit - 1] / wave.hit
     step = min(last, swing) / 150.0 if last > 0.0 else swing / 1e4
-    stepped = integrate(case.layout, case.physics, "rk4", step, most=600_000)
+    stepped = integrate(case.layout, case.physics, "rk4", step)
     assert stepped.outcome == wave.outcome
     error = error_of(stepped.arrival_times, wave.arrival_times)
     assert error < 1e-6 + 100.0 * wave.error_estimate
@@ -75,7 +74,6 @@ def test_a_fault_says_what_is_wrong():
     layout = Layout.uniform(3, pitch=0.016)
     answer = examine(EdgeCase("group", "name", layout, Physics(), (Outcome.JAMMED,)))
     assert answer.faults == "expected JAMMED"
-    assert stability_table([answer])[1].endswith("expected JAMMED")
 
 
 def test_a_million_dominoes_need_little_more_than_their_results():

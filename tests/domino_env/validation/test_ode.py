@@ -93,14 +93,6 @@ def test_a_wave_ends_for_the_same_reason(name, method):
     )
 
 
-@pytest.mark.parametrize("method", [*FIXED, *ADAPTIVE])
-def test_the_evaluations_allowed_are_kept(method):
-    setting = 1e-5 if method in FIXED else 1e-8
-    stepped = integrate(*LAYOUTS["uniform"], method, setting, most=100)
-    assert stepped.outcome is None
-    assert 0 < stepped.evaluations < 400
-
-
 @pytest.mark.parametrize(
     ("method", "step", "message"),
     [("heun", 1e-3, "choose one of euler, rk4-step, rk4, RK45"), ("rk4", 0.0, "more than 0")],
