@@ -15,7 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import chain, cycle
+from itertools import chain, cycle, product
 from typing import Any
 
 import gymnasium
@@ -23,6 +23,7 @@ import numpy as np
 
 import domino_env as de
 from domino_env.physics.wave import TIGHTEST
+from domino_env.validation.edge_cases import error_of
 
 Task = Callable[[], object]
 ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
@@ -32,39 +33,7 @@ ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
 )
 
 
-def timing(
-    name: str, task: Task, units: int = 1, remark: str = "", reference: Task | None = None,
-    reference_units: int = 1, runs: int = 60,
-) -> str:  # fmt: skip
-    """Time a task and return its line of the table.
-
-    Parameters
-    ----------
-    name
-        Task and unit of work.
-    task
-        The callable.
-    units
-        Number of units of work in one call.
-    remark
-        Last column; may use ``rate`` (units per second), ``ratio`` (seconds over those of the
-        reference) and ``part`` (its inverse).
-    reference, reference_units
-        Callable timed in turns with the task, and its units; None for no reference.
-    runs
-        Number of timed calls.
-    """
-    seconds, other = median_times((task, reference or _nothing), runs)
-    seconds, other = seconds / units, other / reference_units
-    numbers = {"rate": 1 / seconds, "ratio": seconds / other, "part": other / seconds}
-    return f"{name:68}{1e6 * seconds:14.2f}   {remark.format(**numbers)}"
-
-
-def _nothing() -> None:
-    pass
-
-
-def median_times(tasks: tuple[Task, ...], runs: int) -> list[float]:
+def median_times(*tasks: Task, runs: int = 60) -> list[float]:
     """Return the median seconds of tasks called in turns, after one call of each."""
     times = np.empty((runs + 1, len(tasks)))
     for turn in range(runs + 1):
@@ -75,6 +44,11 @@ def median_times(tasks: tuple[Task, ...], runs: int) -> list[float]:
     return [float(seconds) for seconds in np.median(times[1:], axis=0)]
 
 
+def line(name: str, seconds: float, remark: str = "") -> str:
+    """Return a line of the table: task and unit of work, seconds per unit, remark."""
+    return f"{name:68}{1e6 * seconds:14.2f}   {remark}"
+
+
 def waves() -> Iterator[str]:
     """Yield single waves with their errors, and gradients in plain simulations."""
     rng = np.random.default_rng(2)
@@ -83,19 +57,18 @@ def waves() -> Iterator[str]:
         "100 random, gaps 10-25 mm": de.Layout(rng.uniform(0.010, 0.025, 99), 0.0075),
         "40 random, gaps 2-40 mm": de.Layout(rng.uniform(0.002, 0.040, 39), 0.0075),
     }
-    for name, layout in layouts.items():
-        for friction in (0.25, 0.0):
-            physics = de.Physics(friction, 9.81, 8.0)
-            exact = de.simulate(layout, physics, rtol=TIGHTEST).arrival_times[1:]
-            for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
-                plain = partial(de.simulate, layout, physics, rtol=rtol)
-                wave = plain()
-                error = np.max(np.abs(wave.arrival_times[1:] / exact - 1.0))
-                note = f"error {error:.1e}, estimate {wave.error_estimate:.1e}"
-                case = f"{name}, friction {friction:g}, rtol {rtol:.0e}"
-                yield timing(f"wave: {case}", plain, remark=note)
-                gradient = partial(_gradient, plain)
-                yield timing(f"gradient: {case}", gradient, 1, "{ratio:.2f} waves", plain)
+    for (name, layout), friction in product(layouts.items(), (0.25, 0.0)):
+        physics = de.Physics(friction, 9.81, 8.0)
+        exact = de.simulate(layout, physics, rtol=TIGHTEST)
+        for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
+            plain = partial(de.simulate, layout, physics, rtol=rtol)
+            gradient = partial(_gradient, plain)
+            wave, (once, both) = plain(), median_times(plain, gradient)
+            error = error_of(wave.arrival_times, exact.arrival_times)
+            case = f"{name}, friction {friction:g}, rtol {rtol:.0e}"
+            remark = f"error {error:.1e}, estimate {wave.error_estimate:.1e}"
+            yield line(f"wave: {case}", once, remark)
+            yield line(f"gradient: {case}", both, f"{both / once:.2f} waves")
 
 
 def _gradient(plain: Callable[..., de.Wave]) -> object:
@@ -108,13 +81,14 @@ def lengths_and_batches() -> Iterator[str]:
     for count in (1_000, 10_000, 100_000):
         random = de.Layout(rng.uniform(0.010, 0.025, count - 1), 0.0075)
         for name, layout in ("uniform", de.Layout.uniform(count, pitch=0.016)), ("random", random):
-            wave = partial(de.simulate, layout, de.Physics())
-            yield timing(f"{count} {name}, per domino", wave, count, runs=3)
+            (seconds,) = median_times(partial(de.simulate, layout, de.Physics()), runs=3)
+            yield line(f"{count} {name}, per domino", seconds / count)
     spacing = np.random.default_rng(4).uniform(0.002, 0.040, (4000, 39))
     for rtol in (1e-4, 1e-6, 1e-8):
         batch = partial(de.simulate_batch, spacing, 0.0075, de.Physics(), rtol=rtol, record=False)
+        each = median_times(batch, runs=7)[0] / len(spacing)
         name = f"batch of 4000 x 40, speed only, rtol {rtol:.0e}, per layout"
-        yield timing(name, batch, len(spacing), "{rate:,.0f} layouts per second", runs=7)
+        yield line(name, each, f"{1.0 / each:,.0f} layouts per second")
 
 
 def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[str]:
@@ -131,17 +105,17 @@ def environments(num_envs: int = 1024, steps: int = 400) -> Iterator[str]:
         actions = [space.sample() for _ in range(1000)]
         together = [np.stack([space.sample() for _ in range(num_envs)]) for _ in range(40)]
         for kind, env in (("unwrapped", wrapped.unwrapped), ("as made", wrapped)):
-            play = partial(_play, env, actions, 4000)
-            yield timing(f"step of one {words}, {kind}", play, 4000, runs=7)
+            (seconds,) = median_times(partial(_play, env, actions, 4000), runs=7)
+            yield line(f"step of one {words}, {kind}", seconds / 4000)
         vector = gymnasium.make_vec(
             name, num_envs=num_envs, vectorization_mode="vector_entry_point", **options
         )
         vector.reset(seed=0)
-        yield timing(
-            f"step of {num_envs} {words}, per environment",
-            partial(_play_together, vector, together, steps), steps * num_envs,
-            "{rate:,.0f} steps per second, {part:.2f} of bare simulation", simulation, intervals, 7,
-        )  # fmt: skip
+        play = partial(_play_together, vector, together, steps)
+        played, simulated = median_times(play, simulation, runs=7)
+        each, part = played / (steps * num_envs), simulated / intervals * steps * num_envs / played
+        remark = f"{1.0 / each:,.0f} steps per second, {part:.2f} of bare simulation"
+        yield line(f"step of {num_envs} {words}, per environment", each, remark)
 
 
 def _play(env: Any, actions: Any, steps: int) -> None:
@@ -202,8 +176,8 @@ def main() -> None:
         print(json.dumps(seconds))
         return
     print(f"{'':68}{'µs per unit':>14}   beside it")
-    for line in chain(waves(), lengths_and_batches(), environments()):
-        print(line, flush=True)
+    for result in chain(waves(), lengths_and_batches(), environments()):
+        print(result, flush=True)
     with tempfile.TemporaryDirectory() as cache:
         compiling, loading = first_call_times(cache), first_call_times(cache)
     print(f"\n{'first call':30}{'compiling [s]':>14}{'loading [s]':>14}")
