@@ -36,11 +36,9 @@ WIDTH, LEFT, RIGHT = 11.0, 0.85, 0.35
 SPAN = WIDTH - LEFT - RIGHT
 LABEL, PANEL, BETWEEN, UNDER_AXIS, FOOT = 0.30, 1.75, 0.18, 0.62, 0.55
 
-LONGEST = 45.0  # domino heights; of a longer layout the two ends are drawn
+LONGEST = 45.0  # domino heights; of a longer layout the first dominoes are drawn
 SHORTEST = 8.0  # domino heights on paper; a shorter layout leaves room
 SHORTEST_GROWING = 3.0  # heights of the tallest domino on paper, where heights grow
-SMALL = 0.36  # [in] domino height in a long layout
-SPLIT = 0.4  # [in] between the two ends
 
 
 @dataclass(frozen=True)
@@ -63,30 +61,6 @@ class DrawnLayout:
     wave: Wave | None
     name: str
     colour: str = OURS
-
-
-@dataclass(frozen=True)
-class _Window:
-    """Part of the layouts that axes show.
-
-    left, width: place on paper [in]; low, high: x of the layout [mm], from the last pivot where
-    from_end is true, else from the first.
-    """
-
-    left: float
-    width: float
-    low: float
-    high: float
-    from_end: bool
-
-    def shift(self, layout: Layout) -> float:
-        """Return the difference between x in the window and x from the first pivot [mm]."""
-        return -1e3 * float(layout.pivots[-1, 0]) if self.from_end else 0.0
-
-    def label(self, layouts: Sequence[DrawnLayout]) -> str:
-        """Return the label of the x axis."""
-        where = "position" if all(one.layout.is_flat for one in layouts) else "horizontally"
-        return f"{where} from the {'last' if self.from_end else 'first'} pivot [mm]"
 
 
 def layouts_figure(
@@ -118,9 +92,12 @@ def layouts_figure(
     Figure
         The figure.
     """
-    windows, scale, tall = _windows(layouts, scene)
+    tall = 1e3 * float(max(one.layout.height.max() for one in layouts))
+    low, high = _range(layouts, scene, tall)
+    shown = min(high, low + LONGEST * tall)
+    scale = SPAN / (shown - low)  # [in/mm]
     panels = _panels(layouts, scene)
-    strip = (tall + max(_relief(one.layout, w) for one in layouts for w in windows)) * scale + LABEL
+    strip = (tall + max(_relief(one.layout, low, shown) for one in layouts)) * scale + LABEL
     height = HEAD + len(layouts) * strip + len(panels) * (PANEL + BETWEEN) + FOOT
     height += UNDER_AXIS + PANEL if last else 0.0
     figure = new_figure(WIDTH, height, placed=True, register=register)
@@ -128,25 +105,22 @@ def layouts_figure(
     y = height - HEAD
     for drawn in layouts:
         y -= strip
-        for window in windows:
-            axes = _axes(figure, window.left, y, window.width, strip)
-            _draw_dominoes(axes, drawn, window, strip / scale)
+        axes = _axes(figure, y, strip)
+        axes.set_xlim(low, shown)
+        _draw_dominoes(axes, drawn, strip / scale)
         at = LEFT / WIDTH, (y + strip - 0.15) / height
-        figure.text(*at, _label(drawn), va="center", size=9.5, color=drawn.colour)
+        first = "; the first dominoes are drawn" * (shown < high)
+        figure.text(*at, _label(drawn) + first, va="center", size=9.5, color=drawn.colour)
     for panel in panels:
         y -= BETWEEN + PANEL
-        for window in windows:
-            axes = _axes(figure, window.left, y, window.width, PANEL)
-            panel(axes, layouts, window, scene)
-            axes.set_xlim(window.low, window.high)
-            axes.tick_params(labelbottom=panel is panels[-1])
-            if panel is panels[-1]:
-                axes.set_xlabel(window.label(layouts))
-            if window is not windows[0]:
-                axes.set_ylabel("")
-                axes.tick_params(labelleft=False)
+        axes = _axes(figure, y, PANEL)
+        panel(axes, layouts, scene)
+        axes.set_xlim(low, high)
+        axes.tick_params(labelbottom=panel is panels[-1])
+        if panel is panels[-1]:
+            axes.set_xlabel(_across(layouts))
     if last:
-        last(_axes(figure, LEFT, FOOT, SPAN, PANEL))
+        last(_axes(figure, FOOT, PANEL))
     return figure
 
 
@@ -229,19 +203,18 @@ def _draw_alone(
     axes: Axes, layouts: Sequence[DrawnLayout], quantity: str, scene: Scene | None = None
 ) -> Figure:
     """Draw one panel of the figure, along whole layouts, into axes."""
-    window = _Window(0.0, 0.0, 0.0, 0.0, from_end=False)
     if quantity == "speed":
-        _speed(axes, layouts, window, scene)
+        _speed(axes, layouts, scene)
     else:
-        _sizes(quantity, axes, layouts, window, scene)
-    axes.set_xlabel(window.label(layouts))
+        _sizes(quantity, axes, layouts, scene)
+    axes.set_xlabel(_across(layouts))
     if len(layouts) > 1:
         axes.legend(**LEGEND)
     figure: Any = axes.figure
     return cast("Figure", figure)
 
 
-_Panel = Callable[[Axes, Sequence[DrawnLayout], _Window, Scene | None], None]
+_Panel = Callable[[Axes, Sequence[DrawnLayout], Scene | None], None]
 
 
 def _panels(layouts: Sequence[DrawnLayout], scene: Scene | None) -> list[_Panel]:
@@ -256,30 +229,24 @@ def _panels(layouts: Sequence[DrawnLayout], scene: Scene | None) -> list[_Panel]
     return panels
 
 
-def _windows(
-    drawn: Sequence[DrawnLayout], scene: Scene | None
-) -> tuple[list[_Window], float, float]:
-    """Return the windows, inches per millimetre, and the height of the tallest domino [mm]."""
-    layouts = [one.layout for one in drawn]
-    tall = 1e3 * max(layout.height.max() for layout in layouts)
-    low = -1e3 * layouts[-1].thickness[0] - 0.8 * tall
+def _across(layouts: Sequence[DrawnLayout]) -> str:
+    """Return the label of the x axis."""
+    where = "position" if all(one.layout.is_flat for one in layouts) else "horizontally"
+    return f"{where} from the first pivot [mm]"
+
+
+def _range(drawn: Sequence[DrawnLayout], scene: Scene | None, tall: float) -> tuple[float, float]:
+    """Return the range of x from the first pivot; tall: height of the tallest domino [mm]."""
+    low = -1e3 * float(drawn[-1].layout.thickness[0]) - 0.8 * tall
     shortest = SHORTEST if scene is None or scene.growth is None else SHORTEST_GROWING
-    longest = 1e3 * max(float(layout.pivots[-1, 0]) for layout in layouts)
-    high = max(longest + 0.25 * tall, low + shortest * tall)
-    if high - low <= LONGEST * tall:
-        return [_Window(LEFT, SPAN, low, high, False)], SPAN / (high - low), tall
-    scale = SMALL / tall
-    half = 0.5 * (SPAN - SPLIT)
-    shown = half / scale
-    first = _Window(LEFT, half, low, low + shown, False)
-    last = _Window(LEFT + half + SPLIT, half, 0.4 * tall - shown, 0.4 * tall, True)
-    return [first, last], scale, tall
+    longest = 1e3 * max(float(one.layout.pivots[-1, 0]) for one in drawn)
+    return low, max(longest + 0.25 * tall, low + shortest * tall)
 
 
-def _axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Return new axes at a place in inches."""
+def _axes(figure: Figure, bottom: float, height: float) -> Axes:
+    """Return new axes at a height in inches, as wide as all others."""
     across, up = figure.get_size_inches()
-    axes = figure.add_axes((left / across, bottom / up, width / across, height / up))
+    axes = figure.add_axes((LEFT / across, bottom / up, SPAN / across, height / up))
     style(axes)
     return axes
 
@@ -294,55 +261,51 @@ def _label(drawn: DrawnLayout) -> str:
     return f"{name}: {length} in {wave.arrival_times[-1]:.4f} s, {wave.mean_speed:.4f} m/s"
 
 
-def _draw_dominoes(axes: Axes, drawn: DrawnLayout, window: _Window, room: float) -> None:
+def _draw_dominoes(axes: Axes, drawn: DrawnLayout, room: float) -> None:
     """Draw dominoes from the side, to scale; pale where the wave did not reach them.
 
     room: height that the axes cover [mm].
     """
-    layout, wave = drawn.layout, drawn.wave
-    axes.set_xlim(window.low, window.high)
+    layout, wave, (low, high) = drawn.layout, drawn.wave, axes.get_xlim()
     axes.set_ylim(-0.02 * room, 0.98 * room)
     axes.grid(visible=False)
     axes.set_xticks([])
     axes.set_yticks([])
     axes.spines[["left", "bottom"]].set_visible(False)
-    inside = _inside(layout, window)
+    inside = _inside(layout, low, high)
     stand = 1e3 * outlines(layout, layout.tilt)[inside]
-    lowest = float(stand[..., 1].min()) if len(inside) else 0.0
-    reach = 1e-3 * (window.high - window.low)
-    shift = np.array([window.shift(layout), -lowest])
-    axes.plot(*(1e3 * ground_line(layout, reach, reach) + shift).T, color=INK, linewidth=0.8)
-    boxes = [Polygon(corners) for corners in stand + shift]
+    up = np.array([0.0, -float(stand[..., 1].min())])
+    reach = 1e-3 * (high - low)
+    axes.plot(*(1e3 * ground_line(layout, reach, reach) + up).T, color=INK, linewidth=0.8)
+    boxes = [Polygon(corners) for corners in stand + up]
     hit = layout.count if wave is None else wave.hit
     colours = [drawn.colour if i < hit else FAINT for i in inside]
     axes.add_collection(PatchCollection(boxes, facecolor=colours, edgecolor="none"))
-    if wave is not None and not window.from_end:
+    if wave is not None:
         push = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.0}
         # at 0.88 of the height of the first domino's rear face
-        rear, top = stand[0, 3] + shift, stand[0, 2] + shift
+        rear, top = stand[0, 3] + up, stand[0, 2] + up
         x, z = rear + 0.88 * (top - rear)
         axes.annotate("", (x, z), (x - 600.0 * layout.height[0], z), arrowprops=push)
 
 
-def _inside(layout: Layout, window: _Window) -> Ints:
-    """Return the numbers of the standing dominoes that a window shows."""
-    front = 1e3 * layout.pivots[:, 0] + window.shift(layout)
-    return np.flatnonzero((front > window.low) & (front - 1e3 * layout.thickness < window.high))
+def _inside(layout: Layout, low: float, high: float) -> Ints:
+    """Return the numbers of the standing dominoes that are drawn between two x [mm]."""
+    front = 1e3 * layout.pivots[:, 0]
+    return np.flatnonzero((front > low) & (front - 1e3 * layout.thickness < high))
 
 
-def _relief(layout: Layout, window: _Window) -> float:
-    """Return the range of the heights of the ground in a window [mm]."""
-    feet = 1e3 * outlines(layout, layout.tilt)[_inside(layout, window)][:, [0, 3], 1]
-    return float(np.ptp(feet)) if len(feet) else 0.0
+def _relief(layout: Layout, low: float, high: float) -> float:
+    """Return the range of the heights of the ground that is drawn [mm]."""
+    feet = 1e3 * outlines(layout, layout.tilt)[_inside(layout, low, high)][:, [0, 3], 1]
+    return float(np.ptp(feet))
 
 
-def _curves(
-    axes: Axes, layouts: Sequence[DrawnLayout], window: _Window, values: Sequence[Floats]
-) -> None:
+def _curves(axes: Axes, layouts: Sequence[DrawnLayout], values: Sequence[Floats]) -> None:
     """Draw a value for each gap of each layout, halfway between its pivots."""
     for drawn, one in zip(layouts, values, strict=True):
         places = drawn.layout.pivots[:, 0]
-        middles = 500.0 * (places[:-1] + places[1:]) + window.shift(drawn.layout)
+        middles = 500.0 * (places[:-1] + places[1:])
         marker = "o" if drawn is layouts[-1] or len(one) == 1 else ""
         axes.plot(
             middles, one, color=drawn.colour, linewidth=1.5, marker=marker, markersize=3.0,
@@ -350,9 +313,7 @@ def _curves(
         )  # fmt: skip
 
 
-def _sizes(
-    name: str, axes: Axes, layouts: Sequence[DrawnLayout], window: _Window, scene: Scene | None
-) -> None:
+def _sizes(name: str, axes: Axes, layouts: Sequence[DrawnLayout], scene: Scene | None) -> None:
     """Draw spacing, thickness or height; the scene's bounds, dashed, where they are near."""
     values = [1e3 * getattr(one.layout, name)[1 - one.layout.count :] for one in layouts]
     if name != "height" and len(values[0]):
@@ -361,15 +322,15 @@ def _sizes(
         axes.set_ylim(low - room, high + room)
         for bound in getattr(scene, name) if scene and not scene.in_heights else ():
             axes.axhline(1e3 * bound, color=SOFT, linewidth=0.8, linestyle=(0, (4, 4)))
-    _curves(axes, layouts, window, values)
+    _curves(axes, layouts, values)
     axes.set_ylabel(f"{'gap' if name == 'spacing' else name} [mm]")
 
 
-def _speed(axes: Axes, layouts: Sequence[DrawnLayout], window: _Window, _: Scene | None) -> None:
+def _speed(axes: Axes, layouts: Sequence[DrawnLayout], _: Scene | None) -> None:
     """Draw the local speed of each wave."""
     fallen = [one for one in layouts if one.wave]
     values: list[Any] = [one.wave.local_speed for one in fallen if one.wave]
-    _curves(axes, fallen, window, values)
+    _curves(axes, fallen, values)
     axes.set_ylabel("local speed [m/s]")
     speeds = np.concatenate(values)
     speeds = speeds[np.isfinite(speeds)]
