@@ -39,19 +39,13 @@ def read_json(path: Path) -> Any:
 
 
 def decoded(data: bytes) -> str:
-    """Return text decoded by `detect_encoding`."""
-    return data.decode(detect_encoding(data))
-
-
-def detect_encoding(data: bytes) -> str:
-    """Return UTF-16 if there is its byte order mark, UTF-8 if the bytes are that, else Latin-1."""
+    """Return text in UTF-16 if there is its byte order mark, UTF-8 if it is that, else Latin-1."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16"
+        return data.decode("utf-16")
     try:
-        data.decode("utf-8")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return "latin-1"
-    return "utf-8-sig"
+        return data.decode("latin-1")
 
 
 @contextmanager

@@ -6,7 +6,6 @@ Files hold the arguments of a `Layout`, which checks whether the dominoes can st
 from __future__ import annotations
 
 import csv
-import io
 import json
 import math
 import re
@@ -20,7 +19,7 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from domino_env.core import tables
-from domino_env.core.files import detect_encoding, one_line, read_bytes, read_json, write_text
+from domino_env.core.files import decoded, one_line, read_bytes, read_json, write_text
 from domino_env.core.models import LARGEST, SMALLEST, Number, Size, Table, model_of
 from domino_env.physics.standard import DENSITY, HEIGHT
 
@@ -209,23 +208,16 @@ def _number(kind: str, cell: str, per_unit: float, divider: str) -> float:
 
 def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]]]:
     """Return the separator of cells, and every line that is not blank with its number."""
-    encoding = detect_encoding(data)
-    first = next((line for line in _text(data, encoding) if line.strip()), "").lstrip()
+    lines = decoded(data).splitlines(keepends=True)
+    first = next((line for line in lines if line.strip()), "")
     # some spreadsheets name the separator on a line of its own
-    named = first[4:5] if re.match(r"sep=[;,\t]\s*$", first, re.IGNORECASE) else ""
-    # otherwise the one that finds most names; of equals the first, as a comma may be part of a name
-    divider = named or max(
-        ";\t,", key=lambda sign: len(next(_lines(path, data, encoding, sign), (0, []))[1])
-    )
-    lines = _lines(path, data, encoding, divider)
+    named = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)
+    # otherwise the one that is there most; of equals the first, as a comma may be part of a name
+    divider = named[1] if named else max(";\t,", key=first.count)
+    cells = _cells(path, lines, divider)
     if named:
-        next(lines, None)
-    return divider, lines
-
-
-def _text(data: bytes, encoding: str) -> Iterator[str]:
-    """Return the lines of the text with their ends."""
-    return io.TextIOWrapper(io.BytesIO(data), encoding, newline="")
+        next(cells)
+    return divider, cells
 
 
 def _require_few(count: int) -> None:
@@ -233,9 +225,9 @@ def _require_few(count: int) -> None:
         raise ValueError(f"it has {count:,} dominoes, where at most {MOST_DOMINOES:,} are read")
 
 
-def _lines(path: Path, data: bytes, encoding: str, divider: str) -> Iterator[tuple[int, list[str]]]:
+def _cells(path: Path, lines: list[str], divider: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the number and the cells of every line that is not blank."""
-    reader = csv.reader(_text(data, encoding), delimiter=divider)
+    reader = csv.reader(lines, delimiter=divider)
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):

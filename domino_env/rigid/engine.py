@@ -30,7 +30,6 @@ from domino_env.rigid.simulation import (
     RigidWave,
     floor_name,
     largest_difference,
-    require_time,
     window_of,
 )
 
@@ -71,8 +70,6 @@ def simulate_in_engine(
     ------
     ImportError
         Without pymunk; names what to install.
-    ValueError
-        For a layout that would take more than half an hour.
     """
     begun = time.perf_counter()
     window = window_of(layout)
@@ -150,7 +147,6 @@ def follow(
         Arrival times (N,) [s], the tip before it reaches the rear face of the next; angles (N,) at
         the end, or when removed [rad].
     """
-    begun = time.perf_counter()
     space = _Space(layout, physics, sweeps, floor_friction)
     arrivals = np.full(layout.count, np.inf)
     arrivals[0] = 0.0
@@ -165,8 +161,6 @@ def follow(
             leader += 1
             arrivals[leader] = now - step * after / (after - before)
             on_hit()
-            elapsed = time.perf_counter() - begun
-            require_time(elapsed, leader, layout.count, f"engine, {floor_name(floor_friction)}")
             if leader == layout.count - 1:
                 break
             space.place_up_to(leader + 1)

@@ -1,12 +1,9 @@
 """The picture of a search: to scale, complete, for every kind of result, without pyplot."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-import domino_env as de
 from optimize import SearchResult, search
 
 
@@ -48,16 +45,6 @@ def test_the_panels_show_spacing_thickness_speed_and_search(result):
     uniform, steps = trace.get_lines()
     assert set(uniform.get_ydata()) == {result.uniform.score}
     assert steps.get_ydata().tolist() == [score for _, _, _, score in result.trace]
-
-
-def test_a_long_layout_is_shown_by_its_two_ends():
-    scene = replace(de.load_scene("sprint"), name="long", count=300)
-    figure = search(scene, "random", budget=3).figure()
-    start, end = figure.axes[2:4]  # of the layout found
-    assert dominoes(start)[0, 0] == pytest.approx(-1e3 * scene.first_thickness)
-    assert dominoes(end)[-1, 0] + dominoes(end)[-1, 2] == pytest.approx(0.0)
-    assert len(dominoes(start)) + len(dominoes(end)) < 150
-    assert start.get_position().width == pytest.approx(end.get_position().width)
 
 
 @pytest.mark.parametrize("name", ["one-gap", "thickness", "length", "dying", "dead"])

@@ -57,7 +57,7 @@ def test_notebooks_show_the_figure(results, name):
 @pytest.mark.parametrize("count", [40, 100_000])
 def test_of_a_long_layout_the_first_dominoes_and_all_gaps_are_drawn(count):
     dominoes, gaps = de.Layout.uniform(count, pitch=0.02).plot().axes
-    assert sum(len(drawn.get_paths()) for drawn in dominoes.collections) == min(count, 106)
+    assert sum(len(drawn.get_paths()) for drawn in dominoes.collections) == min(count, 107)
     assert len(gaps.get_lines()[0].get_xdata()) == count - 1
 
 
