@@ -212,8 +212,12 @@ def _table(path: Path, data: bytes) -> tuple[str, Iterator[tuple[int, list[str]]
     first = next((line for line in lines if line.strip()), "")
     # some spreadsheets name the separator on a line of its own
     named = re.fullmatch(r"\s*sep=([;,\t])\s*", first, re.IGNORECASE)
-    # otherwise the one that is there most; of equals the first, as a comma may be part of a name
-    divider = named[1] if named else max(";\t,", key=first.count)
+    # otherwise the one that finds most names; of equals the first, as a comma may be part of a name
+    divider = (
+        named[1]
+        if named
+        else max(";\t,", key=lambda sign: len(next(_cells(path, lines, sign), (0, []))[1]))
+    )
     cells = _cells(path, lines, divider)
     if named:
         next(cells)
