@@ -207,7 +207,7 @@ def _curve(
     path = folder / name
     with naming(path):
         text = io.StringIO(decoded(read_bytes(path)))
-        table = np.genfromtxt(text, delimiter=",", names=True, usecols=(across, up), ndmin=1)
+        table = np.genfromtxt(text, delimiter=",", names=True, ndmin=1)
         for column in (across, up):
             if not np.isfinite(table[column]).all():
                 line = 2 + int(np.argmin(np.isfinite(table[column])))
