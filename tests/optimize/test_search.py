@@ -20,7 +20,6 @@ from optimize.experiments.task import Task
 
 @pytest.mark.parametrize(("words", "message"), [
     ({"method": "cmaes"}, "there is no method 'cmaes': did you mean 'cma'? choose auto, cma"),
-    ({"method": "lbfgs"}, "did you mean 'l-bfgs'?"),
     ({"method": "L_BFGS"}, "did you mean 'l-bfgs'?"),
     ({"method": "quantum"}, "there is no method 'quantum': choose auto, cma, l-bfgs"),
     ({"budget": 0}, "budget = 0: give at least one evaluation"),

@@ -80,17 +80,15 @@ def edit(file, old, new):
 
 
 def test_an_edit_of_a_neighbour_compiles_anew(copy, tmp_path):
-    chosen = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     first, _ = copy()
     node = first["values"][0]
     assert first == {"values": [node, 0.0, node, 0.0], "hits": [0, 0]}
     assert copy()[0] == {"values": [node, 0.0, node, 0.0], "hits": [1, 1]}
-    assert copy(**chosen)[0] == first
-    assert copy(**chosen)[0]["hits"] == [1, 1]
 
     edit(copy.package / "kernels" / "contact.py", "        return 0.0\n", "        return 3.0\n")
-    for folder in ({}, chosen):
-        assert copy(**folder)[0] == {"values": [node, 3.0, node, 3.0], "hits": [0, 0]}
+    chosen = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    for folder, hits in (({}, 0), (chosen, 0), (chosen, 1)):
+        assert copy(**folder)[0] == {"values": [node, 3.0, node, 3.0], "hits": [hits, hits]}
 
     edit(copy.package / "kernels" / "quadrature.py", "= (x + 1.0) / 2.0,", "= (x + 1.0) / 4.0,")
     after, _ = copy(**chosen)
@@ -142,10 +140,9 @@ def walk(row, mu, result):
         result[i, :7] = s, v, omega, psi, ratio, back[0], back[2].gap
     jit.keep_alive(ring)
 
-result = np.zeros((2, 5, 7))
+result = np.zeros((5, 7))
 row = np.linspace(0.01, 0.03, 5), np.full(6, 0.0075), np.full(6, 0.048), np.full(6, 1040.0)
-walk(kernels.Arrays(*row), 0.3, result[0])
-walk(kernels.Arrays(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, result[1])
+walk(kernels.Arrays(*row, np.linspace(0.0, 0.002, 5), np.linspace(-0.03, 0.03, 6)), 0.3, result)
 print(json.dumps([result.tolist(), jit._FAST is not None]))
 """
 
