@@ -8,12 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import (
-    add_physics_options,
-    chosen_physics,
-    output,
-    require_output,
-)
+from domino_env.cli.options import add_physics_options, chosen_physics, output, require_output
 
 SUMMARY = "write a page that compares layouts in an animation"
 

@@ -10,10 +10,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from domino_env.cli.options import (
-    SIZE,
-    folder,
-)
+from domino_env.cli.options import SIZE, folder
 
 if TYPE_CHECKING:
     from domino_env.validation.source import Source

@@ -112,17 +112,11 @@ def require_unused(folder: Path, names: Iterable[str]) -> None:
 
 def require_writable(folder: Path) -> None:
     """Raise a ValueError if no file can be written to a folder, which is not made."""
-    try:
-        place = next(one for one in (folder, *folder.absolute().parents) if one.exists())
-        if not place.is_dir():
-            raise ValueError(f"{place} is a file: name a folder")
-        probe = place / f".writable-{os.getpid()}-{secrets.token_hex(4)}"
-        try:
-            probe.write_bytes(b" " * 4096)  # a full disk may have room for nothing
-        finally:
-            probe.unlink(missing_ok=True)
-    except OSError as error:
-        raise ValueError(f"{folder} cannot be written: {error.strerror}") from None
+    place = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+    if not place.is_dir():
+        raise ValueError(f"{place} is a file: name a folder")
+    if not os.access(place, os.W_OK):
+        raise ValueError(f"{folder} cannot be written: no permission to write to {place}")
 
 
 def layout_name(path: Path) -> str:

@@ -43,7 +43,9 @@ def find_violation(
         Index of the domino and a sentence about it; None if there is none.
     """
     if rise is None or tilt is None:
-        return _high_tip(spacing, height)
+        if (height[..., :-1] <= height[..., 1:]).all():
+            return None
+        rise, tilt = np.zeros_like(spacing), np.zeros_like(thickness)
     height = np.broadcast_to(height, thickness.shape)
     for name, values, unit in (("rise", rise, "m"), ("tilt", tilt, "rad")):
         if (at := _first(~np.isfinite(values))) is not None:
@@ -76,31 +78,11 @@ def find_violation(
         i = at[-1]
         return at, (
             f"domino {i} (height {tall[at]} m) would strike {strike[at] - up[at]:.6g} m up, above "
-            f"the top of domino {i + 1} (height[{i + 1}] = {ahead[at]} m), which stands "
-            f"{-up[at]:.6g} m lower, seen from its own ground: widen spacing[{i}] = {spacing[at]} "
-            f"m, or make domino {i + 1} taller or the ground less hollow"
+            f"the top of domino {i + 1} (height[{i + 1}] = {ahead[at]} m), seen from its own "
+            f"ground: widen spacing[{i}] = {spacing[at]} m, or make domino {i + 1} taller or the "
+            "ground less hollow"
         )
     return None
-
-
-def _high_tip(spacing: Floats, height: Floats) -> tuple[tuple[int, ...], str] | None:
-    """Find a tip that would strike above the next top: L_i² - s_i² > L_{i+1}²."""
-    tall, short = height[..., :-1], height[..., 1:]
-    if (tall <= short).all():
-        return None
-    tall, short = np.broadcast_to(tall, spacing.shape), np.broadcast_to(short, spacing.shape)
-    strike = tall**2 - spacing**2
-    at = _first((spacing < tall) & (strike > short**2 * (1.0 + 1e-12)))
-    if at is None:
-        return None
-    # rounded up, so that doing what the sentence says is enough
-    need = np.ceil(np.sqrt([tall[at] ** 2 - short[at] ** 2, strike[at]]) * 1e6) / 1e6
-    i = at[-1]
-    return at, (
-        f"domino {i} (height {tall[at]} m) would strike {np.sqrt(strike[at]):.6g} m up, above the "
-        f"top of domino {i + 1} (height[{i + 1}] = {short[at]} m): make spacing[{i}] = "
-        f"{spacing[at]} m at least {need[0]:.6g} m, or height[{i + 1}] at least {need[1]:.6g} m"
-    )
 
 
 def impassable(

@@ -17,12 +17,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.physics.wave import Wave, simulate
 from domino_env.rigid.engine import simulate_in_engine
-from domino_env.rigid.simulation import (
-    RigidWave,
-    floor_name,
-    largest_difference,
-    simulate_standing,
-)
+from domino_env.rigid.simulation import RigidWave, floor_name, largest_difference, simulate_standing
 
 FLOORS = (0.3, 0.5, 1.0)  # friction of smooth wood, of a table cloth, of rubber
 AGREES, EXPLAINED = 0.001, 0.003  # relative; beyond the second the reason is looked for

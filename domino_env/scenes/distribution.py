@@ -11,14 +11,7 @@ from domino_env.core.files import naming
 from domino_env.core.types import Floats
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import HEIGHT
-from domino_env.scenes.io.ranges import (
-    COUNT,
-    PUSH,
-    Place,
-    filled,
-    has_ranges,
-    ranges_of,
-)
+from domino_env.scenes.io.ranges import COUNT, PUSH, Place, filled, has_ranges, ranges_of
 from domino_env.scenes.io.reading import read_named, scene_of_document
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.specification import Specification

@@ -70,8 +70,6 @@ class Comparison:
         (K,) standard uncertainty of each value, that of x included.
     model
         (K,) values of the model at the fitted friction.
-    friction_alone
-        (K,) friction that explains each chain alone; nan where none does.
     frictionless
         (K,) values of the model without friction.
     predicted
@@ -86,7 +84,6 @@ class Comparison:
     uncertainty: float
     sigmas: Floats
     model: Floats
-    friction_alone: Floats
     frictionless: Floats
     predicted: Floats
 
@@ -214,8 +211,8 @@ def compare(
     if len(chains) > 1:
         error *= max(1.0, float(np.linalg.norm(deviations)) / math.sqrt(len(chains) - 1))
     return Comparison(
-        label, setting, chains, scale, friction, error, sigmas, model(friction),
-        solve(model, values), model(0.0), predicted,
+        label, setting, chains, scale, friction, error, sigmas, model(friction), model(0.0),
+        predicted,
     )  # fmt: skip
 
 
@@ -257,20 +254,6 @@ def fit(
         rates = ((model(high) - model(low)) / (high - low) / sigmas)[chosen]
     steepness = float(np.linalg.norm(rates))
     return best, 1.0 / steepness if 0.0 < steepness < math.inf else math.inf
-
-
-def solve(model: Callable[[float], Floats], values: Floats) -> Floats:
-    """Return (K,) the friction at which a model gives each value alone; nan where none does."""
-    from scipy.optimize import brentq
-
-    ends = (model(0.0) - values) * (model(HIGHEST_FRICTION) - values)
-    return np.array([
-        math.nan if end > 0.0 else brentq(
-            lambda mu, k=k: model(mu)[k] - values[k], 0.0, HIGHEST_FRICTION,
-            xtol=FRICTION_TOLERANCE,
-        )
-        for k, end in enumerate(ends)
-    ])  # fmt: skip
 
 
 def fit_friction(

@@ -18,8 +18,7 @@ from domino_env.validation.source import UNITS
 
 PLOT, PAGE = "measured.png", "measured-sources.md"
 COLUMNS = (
-    "gap or pitch", "measured", "model", "model/measured", "deviation", "friction alone",
-    "predicted",
+    "gap or pitch", "measured", "model", "model/measured", "deviation", "predicted",
 )  # fmt: skip
 READINGS = (
     "reading or effect", "on speeds", "friction", "largest deviation", "χ²", "explained",
@@ -72,8 +71,8 @@ def markdown(validations: Sequence[Validation]) -> list[str]:
 
 def _chains(one: Comparison) -> list[tuple[str, ...]]:
     lines: list[tuple[str, ...]] = []
-    numbers = one.model, one.sigmas, one.deviations, one.friction_alone, one.predicted
-    for chain, model, sigma, deviation, alone, predicted in zip(one.chains, *numbers, strict=True):
+    numbers = one.model, one.sigmas, one.deviations, one.predicted
+    for chain, model, sigma, deviation, predicted in zip(one.chains, *numbers, strict=True):
         completes, error = 0.0 < model < math.inf, predicted / chain.value - 1.0
         lines.append((
             one.setting.in_words(chain.x) + (f", {chain.floor}" if chain.floor else ""),
@@ -81,7 +80,6 @@ def _chains(one: Comparison) -> list[tuple[str, ...]]:
             f"{model:.4g}" if completes else "no wave",
             f"{model / chain.value - 1.0:+.1%}" if completes else "",
             f"{deviation:+.1f}" if completes else "",
-            f"{alone:.3f}" if math.isfinite(alone) else "none",
             "" if math.isnan(error) else f"{error:+.1%}" if abs(error) < 10.0 else "no wave",
         ))  # fmt: skip
     return lines

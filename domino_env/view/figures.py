@@ -17,14 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from domino_env.core.colours import FAINT, INK, OURS, SOFT, UNIFORM
-from domino_env.core.plot_style import (
-    HEAD,
-    LEGEND,
-    headings,
-    new_figure,
-    plain_numbers,
-    style,
-)
+from domino_env.core.plot_style import HEAD, LEGEND, headings, new_figure, plain_numbers, style
 from domino_env.core.types import Floats, Ints
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines

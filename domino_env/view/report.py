@@ -19,14 +19,7 @@ from typing import Annotated, Any
 import numpy as np
 from msgspec import Meta
 
-from domino_env.core.files import (
-    decoded,
-    naming,
-    one_line,
-    read_bytes,
-    read_json,
-    write_text,
-)
+from domino_env.core.files import decoded, naming, one_line, read_bytes, read_json, write_text
 from domino_env.core.models import Document, Number, model_of
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -41,13 +34,6 @@ from domino_env.view.race import Racer, race_data
 UNIFORM_NAME = "uniform baseline"
 
 Times = tuple[Number | None, ...]
-
-
-class SummaryDocument(Document):
-    """Fields of a run's summary.json that the report reads."""
-
-    algorithm: str | None = None
-    method: str | None = None
 
 
 class FloorDocument(Document):
@@ -150,7 +136,7 @@ def read_racers(
     for path in paths:
         if path.is_dir() and not (path / "layout.csv").exists():
             raise ValueError(f"{path}: no layout.csv in this folder; give a run or a layout file")
-        names.append(one_line(_name_of_run(path) if path.is_dir() else path.stem, 100))
+        names.append(one_line(path.resolve().name if path.is_dir() else path.stem, 100))
         files.append(path / "layout.csv" if path.is_dir() else path)
     scored = scene if physics is None else None  # other physics are another problem
     physics = physics or (scene.physics if scene else Physics())
@@ -159,10 +145,8 @@ def read_racers(
         layout = read_layout(file, scene)
         require_drawable(one_line(str(file)), layout.count)
         folder = path if path.is_dir() else None
-        # two runs of one kind differ by the names of their folders
-        label = name if names.count(name) == 1 else f"{name} ({one_line(path.resolve().name, 100)})"
         racer = Racer(
-            label,
+            name,
             simulate(layout, physics),
             _curve(folder, "trace.csv", "seconds", "best_score"),
             _curve(folder, "progress.csv", "steps", "score"),
@@ -183,19 +167,6 @@ def _with_score(racer: Racer, scene: Scene, score: float | None = None) -> Racer
     score = scene.score(racer.wave) if score is None else score
     text = scene.in_words(score, racer.wave)
     return replace(racer, score=score, score_text=text, unit=scene.unit)
-
-
-def _name_of_run(folder: Path) -> str:
-    """Return the label of a run's layout: by the maker in its summary, else by its folder."""
-    path = folder / "summary.json"
-    if path.exists():
-        with naming(path):
-            summary = model_of(SummaryDocument, read_json(path))
-        if summary.algorithm is not None:
-            return f"{one_line(summary.algorithm, 20).upper()} agent's layout"
-        if summary.method is not None:
-            return "optimised layout"
-    return folder.resolve().name
 
 
 def _curve(
