@@ -36,7 +36,6 @@ RIGID = (
 )
 MOST_LINES = 60  # of a table that is printed whole
 ENDS = 10  # lines at each end of a longer one
-OPEN = 1e-5  # [m] contacts that open by less are not worth a line
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -201,7 +200,7 @@ def noise_summary(noise: dict[str, float]) -> str:
 
 
 def rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
-    """Return speed, sliding and separations of the same dominoes free-standing on a floor."""
+    """Return speed and end of the same dominoes free-standing on a floor."""
     count = rigid.layout.count
     lines = ["", f"free-standing rigid bodies on a floor of friction {rigid.floor_friction:g}:"]
     if rigid.mean_speed > 0.0:
@@ -214,15 +213,6 @@ def rigid_summary(rigid: RigidWave, wave: Wave) -> list[str]:
         )
     else:
         lines.append(f"the wave stops after {rigid.hit} of {count} dominoes were hit")
-    lines.append(
-        f"{rigid.toppled} of {count} toppled; the pivot of domino {rigid.slid.argmax()} slid "
-        f"furthest, {rigid.slid.max() * 1e3:.2f} mm"
-    )
-    if count > 1 and rigid.opened.max() > OPEN:
-        i = int(rigid.opened.argmax())
-        lines.append(
-            f"the contact of {i} and {i + 1} opened furthest, by {rigid.opened[i] * 1e3:.2f} mm "
-            f"after {rigid.opened_at[i]:.4f} s"
-        )
+    lines.append(f"{rigid.toppled} of {count} toppled")
     unmet = "" if rigid.converged else f", more than the tolerance {rigid.rtol:g}"
     return [*lines, f"relative error of these times below {rigid.error_estimate:.1e}{unmet}"]

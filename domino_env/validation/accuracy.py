@@ -146,20 +146,8 @@ def _measured(example: EdgeCase, exact: Wave, solver: str, setting: float) -> Me
 
 
 def time_to_reach(runs: Iterable[Measurement], level: float) -> float:
-    """Return the shortest run time to an error of `level` [s]; nan where no run reaches it.
-
-    Between settings it is interpolated in logarithms.
-    """
-    points = sorted((m.seconds, m.error) for m in runs if math.isfinite(m.error))
-    before = (math.nan, 0.0)
-    for seconds, error in points:
-        if error <= level:
-            if before[1] <= level or error <= 0.0:
-                return seconds
-            share = math.log(before[1] / level) / math.log(before[1] / error)
-            return float(before[0] * (seconds / before[0]) ** share)
-        before = seconds, error
-    return math.nan
+    """Return the shortest run time [s] with an error of at most `level`; nan without one."""
+    return min((m.seconds for m in runs if m.error <= level), default=math.nan)
 
 
 def compare(measurements: Sequence[Measurement]) -> list[str]:

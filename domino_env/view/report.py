@@ -14,10 +14,9 @@ from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from msgspec import Meta
 
 from domino_env.core.files import decoded, naming, one_line, read_bytes, read_json, write_text
 from domino_env.core.models import Document, Number, model_of
@@ -33,13 +32,10 @@ from domino_env.view.race import Racer, race_data
 
 UNIFORM_NAME = "uniform baseline"
 
-Times = tuple[Number | None, ...]
-
 
 class FloorDocument(Document):
     """One floor of a run's verification.json."""
 
-    arrivals: Times
     floor: Number | None = None
     difference: Number | None = None
 
@@ -49,7 +45,6 @@ class VerificationDocument(Document):
 
     engine: str
     verdict: str
-    model: Annotated[Times, Meta(description="time at which each domino is hit [s]")] = ()
     floors: tuple[FloorDocument, ...] = ()
 
 
@@ -197,13 +192,8 @@ def _verification(folder: Path | None, layout: Layout, physics: Physics) -> dict
         return {"simulator": known.checks[0].simulator, "verdict": known.verdict, "last": last}
     with naming(path):
         check = model_of(VerificationDocument, read_json(path))
-    document: dict[str, Any] = {
+    return {
         "simulator": one_line(check.engine, 1000),
         "verdict": one_line(check.verdict, 1000),
         "last": [(floor_name(one.floor), one.difference) for one in check.floors],
     }
-    # of the verification of another layout the verdict alone
-    if all(len(t) == layout.count for t in (check.model, *(one.arrivals for one in check.floors))):
-        document["model"] = list(check.model)
-        document["times"] = [(floor_name(one.floor), list(one.arrivals)) for one in check.floors]
-    return document

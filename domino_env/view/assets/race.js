@@ -298,13 +298,6 @@
       ...(racers[0].flushes ? [{ name: "lost in face impacts", values: milli(e.flushes) }] : [])], "time [s]");
     curves("search", "Search: best score so far", (r) => r.trace, true, "seconds of search");
     curves("learning", "Learning: score of the agent's layout during training", (r) => r.learning, false, "dominoes placed");
-    const side = racers.flatMap((r, k) => {
-      if (!r.verification || !r.verification.model) return [];
-      const over = (times) => numbers.map((i) => (times[i + 1] == null || r.verification.model[i + 1] == null ? null : 100 * (times[i + 1] / r.verification.model[i + 1] - 1)));
-      return r.verification.times.map(([name, times], j) => ({ name: `${r.name}, ${name}`, values: over(times), colour: k + 2 * j }));
-    });
-    $("checkedbox").hidden = !side.length;
-    if (side.length) chart("checked", numbers.map((i) => i + 1), side, "domino");
   }
   // a best-so-far (in steps) or a learning curve of every layout that has one
   function curves(id, name, of, steps, label) {
