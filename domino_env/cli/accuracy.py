@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from domino_env.core.files import write_text
-    from domino_env.validation import accuracy, accuracy_plots, edge_cases
+    from domino_env.validation import accuracy, edge_cases
 
     name = "stability" if arguments.stability else "accuracy"
     folder = Path(arguments.out)
@@ -50,13 +50,13 @@ def run(arguments: argparse.Namespace) -> int:
             wrong = sum(bool(one.faults) for one in records)
             lines = [f"{one.group}, {one.name}: {one.faults}" for one in records if one.faults]
             lines += [f"{len(records)} edge cases: {wrong or 'none'} with a fault"]
-            accuracy_plots.draw_stability(records, picture)
+            accuracy.draw_stability(records, picture)
         else:
             progress("compiling")
             examples = accuracy.standard_examples()
             records += accuracy.measure(examples, arguments.seconds, arguments.quick, progress)
             lines = accuracy.compare(records)
-            accuracy_plots.draw_accuracy(examples, records, picture)
+            accuracy.draw_accuracy(examples, records, picture)
     write_text(table, accuracy.as_csv(records))
     print("\n".join(lines) + f"\n\n{table}, {picture}")
     return 1 if wrong else 0

@@ -163,7 +163,7 @@ def test_where_there_is_no_steady_wave():
     assert math.isnan(tight.omega_release)
     assert "energy" in tight.explanation
     assert "out of reach" in de.steady_wave(0.06, 0.0075).explanation
-    with pytest.raises(ValueError, match="overlap"):
+    with pytest.raises(ValueError, match="more than 0"):
         de.steady_wave(0.007, 0.0075)
 
 
