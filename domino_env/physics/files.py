@@ -136,49 +136,44 @@ def _parse_table(path: Path, data: bytes) -> dict[str, Any]:
                 f"{path}, line {head}: no column for the {kind}; name one '{kind}' (metres) or "
                 f"'{kind}_mm' (found: {found or 'nothing'})"
             )
-    columns = {kind: array("d") for kind in places}
-    line, gap, ended = head, "", False
+    columns, numbers = {kind: array("d") for kind in places}, array("q")
 
-    def fault(kind: str, words: str) -> ValueError:
+    def fault(line: int, kind: str, words: str) -> ValueError:
         return ValueError(f"{path}, line {line}, column '{one_line(names[places[kind]])}': {words}")
 
-    for number, cells in lines:
-        if ended:
-            raise fault(
-                "spacing", f"{gap or 'empty'}; give the free gap in front of every domino but the "
-                "last, more than 0",
-            )  # fmt: skip
-        line = number
+    for line, cells in lines:
         if any(cell.strip() for cell in cells[len(names) :]):  # 18,5 in two cells, say
             raise ValueError(
                 f"{path}, line {line}: more cells than the {len(names)} names: where commas divide "
                 "the cells, write 18.5 with a point, or divide them by semicolons"
             )
         cells += [""] * (len(names) - len(cells))
-        gap = cells[places["spacing"]].strip()
-        ended = not gap.strip("0.,")
+        last = not cells[places["spacing"]].strip(" \t0.,")
         for kind, place in places.items():
-            if ended and kind in _OF_PAIRS:
-                continue
             try:
                 value = _number(kind, cells[place].strip(), _PER_UNIT[names[place]], divider)
             except ValueError as error:
-                raise fault(kind, str(error)) from None
+                if not (last and kind in _OF_PAIRS):
+                    raise fault(line, kind, str(error)) from None
+                value = math.nan
             columns[kind].append(value)
-    if line == head:
+        numbers.append(line)
+    if not numbers:
         raise ValueError("no dominoes below the line of names")
-    if not ended:
-        raise fault(
-            "spacing", f"{gap}; no domino follows this gap: leave the last gap empty, or add the "
-            "dominoes that are missing (was the file cut?)",
-        )  # fmt: skip
-    _require_few(len(columns["thickness"]))
+    _require_few(len(numbers))
     values: dict[str, Any] = {kind: np.array(column) for kind, column in columns.items()}
+    without = np.isnan(values["spacing"])
+    if not without[-1] or without[:-1].any():
+        line = numbers[int(without[:-1].argmax()) if without[:-1].any() else -1]
+        words = "give the free gap in front of every domino but the last, which has none"
+        raise fault(line, "spacing", words)
+    for kind in places.keys() & _OF_PAIRS:
+        values[kind] = values[kind][:-1]
     if "width" in values:
         low, high = values["width"].min(), values["width"].max()
         if low < high:
-            line = head
-            raise fault("width", f"dominoes of {low:g} and {high:g} m; a layout has one width")
+            words = f"dominoes of {low:g} and {high:g} m; a layout has one width"
+            raise fault(head, "width", words)
         values["width"] = float(low)
     return values
 

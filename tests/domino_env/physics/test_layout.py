@@ -204,12 +204,12 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text, encoding):
      "line 3, column 'spacing_mm': 'abc' is not a number"),
     ("spacing_mm,thickness_mm\n18,7.5\n18,\n,7.5\n", "line 3, column 'thickness_mm': empty"),
     ("spacing_mm,thickness_mm\n,7.5\n18,7.5\n18,7.5\n",
-     "line 2, column 'spacing_mm': empty; give the free gap in front of every domino but the last"),
+     "line 2, column 'spacing_mm': give the free gap in front of every domino but the last"),
     ("spacing_mm,thickness_mm\n18,7.5\n\n-2,7.5\n,7.5\n", "line 4, column 'spacing_mm': -2"),
     ("spacing_mm,thickness_mm\n18,7.5\n0,7.5\n,7.5\n",
-     "line 3, column 'spacing_mm': 0; give the free gap in front of every domino but the last"),
-    ("spacing_mm,thickness_mm\n18,7.5\n20.5,7\n", "line 3, column 'spacing_mm': 20.5; no domino "
-     "follows this gap: leave the last gap empty, or add the dominoes"),
+     "line 3, column 'spacing_mm': give the free gap in front of every domino but the last"),
+    ("spacing_mm,thickness_mm\n18,7.5\n20.5,7\n", "line 3, column 'spacing_mm': give the free "
+     "gap in front of every domino but the last, which has none"),
     ("spacing_mm,thickness_mm\n1_4,7.5\n,7\n", "'1_4' is not a number"),
     ("spacing_mm,thickness_mm,height_mm\n20,7,50\n,7,40\n", "would strike"),
     ('spacing_mm,thickness_mm\n"18,5",7\n,7\n',
