@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import pickle
 import time
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -25,8 +24,6 @@ from optimize.problem import Problem, Scores
 PIECE = 40_000  # dominoes simulated between two checks of the limits, some 30 ms
 MOST_DESIGNS = 256  # between two checks, so that enough of the good ones become finalists
 BULK = 2_000_000  # dominoes that fill an executor, some 3 s of one core
-# Dominoes in a task: some 0.1 s of one core; sending takes some 1 ms to a pool, 10 ms with Dask.
-TASK = 60_000
 GRADIENT_COST = 4  # simulations that take as long as a gradient
 TOLERANCE = 1e-4  # relative gain of the second half of a search without a limit that ends it
 # Evaluations of a search without a limit, times the mean of dominoes and variables: before its gain
@@ -36,23 +33,6 @@ SHORT, LONG = 40, 250  # such means below and above which the number of evaluati
 KEPT = 8  # best designs kept, to be simulated closely at the end
 
 Step = tuple[int, int, float, float]
-
-
-def gradient_left(design: Floats, gradient: Floats) -> float:
-    """Return the largest derivative along which a design vector can still move within the box.
-
-    Parameters
-    ----------
-    design, gradient
-        (n,) a design vector and the gradient of its score.
-
-    Returns
-    -------
-    float
-        Score over the whole range of a variable.
-    """
-    held = ((design <= 0.0) & (gradient < 0.0)) | ((design >= 1.0) & (gradient > 0.0))
-    return float(np.abs(np.where(held, 0.0, gradient)).max())
 
 
 class BudgetSpent(BaseException):  # no error: the ordinary end of a search
@@ -97,8 +77,6 @@ class Evaluator:
         hundreds of layouts.
     trace
         (evaluations, falls, seconds, best score) at every improvement.
-    gradients_left
-        Largest derivative left at each of them, see `gradient_left`; None where it is not known.
     finalists
         The last improvements, (score, design) each, the best last.
     status
@@ -125,7 +103,6 @@ class Evaluator:
         self.evaluations = 0
         self.falls = 0
         self.trace: list[Step] = []
-        self.gradients_left: list[float | None] = []
         self.finalists: deque[tuple[float, Floats]] = deque(maxlen=KEPT)
         self.status = ""
         self.effort = 0
@@ -378,16 +355,17 @@ class Evaluator:
         while pieces and (known := self._replay(kind, pieces[0])) is not None:
             pieces.pop(0)
             yield _unpacked(known)
-        if gradient:
-            evaluate = partial(
-                self.problem.evaluate, differences=False, relaxed=relaxed, stop=self._stop
-            )
-            found = (evaluate(piece, True) for piece in pieces)
-        else:
-            found = simulate_pieces(self.problem, pieces, rtol, self._executor, self._stop)
-        for piece, scores in zip(pieces, found, strict=True):
-            self._keep(kind, piece, _packed(scores))
-            yield scores
+        evaluate = partial(
+            self.problem.evaluate, gradient=gradient, rtol=rtol, differences=False, relaxed=relaxed
+        )
+        with loss_as_error():
+            if self._executor is None or len(pieces) < 2:
+                found = (evaluate(piece, stop=self._stop) for piece in pieces)
+            else:
+                found = self._executor.map(evaluate, pieces)
+            for piece, scores in zip(pieces, found, strict=True):
+                self._keep(kind, piece, _packed(scores))
+                yield scores
 
     def _replay(self, kind: str, designs: Floats) -> list[Floats] | None:
         """Return the answer of the journal, whose time becomes that of the search."""
@@ -415,8 +393,6 @@ class Evaluator:
         score = float(scores.score[i])
         if score > self.best_score:
             best = np.array(design(i))
-            by = scores.gradient
-            self.gradients_left.append(None if by is None else gradient_left(best, by[i]))
             self._efforts.append(self.effort)
             self.trace.append((self.evaluations, self.falls, self.seconds, score))
             self.finalists.append((score, best))
@@ -425,69 +401,6 @@ class Evaluator:
     def _call_back(self) -> None:
         if self._callback is not None:
             self._callback(self)
-
-
-def simulate_pieces(
-    problem: Problem,
-    pieces: Sequence[Floats],
-    rtol: float,
-    executor: Executor | None,
-    stop: Callable[[], bool] | None = None,
-) -> Iterator[Scores]:
-    """Score pieces of designs here or, where there are enough of them, by an executor.
-
-    Every piece is simulated as a whole, so that no bit depends on where.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    pieces
-        (B, n) design vectors each.
-    rtol
-        Relative error allowed in the arrival times.
-    executor
-        The executor; None for this process.
-    stop
-        As of `Problem.evaluate`, in this process.
-
-    Yields
-    ------
-    Scores
-        Scores of the next piece.
-
-    Raises
-    ------
-    ExecutorLost
-        Where the executor has ended.
-    """
-    per_task = max(1, round(TASK / (problem.dominoes * len(pieces[0])))) if pieces else 1
-    tasks = [pieces[i : i + per_task] for i in range(0, len(pieces), per_task)]
-    if executor is None or len(tasks) < 2:
-        yield from (problem.evaluate(piece, rtol=rtol, stop=stop) for piece in pieces)
-        return
-    pickled = pickle.dumps(problem)
-    futures = [executor.submit(run_task, pickled, task, rtol) for task in tasks]
-    try:
-        for future in futures:
-            with loss_as_error(executor):
-                parts = future.result()
-            yield from parts
-    finally:
-        for future in futures:
-            future.cancel()
-
-
-def run_task(pickled: bytes, pieces: Sequence[Floats], rtol: float) -> list[Scores]:
-    """Score pieces of designs of a pickled problem: the task of a worker."""
-    problem = _problem(pickled)
-    return [problem.evaluate(piece, rtol=rtol) for piece in pieces]
-
-
-@lru_cache(8)
-def _problem(pickled: bytes) -> Problem:
-    problem: Problem = pickle.loads(pickled)
-    return problem
 
 
 def _joined(parts: Sequence[Scores]) -> Scores:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import logging
 import os
-import re
 import signal
 import sys
 import threading
@@ -28,10 +27,9 @@ from concurrent.futures import (
     ThreadPoolExecutor,
 )
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from multiprocessing import connection, get_context, parent_process
-from types import TracebackType
 from typing import Any
 
 # A worker has one task at a time and one core; threads below it would only compete.
@@ -39,9 +37,6 @@ ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
 ATTEMPTS = 3  # at a task whose worker dies: it may have been killed by chance
-MAX_WORKERS = 1024  # on one machine
-ADDRESS = re.compile(r"([a-z]+://)?[^/\s]+:[0-9]+/?")  # of a scheduler
-LOOPBACK = "127.0.0.1"
 SCHEDULER_TIMEOUT = 10.0  # [s] for a scheduler to answer
 WORKER_TIMEOUT = 60.0  # [s] for the first worker to connect
 DASK_SETTINGS = {
@@ -61,13 +56,12 @@ class WorkerLost(RuntimeError):  # noqa: N818
 
 
 @contextmanager
-def loss_as_error(executor: Executor) -> Iterator[None]:
+def loss_as_error() -> Iterator[None]:
     """Turn the errors of an executor that has ended into ExecutorLost."""
     try:
         yield
     except (BrokenExecutor, CancelledError) as error:
-        reason = getattr(executor, "loss", "the executor ended before its tasks")
-        raise ExecutorLost(f"{reason}: {error}" if str(error) else reason) from None
+        raise ExecutorLost(f"the executor ended before its tasks: {error}") from None
 
 
 class ProcessExecutor(ThreadPoolExecutor):
@@ -90,7 +84,6 @@ class ProcessExecutor(ThreadPoolExecutor):
 
     def __init__(self, workers: int) -> None:
         super().__init__(workers)
-        self.workers = workers
         self._pools: dict[int, ProcessPoolExecutor] = {}  # by thread
         self._lock = threading.Lock()
         self._killed = False
@@ -121,12 +114,7 @@ class ProcessExecutor(ThreadPoolExecutor):
                     process.kill()
         self.shutdown()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, *_: object) -> None:
         if kind is None:
             self.shutdown()
         else:
@@ -208,10 +196,7 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[Executor]:
                 cluster = LocalCluster(
                     n_workers=workers or os.cpu_count() or 1,
                     threads_per_worker=1,
-                    processes=True,
-                    host=LOOPBACK,
-                    dashboard_address=f"{LOOPBACK}:0",  # any port: the usual one may be taken
-                    scheduler_kwargs={"dashboard": False},
+                    dashboard_address=None,
                     silence_logs=logging.CRITICAL,
                     env=ONE_THREAD,
                     config=DASK_SETTINGS,  # of workers that are started later too
@@ -220,7 +205,7 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[Executor]:
         try:
             client = Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False, name="domino")
             stack.enter_context(client)
-        except OSError as error:
+        except (OSError, ValueError) as error:
             raise ExecutorLost(f"no Dask scheduler answers at {address}: {error}") from None
         try:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
@@ -230,10 +215,7 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[Executor]:
                 f"`dask worker {address} --nthreads 1`"
             ) from None
         require_same_versions(client, address)
-        executor = client.get_executor(pure=False)
-        executor.workers = sum(client.nthreads().values())
-        executor.loss = f"the Dask scheduler at {address} has ended"
-        yield executor
+        yield client.get_executor(pure=False)
 
 
 def require_same_versions(client: Any, address: str) -> None:
@@ -248,12 +230,11 @@ def require_same_versions(client: Any, address: str) -> None:
             "there, and where the scheduler runs"
         ) from None
     for worker, theirs in remote.items():
-        for name, ours in versions().items():
-            if name != "python" and theirs.get(name) != ours:
-                raise ValueError(
-                    f"the Dask worker {worker} has {name} {theirs.get(name)}, and here it is "
-                    f"{ours}: results may differ; install the same versions"
-                )
+        if theirs != versions():
+            raise ValueError(
+                f"the Dask worker {worker} has {theirs}, and here it is {versions()}: results may "
+                "differ; install the same versions"
+            )
 
 
 @contextmanager
@@ -282,20 +263,11 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
     from domino_env.core.checks import require, require_extra
 
     if workers is not None:
-        require("workers", workers, 1, MAX_WORKERS, whole=True)
+        require("workers", workers, 1, whole=True)
     if dask is not None:
         require_extra("a Dask cluster", "dist", "dask", "distributed")
-    if dask not in (None, "local") and workers is not None:
-        raise ValueError(
-            "--workers and the --dask address of a scheduler: its workers are its own; "
-            "give one or the other"
-        )
-    if dask not in (None, "local") and not ADDRESS.fullmatch(dask):
-        raise ValueError(
-            f"--dask {dask}: give the address of a scheduler, such as "
-            "tcp://127.0.0.1:8786, or local"
-        )
-    if dask is not None:
+        if dask != "local" and workers is not None:
+            raise ValueError(f"--workers: the Dask scheduler at {dask} has its own; leave it out")
         with _dask_executor(dask, workers) as executor:
             yield executor
     elif workers is not None:
@@ -317,8 +289,3 @@ def add_executor_options(parser: argparse.ArgumentParser) -> None:
         help="tcp://HOST:PORT of a Dask scheduler, or local: a cluster of N workers on this "
         'machine (extra "dist", docs/studies.md)',
     )
-
-
-def executor_from(arguments: argparse.Namespace) -> AbstractContextManager[Executor | None]:
-    """Open the executor that the options ask for, as a context."""
-    return open_executor(arguments.workers, arguments.dask)

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import hashlib
 import sqlite3
-import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,6 @@ TABLE = "CREATE TABLE IF NOT EXISTS answers (request BLOB PRIMARY KEY, seconds R
 
 class Journal:
     """The journal of one search, which no other search may open at the same time.
-
-    Where a folder cannot hold a journal, and once its disk is full, the search continues without
-    one, and one line on standard error says so.
 
     Parameters
     ----------
@@ -50,8 +48,7 @@ class Journal:
     Raises
     ------
     ValueError
-        For a file that another search is writing and, with `resume`, for one that is damaged or no
-        journal.
+        For a file that another search is writing, that cannot be written, or that is damaged.
     """
 
     def __init__(self, path: Path, context: str, *, resume: bool) -> None:
@@ -60,25 +57,14 @@ class Journal:
         self._context = hashlib.blake2b(context.encode(), digest_size=16)
         self._waiting: list[tuple[bytes, float, bytes]] = []
         self._saved = float("-inf")
-        self._database: sqlite3.Connection | None = None
         if not resume:
             for end in ("", *SIDE_FILES):
                 path.with_name(path.name + end).unlink(missing_ok=True)
-        try:
-            self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+        self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+        with self._errors_in_words():
             for setting in SETTINGS:
                 self._database.execute(f"PRAGMA {setting}")
             self._database.execute(TABLE)
-        except sqlite3.Error as error:
-            self._release()
-            if "locked" in str(error):
-                raise ValueError(f"{path} is being written by a search that still runs") from None
-            if self.replaying:
-                raise self._damaged(error) from None
-            _print(
-                f"{path} cannot be written ({error}): the search runs without a journal, so "
-                "--resume will begin it anew"
-            )
 
     def digest(self, kind: str, designs: Floats) -> bytes:
         """Return the digest of a request.
@@ -103,24 +89,20 @@ class Journal:
         ValueError
             For a damaged file.
         """
-        if not self.replaying or self._database is None:
+        if not self.replaying:
             return None
         query = "SELECT seconds, answer FROM answers WHERE request = ?"
-        try:
+        with self._errors_in_words():
             entry = self._database.execute(query, [request]).fetchone()
             if entry is not None:
                 parts = msgpack.decode(entry[1], type=list[tuple[tuple[int, ...], bytes]])
                 arrays = [np.frombuffer(data).reshape(shape).copy() for shape, data in parts]
                 return float(entry[0]), arrays
-        except (sqlite3.Error, MsgspecError, TypeError, ValueError) as error:
-            raise self._damaged(error) from None
         self.replaying = False
         return None
 
     def keep(self, request: bytes, seconds: float, arrays: list[Floats]) -> None:
         """Store an answer, with the seconds of the search so far."""
-        if self._database is None:
-            return
         answer = msgpack.encode([(array.shape, array.tobytes()) for array in arrays])
         self._waiting.append((request, seconds, answer))
         if seconds - self._saved > PAUSE:
@@ -129,35 +111,25 @@ class Journal:
 
     def close(self) -> None:
         """Write what is still in memory, and release the file."""
-        self._save()
-        self._release()
+        try:
+            self._save()
+        finally:
+            self._database.close()
 
     def _save(self) -> None:
-        if self._database is None or not self._waiting:
-            return
-        try:
-            with self._database as database:
-                database.execute("BEGIN")
-                # Ctrl-C may come between this and the next lines: then they are repeated
-                database.executemany(
-                    "INSERT OR IGNORE INTO answers VALUES (?, ?, ?)", self._waiting
-                )
-        except sqlite3.Error as error:
-            self._release()
-            _print(f"{self.path} ends here ({error}): the search continues without a journal")
+        insert = "INSERT OR IGNORE INTO answers VALUES (?, ?, ?)"
+        with self._errors_in_words(), self._database as database:
+            database.execute("BEGIN")
+            # Ctrl-C may come between this and the next lines: then they are repeated
+            database.executemany(insert, self._waiting)
         self._waiting = []
 
-    def _release(self) -> None:
-        if self._database is not None:
-            self._database.close()
-            self._database = None
-
-    def _damaged(self, error: Exception) -> ValueError:
-        return ValueError(
-            f"{self.path} is damaged or no journal of a search ({error}): begin anew in another "
-            "folder, without --resume"
-        )
-
-
-def _print(sentence: str) -> None:
-    print(f"domino: {sentence}", file=sys.stderr, flush=True)
+    @contextmanager
+    def _errors_in_words(self) -> Iterator[None]:
+        try:
+            yield
+        except (sqlite3.Error, MsgspecError, TypeError, ValueError) as error:
+            raise ValueError(
+                f"{self.path} cannot be used ({error}): end the search that still writes it, make "
+                "room on the disk, or if it is damaged begin anew in another folder"
+            ) from None

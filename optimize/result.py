@@ -41,9 +41,6 @@ class SearchResult(MadeForScene):
     trace
         (evaluations, simulated falls, seconds, best score) at every improvement, and at the end;
         its scores are those of the search, at a relative error of 1e-6.
-    gradients_left
-        Largest derivative left within the box at each of these, see `gradient_left`; None where the
-        method used no gradient.
     evaluations
         Number of layouts simulated.
     falls
@@ -64,7 +61,6 @@ class SearchResult(MadeForScene):
     score: float
     uniform: UniformBaseline
     trace: Trace
-    gradients_left: tuple[float | None, ...]
     evaluations: int
     falls: int
     seconds: float
@@ -118,14 +114,13 @@ class SearchResult(MadeForScene):
         above = bool(scores[0] < uniform)  # where the curve is not
         label_line(axes, f"uniform baseline {uniform:.4f}", 0.005, uniform, UNIFORM, above=above)
         label_line(axes, f"{self.method} {last:.4f}", 1.0, last, OURS, above=last >= uniform)
-        # the scores at the beginning would flatten the rest
-        lowest = max(scores.min(), 0.85 * last) if last > 0.0 else scores.min()
-        ends = np.array([min(lowest, uniform if uniform > 0.0 else lowest), max(last, uniform)])
-        room = 0.2 * np.ptp(ends) + 0.005 * abs(ends[1])
-        axes.set_ylim(*(ends + np.array([-room, room])))
+        if min(last, uniform) > 0.0:  # the scores at the beginning would flatten the rest
+            low, high = min(uniform, max(scores.min(), 0.85 * last)), max(last, uniform)
+            room = 0.2 * (high - low) + 0.005 * high
+            axes.set_ylim(low - room, high + room)
         set_time_axis(axes, times)
         unit = f" [{self.scene.unit}]" if self.scene.unit else ""
-        axes.set_ylabel(f"best score{unit}" if ends[1] > 0.0 else "best score (below 0: it stops)")
+        axes.set_ylabel(f"best score{unit}")
         scale = ", logarithmic" if axes.get_xscale() == "log" else ""
         run = f"{self.method}, seed {self.seed}, {self.evaluations} layouts"
         axes.set_xlabel(f"seconds of search{scale} ({run})")

@@ -62,20 +62,17 @@ class RunFolder:
         As of `optimize.search`.
     resume
         Continue with the run in the folder, if there is one.
-    budget
-        Largest number of evaluations of the search; None for no limit.
 
     Raises
     ------
     ValueError
         For a file, a folder that cannot be written, one that holds a run (without `resume`) or
-        another search, and for fewer evaluations than are spent.
+        another search.
     """
 
     def __init__(
-        self, path: Path, scene: Scene, method: str, seed: int, *, resume: bool = False,
-        budget: int | None = None,
-    ) -> None:  # fmt: skip
+        self, path: Path, scene: Scene, method: str, seed: int, *, resume: bool = False
+    ) -> None:
         self.path = path
         self.scene = scene
         self.method = method
@@ -86,11 +83,6 @@ class RunFolder:
         require_writable(path)
         if not resume:
             require_unused(path, FILES)
-        if budget is not None and budget < self._before:
-            raise ValueError(
-                f"{path} holds a search that has spent {self._before} evaluations: give more than "
-                f"{budget} to go on with it"
-            )
         path.mkdir(parents=True, exist_ok=True)
 
     def save(self, evaluator: Evaluator) -> None:
@@ -113,7 +105,7 @@ class RunFolder:
             "versions": versions(),
         }
         with suppress(OSError):  # a disk that is full now may have room at the end
-            self._write(layout, evaluator.trace, evaluator.gradients_left, document)
+            self._write(layout, evaluator.trace, document)
 
     def finish(self, result: SearchResult) -> None:
         """Write the result, its picture and its summary.
@@ -127,34 +119,32 @@ class RunFolder:
             Where it was interrupted before it had come as far.
         """
         if result.evaluations < self._before:
-            reason = (
+            error = KeyboardInterrupt if result.interrupted else ValueError
+            raise error(
                 f"{self.path} holds more of this search, {self._before} evaluations, than "
-                f"{result.evaluations} of them: what is there stays"
+                f"{result.evaluations} of them: what is there stays; give more to go on"
             )
-            if result.interrupted:
-                raise KeyboardInterrupt(f"interrupted: {reason}")
-            raise ValueError(f"{reason}; give more time to go on")
         document = {"finished": True} | result.summary()
         try:
-            self._write(result.layout, result.trace, result.gradients_left, document, result)
+            self._write(result.layout, result.trace, document, result)
         except OSError as error:
             raise ValueError(f"{error}; make room, and continue with --resume") from None
 
     def _write(
-        self, layout: Layout, trace: Sequence[Step], gradients_left: Sequence[float | None],
-        document: dict[str, Any], result: SearchResult | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        layout: Layout,
+        trace: Sequence[Step],
+        document: dict[str, Any],
+        result: SearchResult | None = None,
+    ) -> None:
         """Write all files, the summary, which says how far they are, last."""
         write_text(self.path / SCENE, self.scene.to_toml())
         if self._resume:
             self._remove_outdated(layout)
         layout.to_csv(self.path / "layout.csv")
         layout.to_json(self.path / "layout.json")
-        names = ("evaluations", "simulated_falls", "seconds", "best_score", "gradient_left")
-        lines = (
-            (n, falls, f"{t:.6f}", score, None if left is None else f"{left:.3e}")
-            for (n, falls, t, score), left in zip(trace, gradients_left, strict=True)
-        )
+        names = ("evaluations", "simulated_falls", "seconds", "best_score")
+        lines = ((n, falls, f"{t:.6f}", score) for n, falls, t, score in trace)
         write_csv(self.path / "trace.csv", names, lines)
         if result is not None:
             from domino_env.core.plot_style import write_png
@@ -183,7 +173,7 @@ class RunFolder:
             known = model_of(SummaryDocument, read_json(path))
         here = {"method": self.method, "seed": self.seed, "versions": versions()}
         other = [
-            f"{key} = {_in_words(getattr(known, key))}, not {_in_words(value)}"
+            f"{key} = {getattr(known, key)!r}, not {value!r}"
             for key, value in here.items()
             if getattr(known, key) != value
         ]
@@ -195,9 +185,3 @@ class RunFolder:
                 "without --resume"
             )
         return known.evaluations
-
-
-def _in_words(value: object) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{k} {v}" for k, v in sorted(value.items()))[:200]
-    return repr(value)

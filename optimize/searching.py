@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from domino_env.core.progress import notice, progress_bar
+from domino_env.core.checks import require
+from domino_env.core.progress import progress_bar
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
@@ -21,7 +22,7 @@ from domino_env.scenes.io.reading import load_scene
 from domino_env.scenes.scene import Scene
 from domino_env.scenes.uniform import UniformBaseline, gain, uniform_layouts
 from domino_env.scenes.waves import Waves
-from optimize.evaluator import GRADIENT_COST, TOLERANCE, BudgetSpent, Evaluator
+from optimize.evaluator import TOLERANCE, BudgetSpent, Evaluator
 from optimize.journal import Journal
 from optimize.methods import registry
 from optimize.problem import Problem, Scores
@@ -33,13 +34,10 @@ if TYPE_CHECKING:
 
 Callback = Callable[[Evaluator], None]
 
-LONG = 20.0  # [s] of processor time from which on a search announces its duration
-TIMED = 8  # gradients that are timed for that
-AS_LONG = 130  # variables of which the local search takes as long as the simulation
 NONE_COMPLETES = "no layout completes: push harder, or allow other gaps, thicknesses or friction"
 LINE = "{desc} {percentage:.0f} %, {elapsed}{postfix}"  # where there is no terminal
 BASELINE_SHARE = 0.5  # of the seconds of a search, for a uniform baseline on a floor
-FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}{postfix}"
+FORMAT = "{desc} {percentage:3.0f}%|{bar}| {elapsed}, at most {remaining} left{postfix}"
 
 
 def search(
@@ -128,16 +126,15 @@ def search(
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
     run, method = registry.load(method), registry.name_of(method)
-    if budget is not None and budget < 1:
-        raise ValueError(f"budget = {budget}: give at least one evaluation")
-    if seconds is not None and not seconds > 0.0:
-        raise ValueError(f"seconds = {seconds}: give a time of more than 0 s")
-    if seed < 0:
-        raise ValueError(f"seed = {seed}: give a whole number, 0 or more")
+    require("seed", seed, 0, whole=True)
+    if budget is not None:
+        require("budget", budget, 1, whole=True)
+    if seconds is not None:
+        require("seconds", seconds, above=0.0, unit="s")
+    if tolerance is not None:
+        require("tolerance", tolerance, above=0.0, below=1.0, hint="a relative gain")
     if resume and folder is None:
         raise ValueError("resume: name the folder of the search to go on with")
-    if tolerance is not None and not 0.0 < tolerance < 1.0:
-        raise ValueError(f"tolerance = {tolerance}: give a relative gain between 0 and 1")
     if tolerance is None and budget is None and seconds is None:
         tolerance = TOLERANCE
     problem = Problem(scene)
@@ -145,7 +142,7 @@ def search(
     interrupted = False
     with ExitStack() as stack:
         if folder is not None:
-            files = RunFolder(Path(folder), scene, method, seed, resume=resume, budget=budget)
+            files = RunFolder(Path(folder), scene, method, seed, resume=resume)
             context = f"{versions()} {scene.to_toml()}"
             journal = Journal(Path(folder) / JOURNAL, context, resume=resume)
             stack.callback(journal.close)
@@ -169,8 +166,6 @@ def search(
         evaluator.add_seconds(spent + clock() - began)
         if seconds is not None and scene.floor_friction is not None:
             _record_baseline(evaluator, uniform)
-        if method == "auto":
-            _announce_duration(evaluator)
         try:
             # Matrices are small here: threads of the linear algebra only wait for each other.
             with threadpool_limits(1, user_api="blas"):
@@ -199,7 +194,6 @@ def search(
         score=score,
         uniform=uniform,
         trace=(*evaluator.trace, end),
-        gradients_left=(*evaluator.gradients_left, evaluator.gradients_left[-1]),
         evaluations=evaluator.evaluations,
         falls=evaluator.falls,
         seconds=took,
@@ -228,26 +222,6 @@ def _record_baseline(evaluator: Evaluator, uniform: UniformBaseline) -> None:
         found = Waves.of_waves([uniform.wave], problem.scene.count)
         score = np.array([uniform.score])
         evaluator.record(Scores(score, np.minimum(1.0 + score, 1.0), found.falls), lambda _: design)
-
-
-def _announce_duration(evaluator: Evaluator) -> None:
-    """Log about how long a search by `auto` without a limit takes, where that is long.
-
-    Those that take more than `LONG` end by their effort: within a factor of two of this estimate.
-    """
-    problem = evaluator.problem
-    if evaluator.tolerance is None or problem.scene.floor_friction is not None:
-        return
-    designs = np.repeat(problem.design(problem.scene.uniform().layout)[None], TIMED, axis=0)
-    began = time.process_time()
-    problem.evaluate(designs, True, differences=False)
-    gradient = (time.process_time() - began) / TIMED * (1.0 + problem.dimension / AS_LONG)
-    seconds = gradient * evaluator.most_effort / GRADIENT_COST
-    if seconds > LONG:
-        notice(
-            f"the search of {problem.scene.name} takes up to about {float(f'{seconds:.1g}'):.0f} s "
-            "of processor time; --seconds or --budget limit it"
-        )
 
 
 def compile_for(scene: Scene, *, gradients: bool = False, episodes: bool = False) -> None:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from domino_env.cli.options import NATURAL, SECONDS, add_out_option
 from optimize.cli.options import add_study_options, exit_code, names_in
-from optimize.executors import executor_from
+from optimize.executors import open_executor
 
 SUMMARY = "benchmark learning algorithms over scenes and seeds"
 DEFAULT_FOLDER = "runs/benchmark"
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run what is missing, write the page, print its summary."""
     from agents.algorithms import ALGORITHMS, require_learning
-    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, known_in, problem_of_text
+    from agents.benchmark import BASELINES, SCENES, benchmark_tasks, problem_of_text
     from agents.benchmark_report import FILES, merged, read_runs, table, write
     from domino_env.core.files import require_writable
     from optimize.experiments.runner import run_experiment
@@ -72,17 +72,14 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         if {*chosen} & {*ALGORITHMS}:
             require_learning()
-        with executor_from(arguments) as executor:
+        with open_executor(arguments.workers, arguments.dask) as executor:
             require_writable(folder)
             study = open_store(arguments.store).begin(arguments.name, "benchmark", {})
             stored = study.done()
             for result in before:
                 if result.key not in stored:
                     study.add(result)
-            done = run_experiment(
-                tasks, executor, study, known_score=known_in, fixed=True, name="benchmark",
-                progress=None,
-            )  # fmt: skip
+            done = run_experiment(tasks, executor, study, name="benchmark", progress=None)
             done = merged(before, done)
     write(done, folder, _command(arguments))
     print("\n".join(table(done)))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 
 from domino_env.cli.options import NATURAL, SEED, folder, number
-from optimize.executors import add_executor_options, executor_from
+from optimize.executors import add_executor_options, open_executor
 
 SUMMARY = "write scenes with searched layouts and episodes"
 
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Make the dataset, and print its card."""
     from agents.dataset import make_dataset
 
-    with executor_from(arguments) as executor:
+    with open_executor(arguments.workers, arguments.dask) as executor:
         card = make_dataset(
             arguments.folder, arguments.distribution, arguments.scenes, arguments.seed,
             arguments.budget, executor, noise=arguments.noise, code_link=arguments.code_link,

@@ -58,24 +58,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
     scenes = [load_scene(name) for name in names]
-    if arguments.methods is None:
-        chosen = [*registry.METHODS, *registry.installed_peers()]
-    else:
-        chosen = arguments.methods
-    seconds, budget = arguments.seconds, arguments.budget
-    if seconds is None and budget is None:
-        seconds = DEFAULT_SECONDS
-    tasks = plan_tasks(scenes, chosen, range(arguments.seeds), budget, seconds)
-    names = [scene.name for scene in scenes]
-    settings = {
-        "scenes": names, "methods": chosen, "seeds": arguments.seeds, "seconds": seconds,
-        "budget": budget,
-    }  # fmt: skip
-    default = f"compare-{names[0]}" if len(names) == 1 else f"compare-{len(names)}-scenes"
+    chosen = arguments.methods or [*registry.METHODS, *registry.installed_peers()]
+    if arguments.seconds is None and arguments.budget is None:
+        arguments.seconds = DEFAULT_SECONDS
+    tasks = plan_tasks(scenes, chosen, range(arguments.seeds), arguments.budget, arguments.seconds)
+    default = f"compare-{scenes[0].name if len(scenes) == 1 else f'{len(scenes)}-scenes'}"
     folder = Path(arguments.out)
-    with open_study(arguments, "comparison", default, tasks, settings, folder) as (study, options):
-        limit = counted(budget, "layout") if seconds is None else f"{seconds:g} s"
-        print(f"{counted(len(tasks) - study.tasks, 'run')} of {limit}", flush=True)
+    with open_study(arguments, "comparison", default, tasks, folder) as (study, options):
+        print(f"{counted(len(tasks) - study.tasks, 'run')} of {tasks[0].limit}", flush=True)
         experiment = run_experiment(tasks, known_score=known_score, **options)
         write_comparison(experiment, folder)
         for problem in experiment.problems:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from domino_env.cli.options import NATURAL, SECONDS
 from domino_env.core.files import counted
-from optimize.executors import add_executor_options, executor_from
+from optimize.executors import add_executor_options, open_executor
 
 if TYPE_CHECKING:
     from optimize.experiments.experiment import Experiment
@@ -20,6 +19,8 @@ if TYPE_CHECKING:
     from optimize.experiments.task import Task
 
 DEFAULT_STORE = "runs/studies.sqlite"
+SETTINGS = ("scene", "scenes", "set", "random", "seed", "methods", "seeds", "budget", "seconds")
+"""Options that decide the tasks of a study, which `domino studies` shows."""
 
 
 def names_in(text: str) -> list[str]:
@@ -72,27 +73,21 @@ def add_study_options(parser: argparse.ArgumentParser, name: str | None = None) 
 
 
 def study_from(
-    arguments: argparse.Namespace,
-    kind: str,
-    default: str,
-    tasks: Sequence[Task],
-    settings: dict[str, Any],
+    arguments: argparse.Namespace, kind: str, default: str, tasks: Sequence[Task]
 ) -> Study:
     """Begin the study of the options, or with ``--resume`` continue it where it exists.
 
     Parameters
     ----------
     arguments
-        Options of `add_study_options`.
+        Options of the command; those in `SETTINGS` are stored with the study.
     kind
         "comparison" or "sweep".
     default
-        Name where none is given; a number is added where that is taken, and ``--resume`` continues
-        the last of these that has the same tasks.
+        Name where none is given; a number is added where that is taken. ``--resume`` continues the
+        last study of the same tasks, if there is one.
     tasks
         All tasks of the experiment.
-    settings
-        Options that decide the tasks, which `domino studies` shows.
 
     Raises
     ------
@@ -103,7 +98,8 @@ def study_from(
     from optimize.experiments.task import digest
 
     store = open_store(arguments.store)
-    settings = {**settings, "tasks": len(tasks), "digest": digest([task.key for task in tasks])}
+    settings = {name: value for name, value in vars(arguments).items() if name in SETTINGS}
+    settings |= {"tasks": len(tasks), "digest": digest([task.key for task in tasks])}
     studies = {study.name: study for study in store.studies()}
     name = arguments.name
     if name in studies and not arguments.resume:
@@ -113,36 +109,22 @@ def study_from(
             "continue it by --resume, or give another --name"
         )
     if name is None:
-        pattern = re.compile(re.escape(default) + r"(-[0-9]+)?")
-        named = [study for study in studies.values() if pattern.fullmatch(study.name)]
-        if arguments.resume and named:
-            same = [s.name for s in named if (s.kind, s.settings) == (kind, settings)]
-            if not same:
-                raise ValueError(
-                    f"--resume: {store.path} has no study '{default}' of these tasks; `domino "
-                    "studies` lists the others, one of which --name continues"
-                )
-            name = same[-1]
-        else:
-            names = [default, *(f"{default}-{n}" for n in range(2, len(studies) + 2))]
-            name = next(one for one in names if one not in studies)
+        same = [s.name for s in studies.values() if (s.kind, s.settings) == (kind, settings)]
+        names = [default, *(f"{default}-{n}" for n in range(2, len(studies) + 2))]
+        new = next(one for one in names if one not in studies)
+        name = same[-1] if arguments.resume and same else new
     return store.begin(name, kind, settings)
 
 
 @contextmanager
 def open_study(
-    arguments: argparse.Namespace,
-    kind: str,
-    default: str,
-    tasks: Sequence[Task],
-    settings: dict[str, Any],
-    folder: Path,
+    arguments: argparse.Namespace, kind: str, default: str, tasks: Sequence[Task], folder: Path
 ) -> Iterator[tuple[Study, dict[str, Any]]]:
     """Open the executor and the study of a command; an interruption says how to continue.
 
     Parameters
     ----------
-    arguments, kind, default, tasks, settings
+    arguments, kind, default, tasks
         As of `study_from`.
     folder
         Folder of the report, which must be writable.
@@ -157,24 +139,18 @@ def open_study(
     from domino_env.core.files import require_writable
 
     # the study comes last: an executor that does not answer leaves no empty one
-    with executor_from(arguments) as executor:
+    with open_executor(arguments.workers, arguments.dask) as executor:
         require_writable(folder)
-        study = study_from(arguments, kind, default, tasks, settings)
+        study = study_from(arguments, kind, default, tasks)
         more = f"what is done is in study '{study.name}'; the same command with --resume continues"
+        options = {"executor": executor, "study": study, "name": study.name, "progress": None}
         try:
-            yield study, {
-                "executor": executor, "study": study, "name": study.name, "progress": None,
-            }  # fmt: skip
+            yield study, options
         except OSError as error:
             raise OSError(f"{error}; {more}") from None
         except KeyboardInterrupt:
-            done = len(study.done())
-            reason = (
-                f": {done} of {len(tasks)} runs are complete; {more}"
-                if done
-                else " before any was complete"
-            )
-            raise KeyboardInterrupt(f"interrupted{reason}") from None
+            done = f"{len(study.done())} of {len(tasks)} runs are complete"
+            raise KeyboardInterrupt(f"interrupted: {done}; {more}") from None
 
 
 def exit_code(experiment: Experiment) -> int:

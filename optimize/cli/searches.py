@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from domino_env.cli.options import SEED, add_out_option, number
 from domino_env.core.files import counted
 from optimize.cli.options import add_limit_options
-from optimize.executors import add_executor_options, executor_from
+from optimize.executors import add_executor_options, open_executor
 
 if TYPE_CHECKING:
     from domino_env.scenes.scene import Scene
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         if waiting:
             _print_uniform(waiting.pop())
 
-    with executor_from(arguments) as executor:
+    with open_executor(arguments.workers, arguments.dask) as executor:
         result = search(
             scene, arguments.method, arguments.budget, arguments.seed, seconds=arguments.seconds,
             tolerance=arguments.tolerance, folder=folder, executor=executor,

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from optimize.experiments.task import TaskResult
 
 SUMMARY = "list, show and export stored results"
-MAX_LINES = 50  # of a table, without --all
-MAX_SETTINGS = 400  # characters
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,15 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", metavar="NAME", help="the study to show or export")
     add_store_option(parser)
     parser.add_argument(
-        "--to",
-        metavar="FILE",
-        help="export results to .csv or .parquet, a layout to .csv or .json",
+        "--to", metavar="FILE", help="export results to .csv or .parquet, a layout to .csv or .json"
     )
     parser.add_argument(
-        "--best", nargs="?", const="", metavar="SCENE",
-        help="export the best layout of a scene, of a point of a sweep, or of a result's key",
-    )  # fmt: skip
-    parser.add_argument("--all", action="store_true", help="show: print every line of a long table")
+        "--best", metavar="SCENE", help="export the best layout of a scene, or point of a sweep"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,22 +47,18 @@ def run(arguments: argparse.Namespace) -> int:
     action, name = arguments.action, arguments.name
     if action != "list" and name is None:
         raise ValueError(f"name the study: domino studies {action} NAME")
-    if action == "list" and name is not None:
-        raise ValueError(f"to see one study: domino studies show {name}")
     if action == "export" and arguments.to is None:
         raise ValueError("name the file to export to: --to FILE.csv or FILE.parquet")
-    if action != "export" and (arguments.to is not None or arguments.best is not None):
-        raise ValueError("--to and --best belong to domino studies export NAME")
     store = open_store(arguments.store, create=False)
     if action == "list":
         _list(store)
     elif action == "show":
-        _show(store.study(name), everything=arguments.all)
+        _show(store.study(name))
     elif arguments.best is None:
         number = export_study(store.study(name), Path(arguments.to))
         print(f"written to {arguments.to}: {counted(number, 'result')}")
     else:
-        _export_best(store.study(name), arguments.to, arguments.best or None)
+        _export_best(store.study(name), arguments.to, arguments.best)
     return 0
 
 
@@ -82,7 +72,7 @@ def _list(store: Store) -> None:
     print("\n".join(table) if lines else f"{store.path} holds no studies yet")
 
 
-def _show(study: Study, *, everything: bool) -> None:
+def _show(study: Study) -> None:
     """Print a line for each problem and method of a study."""
     from domino_env.core.files import one_line
     from domino_env.core.tables import text_table
@@ -92,25 +82,22 @@ def _show(study: Study, *, everything: bool) -> None:
     about = f"{study.kind}, {len(results):,} finished tasks, begun {_clock(study.begun)} UTC"
     print(one_line(f"{study.name}: {about}"))
     if study.settings:
-        print(one_line(describe_labels(study.settings), MAX_SETTINGS))
+        print(one_line(describe_labels(study.settings)))
     groups: dict[tuple[str, str], list[TaskResult]] = {}
     for r in results:
         groups.setdefault((r.problem, r.method), []).append(r)
-    names = ("problem", "method", "tasks", "best", "median", "uniform", "gain", "key")
+    names = ("problem", "method", "tasks", "best", "median", "uniform", "gain")
     lines = []
     for group, runs in groups.items():
         best = max(runs, key=lambda r: r.score)
         scores = best.score, median(r.score for r in runs), best.uniform_score
         gain = "" if best.gain is None else f"{best.gain:+.2%}"
-        lines.append((*group, str(len(runs)), *map("{:.6g}".format, scores), gain, best.key[:8]))
+        lines.append((*group, str(len(runs)), *map("{:.6g}".format, scores), gain))
     if lines:
-        shown = lines if everything else lines[:MAX_LINES]
-        print("", *text_table(names, shown, right=names[2:7]), sep="\n")
-        if len(shown) < len(lines):
-            print(f"… and {len(lines) - len(shown):,} lines more: --all shows them")
+        print("", *text_table(names, lines, right=names[2:]), sep="\n")
 
 
-def _export_best(study: Study, path: str, name: str | None) -> None:
+def _export_best(study: Study, path: str, name: str) -> None:
     """Write the best layout of a scene."""
     from domino_env.core.files import one_line
     from domino_env.scenes.io.reading import write_layout

@@ -31,11 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino sweep`."""
     parser.add_argument("scene", metavar="SCENE", help="name of a scene, or .toml file")
     parser.add_argument(
-        "--set",
-        metavar="KEY=VALUES",
-        action="append",
-        default=[],
-        help="vary a key; repeatable",
+        "--set", metavar="KEY=VALUES", action="append", default=[], help="vary a key; repeatable"
     )
     parser.add_argument(
         "--random", type=NATURAL, metavar="N", help="sample N points instead of all of the grid"
@@ -62,13 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.seconds, random=arguments.random, seed=arguments.seed,
     )  # fmt: skip
     scene = tasks[0].scene_name
-    settings = {
-        "scene": scene, "set": arguments.set, "random": arguments.random,
-        "seed": arguments.seed, "methods": arguments.methods, "seeds": arguments.seeds,
-        "budget": tasks[0].budget, "seconds": arguments.seconds,
-    }  # fmt: skip
     name, out = f"sweep-{scene}", Path(arguments.out or "runs")
-    with open_study(arguments, "sweep", name, tasks, settings, out) as (study, options):
+    with open_study(arguments, "sweep", name, tasks, out) as (study, options):
         folder = out if arguments.out else out / study.name
         before = f", {study.tasks} of them done before" if study.tasks else ""
         number = counted(len(tasks), "search")

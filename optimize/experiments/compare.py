@@ -103,7 +103,7 @@ def plan_tasks(
             f"{len(seeds)} seeds are {number} searches: give fewer seeds, methods or scenes, for "
             f"at most {MAX_TASKS}"
         )
-    names = [registry.importable_name(method) for method in methods]
+    names = [registry.name_of(method) for method in methods]
     labels = labels or [{} for _ in scenes]
     points = [describe_labels(ls) or s.name for s, ls in zip(scenes, labels, strict=True)]
     require_distinct(scenes=points, methods=names, seeds=seeds)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
-from domino_env.core.files import counted
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
@@ -93,8 +91,7 @@ class Experiment:
     @property
     def limit(self) -> str:
         """Limit of a run in words."""
-        task = self.tasks[0]
-        return f"{task.seconds:g} s" if task.budget is None else counted(task.budget, "layout")
+        return self.tasks[0].limit
 
     def over_seeds(self, statistic: str) -> str:
         """Return the number of seeds in words, after the name of a statistic over them."""
@@ -233,35 +230,23 @@ def no_known_score(_: TaskResult) -> float:
     return -np.inf
 
 
-def gather_results(
-    tasks: Sequence[Task],
-    results: Mapping[str, TaskResult],
-    failures: Sequence[Failure] = (),
-    known_score: Callable[[TaskResult], float] = no_known_score,
-    *,
-    fixed: bool = False,
-    interrupted: bool = False,
-) -> Experiment:
-    """Gather the results of tasks, by key, into an experiment; see `run_experiment`."""
-    chosen = tuple(
-        msgspec.structs.replace(results[task.key], labels=task.labels)
-        for task in tasks
-        if task.key in results
-    )
-    if not chosen:
-        reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else " yet"
-        raise ValueError(f"no run has a result{reason}")
-    best = best_of_problems(chosen, known_score, fixed=fixed)
-    return Experiment(tuple(tasks), chosen, best, tuple(failures), interrupted)
-
-
 def best_of_problems(
     results: Sequence[TaskResult],
     known_score: Callable[[TaskResult], float] = no_known_score,
     *,
     fixed: bool = False,
 ) -> dict[str, float]:
-    """Return the best known score of each problem; see `run_experiment`."""
+    """Return the best known score of each problem.
+
+    Parameters
+    ----------
+    results
+        Results of all runs.
+    known_score
+        As of `run_experiment`.
+    fixed
+        True where better results leave a known score as it is, so that it favours no method.
+    """
     known: dict[str, float] = {}
     for result in results:
         if result.problem not in known:

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter
 
-from domino_env.core.colours import FAINT, INK, KNOWN, OURS, UNIFORM
+from domino_env.core.colours import FAINT, INK, KNOWN, UNIFORM
 from domino_env.core.plot_style import (
     LEGEND,
     method_lines,
@@ -29,12 +28,12 @@ from optimize.experiments.task import Label, TaskResult
 Band = tuple[Floats, Floats] | None  # ends of the interval around each point
 Curve = tuple[Floats, Floats, Band]  # x, y, and the band around y
 Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
+Limits = tuple[float, float]
 Prepare = Callable[[Axes, str], None]  # sets the scales of the panel of a title
 
 MAX_COLOURS = 7  # methods whose colours can be distinguished at a glance
 MEDIANS = "medians and range of"
 MAX_PANELS = 6  # of a sweep
-MAX_CELLS = 12  # in each direction of a map whose values are written into the cells
 MAX_TICKS = 12  # of an axis of a map
 PROFILE_TARGETS = np.linspace(-0.25, 1.0, 251)  # normalised scores
 LOWEST, HIGHEST = -0.3, 1.06  # normalised scores that are drawn
@@ -109,28 +108,20 @@ def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
     best = sorted(final, key=lambda method: -final[method])[:MAX_COLOURS]
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
 
-    def prepare(axes: Axes, _: str) -> None:
-        axes.set_xscale("log")
-        plain_numbers(axes.xaxis, (1,))
-        axes.set_xlim(times[0], times[-1])
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
-
-    def prepare_gaps(axes: Axes, title: str) -> None:
-        axes.set_yscale("log")  # before anything is drawn: no scale is guessed
-        axes.set_ylim(1e-4, 30.0)
-        prepare(axes, title)
-
-    def prepare_targets(axes: Axes, title: str) -> None:
-        axes.set_ylim(0.0, 100.0)
-        prepare(axes, title)
-
-    for path, curves, value, statistic, scales in (
-        (gaps, gap_curves, "shortfall from the best known", MEDIANS, prepare_gaps),
-        (targets, target_curves, "targets reached", "all runs of", prepare_targets),
+    for path, curves, value, statistic, scale, limits in (
+        (gaps, gap_curves, "shortfall from the best known", MEDIANS, "log", (1e-4, 30.0)),
+        (targets, target_curves, "targets reached", "all runs of", "linear", (0.0, 100.0)),
     ):
+
+        def prepare(axes: Axes, _: str, scale: str = scale, limits: Limits = limits) -> None:
+            axes.set(xscale="log", yscale=scale, ylim=limits)
+            plain_numbers(axes.xaxis, (1,))
+            axes.set_xlim(times[0], times[-1])
+            axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
+
         subtitle = f"{experiment.limit} for each run, {experiment.over_seeds(statistic)}"
         headings = (f"{value.capitalize()} against {clock}", subtitle)
-        draw_curves(path, curves, headings, (clock, value), scales, best)
+        draw_curves(path, curves, headings, (clock, value), prepare, best)
 
 
 def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str) -> None:
@@ -202,22 +193,11 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
         if problem is not None or method in everywhere:
             times, mean = experiment.curve(method, clock, problem, EARLIEST[clock])
             panels.setdefault(title, {})[method] = (times, mean.value, mean.interval)
-    curves = [curve for panel in panels.values() for curve in panel.values()]
-    latest = max(float(times[-1]) for times, *_ in curves)
-    highest = max(HIGHEST, *(float(scores.max()) + 0.04 for _, scores, _ in curves))
 
     def prepare(axes: Axes, _: str) -> None:
-        axes.set_xscale("log")
-        axes.set_xlim(EARLIEST[clock], 1.5 * latest)
-        axes.xaxis.set_major_locator(LogLocator(numticks=6))
-        axes.xaxis.set_minor_locator(NullLocator())
-        if clock == "evaluations":
-            axes.xaxis.set_major_formatter(EngFormatter())
-        else:
-            axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+        axes.set(xscale="log", ylim=(LOWEST, HIGHEST))
         axes.axhline(0.0, color=UNIFORM, linestyle=":", linewidth=1)
         axes.axhline(1.0, color=KNOWN, linestyle=":", linewidth=1)
-        axes.set_ylim(LOWEST, highest)
         axes.set_yticks(*SCORE_TICKS)
 
     name = CLOCK_NAMES[clock] + ", logarithmic"
@@ -281,22 +261,13 @@ def _maps(
         for cell, values in cells.items():
             maps[(m, *cell)] = _band(np.array(values))[0]
     known = maps[np.isfinite(maps)]
-    low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
-    middle, colours = low, ["white", OURS]
-    if gains:  # blue is better than uniform, orange worse
-        high = max(-low, high)
-        low, middle, colours = -high, 0.0, [KNOWN, "white", OURS]
-    shades = LinearSegmentedColormap.from_list("gain", colours)
+    colours = {"cmap": "Blues", "vmin": known.min(initial=1.0), "vmax": known.max(initial=0.0)}
+    if gains:  # blue is better than uniform, red worse
+        largest = np.abs(known).max(initial=0.0)
+        colours = {"cmap": "RdBu", "vmin": -largest, "vmax": largest}
     image: Any = None
     for method, values_there, axes in zip(methods, maps, panels, strict=True):
-        image = axes.imshow(
-            values_there, origin="lower", aspect="auto", vmin=low, vmax=high, cmap=shades
-        )
-        for (j, k), value in np.ndenumerate(values_there):
-            if np.isfinite(value) and max(values_there.shape) <= MAX_CELLS:
-                dark = abs(value - middle) > 0.6 * (high - middle)
-                colour = "white" if dark else INK
-                axes.text(k, j, f"{value:.3g}", ha="center", va="center", size=8, color=colour)
+        image = axes.imshow(values_there, origin="lower", aspect="auto", **colours)
         axes.grid(False)
         axes.set_title(method, loc="left", size=11, color=INK)
         axes.set_xlabel(experiment.keys[0])

@@ -10,9 +10,16 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
+import msgspec
+
 from optimize.evaluator import Evaluator
 from optimize.executors import ExecutorLost, loss_as_error
-from optimize.experiments.experiment import Experiment, Failure, gather_results, no_known_score
+from optimize.experiments.experiment import (
+    Experiment,
+    Failure,
+    best_of_problems,
+    no_known_score,
+)
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult
 
@@ -27,7 +34,6 @@ def run_experiment(
     study: Study | None = None,
     *,
     known_score: Callable[[TaskResult], float] = no_known_score,
-    fixed: bool = False,
     name: str = "tasks",
     progress: bool | None = False,
 ) -> Experiment:
@@ -46,8 +52,6 @@ def run_experiment(
         Stores every result at once. Tasks that it has a result of are not run again.
     known_score
         Returns the best score known beforehand of the problem of a result; -inf for none.
-    fixed
-        True where better results leave that score as it is, so that it favours no method.
     name
         Name of all tasks together in the progress line.
     progress
@@ -101,9 +105,16 @@ def run_experiment(
             if not any(key in results for key in keys):
                 raise
             interrupted = True
-    return gather_results(
-        tasks, results, failures, known_score, fixed=fixed, interrupted=interrupted
+    chosen = tuple(
+        msgspec.structs.replace(results[task.key], labels=task.labels)
+        for task in tasks
+        if task.key in results
     )
+    if not chosen:
+        reason = f": {failures[0].task.name}: {failures[0].reason}" if failures else " yet"
+        raise ValueError(f"no run has a result{reason}")
+    best = best_of_problems(chosen, known_score)
+    return Experiment(tuple(tasks), chosen, best, tuple(failures), interrupted)
 
 
 def run_task(task: Task) -> TaskResult:
@@ -134,7 +145,7 @@ def _run_on(executor: Executor, tasks: Sequence[Task], line: Any) -> _Outcomes:
     try:
         while True:
             while len(pending) < MAX_PENDING and (task := next(ahead, None)) is not None:
-                with loss_as_error(executor):
+                with loss_as_error():
                     future = executor.submit(run_task, task)
                 pending[future] = task
                 future.add_done_callback(arrived.put)
@@ -146,16 +157,16 @@ def _run_on(executor: Executor, tasks: Sequence[Task], line: Any) -> _Outcomes:
             except Empty:
                 line.refresh()
                 continue
-            yield pending.pop(done), partial(_result_of, done, executor)
+            yield pending.pop(done), partial(_result_of, done)
             del done
     finally:
         for future in pending:
             future.cancel()
 
 
-def _result_of(future: Future[TaskResult], executor: Executor) -> TaskResult:
+def _result_of(future: Future[TaskResult]) -> TaskResult:
     """Return the result of a future, or raise its error."""
-    with loss_as_error(executor):
+    with loss_as_error():
         return future.result()
 
 

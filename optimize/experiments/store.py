@@ -29,7 +29,6 @@ from domino_env.core.tables import write_csv
 from optimize.experiments.task import TaskResult
 
 LOCK_TIMEOUT = 60.0  # [s] that a process waits for others to finish writing
-MAX_NAME = 200  # characters of a study's name
 TABLES = (
     "CREATE TABLE IF NOT EXISTS studies (number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, "
     "kind TEXT NOT NULL, settings TEXT NOT NULL, begun TEXT NOT NULL)",
@@ -38,15 +37,6 @@ TABLES = (
     "scene_name TEXT NOT NULL, method TEXT NOT NULL, seed INTEGER NOT NULL, score REAL NOT NULL, "
     "data TEXT NOT NULL, UNIQUE (study, key))",
 )
-_KEPT = "this result is not kept, all earlier ones are"
-_REASONS = {  # beginnings of SQLite's names of errors
-    ("FULL", "IOERR"): f"cannot be written ({{}}): {_KEPT}; make room and continue with --resume",
-    ("BUSY", "LOCKED"): f"is locked by another program for more than {{timeout:g}} s: {_KEPT}; "
-    "end the other program and continue with --resume",
-    ("READONLY", "CANTOPEN", "PERM"): "cannot be opened ({}): name a file in a folder of yours",
-    ("CORRUPT",): "is damaged ({}): name another file, or restore a copy",
-    ("ERROR", "NOTADB"): "is no store of studies of this version ({}): name another file",
-}
 
 
 @dataclass(frozen=True)
@@ -104,20 +94,13 @@ class Study:
             The result cannot be stored: a full disk, a store that is locked for more than a minute,
             or a number that is not finite. All earlier results are intact.
         """
-        data = msgspec.json.encode(result)
-        try:
-            msgspec.json.decode(data, type=TaskResult)
-        except msgspec.DecodeError as error:  # JSON has no NaN
-            raise ValueError(f"task {result.key}: its result cannot be kept: {error}") from None
-        columns = (
-            self._number, result.key, result.scene_name, result.method, result.seed, result.score,
-            data.decode(),
-        )  # fmt: skip
+        data = json.dumps(msgspec.to_builtins(result), allow_nan=False)
+        task = result.key, result.scene_name, result.method, result.seed
         with self._store.transaction() as connection:
             connection.execute(
                 "INSERT OR IGNORE INTO results (study, key, scene_name, method, seed, score, data) "
                 "VALUES (?, ?, ?, ?, ?, ?, ?)",
-                columns,
+                (self._number, *task, result.score, data),
             )
 
 
@@ -145,29 +128,19 @@ class Store:
             The study of that name has another kind or other settings, the name or a setting is
             impossible, or the store cannot be written.
         """
-        if not name.strip() or len(name) > MAX_NAME or not name.isprintable():
-            raise ValueError(
-                f"a study cannot be called {name[:MAX_NAME]!r}: give 1 to {MAX_NAME} printable "
-                "characters"
-            )
         text = json.dumps(dict(settings), allow_nan=False)
-        if name not in {study.name for study in self.studies()}:  # else nothing is written
-            now = datetime.now(UTC).isoformat(timespec="seconds")
-            with self.transaction() as connection:
-                connection.execute(
-                    "INSERT OR IGNORE INTO studies (name, kind, settings, begun) "
-                    "VALUES (?, ?, ?, ?)",
-                    (name, kind, text, now),
-                )
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        with self.transaction() as connection:
+            connection.execute(
+                "INSERT OR IGNORE INTO studies (name, kind, settings, begun) VALUES (?, ?, ?, ?)",
+                (name, kind, text, now),
+            )
         study = self.study(name)
-        begun = {"kind": study.kind} | study.settings
-        requested = {"kind": kind} | json.loads(text)
-        for key in [*begun, *requested]:
-            if begun.get(key) != requested.get(key):
-                raise ValueError(
-                    f"study '{name}' in {self.path} was begun with {key!r} = {begun.get(key)!r}, "
-                    f"not {requested.get(key)!r}: give the same, or name another study"
-                )
+        if (study.kind, study.settings) != (kind, json.loads(text)):
+            raise ValueError(
+                f"study '{name}' in {self.path} was begun as {study.kind} with {study.settings}, "
+                "not with the settings given: give the same, or name another study"
+            )
         return study
 
     def studies(self) -> list[Study]:
@@ -210,14 +183,11 @@ class Store:
             with closing(sqlite3.connect(self.path, LOCK_TIMEOUT)) as connection, connection:
                 yield connection
         except sqlite3.Error as error:
-            name = getattr(error, "sqlite_errorname", "").removeprefix("SQLITE_")
-            for beginnings, reason in _REASONS.items():
-                if name.startswith(beginnings):
-                    message = reason.format(error, timeout=LOCK_TIMEOUT)
-                    raise ValueError(f"{self.path} {message}") from None
-            raise ValueError(f"{self.path}: {error}") from None
-        except OverflowError as error:
-            raise ValueError(f"{self.path}: a value cannot be kept: {error}") from None
+            raise ValueError(
+                f"{self.path}: {error}; results stored before are kept: make room or end the "
+                "program that locks it and continue with --resume; if it is damaged or no store of "
+                "studies, name another file"
+            ) from None
 
 
 def open_store(path: str | Path, *, create: bool = True) -> Store:
@@ -249,7 +219,6 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
     store = Store(path)
     with store.transaction() as connection:
         if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-            connection.execute("BEGIN IMMEDIATE")  # another process may be doing the same
             for table in TABLES:
                 connection.execute(table)
         connection.execute("SELECT data, settings FROM results, studies LIMIT 0")
@@ -285,42 +254,33 @@ def export_study(study: Study, path: Path) -> int:
         import pyarrow
         from pyarrow import parquet
 
-        table = pyarrow.table({name: _one_type(column) for name, column in columns.items()})
-        write_bytes(path, lambda file: parquet.write_table(table, file))
+        write_bytes(path, lambda file: parquet.write_table(pyarrow.table(columns), file))
     return len(lines)
 
 
-def best_result(study: Study, name: str | None) -> TaskResult:
-    """Return the best result of a scene.
+def best_result(study: Study, name: str) -> TaskResult:
+    """Return the best result of a scene, or of a point of a sweep.
 
     Parameters
     ----------
     study
-        Study with the results.
+        The study.
     name
-        Name of the scene or of the point of a sweep, or the beginning of the key of a result (four
-        characters or more); None for the scene of a study that has only one.
+        Name of a scene, or point of a sweep as `TaskResult.problem` has it.
 
     Raises
     ------
     ValueError
-        No scene or several scenes match.
+        No result, or results of more than one scene, match.
     """
     results = list(study.done().values())
-    matching = [
-        r for r in results
-        if name in (None, r.scene_name, r.problem) or (len(name) >= 4 and r.key.startswith(name))
-    ]  # fmt: skip
+    matching = [r for r in results if name in (r.scene_name, r.problem)]
     number = len({r.scene for r in matching})
     if number != 1:
-        names = (
-            ", ".join(list(dict.fromkeys(f"'{r.problem}'" for r in results))[:8])
-            or "no results yet"
-        )
-        called = "in it" if name is None else f"called '{name}'"
+        known = list(dict.fromkeys(f"'{r.problem}'" for r in results))[:8]
         raise ValueError(
-            f"study '{study.name}' has {number or 'no'} scenes {called}: name one of {names}, or "
-            "give the first eight characters of a key that 'domino studies show' lists"
+            f"study '{study.name}' has {number or 'no'} scenes called '{name}': name one of "
+            f"{', '.join(known) or 'no results yet'}"
         )
     return max(matching, key=lambda r: r.score)
 
@@ -336,9 +296,3 @@ def _cells(study: str, result: TaskResult) -> dict[str, Any]:
 def _as_text(value: Any) -> Any:
     """Return a cell of a CSV file."""
     return json.dumps(value) if isinstance(value, list | tuple) else value
-
-
-def _one_type(values: list[Any]) -> list[Any]:
-    """Return values of one type, which Parquet requires: words where some are words."""
-    words = any(isinstance(value, str) for value in values)
-    return [str(v) if words and v is not None else v for v in values]

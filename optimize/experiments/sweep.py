@@ -83,65 +83,44 @@ def parse_axis(text: str, *, sampled: bool = False) -> Axis:
     ValueError
         The text is none of these; the message has the syntax.
     """
-    try:
-        return _parse_axis(text, sampled=sampled)
-    except ValueError as error:
-        # errors of `float` and of unpacking say nothing about the syntax
-        syntax = RANDOM_SYNTAX if sampled else GRID_SYNTAX
-        reason = error.args[0] if isinstance(error, _AxisError) else syntax
-        raise ValueError(f"--set {text}: {reason}") from None
-
-
-class _AxisError(ValueError):
-    """An error that explains itself."""
-
-
-def _parse_axis(text: str, *, sampled: bool) -> Axis:
-    """Read an axis; any ValueError that is no _AxisError stands for wrong syntax."""
     key, _, given = (part.strip() for part in text.partition("="))
-    if not given or not all(key.split(".")) or " " in key:
-        raise ValueError
-    if given.startswith("["):
-        return Axis(key, _distinct(_json_list(given)))
-    numbers, log = given.split(":"), False
-    if numbers[-1].strip() == "log":
-        numbers, log = numbers[:-1], True
-    if len(numbers) == 1:
-        return Axis(key, _distinct([_number_or_word(key, w.strip()) for w in given.split(",")]))
-    if len(numbers) != (2 if sampled else 3):
-        raise ValueError
-    low, high = float(numbers[0]), float(numbers[1])
-    if not (math.isfinite(low) and math.isfinite(high)) or (log and min(low, high) <= 0.0):
-        raise _AxisError(f"give finite numbers{' of more than 0' if log else ''}")
+    syntax = RANDOM_SYNTAX if sampled else GRID_SYNTAX
+    try:
+        if not given or not all(key.split(".")):
+            raise ValueError("a key or its values are missing")
+        if ":" in given:
+            return _range(key, given, sampled=sampled)
+        words = json.loads(given) if given.startswith("[") else given.split(",")
+        values = [_number_or_word(key, w) if isinstance(w, str) else w for w in words]
+        return Axis(key, _distinct(values))
+    except ValueError as error:
+        raise ValueError(f"--set {text}: {error}; {syntax}") from None
+
+
+def _range(key: str, text: str, *, sampled: bool) -> Axis:
+    """Read FROM:TO:NUMBER, or FROM:TO to sample from, each with :log or without."""
+    parts = text.split(":")
+    log = parts[-1].strip() == "log"
+    first, last, *number = parts[: len(parts) - log]
+    ends = np.array([float(first), float(last)])
+    require("FROM, TO", ends, above=0.0 if log else -math.inf)
+    low, high = ends.tolist()
     if sampled:
-        if not low < high:
-            raise _AxisError("the first number must be less than the second")
+        if number or not low < high:
+            raise ValueError("give two numbers, the smaller one first")
         return Axis(key, None, low, high, log)
-    number = int(numbers[2])
-    if not 1 <= number <= MAX_POINTS:
-        raise _AxisError(f"give 1 to {MAX_POINTS} values, not {number}")
-    spread = np.geomspace(low, high, number) if log else np.linspace(low, high, number)
+    if len(number) != 1:
+        raise ValueError("give the number of values")
+    require("NUMBER", int(number[0]), 1, MAX_POINTS, whole=True)
+    spread = (np.geomspace if log else np.linspace)(low, high, int(number[0]))
     # twelve digits: 0.3, not 0.30000000000000004
     return Axis(key, _distinct([_whole(key, float(f"{value:.12g}")) for value in spread]))
 
 
-def _json_list(text: str) -> list[Value]:
-    """Read a list of values in JSON."""
-    try:
-        values: list[Value] = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise _AxisError(f"not JSON: {error}") from None
-    if not values or any(value is None or isinstance(value, bool | dict) for value in values):
-        raise _AxisError("give a list of numbers, words or lists of them")
-    return values
-
-
 def _distinct(values: list[Value]) -> tuple[Value, ...]:
     """Return values of which each is given once."""
-    if "" in values:
-        raise ValueError
-    if len({repr(value) for value in values}) < len(values):
-        raise _AxisError("give each value once")
+    if not values or len({repr(value) for value in values}) < len(values):
+        raise ValueError("give each value once")
     return tuple(values)
 
 
@@ -150,7 +129,7 @@ def _number_or_word(key: str, word: str) -> Label:
     try:
         return _whole(key, float(word))
     except ValueError:
-        return word
+        return word.strip()
 
 
 def _whole(key: str, number: float) -> float | int:

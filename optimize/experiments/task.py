@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import msgspec
 
+from domino_env.core.files import counted
 from domino_env.core.results import versions
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
@@ -138,6 +139,11 @@ class Task:
     def scene_name(self) -> str:
         """Name of the scene."""
         return scene_of(self.scene).name
+
+    @property
+    def limit(self) -> str:
+        """Limit of the search in words."""
+        return f"{self.seconds:g} s" if self.budget is None else counted(self.budget, "layout")
 
     def run(
         self,

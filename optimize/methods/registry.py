@@ -8,7 +8,6 @@ A method in your own module is named `package.module:function`.
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import sys
 from collections.abc import Callable
@@ -19,7 +18,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, cast
 
-from domino_env.core.checks import require_extra
+from domino_env.core.checks import require_choice, require_extra
 
 if TYPE_CHECKING:
     import numpy as np
@@ -99,20 +98,13 @@ def load(name: str | Method) -> Method:
         found = others[word].load()
         return cast("Method", found(text) if colon else found)
     if colon and text and word not in (*METHODS, *others):
-        return _load_own(name)
-    if name in PEERS:
+        return _checked(import_own(name), name)
+    own = [other + ":RUN" * (other in WITH_TEXT) for other in others]
+    require_choice("method", name, [*METHODS, *PEERS, *own, "package.module:function"])
+    place = METHODS.get(name)
+    if place is None:
         place, needed = PEERS[name]
         require_extra(f"method '{name}'", "peers", needed)
-    elif name in METHODS:
-        place = METHODS[name]
-    else:
-        known = [*METHODS, *installed_peers()]
-        known += [other + ":RUN" * (other in WITH_TEXT) for other in others]
-        known += ["package.module:function"]
-        near = [peer for peer, (_, needed) in PEERS.items() if needed == name.lower()]
-        near += difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1, cutoff=0.5)
-        hint = f"did you mean '{near[0]}'? " if near else ""
-        raise ValueError(f"there is no method '{name}': {hint}choose {', '.join(known)}")
     return cast("Method", resolve_name(f"optimize.methods.{place}"))
 
 
@@ -122,29 +114,6 @@ def name_of(method: str | Method) -> str:
         return method
     named = method if hasattr(method, "__qualname__") else type(method)
     return f"{named.__module__}:{named.__qualname__}"
-
-
-def importable_name(method: str | Method) -> str:
-    """Return the name by which other processes import a method.
-
-    Raises
-    ------
-    ValueError
-        For a function that cannot be imported by its name: a lambda, one inside another.
-    """
-    name, known = name_of(method), None
-    with suppress(ValueError):
-        known = method if isinstance(method, str) else _load_own(name)
-    if known is not method:
-        raise ValueError(
-            f"method '{name}' cannot be imported by that name, and so by no other process: define "
-            "it at the top of a module"
-        )
-    return name
-
-
-def _load_own(name: str) -> Method:
-    return _checked(import_own(name), name)
 
 
 def import_own(name: str) -> object:
@@ -161,19 +130,9 @@ def import_own(name: str) -> object:
     try:
         return resolve_name(name)
     except (AttributeError, ImportError, SyntaxError) as error:
-        module, names = getattr(error, "obj", None), list[str]()
-        if inspect.ismodule(module):  # its own functions, not the names that it imports
-            own = inspect.getmembers(module, inspect.isfunction)
-            names = [key for key, one in own if one.__module__ == module.__name__]
-        near = difflib.get_close_matches(name.rpartition(":")[2], names, n=1)
-        hint = (
-            f"did you mean '{name.rpartition(':')[0]}:{near[0]}'"
-            if near
-            else ("a method of your own is named package.module:function")
-        )
         raise ValueError(
             f"method '{name}' cannot be imported from {here} or where Python finds packages: "
-            f"{error}; {hint}"
+            f"{error}; name a function at the top of a module as package.module:function"
         ) from error
 
 

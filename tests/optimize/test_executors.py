@@ -108,13 +108,11 @@ def unsendable() -> object:
 
 def test_results_are_those_of_one_process(tasks, expected, workers):
     assert results_of(tasks, workers) == expected
-    assert workers.workers == 2
     assert workers.submit(surroundings).result() == (1, "1")
 
 
 def test_bulk_scoring_gives_the_same_results(scenes, workers, monkeypatch):
     monkeypatch.setattr("optimize.evaluator.PIECE", 200)  # so that little work is many pieces
-    monkeypatch.setattr("optimize.evaluator.TASK", 300)
     alone = search(scenes["both"], "random", budget=2013)
     spread = search(scenes["both"], "random", budget=2013, executor=workers)
     assert spread.score == alone.score
@@ -200,7 +198,7 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
         add = Study.add
         monkeypatch.setattr(Study, "add", lambda *args: (add(*args), cluster.close()))
         with (
-            pytest.raises(ExecutorLost, match=f"the Dask scheduler at {address} has ended"),
+            pytest.raises(ExecutorLost, match="the executor ended before its tasks"),
             open_executor(dask=address) as executor,
         ):
             run_experiment([*tasks, *more], executor, study)
@@ -213,9 +211,8 @@ def test_a_scheduler_that_is_lost_loses_nothing_that_is_done(
 
 
 @pytest.mark.parametrize(("workers", "dask", "message"), [
-    (0, None, "workers = 0: give a whole number from 1 to"),
-    (None, "nonsense", "--dask nonsense: give the address of a scheduler"),
-    (2, "tcp://127.0.0.1:9", "its workers are its own"),
+    (0, None, "workers = 0: give a whole number, at least 1"),
+    (2, "tcp://127.0.0.1:9", "has its own; leave it out"),
 ])  # fmt: skip
 def test_impossible_executors_are_rejected(workers, dask, message):
     if dask is not None:
@@ -230,13 +227,11 @@ def test_the_message_names_the_missing_extra(monkeypatch):
         pass
     with pytest.raises(ImportError, match=r'"domino-chains\[peers\]"'):
         registry.load("tpe")
-    with pytest.raises(ValueError, match="did you mean 'tpe'"):
-        registry.load("optuna")
 
 
 def test_workers_with_other_versions_are_rejected():
     client = SimpleNamespace(run=lambda _: {"tcp://worker": versions() | {"numba": "0.1"}})
-    with pytest.raises(ValueError, match=r"tcp://worker has numba 0\.1, and here it is"):
+    with pytest.raises(ValueError, match=r"tcp://worker has .*'numba': '0\.1'.*, and here it is"):
         require_same_versions(client, "tcp://here")
 
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import domino_env as de
-from optimize import Evaluator, Problem, search
-from optimize.evaluator import gradient_left
+from optimize import Evaluator, search
 from optimize.run_folder import DERIVED, FILES, JOURNAL
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -42,12 +41,6 @@ def test_a_folder_holds_all_of_a_run(scenes, tmp_path):
     names = ("evaluations", "simulated_falls", "seconds", "best_score")
     trace = [[float(line[name]) for name in names] for line in lines]
     assert np.array(trace) == pytest.approx(np.array(result.trace), abs=1e-6)
-    gradients = [float(line["gradient_left"]) for line in lines]
-    assert gradients == pytest.approx(result.gradients_left, rel=1e-3)
-    problem = Problem(scenes["both"])
-    design = problem.design(result.layout)
-    gradient = problem.evaluate(design, gradient=True).gradient
-    assert gradient_left(design, gradient) == pytest.approx(gradients[-1], rel=0.1, abs=1e-6)
     assert (folder / "result.png").read_bytes().startswith(PNG)
     summary = json.loads((folder / "summary.json").read_text())
     expected = {
@@ -95,7 +88,7 @@ def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
     words = scenes["spacing"], "random"
     search(*words, budget=600, folder=tmp_path)
     before = files(tmp_path)
-    with pytest.raises(ValueError, match="has spent 600 evaluations: give more than 20 to go on"):
+    with pytest.raises(ValueError, match=r"600 evaluations, than 20 of .* give more"):
         search(*words, budget=20, folder=tmp_path, resume=True)
     with pytest.raises(ValueError, match="holds more of this search, 600 evaluations, than"):
         search(*words, seconds=1e-9, folder=tmp_path, resume=True)
@@ -114,7 +107,7 @@ def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
     ({"method": "cma"}, "with method = 'random', not 'cma'"),
     ({"seed": 8}, "with seed = 0, not 8"),
     ({"scene": "both"}, "with another scene"),
-    ({}, r"with versions = .*numpy 2.*, not numpy 1\.0"),
+    ({}, r"with versions = .*'numpy': '2.*, not {'numpy': '1\.0'}"),
 ], ids=str)  # fmt: skip
 def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change, message):
     search(scenes["spacing"], "random", 10, folder=tmp_path)
