@@ -8,7 +8,7 @@ from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
 from domino_env.scenes.objectives import ScoreGradient
 from domino_env.scenes.scene import Scene
-from optimize.constraints.feasible_set import FeasibleSet, require_feasible
+from optimize.constraints.feasible_set import FeasibleSet
 
 ROUNDING = 1e-9  # distance outside of the box that counts as rounding
 
@@ -44,8 +44,14 @@ class DesignSpace:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self._feasible = FeasibleSet(scene)
-        require_feasible(scene)
         self.low, self.high = self._feasible.low, self._feasible.high
+        try:
+            self._feasible.project(0.5 * (self.low + self.high)[None])
+        except ValueError as error:  # only lists can conflict, with a length
+            raise ValueError(
+                f"scene '{scene.name}' with its length of {scene.length:.10g} m: {error}: change "
+                "the length, a list or spacing.largest_change"
+            ) from None
         self.dimension = len(self.low)
         self.discrete = self._feasible.discrete
 

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--layout",
         type=LAYOUT_FILE,
         metavar="FILE",
-        help="write the layout of one scene, .csv or .json",
+        help="write the layout of one scene, .csv/.json",
     )
     parser.add_argument(
         "--verify", action="store_true", help="simulate the layouts without the model"
@@ -95,9 +95,7 @@ def _verify(records: dict[str, BestKnown], arguments: argparse.Namespace) -> int
         engine_name()  # raises where it is not installed, before time is spent
     scenes = {name: load_scene(name) for name in records}
     report = partial(print, file=sys.stderr if arguments.json == "-" else sys.stdout)
-    verified = verify_records(
-        records, scenes, arguments.floor, arguments.engine, report, progress=None
-    )
+    verified = verify_records(records, scenes, arguments.floor, arguments.engine, report)
     if arguments.json:
         write_json({name: asdict(one) for name, one in verified.items()}, arguments.json)
     if arguments.update:

@@ -11,7 +11,6 @@ chooses their order freely, which nobody who draws them can.
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from domino_env.cli.options import SEED, add_out_option, number
@@ -64,18 +63,13 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{scene.name}: {scene.title}", flush=True)
     if scene.hand:
         print(f"free order:       of all pieces; environments draw them, with {scene.hand} in hand")
-    waiting = [scene]  # to print its uniform baseline once the search has it
-
-    def after_batch(_: object) -> None:
-        if waiting:
-            _print_uniform(waiting.pop())
-
     with open_executor(arguments.workers, arguments.dask) as executor:
         result = search(
             scene, arguments.method, arguments.budget, arguments.seed, seconds=arguments.seconds,
             tolerance=arguments.tolerance, folder=folder, executor=executor,
-            resume=arguments.resume, callback=after_batch,
+            resume=arguments.resume,
         )  # fmt: skip
+    print(f"uniform baseline: {_uniform(scene)}")
     print(f"best found:       {_best(result)}")
     print(f"the search ended: {result.ended}")
     if scene.name in scene_names() and load_scene(scene.name) == scene:
@@ -86,17 +80,12 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _print_uniform(scene: Scene) -> None:
-    """Print the uniform baseline."""
-    from tqdm import tqdm
-
+def _uniform(scene: Scene) -> str:
+    """Describe the uniform baseline."""
     uniform = scene.uniform()
     gap, thickness = uniform.layout.spacing[0] * 1e3, uniform.layout.thickness[-1] * 1e3
     score, outcome = scene.in_words(uniform.score, uniform.wave), uniform.wave.outcome.name
-    line = f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"
-    write = tqdm.write if sys.stderr.isatty() else print  # above the line of progress
-    write(f"uniform baseline: {line}")
-    sys.stdout.flush()
+    return f"{score}, gaps {gap:.3f} mm, thickness {thickness:.3f} mm ({outcome})"
 
 
 def _best_known(result: SearchResult) -> str:

@@ -11,8 +11,6 @@ from optimize.constraints.convex import nearest_smooth
 from optimize.constraints.lists import Lists
 from optimize.constraints.stock import nearest_from_stock
 
-MOST_SHOWN = 6  # values of a list that a message shows
-
 
 class FeasibleSet:
     """The rules on the free values of a layout: gaps first, then thicknesses, then growths.
@@ -182,53 +180,3 @@ class FeasibleSet:
                 found[b] -= found[b][free].mean() if free.any() else 0.0
             found[b, held if moved else self.stepped] = 0.0
         return found
-
-
-def require_feasible(scene: Scene) -> None:
-    """Raise ValueError with the rules that conflict, if no layout keeps all of them."""
-    if rules := conflicting_rules(scene):
-        raise ValueError(
-            f"scene '{scene.name}': no layout of {scene.count} dominoes keeps all its rules; these "
-            f"conflict: {'; '.join(rules)}: change one of them"
-        )
-
-
-def conflicting_rules(scene: Scene) -> list[str]:
-    """List the rules of a scene that conflict, as key and value; empty if some layout keeps all.
-
-    Only lists can conflict, with a length: a scene whose length is beyond its bounds is rejected
-    when it is made, and equal gaps meet everything else. A rule without which the others still
-    conflict is left out.
-    """
-    if _is_feasible(scene):
-        return []
-    for rule in ("spacing_values", "thickness_values", "largest_change"):
-        if rule != "thickness_values" or scene.stock is None:
-            relaxed = scene.replace(**{rule: None})
-            scene = scene if _is_feasible(relaxed) else relaxed
-    rules = [_in_words("spacing", scene.spacing, scene.spacing_values)]
-    if scene.largest_change is not None:
-        rules.append(f"spacing.largest_change = {scene.largest_change:g} m")
-    if scene.stock is not None:
-        rules.append(f"the stock: {scene.stock.in_words()}")
-    else:
-        rules.append(_in_words("thickness", scene.thickness, scene.thickness_values))
-    return [*rules, f"row.length = {scene.length:.10g} m"]
-
-
-def _is_feasible(scene: Scene) -> bool:
-    rules = FeasibleSet(scene)
-    try:
-        rules.project(0.5 * (rules.low + rules.high)[None])
-    except ValueError:
-        return False
-    return True
-
-
-def _in_words(name: str, bounds: tuple[float, float], values: tuple[float, ...] | None) -> str:
-    if values is None:
-        low, high = bounds
-        return f"{name} from {low:g} to {high:g} m" if low < high else f"{name} = {low:g} m"
-    if len(values) > MOST_SHOWN:
-        return f"{name} only {values[0]:g}, {values[1]:g}, … {values[-1]:g} m"
-    return f"{name} only {', '.join(f'{v:g}' for v in values)} m"

@@ -86,7 +86,7 @@ class Lists:
         Raises
         ------
         ValueError
-            Where there is none; `conflicting_rules` of `feasible_set` names the rules.
+            Where there is none.
         """
         if self.total is None and not self.coupled:
             levels = self._place_by_place(wanted)

@@ -12,7 +12,6 @@ from domino_env.core.types import Floats
 from optimize.experiments.estimates import Estimate, improvement, interquartile_mean, middle_mean
 from optimize.experiments.task import Label, Task, TaskResult
 
-TARGETS = 10.0 ** np.linspace(-1.0, -5.0, 41)  # relative gaps, spread like the targets of COCO
 SMALLEST_GAP = 1e-7  # a smaller gap is within the tolerance of the searches
 CLOCKS = {"evaluations": 0, "seconds": 2}  # columns of a trace
 CURVE_POINTS = 120
@@ -130,20 +129,6 @@ class Experiment:
         best = self.best[result.problem]
         times, scores = self.steps(result)
         return first_time(times, scores >= best - gap * abs(best))
-
-    def reached(self, method: str, times: Floats, problem: str | None = None) -> Floats:
-        """Return the part (T,) of all targets of all runs of a method that is reached by each time.
-
-        It is an empirical cumulative distribution of run times, 0 to 1.
-
-        References
-        ----------
-        Hansen, N., Auger, A., Ros, R., Mersmann, O., Tušar, T., Brockhoff, D. (2021). COCO: a
-        platform for comparing continuous optimizers in a black-box setting. Optimization Methods
-        and Software 36, 114-144.
-        """
-        hits = [self.time_to(r, target) for r in self.runs(method, problem) for target in TARGETS]
-        return np.searchsorted(np.sort(hits), times, side="right") / len(hits)
 
     def times(self) -> Floats:
         """Return 200 times, evenly spread over the logarithm of the clock."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,6 @@ from optimize.experiments.task import Label, TaskResult
 Band = tuple[Floats, Floats] | None  # ends of the interval around each point
 Curve = tuple[Floats, Floats, Band]  # x, y, and the band around y
 Panels = Mapping[str, Mapping[str, Curve]]  # by title, by method
-Limits = tuple[float, float]
 Prepare = Callable[[Axes, str], None]  # sets the scales of the panel of a title
 
 MAX_COLOURS = 7  # methods whose colours can be distinguished at a glance
@@ -92,36 +92,31 @@ def draw_curves(
     write_png(figure, path)
 
 
-def draw_over_time(experiment: Experiment, gaps: Path, targets: Path) -> None:
-    """Draw the shortfall, and the part of the targets reached, against run time."""
+def draw_over_time(experiment: Experiment, path: Path) -> None:
+    """Draw the shortfall from the best known against run time, in a panel for each problem."""
     times = experiment.times()
-    gap_curves: dict[str, dict[str, Curve]] = {}
-    target_curves: dict[str, dict[str, Curve]] = {}
-    for title, problem, method in _panels_and_methods(experiment):
-        part = 100.0 * experiment.reached(method, times, problem)
-        target_curves.setdefault(title, {})[method] = (times, part, None)
-        if problem is not None:
-            runs = experiment.runs(method, problem)
-            band = _band(100.0 * np.array([experiment.gaps(r, times) for r in runs]))
-            gap_curves.setdefault(title, {})[method] = (times, band[0], band[1:])
-    final = {m: experiment.reached(m, times[-1:])[0] for m in experiment.methods}
-    best = sorted(final, key=lambda method: -final[method])[:MAX_COLOURS]
+    panels: dict[str, dict[str, Curve]] = {}
+    ends: dict[str, list[float]] = {}
+    for problem, method in product(experiment.problems, experiment.methods):
+        if runs := experiment.runs(method, problem):
+            gaps = 100.0 * np.array([experiment.gaps(r, times) for r in runs])
+            middle, *band = _band(gaps)
+            panels.setdefault(problem, {})[method] = (times, middle, (band[0], band[1]))
+            ends.setdefault(method, []).append(middle[-1])
+    best = sorted(ends, key=lambda method: np.mean(ends[method]))[:MAX_COLOURS]
+
+    def prepare(axes: Axes, _: str) -> None:
+        axes.set(xscale="log", yscale="log", ylim=(1e-4, 30.0))
+        plain_numbers(axes.xaxis, (1,))
+        axes.set_xlim(times[0], times[-1])
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
+
     clock = "seconds" if experiment.clock == "seconds" else "layouts simulated"
-
-    for path, curves, value, statistic, scale, limits in (
-        (gaps, gap_curves, "shortfall from the best known", MEDIANS, "log", (1e-4, 30.0)),
-        (targets, target_curves, "targets reached", "all runs of", "linear", (0.0, 100.0)),
-    ):
-
-        def prepare(axes: Axes, _: str, scale: str = scale, limits: Limits = limits) -> None:
-            axes.set(xscale="log", yscale=scale, ylim=limits)
-            plain_numbers(axes.xaxis, (1,))
-            axes.set_xlim(times[0], times[-1])
-            axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g} %"))
-
-        subtitle = f"{experiment.limit} for each run, {experiment.over_seeds(statistic)}"
-        headings = (f"{value.capitalize()} against {clock}", subtitle)
-        draw_curves(path, curves, headings, (clock, value), prepare, best)
+    headings = (
+        f"Shortfall from the best known against {clock}",
+        f"{experiment.limit} for each run, {experiment.over_seeds(MEDIANS)}",
+    )
+    draw_curves(path, panels, headings, (clock, "shortfall from the best known"), prepare, best)
 
 
 def draw_over_settings(experiment: Experiment, path: Path, name: str, unit: str) -> None:
@@ -189,10 +184,12 @@ def draw_over_clock(experiment: Experiment, clock: str, path: Path, solid: Colle
     """
     panels: dict[str, dict[str, Curve]] = {}
     everywhere = set(experiment.complete)
-    for title, problem, method in _panels_and_methods(experiment):
-        if problem is not None or method in everywhere:
+    together = [None] if len(experiment.problems) > 1 else []
+    for problem, method in product([*together, *experiment.problems], experiment.methods):
+        if experiment.runs(method, problem) and (problem or method in everywhere):
             times, mean = experiment.curve(method, clock, problem, EARLIEST[clock])
-            panels.setdefault(title, {})[method] = (times, mean.value, mean.interval)
+            panel = panels.setdefault(problem or "all scenes", {})
+            panel[method] = (times, mean.value, mean.interval)
 
     def prepare(axes: Axes, _: str) -> None:
         axes.set(xscale="log", ylim=(LOWEST, HIGHEST))
@@ -280,15 +277,6 @@ def _maps(
     bar = figure.colorbar(image, ax=panels, format=FuncFormatter(lambda y, _: f"{y:g}{percent}"))
     bar.outline.set_visible(False)
     return figure
-
-
-def _panels_and_methods(experiment: Experiment) -> Iterator[tuple[str, str | None, str]]:
-    """Yield the title of a panel, its problem (None for all) and each method with runs there."""
-    several: list[str | None] = [None] if len(experiment.problems) > 1 else []
-    for problem in [*several, *experiment.problems]:
-        for method in experiment.methods:
-            if experiment.runs(method, problem):
-                yield problem or "all scenes", problem, method
 
 
 def _value(result: TaskResult, *, gains: bool) -> float:

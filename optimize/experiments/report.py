@@ -5,25 +5,33 @@ The report of a comparison has curves over time, that of a sweep curves over the
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
-from domino_env.core.files import write_text
+from domino_env.core.files import counted, write_text
 from domino_env.core.tables import markdown_table, write_csv
 from optimize.experiments.experiment import Experiment
 from optimize.experiments.task import scene_of
 
-COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png", "targets.png")
+COMPARISON_FILES = ("comparison.md", "runs.csv", "traces.csv", "gaps.png")
 SWEEP_FILES = ("sweep.md", "sweep.csv", "sweep.png")
 MAX_LINES = 200  # of a page's table; the CSV has all
 TRACE_COLUMNS = ("scene", "method", "seed", "evaluations", "falls", "seconds", "score")
+PAGE = """# {title}
+
+{runs} of up to {limit}, {over}. *Gain* is over the uniform baseline of the same scene, \
+*shortfall* from the best score known; times are those at which a run came within 1 % and 0.1 % \
+of it.
+
+![{title}]({picture})
+{sections}
+"""
 
 
 def write_comparison(experiment: Experiment, folder: Path) -> None:
-    """Write all COMPARISON_FILES; other files in the folder stay."""
+    """Write the page, tables and picture of a comparison."""
     from optimize.experiments.pictures import draw_over_time
 
     steps = (
@@ -33,18 +41,19 @@ def write_comparison(experiment: Experiment, folder: Path) -> None:
     )
     write_runs(experiment, folder / "runs.csv")
     write_csv(folder / "traces.csv", TRACE_COLUMNS, steps)
-    draw_over_time(experiment, folder / "gaps.png", folder / "targets.png")
-    write_text(folder / "comparison.md", comparison_page(experiment))
+    draw_over_time(experiment, folder / "gaps.png")
+    write_text(folder / "comparison.md", page(experiment, "Methods compared", "gaps.png"))
 
 
 def write_sweep(experiment: Experiment, folder: Path) -> None:
-    """Write all SWEEP_FILES of variations of a scene; other files in the folder stay."""
+    """Write the page, table and picture of a sweep."""
     from optimize.experiments.pictures import draw_over_settings
 
     scene = scene_of(experiment.tasks[0].scene)
+    title = f"{scene.name}, swept over {', '.join(experiment.keys)}"
     write_runs(experiment, folder / "sweep.csv")
     draw_over_settings(experiment, folder / "sweep.png", scene.name, scene.unit)
-    write_text(folder / "sweep.md", sweep_page(experiment))
+    write_text(folder / "sweep.md", page(experiment, title, "sweep.png"))
 
 
 def write_runs(experiment: Experiment, path: Path) -> None:
@@ -66,63 +75,27 @@ def write_runs(experiment: Experiment, path: Path) -> None:
     write_csv(path, names, lines)
 
 
-COMPARISON_PAGE = """# Methods compared
-
-{limit} for each run, {over}. *Gain* is over the uniform baseline, *shortfall* from the best score \
-known; times are those at which a run came within 1 % and 0.1 % of it.
-{sections}
-
-## Shortfall against run time
-
-![shortfall from the best known against run time](gaps.png)
-
-## Targets reached
-
-Part of 41 targets (shortfalls from 10 % to 0.001 %) that were reached by a time, as in the \
-reports of COCO.
-
-![part of the targets reached against run time](targets.png)
-"""
-AGENT_CLOCK = """
-The clock of `agent:RUN` began with its training, which may have taken longer than the limit of the
-other methods: its layout appears where the training ends."""
-SWEEP_PAGE = """# {name}, swept over {keys}
-
-{points} scenes, {runs} searches of up to {limit} each, {over}. *Gain* is over the uniform \
-baseline of the same scene, *shortfall* from the best score of any search there.
-
-![{value} over {keys}](sweep.png)
-
-{table}
-"""
-
-
-def comparison_page(experiment: Experiment) -> str:
-    """Return the page of a comparison: a table for each scene, best method first."""
-    agents = any(method.startswith("agent:") for method in experiment.methods)
-    sections = [AGENT_CLOCK] if agents else []
-    for problem in experiment.problems:
+def page(experiment: Experiment, title: str, picture: str) -> str:
+    """Return the page of a comparison, a section for each scene, or of a sweep, as Markdown."""
+    sections: list[str] = []
+    if experiment.keys:
+        sections += ["", *table(experiment, experiment.problems)]
+    for problem in experiment.problems if not experiment.keys else ():
         r = next(r for r in experiment.results if r.problem == problem)
-        # a title may come from anywhere: it is text, not Markdown
-        title = re.sub(r"([\\`*_\[\]<>!|&])", r"\\\1", scene_of(r.scene).title)
-        best = experiment.best[problem]
-        scores = f"Uniform baseline {r.uniform_score:.5f}, best known {best:.5f}."
-        sections += ["", f"## {problem}", "", f"{title}. {scores}", ""]
+        best = f"best known {experiment.best[problem]:.5f}"
+        sections += [
+            "",
+            f"## {problem}",
+            "",
+            f"Uniform baseline {r.uniform_score:.5f}, {best}.",
+            "",
+        ]
         sections += table(experiment, [problem])
     sections += failures_section(experiment)
-    over = experiment.over_seeds("medians over")
-    return COMPARISON_PAGE.format(limit=experiment.limit, over=over, sections="\n".join(sections))
-
-
-def sweep_page(experiment: Experiment) -> str:
-    """Return the page of a sweep: the picture and a table."""
-    scene = scene_of(experiment.tasks[0].scene)
-    lines = [*table(experiment, experiment.problems), *failures_section(experiment)]
-    return SWEEP_PAGE.format(
-        name=scene.name, keys=", ".join(f"`{key}`" for key in experiment.keys),
-        points=len(experiment.points), runs=len(experiment.results), limit=experiment.limit,
-        over=experiment.over_seeds("medians over"),
-        value="gain over uniform" if scene.unit else "score", table="\n".join(lines),
+    return PAGE.format(
+        title=title, picture=picture, runs=counted(len(experiment.results), "search"),
+        limit=experiment.limit, over=experiment.over_seeds("medians over"),
+        sections="\n".join(sections),
     )  # fmt: skip
 
 

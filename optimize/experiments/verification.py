@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from domino_env.core.progress import progress_bar
 from domino_env.core.threads import allowed_threads
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import simulate
@@ -30,7 +29,6 @@ def verify_records(
     floors: Sequence[float],
     engine: bool = False,
     report: Callable[[str], object] = print,
-    progress: bool | None = False,
 ) -> dict[str, Verified]:
     """Simulate every layout on fixed pivots and on every floor, on all cores.
 
@@ -46,9 +44,6 @@ def verify_records(
         True to simulate the best known layouts with the third-party engine too.
     report
         Function that is called with a line for each finished layout.
-    progress
-        Whether to show how many simulations are finished; None: on a terminal, and where standard
-        error is none, a line every 30 s.
 
     Returns
     -------
@@ -57,15 +52,12 @@ def verify_records(
     """
     all_floors = (None, *floors)
     pool = ThreadPoolExecutor(allowed_threads())
-    bar = progress_bar(progress, total=len(records) * len(all_floors), unit=" simulations")
     try:
         jobs = {
             (name, floor): pool.submit(_waves, scenes[name], record.layout, floor, engine)
             for name, record in records.items()
             for floor in all_floors
         }
-        for job in jobs.values():
-            job.add_done_callback(lambda _: bar.update())
         verified = {}
         for name, record in records.items():
             scene, waves = scenes[name], [jobs[name, floor].result() for floor in all_floors]
@@ -81,7 +73,6 @@ def verify_records(
             report(f"{name}: {verified[name].verdict}")
     finally:
         pool.shutdown(cancel_futures=True)
-        bar.close()
     return verified
 
 

@@ -129,7 +129,7 @@ def import_own(name: str) -> object:
         sys.path.append(here)
     try:
         return resolve_name(name)
-    except (AttributeError, ImportError, SyntaxError) as error:
+    except (AttributeError, ImportError, SyntaxError, ValueError) as error:
         raise ValueError(
             f"method '{name}' cannot be imported from {here} or where Python finds packages: "
             f"{error}; name a function at the top of a module as package.module:function"
