@@ -35,7 +35,7 @@ from domino_env.scenes.distribution import load_any
 from domino_env.scenes.io.ranges import has_ranges
 from domino_env.scenes.io.reading import document_of_text
 from domino_env.scenes.pool import load_test_set
-from optimize.evaluator import Evaluator, Step
+from optimize.evaluator import Step
 from optimize.experiments.compare import known_score, require_distinct
 from optimize.experiments.task import Task, TaskResult, digest, scene_of
 from optimize.methods import registry
@@ -99,11 +99,7 @@ class BenchmarkTask(Task):
         """Folder of a training; other hyperparameters have another folder."""
         return TRAININGS / f"{self.scene_name}-{self.method}-{self.seed}-{self.key[:6]}"
 
-    def run(
-        self,
-        callback: Callable[[Evaluator], None] | None = None,
-        clock: Callable[[], float] = time.process_time,
-    ) -> TaskResult:
+    def run(self, clock: Callable[[], float] = time.process_time) -> TaskResult:
         """Train and evaluate, build, or search; a training that was stopped is continued."""
         problem = problem_of_text(self.scene)
         sampled = isinstance(problem, SceneDistribution)
@@ -126,7 +122,7 @@ class BenchmarkTask(Task):
             return self._scripted(scenes, clock)
         if sampled:
             return self._search_all(scenes)
-        result = super().run(callback, clock)
+        result = super().run(clock)
         placed = scenes[0].count - 1
         trace = [(placed * n, falls, t, score) for n, falls, t, score in result.trace]
         return msgspec.structs.replace(result, trace=trace, evaluations=trace[-1][0])

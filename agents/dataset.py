@@ -26,7 +26,7 @@ from domino_env.core.results import versions
 from domino_env.core.tables import markdown_table
 from domino_env.scenes.distribution import load_distribution
 from optimize.experiments.runner import run_experiment
-from optimize.experiments.store import Study, export_study, open_store
+from optimize.experiments.store import export_study, open_store
 from optimize.experiments.task import Task, TaskResult
 
 STORE, LAYOUTS, EPISODES, CARD = "layouts.sqlite", "layouts.parquet", "episodes", "README.md"
@@ -45,7 +45,6 @@ def make_dataset(
     executor: Executor | None = None,
     *,
     noise: float = NOISE,
-    code_link: str | None = None,
     progress: bool | None = False,
 ) -> Path:
     """Sample scenes, search a layout for each, build episodes of them, and write everything.
@@ -69,8 +68,6 @@ def make_dataset(
         Runs the searches; None: this process.
     noise
         Standard deviation of the actions of the noisy episodes, each from -1 to 1.
-    code_link
-        Address of this program, for users of the dataset.
     progress
         Whether to show a progress line; None: on a terminal.
 
@@ -97,19 +94,23 @@ def make_dataset(
     chosen = [
         source.sample(np.random.default_rng([seed, i]), f"{source.name}-{i}") for i in range(scenes)
     ]
-    settings = {
-        "distribution": source.name,
-        "ranges": repr(source.ranges),
-        "budget": budget,
-        "seed": seed,
-    }
+    settings = {"distribution": source.to_toml(), "budget": budget, "seed": seed}
     study = open_store(home / STORE).begin("layouts", "dataset", settings)
-    results = search_layouts(chosen, budget, seed, study, executor, progress)
+    tasks = [
+        Task(scene.to_toml(), "auto", seed, budget, labels={"scene": i})
+        for i, scene in enumerate(chosen)
+    ]
+    done = run_experiment(tasks, executor, study, name="layouts", progress=progress)
+    if done.interrupted:
+        raise KeyboardInterrupt
+    if done.failures:
+        raise ValueError(f"{len(done.failures)} searches failed: {done.failures[0].reason}")
+    results = done.results
     export_study(study, home / LAYOUTS)
     partial = home / f"{EPISODES}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     layouts = [result.layout for result in results]
-    returns = write_episodes(partial, source, chosen, layouts, seed, noise, code_link)
+    returns = write_episodes(partial, source, chosen, layouts, seed, noise)
     partial.rename(home / EPISODES)
     write_text(home / CARD, _card(source, results, returns, seed, budget, noise))
     return home / CARD
@@ -147,40 +148,6 @@ def _card(
     )  # fmt: skip
 
 
-def search_layouts(
-    scenes: Sequence[Scene],
-    budget: int,
-    seed: int,
-    study: Study,
-    executor: Executor | None = None,
-    progress: bool | None = False,
-) -> tuple[TaskResult, ...]:
-    """Search a layout for each scene with `auto`, except where the study has a result.
-
-    Returns
-    -------
-    tuple of TaskResult
-        One for each scene, in their order; the label "scene" is its number.
-
-    Raises
-    ------
-    ValueError
-        If a search failed.
-    """
-    tasks = [
-        Task(scene.to_toml(), "auto", seed, budget, labels={"scene": i})
-        for i, scene in enumerate(scenes)
-    ]
-    done = run_experiment(tasks, executor, study, name="layouts", progress=progress)
-    if done.interrupted:
-        raise KeyboardInterrupt
-    if done.failures:
-        raise ValueError(
-            f"{len(done.failures)} searches failed, the first: {done.failures[0].reason}"
-        )
-    return done.results
-
-
 def build_episode(
     env: DominoChainVector, scene: Scene, layout: Layout, noise: float, rng: np.random.Generator
 ) -> dict[str, list[Any]]:
@@ -205,19 +172,17 @@ def build_episode(
         "observations", one more than "actions", "rewards", "terminations", "truncations".
     """
     observation, _ = env.reset(options={"scene": scene})
-    names = ("actions", "rewards", "terminations", "truncations")
-    steps: dict[str, list[Any]] = {"observations": [observation[0]], **{name: [] for name in names}}
-    while not any(steps["terminations"][-1:]):
+    observations, lines = [observation[0]], list[tuple[Any, ...]]()
+    while not lines or not lines[-1][2]:
         action = env.actions_towards(layout)[0]
         action = np.clip(action + noise * rng.standard_normal(action.shape), -1.0, 1.0)
         action = action.astype(np.float32)
-        observation, reward, terminated, truncated, _ = env.step(action[None])
-        steps["observations"].append(observation[0])
-        for name, value in zip(
-            names, (action, reward[0], terminated[0], truncated[0]), strict=True
-        ):
-            steps[name].append(value)
-    return steps
+        observation, *step, _ = env.step(action[None])
+        observations.append(observation[0])
+        lines.append((action, *(part[0] for part in step)))
+    names = ("actions", "rewards", "terminations", "truncations")
+    steps = dict(zip(names, map(list, zip(*lines, strict=True)), strict=True))
+    return {"observations": observations, **steps}
 
 
 def write_episodes(
@@ -227,7 +192,6 @@ def write_episodes(
     layouts: Sequence[Layout],
     seed: int,
     noise: float = NOISE,
-    code_link: str | None = None,
 ) -> dict[str, float]:
     """Write a Minari dataset of each quality, with an episode per scene, in their order.
 
@@ -245,8 +209,6 @@ def write_episodes(
         Seed of the noise.
     noise
         Standard deviation of the actions of "noisy", see `build_episode`.
-    code_link
-        Address of the program that made the dataset.
 
     Returns
     -------
@@ -275,7 +237,7 @@ def write_episodes(
             create_dataset_from_buffers(
                 f"{distribution.name}/{quality}-v0", buffers, env=single, data_format="arrow",
                 algorithm_name=quality, author="domino-chains", description=distribution.title,
-                eval_env=single, code_permalink=code_link, ref_min_score=returns["uniform"],
+                eval_env=single, ref_min_score=returns["uniform"],
                 ref_max_score=returns["searched"],
             )  # fmt: skip
     return returns

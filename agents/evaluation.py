@@ -26,7 +26,7 @@ from domino_env.core.types import Floats
 from domino_env.scenes.distribution import load_distribution
 from domino_env.scenes.io.reading import distribution_names
 from domino_env.scenes.pool import load_test_set
-from optimize.searching import compile_for, search
+from optimize.searching import compile_for
 
 if TYPE_CHECKING:
     from optimize.evaluator import Evaluator
@@ -164,7 +164,7 @@ def gains_of(policy: Policy, distribution: SceneDistribution, scenes: Sequence[S
 def searched_scores(name: str, number: int) -> Floats | None:
     """Return the scores of searches in the first scenes of a test set.
 
-    They are those of `evaluate_scenes(scenes_of(name, number), budget=2500, seed=1)`.
+    They are those of `search(scene, budget=2500, seed=1)`.
 
     Parameters
     ----------
@@ -289,8 +289,6 @@ def evaluate_scenes(
     scenes: Sequence[Scene],
     policy: Designer | ScenePolicy | None = None,
     *,
-    budget: int | None = None,
-    seed: int = 0,
     searched: Floats | None = None,
     progress: bool | None = False,
 ) -> ScenesEvaluation:
@@ -303,12 +301,8 @@ def evaluate_scenes(
     policy
         The designer, or a policy that was trained on sampled scenes; None for the designer that
         ships.
-    budget
-        Evaluations of a search in each scene, to compare with; None for no search.
-    seed
-        Seed of the searches.
     searched
-        (S,) scores of searches that were done before, used where `budget` is None.
+        (S,) scores of searches, to compare with; None for none.
     progress
         Whether to show a progress bar; None: on a terminal, elsewhere a line now and then.
 
@@ -317,13 +311,7 @@ def evaluate_scenes(
     ScenesEvaluation
         Scores and processor times in each scene.
 
-    Raises
-    ------
-    ValueError
-        For no scenes.
     """
-    if not scenes:
-        raise ValueError("no scenes to evaluate in: give 1 or more")
     chosen = policy or shipped_designer()
     scorers: dict[str, Callable[[Scene], float]] = {
         "policy": lambda scene: chosen.build(scene).score
@@ -337,15 +325,11 @@ def evaluate_scenes(
     scorers["policy"](scenes[0])  # what is loaded once is not timed
     scores = {name: np.empty(len(scenes)) for name in scorers}
     seconds = {name: np.empty(len(scenes)) for name in scorers}
-    if budget is not None:
-        searched = np.empty(len(scenes))
     for i, scene in enumerate(progress_bar(progress, iterable=scenes, unit=" scenes")):
         for name, score in scorers.items():
             began = time.process_time()
             scores[name][i] = score(scene)
             seconds[name][i] = time.process_time() - began
-        if budget is not None and searched is not None:
-            searched[i] = search(scene, budget=budget, seed=seed, progress=False).score
     if searched is not None:
         scores["search"] = searched
     uniform = np.array([scene.uniform().score for scene in scenes])

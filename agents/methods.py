@@ -4,6 +4,14 @@ They are named in the entry-point group `domino.methods`. A learner begins anew 
 every layout that it builds while it learns is an evaluation, and so are those that it builds
 regularly without noise. The import takes as long as that of torch, before the clock of a search
 starts, and raises ImportError with the command to install it if the extra "rl" is missing.
+
+References
+----------
+Freeman, C. D., et al. (2021). Brax: a differentiable physics engine for large scale rigid body
+simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281 (`apg`).
+Schulman, J., et al. (2017). Proximal policy optimization algorithms. arXiv:1707.06347 (`ppo`).
+Mania, H., Guy, A., Recht, B. (2018). Simple random search provides a competitive approach to
+reinforcement learning. arXiv:1803.07055 (`ars`).
 """
 
 from __future__ import annotations
@@ -11,6 +19,7 @@ from __future__ import annotations
 import warnings
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,38 +41,6 @@ from optimize.problem import Scores  # noqa: E402
 
 EVALUATIONS = 50  # layouts built without noise in a whole search
 GENERATIONS = 8  # generations of layouts that a budget of evaluations is to last for
-
-
-def apg(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Search with analytic policy gradients.
-
-    References
-    ----------
-    Freeman, C. D., et al. (2021). Brax: a differentiable physics engine for large scale rigid body
-    simulation. NeurIPS Datasets and Benchmarks. arXiv:2106.13281.
-    """
-    learn("apg", evaluator, rng)
-
-
-def ppo(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Search with proximal policy optimisation.
-
-    References
-    ----------
-    Schulman, J., et al. (2017). Proximal policy optimization algorithms. arXiv:1707.06347.
-    """
-    learn("ppo", evaluator, rng)
-
-
-def ars(evaluator: Evaluator, rng: np.random.Generator) -> None:
-    """Search with augmented random search over linear policies.
-
-    References
-    ----------
-    Mania, H., Guy, A., Recht, B. (2018). Simple random search provides a competitive approach to
-    reinforcement learning. arXiv:1803.07055.
-    """
-    learn("ars", evaluator, rng)
 
 
 def learn(algorithm: str, evaluator: Evaluator, rng: np.random.Generator) -> None:
@@ -101,6 +78,11 @@ def _within(chosen: Hyperparameters, evaluator: Evaluator) -> Hyperparameters:
         options["n_delta"] = max(min(options["n_delta"], num_envs // 2), 1)
         options["n_top"] = min(options["n_top"], options["n_delta"])
     return replace(chosen, num_envs=num_envs, options=options)
+
+
+apg = partial(learn, "apg")
+ppo = partial(learn, "ppo")
+ars = partial(learn, "ars")
 
 
 class _Learning:
@@ -150,8 +132,7 @@ class _Learning:
     def _evaluate(self) -> None:
         """Evaluate a layout that is built without noise."""
         if self.evaluator.remaining >= 1:
-            learner = self.learner
-            rollout = build(learner.policy(), self.problem.scene, learner.reference_speed)
+            rollout = build(self.learner.policy(), self.problem.scene)
             score, reach = np.array([rollout.score]), np.array([rollout.wave.reach])
             self._note([rollout.layout], score, reach)
 

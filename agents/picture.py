@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from domino_env.core.colours import KNOWN, OURS, SKY, UNIFORM
-from domino_env.core.plot_style import LEGEND, set_time_axis
 from domino_env.view.figures import beside_uniform
 from optimize.experiments.best_known import best_known
+from optimize.result import draw_scores
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,26 +49,12 @@ def picture(run: Run) -> Figure:
 
 
 def _draw_learning(axes: Axes, run: Run, rollout: Rollout) -> None:
-    """Draw the scores of the policy during training, with lines to compare them with."""
-    scene = rollout.scene
+    """Draw the learning curve, with the uniform baseline and the best known score."""
     table = np.array(run.curve)
-    seconds, score, best = table[:, 1], table[:, 2], table[:, 3]
-    for values, width, colour, label in (
-        (score, 1, SKY, "policy, without noise"), (best, 2, OURS, "best so far"),
-    ):  # fmt: skip
-        shown = values > 0.0
-        axes.plot(seconds[shown], values[shown], color=colour, lw=width, label=label)
-    lines = [(rollout.uniform.score, UNIFORM, "-", "uniform baseline")]
-    known = best_known().get(scene.name)
+    lines = {f"uniform baseline {rollout.uniform.score:.4f}": rollout.uniform.score}
+    known = best_known().get(rollout.scene.name)
     if known is not None:
-        lines.append((known.score, KNOWN, ":", "best known"))
-    for value, colour, line, label in lines:
-        axes.axhline(value, color=colour, ls=line, label=f"{label} {value:.4f}")
-    scores = [rollout.score, *(value for value, *_ in lines)]
-    low, high = min(scores), max(scores)
-    margin = 0.01 * abs(high)
-    axes.set_ylim(low - 0.9 * (high - low) - margin, high + margin)  # the legend is below
-    set_time_axis(axes, seconds)
-    axes.set_xlabel(f"seconds of training ({run.algorithm}, {run.steps:,} dominoes placed)")
-    axes.set_ylabel(f"score [{scene.unit}]" if scene.unit else "score")
-    axes.legend(loc="lower right", ncols=3, **LEGEND)
+        lines[f"best known {known.score:.4f}"] = known.score
+    curves = {"best so far": table[:, 3], "policy, without noise": table[:, 2]}
+    about = f"training ({run.algorithm}, {run.steps:,} dominoes placed)"
+    draw_scores(axes, table[:, 1], curves, lines, rollout.scene.unit, about)

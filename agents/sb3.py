@@ -84,17 +84,6 @@ class Learner:
             number *= -(-self.model.n_steps * self.env.num_envs // self.model.batch_size)
         return number
 
-    @property
-    def reference_speed(self) -> float:
-        """Reference speed of the rewards [m/s]; 0 where scenes are sampled."""
-        fixed = self.env.vector.distribution is None
-        return float(self.env.vector.reference_speed) if fixed else 0.0
-
-    @reference_speed.setter
-    def reference_speed(self, speed: float) -> None:
-        if self.env.vector.distribution is None:
-            self.env.vector.reference_speed = speed
-
     def learn(
         self, steps: int, between_updates: Callable[[], None], after_step: Callable[[Any], None]
     ) -> None:

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from agents.sb3 import Learner
 
 COLUMNS = (
-    "steps", "seconds", "score", "best_score", "sampled_best", "deviation", "reference",
+    "steps", "seconds", "score", "best_score", "sampled_best", "deviation",
     "processor_seconds", "test_score", "simulations",
 )  # fmt: skip
 EVALUATIONS = 200  # of the policy in a whole training, each with a checkpoint
@@ -340,7 +340,6 @@ class Training:
             last = dict(zip(COLUMNS, self.curve[-1], strict=True))
             self.best, self.sampled_best = last["best_score"], last["sampled_best"]
             self.test_score, self.simulations = last["test_score"], int(last["simulations"])
-            learner.reference_speed = last["reference"]
             now = time.perf_counter(), time.process_time()
             self.began = now[0] - last["seconds"], now[1] - last["processor_seconds"]
         except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -376,9 +375,9 @@ class Training:
     def evaluate(self) -> None:
         """Evaluate the policy without noise; write it if it is the best so far."""
         learner, (seconds, processor_seconds) = self.learner, self.seconds
-        policy, reference, rollout = learner.policy(), learner.reference_speed, None
+        policy, rollout = learner.policy(), None
         if isinstance(self.target, Scene):
-            rollout = build(policy, self.target, reference)
+            rollout = build(policy, self.target)
             score = rollout.score
         else:
             score = float(np.median(gains_of(policy, self.target, self.scenes)))
@@ -392,17 +391,15 @@ class Training:
                 now = time.perf_counter() - paused[0], time.process_time() - paused[1]
                 self.began = self.began[0] + now[0], self.began[1] + now[1]  # no time of training
             if rollout is not None:
-                uniform_speed = rollout.scene.uniform().wave.mean_speed
                 self._write_json(
-                    BEST, score=score, gain=rollout.gain, steps=learner.steps, seconds=seconds,
-                    reference_over_uniform=reference / uniform_speed if uniform_speed else 1.0,
-                )  # fmt: skip
+                    BEST, score=score, gain=rollout.gain, steps=learner.steps, seconds=seconds
+                )
                 rollout.layout.to_csv(self.folder / "layout.csv")
                 rollout.layout.to_json(self.folder / "layout.json")
         deviation = self.hyperparameters.deviation(min(learner.steps / self.total, 1.0))
         self.curve.append((
             float(learner.steps), seconds, score, self.best, self.sampled_best, deviation,
-            reference, processor_seconds, self.test_score, float(self.simulations),
+            processor_seconds, self.test_score, float(self.simulations),
         ))  # fmt: skip
         learner.model.logger.record("design/score", score)
         learner.model.logger.record("design/best_score", self.best)

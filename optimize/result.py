@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from domino_env.core.files import counted
 from domino_env.core.results import versions
+from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
 from domino_env.scenes.scene import Scene
@@ -103,27 +105,12 @@ class SearchResult(MadeForScene):
         return beside_uniform(*sizes, name, self._draw_trace, ax, register=register)
 
     def _draw_trace(self, axes: Any) -> None:
-        """Draw the best score over time, with the score of the uniform baseline as a line."""
-        from domino_env.core.colours import OURS, UNIFORM
-        from domino_env.core.plot_style import label_line, set_time_axis
-
+        """Draw the best score over time."""
         times, scores = np.array(self.trace)[:, 2:].T
-        uniform, last = self.uniform.score, float(scores[-1])
-        axes.axhline(uniform, color=UNIFORM, linewidth=1.5)
-        axes.step(times, scores, color=OURS, linewidth=1.5, where="post")
-        above = bool(scores[0] < uniform)  # where the curve is not
-        label_line(axes, f"uniform baseline {uniform:.4f}", 0.005, uniform, UNIFORM, above=above)
-        label_line(axes, f"{self.method} {last:.4f}", 1.0, last, OURS, above=last >= uniform)
-        if min(last, uniform) > 0.0:  # the scores at the beginning would flatten the rest
-            low, high = min(uniform, max(scores.min(), 0.85 * last)), max(last, uniform)
-            room = 0.2 * (high - low) + 0.005 * high
-            axes.set_ylim(low - room, high + room)
-        set_time_axis(axes, times)
-        unit = f" [{self.scene.unit}]" if self.scene.unit else ""
-        axes.set_ylabel(f"best score{unit}")
-        scale = ", logarithmic" if axes.get_xscale() == "log" else ""
         run = f"{self.method}, seed {self.seed}, {self.evaluations} layouts"
-        axes.set_xlabel(f"seconds of search{scale} ({run})")
+        lines = {f"uniform baseline {self.uniform.score:.4f}": self.uniform.score}
+        curves = {f"{self.method} {scores[-1]:.4f}": scores}
+        draw_scores(axes, times, curves, lines, self.scene.unit, f"search ({run})")
 
     def summary(self) -> dict[str, Any]:
         """Return the contents of a run's summary.json; SI units."""
@@ -158,3 +145,45 @@ class SearchResult(MadeForScene):
             "largest_flush_loss": wave.largest_flush_loss,
             "versions": versions(),
         }
+
+
+def draw_scores(
+    axes: Any,
+    seconds: Floats,
+    curves: Mapping[str, Floats],
+    lines: Mapping[str, float],
+    unit: str,
+    run: str,
+) -> None:
+    """Draw scores over the time of a search or a training.
+
+    Parameters
+    ----------
+    axes
+        Matplotlib axes.
+    seconds
+        (K,) times [s].
+    curves
+        Scores (K,) by label, the best so far first.
+    lines
+        Scores to compare with by label, the uniform baseline first.
+    unit
+        Unit of the scores.
+    run
+        Words behind "seconds of".
+    """
+    from domino_env.core.colours import KNOWN, OURS, SKY, UNIFORM
+    from domino_env.core.plot_style import LEGEND, set_time_axis
+
+    for (label, scores), colour in zip(curves.items(), (OURS, SKY), strict=False):
+        axes.step(seconds, scores, color=colour, where="post", label=label)
+    for (label, value), colour in zip(lines.items(), (UNIFORM, KNOWN), strict=False):
+        axes.axhline(value, color=colour, label=label)
+    ends = [next(iter(curves.values()))[-1], *lines.values()]
+    if min(ends) > 0.0:  # the scores at the beginning would flatten the rest
+        low, high = min(ends), max(ends)
+        axes.set_ylim(low - 0.9 * (high - low) - 0.01 * high, 1.01 * high)
+    set_time_axis(axes, seconds)
+    axes.set_xlabel(f"seconds of {run}")
+    axes.set_ylabel(f"score [{unit}]" if unit else "score")
+    axes.legend(loc="lower right", ncols=len(curves) + len(lines), **LEGEND)

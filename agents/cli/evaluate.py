@@ -50,10 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="varied, varied-thickness, varied-course, or a file (that of the training, or varied)",
     )  # fmt: skip
     many.add_argument("--seed", type=SEED, help="sample the scenes (the first N of the test set)")
-    many.add_argument(
-        "--budget", type=NATURAL, metavar="N",
-        help="search each scene too, with N evaluations (scores of 2500 ship with the test sets)",
-    )  # fmt: skip
     many.add_argument("--csv", type=output(".csv"), metavar="FILE", help="write one line per scene")
 
 
@@ -112,7 +108,6 @@ def _evaluate_scenes(
     done = evaluate_scenes(
         scenes_of(source, number, seed),
         policy,
-        budget=arguments.budget,
         searched=searched_scores(name, number) if seed is None else None,
         progress=None,
     )

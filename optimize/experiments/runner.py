@@ -12,7 +12,6 @@ from typing import Any
 
 import msgspec
 
-from optimize.evaluator import Evaluator
 from optimize.executors import ExecutorLost, loss_as_error
 from optimize.experiments.experiment import (
     Experiment,
@@ -77,7 +76,9 @@ def run_experiment(
     interrupted = False
     with closing(_progress_line(name, progress, len(keys), len(keys) - len(missing))) as line:
         each = progress is None and line.disable  # no terminal
-        pairs = _run_here(missing, line) if executor is None else _run_on(executor, missing, line)
+        pairs = (
+            ((t, t.run) for t in missing) if executor is None else _run_on(executor, missing, line)
+        )
         try:
             with closing(pairs):
                 for task, outcome in pairs:
@@ -117,24 +118,8 @@ def run_experiment(
     return Experiment(tuple(tasks), chosen, best, tuple(failures), interrupted)
 
 
-def run_task(task: Task) -> TaskResult:
-    """Run a task in a worker."""
-    return task.run()
-
-
 # Each task, with the function that returns its result or raises its error.
 _Outcomes = Generator[tuple[Task, Callable[[], TaskResult]], None, None]
-
-
-def _run_here(tasks: Sequence[Task], line: Any) -> _Outcomes:
-    """Yield tasks that run in this process when their result is requested."""
-    for task in tasks:
-
-        def show(evaluator: Evaluator, task: Task = task) -> None:
-            line.set_postfix_str(f"{task.name}: best {evaluator.best_score:.5f}", refresh=False)
-            line.update(0)
-
-        yield task, partial(task.run, None if line.disable else show)
 
 
 def _run_on(executor: Executor, tasks: Sequence[Task], line: Any) -> _Outcomes:
@@ -146,7 +131,7 @@ def _run_on(executor: Executor, tasks: Sequence[Task], line: Any) -> _Outcomes:
         while True:
             while len(pending) < MAX_PENDING and (task := next(ahead, None)) is not None:
                 with loss_as_error():
-                    future = executor.submit(run_task, task)
+                    future = executor.submit(task.run)
                 pending[future] = task
                 future.add_done_callback(arrived.put)
                 del future  # Dask keeps a result for as long as its future exists

@@ -119,11 +119,6 @@ class Task:
     seconds: float | None = None
     labels: dict[str, Label] = field(default_factory=dict)
 
-    @classmethod
-    def of(cls, scene: Scene, method: str, seed: int, budget: int | None = None) -> Task:
-        """Return the task of searching a scene."""
-        return cls(scene.to_toml(), method, seed, budget)
-
     @property
     def key(self) -> str:
         """Digest of all that decides the result; the labels do not."""
@@ -145,16 +140,12 @@ class Task:
         """Limit of the search in words."""
         return f"{self.seconds:g} s" if self.budget is None else counted(self.budget, "layout")
 
-    def run(
-        self,
-        callback: Callable[[Evaluator], None] | None = None,
-        clock: Callable[[], float] = time.perf_counter,
-    ) -> TaskResult:
+    def run(self, clock: Callable[[], float] = time.perf_counter) -> TaskResult:
         """Search, and return the result that an experiment stores.
 
         Parameters
         ----------
-        callback, clock
+        clock
             As of `optimize.search`.
 
         Raises
@@ -170,8 +161,6 @@ class Task:
         def count(evaluator: Evaluator) -> None:
             nonlocal gradients
             gradients = (evaluator.effort - evaluator.evaluations) // (GRADIENT_COST - 1)
-            if callback is not None:
-                callback(evaluator)
 
         result = search(
             scene, self.method, self.budget, self.seed, seconds=self.seconds,

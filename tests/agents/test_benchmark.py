@@ -109,7 +109,7 @@ def test_the_reference_is_fixed_beforehand():
 class KnownTask(BenchmarkTask):
     """A task with a known result."""
 
-    def run(self, callback=None, clock=None) -> TaskResult:
+    def run(self, clock=None) -> TaskResult:
         seconds = 240.0 if self.method == "ppo" else 1.0
         trace = [(10, 10, 0.5 * seconds, 0.5), (20, 20, seconds, 1.0)]
         return self.result_of(trace, 1.0, 0.5, None)

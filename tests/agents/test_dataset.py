@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import domino_env as de
 from agents import dataset
 from domino_env.cli.main import main
+from optimize.experiments.task import Task
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "dataset.md"
 
@@ -18,16 +18,15 @@ def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_con
 ):
     parquet = pytest.importorskip("pyarrow.parquet")
     minari = pytest.importorskip("minari")
-    search_layouts = dataset.search_layouts
+    run_experiment = dataset.run_experiment
 
-    def stops(scenes: list[de.Scene], *given: object, **options: object) -> None:
-        search_layouts(scenes[:2], *given, **options)
+    def stops(tasks: list[Task], *given: object, **options: object) -> None:
+        run_experiment(tasks[:2], *given, **options)
         raise KeyboardInterrupt
 
     words = f"dataset {tmp_path} --distribution varied-course --scenes 3 --budget 30".split()
-    words += ["--code-link", "x.org/y"]
     with monkeypatch.context() as patched:
-        patched.setattr(dataset, "search_layouts", stops)
+        patched.setattr(dataset, "run_experiment", stops)
         assert main(words) != 0
     assert main(words) == 0
     assert "3 scenes of `varied-course`" in capsys.readouterr().out
@@ -41,7 +40,6 @@ def test_layouts_and_episodes_are_those_of_the_scenes_and_an_interrupted_one_con
         returns[quality] = [np.sum(one.rewards) for one in data.iterate_episodes()]
         assert data.recover_environment(eval_env=True).spec.kwargs == {"scene": "varied-course"}
         about = data.storage.metadata
-        assert about["code_permalink"] == "x.org/y"
         assert about["ref_min_score"] == pytest.approx(np.mean(returns["uniform"]))
     for i, line in enumerate(table):
         assert about["ref_max_score"] == pytest.approx(np.mean(returns["searched"]))

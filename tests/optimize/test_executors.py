@@ -47,7 +47,7 @@ def results_of(tasks, executor=None, study=None) -> list[tuple]:
 @pytest.fixture(scope="module")
 def tasks(scenes) -> list[Task]:
     chosen = [("spacing", "auto"), ("both", "cma"), ("length", "random"), ("dying", "powell")]
-    return [Task.of(scenes[s], m, seed, 60) for s, m in chosen for seed in range(2)]
+    return [Task(scenes[s].to_toml(), m, seed, 60) for s, m in chosen for seed in range(2)]
 
 
 @pytest.fixture(scope="module")

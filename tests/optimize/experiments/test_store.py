@@ -25,7 +25,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.fixture(scope="module")
 def result(scenes) -> TaskResult:
     """Result of a search."""
-    return Task.of(scenes["both"], "random", 3, budget=300).run()
+    return Task(scenes["both"].to_toml(), "random", 3, budget=300).run()
 
 
 @pytest.fixture
@@ -234,7 +234,7 @@ def test_an_export_holds_every_number_bitwise(output_of, path, result, suffix):
 
 def test_the_best_layout_of_a_scene(output_of, capsys, path, scenes, result):
     study = open_store(path).begin("one", "sweep", {})
-    better = Task.of(scenes["both"], "l-bfgs", 0, budget=200).run()
+    better = Task(scenes["both"].to_toml(), "l-bfgs", 0, budget=200).run()
     study.add(result)
     study.add(better)
     assert better.score > result.score
