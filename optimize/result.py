@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from domino_env.core.files import counted
-from domino_env.core.results import versions
+from domino_env.core.results import document, versions
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.wave import Wave
@@ -115,36 +115,27 @@ class SearchResult(MadeForScene):
     def summary(self) -> dict[str, Any]:
         """Return the contents of a run's summary.json; SI units."""
         wave, uniform = self.wave, self.uniform
-        return {
-            "scene": self.scene.name,
-            "method": self.method,
-            "seed": self.seed,
-            "outcome": wave.outcome.name,
-            "explanation": wave.explanation,
-            "score": self.score,
-            "score_in_words": self.scene.in_words(self.score, wave),
-            "mean_speed": wave.mean_speed,
-            "uniform_mean_speed": uniform.wave.mean_speed,
-            "gain": self.gain,
-            "length": self.layout.length,
-            "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,
-            "uniform_outcome": uniform.wave.outcome.name,
-            "uniform_score": uniform.score,
-            "uniform_spacing": float(uniform.layout.spacing[0]),
-            "uniform_thickness": float(uniform.layout.thickness[-1]),
-            "evaluations": self.evaluations,
-            "simulated_falls": self.falls,
-            "seconds": self.seconds,
-            "interrupted": self.interrupted,
-            "ended": self.ended,
-            "error_estimate": wave.error_estimate,
-            "converged": wave.converged,
-            "lowest_stall_margin": float(min(m for m in wave.stall_margin if m == m)),
-            "flushes": wave.flushes,
-            "releases": wave.releases,
-            "largest_flush_loss": wave.largest_flush_loss,
-            "versions": versions(),
-        }
+        search = document(self, "method seed score gain evaluations seconds interrupted ended")
+        quantities = "outcome explanation mean_speed error_estimate converged flushes releases"
+        simulated = document(wave, f"{quantities} largest_flush_loss")
+        return (
+            {"scene": self.scene.name}
+            | search
+            | simulated
+            | {
+                "score_in_words": self.scene.in_words(self.score, wave),
+                "length": self.layout.length,
+                "total_time": float(wave.arrival_times[-1]) if wave.mean_speed > 0.0 else None,
+                "lowest_stall_margin": float(min(m for m in wave.stall_margin if m == m)),
+                "uniform_mean_speed": uniform.wave.mean_speed,
+                "uniform_outcome": uniform.wave.outcome.name,
+                "uniform_score": uniform.score,
+                "uniform_spacing": float(uniform.layout.spacing[0]),
+                "uniform_thickness": float(uniform.layout.thickness[-1]),
+                "simulated_falls": self.falls,
+                "versions": versions(),
+            }
+        )
 
 
 def draw_scores(

@@ -171,17 +171,11 @@ class RunFolder:
             return 0
         with naming(path):
             known = model_of(SummaryDocument, read_json(path))
-        here = {"method": self.method, "seed": self.seed, "versions": versions()}
-        other = [
-            f"{key} = {getattr(known, key)!r}, not {value!r}"
-            for key, value in here.items()
-            if getattr(known, key) != value
-        ]
-        if not other and load_scene(self.path / SCENE) != self.scene:
-            other = ["another scene"]
-        if other:
+        here = (self.method, self.seed, versions(), self.scene)
+        if (known.method, known.seed, known.versions, load_scene(self.path / SCENE)) != here:
             raise ValueError(
-                f"{self.path} holds a search with {other[0]}: begin anew in another folder, "
-                "without --resume"
+                f"{self.path} holds a search by {known.method} with seed {known.seed}, or of "
+                "another scene or version of the software: begin anew in another folder, without "
+                "--resume"
             )
         return known.evaluations

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from domino_env.cli.options import NATURAL, SEED, add_out_option
+from domino_env.cli.options import NATURAL, SEED, add_out_option, output
 
 SUMMARY = "train an agent that builds layouts (APG, PPO, ARS, SAC, TD3, TQC)"
 
@@ -27,16 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--save-zip",
         metavar="FILE",
-        type=_archive,
+        type=output(".zip"),
         help="write the best policy as an archive of Stable-Baselines3 too (.zip)",
     )
-
-
-def _archive(name: str) -> str:
-    """Return the name of an archive; raise an error before the training if it is none."""
-    if not name.endswith(".zip"):
-        raise argparse.ArgumentTypeError(f"{name}: name a file that ends in .zip")
-    return name
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -61,15 +61,11 @@ def tpe(evaluator: Evaluator, rng: np.random.Generator) -> None:
     space: dict[str, Any] = {
         name: optuna.distributions.FloatDistribution(0.0, 1.0) for name in names
     }
-    before = optuna.logging.get_verbosity()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    try:
-        sampler = optuna.samplers.TPESampler(seed=int(rng.integers(2**31)))
-        study = optuna.create_study(direction="maximize", sampler=sampler)
-        study.enqueue_trial(dict(zip(names, uniform_design(problem).tolist(), strict=True)))
-        while True:
-            trial = study.ask(space)
-            design = np.array([trial.params[name] for name in names])
-            study.tell(trial, evaluator.evaluate(design).score)
-    finally:
-        optuna.logging.set_verbosity(before)
+    sampler = optuna.samplers.TPESampler(seed=int(rng.integers(2**31)))
+    study = optuna.create_study(direction="maximize", sampler=sampler)
+    study.enqueue_trial(dict(zip(names, uniform_design(problem).tolist(), strict=True)))
+    while True:
+        trial = study.ask(space)
+        design = np.array([trial.params[name] for name in names])
+        study.tell(trial, evaluator.evaluate(design).score)

@@ -103,20 +103,15 @@ def test_less_of_a_search_replaces_nothing(scenes, tmp_path):
 
 
 @pytest.mark.usefixtures("no_pictures")
-@pytest.mark.parametrize(("change", "message"), [
-    ({"method": "cma"}, "with method = 'random', not 'cma'"),
-    ({"seed": 8}, "with seed = 0, not 8"),
-    ({"scene": "both"}, "with another scene"),
-    ({}, r"with versions = .*'numpy': '2.*, not {'numpy': '1\.0'}"),
-], ids=str)  # fmt: skip
-def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change, message):
+@pytest.mark.parametrize("change", [{"method": "cma"}, {"seed": 8}, {"scene": "both"}, {}], ids=str)
+def test_another_search_is_not_resumed(scenes, monkeypatch, tmp_path, change):
     search(scenes["spacing"], "random", 10, folder=tmp_path)
     before = files(tmp_path)
     asked = {"scene": "spacing", "method": "random", "seed": 0} | change
     if not change:
         monkeypatch.setattr("optimize.run_folder.versions", lambda: {"numpy": "1.0"})
     scene, method, seed = scenes[asked["scene"]], asked["method"], asked["seed"]
-    with pytest.raises(ValueError, match=message) as error:
+    with pytest.raises(ValueError, match="holds a search by random with seed 0, or of") as error:
         search(scene, method, 30, seed, folder=tmp_path, resume=True)
     assert str(error.value).endswith("begin anew in another folder, without --resume")
     assert files(tmp_path) == before
