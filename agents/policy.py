@@ -7,7 +7,7 @@ checkpoint.pt   state of a training to resume      scene.toml      the scene, or
 and for one scene
 
 policy.json     result of the best policy          result.png      learning curve and layout
-layout.csv/json the layout that it builds          tensorboard/    losses, if that is installed
+layout.csv/json the layout that it builds
 """
 
 from __future__ import annotations

@@ -9,7 +9,6 @@ import json
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -51,8 +50,7 @@ if TYPE_CHECKING:
     from agents.sb3 import Learner
 
 COLUMNS = (
-    "steps", "seconds", "score", "best_score", "sampled_best", "deviation",
-    "processor_seconds", "test_score", "simulations",
+    "steps", "seconds", "score", "best_score", "processor_seconds", "test_score", "simulations",
 )  # fmt: skip
 EVALUATIONS = 200  # of the policy in a whole training, each with a checkpoint
 POOL_SCENES = 50  # sampled scenes in which a policy is evaluated while it is trained
@@ -279,7 +277,7 @@ class Training:
             with suppress(ValueError):  # of a distribution without a test set
                 self.tests = scenes_of(target, TEST_SCENES)
         self.curve: list[tuple[float, ...]] = []
-        self.best = self.sampled_best = self.test_score = -np.inf
+        self.best = self.test_score = -np.inf
         self.next_evaluation = 0
         self.began = time.perf_counter(), time.process_time()
         self.bar = progress_bar(progress, total=total, unit=" dominoes", unit_scale=True)
@@ -307,7 +305,6 @@ class Training:
             )  # fmt: skip
         interrupted = False
         if self.learner.steps < self.total:
-            self._log_to_tensorboard()
             try:
                 left = self.total - self.learner.steps
                 self.learner.learn(left, self.between_updates, self.after_step)
@@ -338,8 +335,8 @@ class Training:
             learner.restore(state)
             self.curve = [tuple(map(float, line)) for line in state["curve"]]
             last = dict(zip(COLUMNS, self.curve[-1], strict=True))
-            self.best, self.sampled_best = last["best_score"], last["sampled_best"]
-            self.test_score, self.simulations = last["test_score"], int(last["simulations"])
+            self.best, self.test_score = last["best_score"], last["test_score"]
+            self.simulations = int(last["simulations"])
             now = time.perf_counter(), time.process_time()
             self.began = now[0] - last["seconds"], now[1] - last["processor_seconds"]
         except (IndexError, KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -347,13 +344,6 @@ class Training:
         self.next_evaluation = learner.steps + max(self.total // EVALUATIONS, 1)
         self.bar.update(learner.steps)
         return learner
-
-    def _log_to_tensorboard(self) -> None:
-        if find_spec("tensorboard") is not None:
-            from stable_baselines3.common.logger import configure
-
-            home = str(self.folder / "tensorboard")
-            self.learner.model.set_logger(configure(home, ["tensorboard"]))
 
     def between_updates(self) -> None:
         """Evaluate and write a checkpoint where due, and follow the schedules."""
@@ -366,11 +356,8 @@ class Training:
         self.learner.adapt(min(steps / self.total, 1.0))
 
     def after_step(self, infos: Any) -> None:
-        """Count the layouts that were built with noise, and note their best score."""
-        for info in infos:
-            if "score" in info:
-                self.simulations += 1
-                self.sampled_best = max(self.sampled_best, float(info["score"]))
+        """Count the layouts that were built with noise."""
+        self.simulations += sum("score" in info for info in infos)
 
     def evaluate(self) -> None:
         """Evaluate the policy without noise; write it if it is the best so far."""
@@ -396,13 +383,10 @@ class Training:
                 )
                 rollout.layout.to_csv(self.folder / "layout.csv")
                 rollout.layout.to_json(self.folder / "layout.json")
-        deviation = self.hyperparameters.deviation(min(learner.steps / self.total, 1.0))
         self.curve.append((
-            float(learner.steps), seconds, score, self.best, self.sampled_best, deviation,
-            processor_seconds, self.test_score, float(self.simulations),
+            float(learner.steps), seconds, score, self.best, processor_seconds, self.test_score,
+            float(self.simulations),
         ))  # fmt: skip
-        learner.model.logger.record("design/score", score)
-        learner.model.logger.record("design/best_score", self.best)
         self.bar.set_postfix_str(f"best score {self.best:.4f}", refresh=False)
 
     def checkpoint(self) -> None:

@@ -208,16 +208,6 @@ def test_a_policy_for_sampled_scenes_is_evaluated_in_many(tmp_path, monkeypatch,
         evaluate(run.folder)
 
 
-def test_scalars_are_logged_if_tensorboard_is_installed(tmp_path, monkeypatch):
-    events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
-    train(SMALL, "ppo", folder=tmp_path / "with", hyperparameters=tiny("ppo"), steps=800)
-    log = events.EventAccumulator(str(tmp_path / "with" / "tensorboard")).Reload()
-    assert {"design/score", "train/value_loss"} <= set(log.Tags()["scalars"])
-    monkeypatch.setattr("agents.training.find_spec", lambda name: None)
-    train(SMALL, "apg", folder=tmp_path / "without", hyperparameters=tiny("apg"), steps=100)
-    assert not (tmp_path / "without" / "tensorboard").exists()
-
-
 def test_invalid_arguments_are_rejected(tmp_path):
     for changes, reason in (
         ({"algorithm": "dqn"}, "algorithm = 'dqn': .*apg, ppo, ars"),
