@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, as_completed
 from contextlib import closing
-from functools import partial
-from queue import Empty, SimpleQueue
-from typing import Any
 
 import msgspec
+from tqdm import tqdm
 
 from optimize.executors import ExecutorLost, loss_as_error
 from optimize.experiments.experiment import (
@@ -22,8 +20,6 @@ from optimize.experiments.experiment import (
 from optimize.experiments.store import Study
 from optimize.experiments.task import Task, TaskResult
 
-MAX_PENDING = 1000  # tasks that an executor holds at a time
-REFRESH = 0.5  # [s] between two updates of the progress line
 LINE = "{desc}, {n} of {total} |{bar}| {elapsed}, about {remaining} left{postfix}"
 
 
@@ -74,17 +70,20 @@ def run_experiment(
     keys = {task.key: task for task in tasks}
     missing = [task for key, task in keys.items() if key not in results]
     interrupted = False
-    with closing(_progress_line(name, progress, len(keys), len(keys) - len(missing))) as line:
+    with tqdm(
+        total=len(keys), initial=len(keys) - len(missing), desc=name, bar_format=LINE, leave=False,
+        smoothing=0.0, dynamic_ncols=True, disable=None if progress is None else not progress,
+    ) as line:  # fmt: skip
         each = progress is None and line.disable  # no terminal
-        pairs = (
-            ((t, t.run) for t in missing) if executor is None else _run_on(executor, missing, line)
-        )
+        here = ((task, task.run) for task in missing)
+        pairs = here if executor is None else _run_on(executor, missing)
         try:
             with closing(pairs):
                 for task, outcome in pairs:
                     message = ""
                     try:
-                        result = results[task.key] = outcome()
+                        with loss_as_error():
+                            result = results[task.key] = outcome()
                     except ExecutorLost:
                         raise
                     except Exception as error:
@@ -118,51 +117,18 @@ def run_experiment(
     return Experiment(tuple(tasks), chosen, best, tuple(failures), interrupted)
 
 
-# Each task, with the function that returns its result or raises its error.
-_Outcomes = Generator[tuple[Task, Callable[[], TaskResult]], None, None]
-
-
-def _run_on(executor: Executor, tasks: Sequence[Task], line: Any) -> _Outcomes:
-    """Yield the results of an executor in the order in which they arrive."""
-    arrived: SimpleQueue[Future[TaskResult]] = SimpleQueue()
-    pending: dict[Future[TaskResult], Task] = {}
-    ahead = iter(tasks)
+def _run_on(
+    executor: Executor, tasks: Sequence[Task]
+) -> Generator[tuple[Task, Callable[[], TaskResult]], None, None]:
+    """Yield tasks that an executor has finished, with functions that return or raise their end."""
+    with loss_as_error():
+        pending = {executor.submit(task.run): task for task in tasks}
     try:
-        while True:
-            while len(pending) < MAX_PENDING and (task := next(ahead, None)) is not None:
-                with loss_as_error():
-                    future = executor.submit(task.run)
-                pending[future] = task
-                future.add_done_callback(arrived.put)
-                del future  # Dask keeps a result for as long as its future exists
-            if not pending:
-                return
-            try:
-                done = arrived.get(timeout=REFRESH)
-            except Empty:
-                line.refresh()
-                continue
-            yield pending.pop(done), partial(_result_of, done)
-            del done
+        for future in as_completed(list(pending)):
+            yield pending.pop(future), future.result
     finally:
         for future in pending:
             future.cancel()
-
-
-def _result_of(future: Future[TaskResult]) -> TaskResult:
-    """Return the result of a future, or raise its error."""
-    with loss_as_error():
-        return future.result()
-
-
-def _progress_line(name: str, shown: bool | None, total: int, done: int) -> Any:
-    """Open the progress line of many tasks on standard error."""
-    from tqdm import tqdm
-
-    return tqdm(
-        total=total, initial=done, desc=name, bar_format=LINE, smoothing=0.0, leave=False,
-        dynamic_ncols=True, disable=None if shown is None else not shown,
-    )  # fmt: skip
 
 
 def _reason(error: Exception) -> str:
