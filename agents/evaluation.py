@@ -287,9 +287,9 @@ def scenes_of(
 
 def evaluate_scenes(
     scenes: Sequence[Scene],
-    policy: Designer | ScenePolicy | None = None,
-    *,
+    policy: ScenePolicy | Designer | ScriptedPolicy | None = None,
     searched: Floats | None = None,
+    *,
     progress: bool | None = False,
 ) -> ScenesEvaluation:
     """Build a layout for each scene, and compare its score with the uniform baseline.
@@ -299,8 +299,8 @@ def evaluate_scenes(
     scenes
         One or more scenes.
     policy
-        The designer, or a policy that was trained on sampled scenes; None for the designer that
-        ships.
+        The designer, a policy that was trained on sampled scenes, or a scripted one; None for the
+        designer that ships.
     searched
         (S,) scores of searches, to compare with; None for none.
     progress

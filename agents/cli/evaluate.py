@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from agents.designer.policy import Designer
     from agents.policy import ScenePolicy
     from agents.rollout import Rollout
-    from domino_env import SceneDistribution
+    from agents.scripted import ScriptedPolicy
 
 SUMMARY = "evaluate a trained agent or a scripted policy"
 TEST_SCENES = 200  # of a distribution
@@ -71,14 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         sampled = load_distribution(arguments.distribution)
     policy = load_policy(arguments.agent, trust=arguments.trust, distribution=sampled)
     if arguments.scenes is not None:
-        trained_on = getattr(policy, "scene", None)
-        if isinstance(policy, ScriptedPolicy) or not (
-            isinstance(policy, Designer) or isinstance(trained_on, SceneDistribution)
-        ):
-            raise ValueError(
-                f"--scenes: {arguments.agent} was not trained on sampled scenes; give one --scene"
-            )
-        return _evaluate_scenes(policy, trained_on, arguments)
+        return _evaluate_scenes(policy, arguments)
     if scene is None and isinstance(policy, Designer | ScriptedPolicy):
         scene = load_scene("sprint")
     rollout = policy.build(scene)
@@ -95,22 +88,20 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate_scenes(
-    policy: Designer | ScenePolicy,
-    trained_on: SceneDistribution | None,
-    arguments: argparse.Namespace,
+    policy: ScenePolicy | Designer | ScriptedPolicy, arguments: argparse.Namespace
 ) -> int:
     """Print a table of the scores in many scenes."""
     from agents.evaluation import evaluate_scenes, scenes_of, searched_scores
+    from domino_env import SceneDistribution
 
     number, seed = arguments.scenes, arguments.seed
-    source = arguments.distribution or trained_on or "varied"
+    trained_on = getattr(policy, "scene", None)
+    source = arguments.distribution or "varied"
+    if arguments.distribution is None and isinstance(trained_on, SceneDistribution):
+        source = trained_on
     name = source if isinstance(source, str) else source.name
-    done = evaluate_scenes(
-        scenes_of(source, number, seed),
-        policy,
-        searched=searched_scores(name, number) if seed is None else None,
-        progress=None,
-    )
+    searched = searched_scores(name, number) if seed is None else None
+    done = evaluate_scenes(scenes_of(source, number, seed), policy, searched, progress=None)
     print(done.table())
     if arguments.csv:
         done.save(Path(arguments.csv))

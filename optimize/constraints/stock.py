@@ -13,9 +13,7 @@ from domino_env.core.types import Floats, Ints
 from domino_env.scenes.rules import Stock
 
 
-def assign(
-    costs: Floats, count: Ints, current: Ints | None = None, changes: int | None = None
-) -> Ints:
+def assign(costs: Floats, count: Ints, current: Ints, changes: int) -> Ints:
     """Choose the kind for each place so that the sum of costs is smallest.
 
     Parameters
@@ -25,7 +23,7 @@ def assign(
     count
         (kinds,) number of dominoes of each kind, n or more in all.
     current, changes
-        (n,) present kind at each place, and largest number of places that change; None for any.
+        (n,) present kind at each place, and largest number of places that change.
 
     Returns
     -------
@@ -34,25 +32,16 @@ def assign(
 
     Raises
     ------
-    ValueError
-        For fewer than n dominoes.
     RuntimeError
         Where the solver fails.
     """
     import cvxpy as cp
 
     places, kinds = costs.shape
-    if int(np.sum(count)) < places:
-        raise ValueError(
-            f"the stock has {int(np.sum(count))} dominoes: {places} places need one each"
-        )
-    few = current is not None and changes is not None and changes < places
-    # without a bound on the changes the corners are whole numbers by themselves
-    taken = cp.Variable((places, kinds), boolean=True) if few else cp.Variable((places, kinds))
+    few = changes < places  # else the corners are whole numbers by themselves
+    taken = cp.Variable((places, kinds), boolean=few)
     rules = [cp.sum(taken, axis=1) == 1.0, cp.sum(taken, axis=0) <= count, taken >= 0.0]
     if few:
-        assert current is not None
-        assert changes is not None
         rules.append(cp.sum(cp.multiply(np.eye(kinds)[current], taken)) >= places - changes)
     scaled = (costs - costs.min()) / (float(np.ptp(costs)) or 1.0)
     programme = cp.Problem(cp.Minimize(cp.sum(cp.multiply(scaled, taken))), rules)

@@ -133,7 +133,8 @@ def test_the_stock_is_taken_as_near_as_can_be(seed):
         least = min(np.square(np.array(some) - want).sum() for some in permutations(box, n))
         assert np.square(got - want).sum() == pytest.approx(least, abs=1e-16)
         # the linear programme finds as near a one
-        chosen = assign(np.square(want[:, None] - kinds), np.array(stock.count))
+        costs = np.square(want[:, None] - kinds)
+        chosen = assign(costs, np.array(stock.count), np.zeros(n, int), n)
         assert np.all(np.bincount(chosen, minlength=3) <= stock.count)
         assert np.square(kinds[chosen] - want).sum() == pytest.approx(least, abs=1e-9)
 
