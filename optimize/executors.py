@@ -196,7 +196,8 @@ def _dask_executor(address: str, workers: int | None) -> Iterator[Executor]:
                 cluster = LocalCluster(
                     n_workers=workers or os.cpu_count() or 1,
                     threads_per_worker=1,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",  # any port: the usual one may be taken
+                    scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
                     env=ONE_THREAD,
                     config=DASK_SETTINGS,  # of workers that are started later too
