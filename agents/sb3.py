@@ -247,16 +247,13 @@ def save_zip(
         Weights of the policy by name.
     """
     chosen = hyperparameters
-    linear, options = algorithm == "ars", dict[str, Any]()
-    if not linear:
-        options["net_arch"] = [chosen.width] * chosen.depth
-    if algorithm in ("apg", "ppo"):
-        options["activation_fn"] = torch.nn.Tanh
-    kinds = CLASSES | {"apg": PPO, "ars": ARS}
-    model: Any = kinds[algorithm](
-        "LinearPolicy" if linear else "MlpPolicy", env, learning_rate=chosen.learning_rate,
-        policy_kwargs=options, device="cpu",
-    )  # fmt: skip
+    kind, options = "MlpPolicy", dict[str, Any](net_arch=[chosen.width] * chosen.depth)
+    if algorithm == "ars":
+        kind, options = "LinearPolicy", {}
+    elif algorithm in ("apg", "ppo"):
+        options |= {"activation_fn": torch.nn.Tanh}
+    classes: Any = CLASSES | {"apg": PPO, "ars": ARS}
+    model = classes[algorithm](kind, env, policy_kwargs=options, device="cpu")
     state = {name: torch.from_numpy(array) for name, array in arrays.items()}
     if "log_std" in state:
         state["log_std"] = torch.full_like(state["log_std"], math.log(chosen.last_deviation))

@@ -40,20 +40,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_limit_options(parser, "each run", seconds=f"{DEFAULT_SECONDS:g} without --budget")
     add_out_option(parser, "runs/comparison")
     add_study_options(parser)
-    parser.add_argument(
-        "--update-best", action="store_true", help="store new best known layouts in the package"
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder, print the tables."""
     from domino_env.core.files import counted
     from domino_env.scenes.io.reading import load_scene, scene_names
-    from optimize.experiments.best_known import update
     from optimize.experiments.compare import known_score, plan_tasks
     from optimize.experiments.report import COMPARISON_FILES, table, write_comparison
     from optimize.experiments.runner import run_experiment
-    from optimize.experiments.task import scene_of
     from optimize.methods import registry
 
     names = scene_names() if arguments.scenes == ["all"] else arguments.scenes
@@ -71,8 +66,4 @@ def run(arguments: argparse.Namespace) -> int:
         for problem in experiment.problems:
             print(f"\n{problem}\n" + "\n".join(table(experiment, [problem])))
         print(f"\nwritten to {folder}: {', '.join(COMPARISON_FILES)}")
-        if arguments.update_best:
-            shipped = [r for r in experiment.results if r.scene_name in scene_names()]
-            improved = update([(scene_of(r.scene), r) for r in shipped])
-            print(f"new best known: {', '.join(improved) or 'none'}")
         return exit_code(experiment)

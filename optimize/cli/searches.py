@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     if scene.name in scene_names() and load_scene(scene.name) == scene:
         print(f"best known:       {_best_known(result)}")
         if arguments.update_best:
-            print(f"new best known: {', '.join(update([(scene, result)])) or 'none'}")
+            print(f"new best known: {scene.name if update(result) else 'none'}")
     print(f"written to {folder}: {', '.join(FILES)}")
     return 0
 

@@ -7,7 +7,6 @@ method, seed, seconds and version that found it.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +19,6 @@ from domino_env.core.models import LARGEST, Number, model_of
 from domino_env.physics.files import LayoutTable
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
-from optimize.experiments.task import TaskResult
 from optimize.result import SearchResult
 
 GROUND_PARTS = ("rise", "tilt")
@@ -81,48 +79,38 @@ def best_known(path: Path | None = None) -> dict[str, BestKnown]:
         return {name: model_of(BestKnown, record, name) for name, record in records.items()}
 
 
-def update(
-    results: Iterable[tuple[Scene, SearchResult | TaskResult]], path: Path | None = None
-) -> list[str]:
-    """Write the layouts that are better than the best known ones of their scenes.
+def update(result: SearchResult, path: Path | None = None) -> bool:
+    """Keep the layout of a search as the best known of its scene, if it is better.
 
     Parameters
     ----------
-    results
-        Scenes and results of searches; layouts that violate a rule of the scene are ignored.
+    result
+        Result of the search.
     path
         As of `best_known`.
 
     Returns
     -------
-    list of str
-        Names of the scenes whose best known layout is new.
+    bool
+        True where the layout is a new record, which is written.
     """
     path = path or PATH
-    best = {name: record.score for name, record in best_known(path).items()}
-    document = read_json(path) if path.exists() else {}
-    improved: list[str] = []
-    for scene, result in results:
-        layout, name = result.layout, scene.name
-        if scene.violations(layout):
-            continue
-        score = closest_score(scene, layout)
-        if name in best and score <= best[name] + MIN_GAIN * abs(best[name]):
-            continue
-        best[name] = score
-        document[name] = {
-            "score": score, "method": result.method, "seed": result.seed,
-            "seconds": round(result.seconds, 1), "version": __version__,
-            "spacing": layout.spacing.tolist(), "width": layout.width,
-        }  # fmt: skip
-        for part in ("thickness", "height", "density", *([] if layout.is_flat else GROUND_PARTS)):
-            values = getattr(layout, part)
-            equal = np.all(values == values[0])
-            document[name][part] = float(values[0]) if equal else values.tolist()
-        improved.append(name)
-    if improved:
-        write_text(path, json.dumps(dict(sorted(document.items())), indent=1) + "\n")
-    return sorted(set(improved))
+    scene, layout = result.scene, result.layout
+    known, score = best_known(path).get(scene.name), closest_score(scene, layout)
+    if known is not None and score <= known.score + MIN_GAIN * abs(known.score):
+        return False
+    record = {
+        "score": score, "method": result.method, "seed": result.seed,
+        "seconds": round(result.seconds, 1), "version": __version__,
+        "spacing": layout.spacing.tolist(), "width": layout.width,
+    }  # fmt: skip
+    for part in ("thickness", "height", "density", *([] if layout.is_flat else GROUND_PARTS)):
+        values = getattr(layout, part)
+        equal = np.all(values == values[0])
+        record[part] = float(values[0]) if equal else values.tolist()
+    document = (read_json(path) if path.exists() else {}) | {scene.name: record}
+    write_text(path, json.dumps(dict(sorted(document.items())), indent=1) + "\n")
+    return True
 
 
 def closest_score(scene: Scene, layout: Layout) -> float:
