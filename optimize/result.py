@@ -166,10 +166,10 @@ def draw_scores(
     from domino_env.core.colours import KNOWN, OURS, SKY, UNIFORM
     from domino_env.core.plot_style import LEGEND, set_time_axis
 
-    for (label, scores), colour in zip(curves.items(), (OURS, SKY), strict=False):
-        axes.step(seconds, scores, color=colour, where="post", label=label)
     for (label, value), colour in zip(lines.items(), (UNIFORM, KNOWN), strict=False):
         axes.axhline(value, color=colour, label=label)
+    for (label, scores), colour in zip(curves.items(), (OURS, SKY), strict=False):
+        axes.step(seconds, scores, color=colour, where="post", label=label)
     ends = [next(iter(curves.values()))[-1], *lines.values()]
     if min(ends) > 0.0:  # the scores at the beginning would flatten the rest
         low, high = min(ends), max(ends)
