@@ -1,4 +1,4 @@
-"""Write studio.gif, a search on the page: python docs/studio_picture.py.
+"""Write studio.gif, a drag and a search on the page: python docs/studio_picture.py.
 
 It needs the extras studio and dev, Chromium and its driver.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import shutil
+import sys
 import threading
 import time
 from pathlib import Path
@@ -17,20 +18,19 @@ from selenium import webdriver
 
 from optimize import studio
 
-SIZE = 1000, 640
+HERE = Path(__file__).parent
+SIZE = 1000, 780
 WIDTH = 800  # [px] of the picture
-CROP = 0, 0, 788, 498  # without the bars that scroll the page
-FIND = """
-function all(root) {
-  const found = [...root.querySelectorAll('*')];
-  return found.concat(...found.filter(e => e.shadowRoot).map(e => all(e.shadowRoot)));
-}
-return all(document).find(e => e.tagName == 'BUTTON' && e.textContent.trim() == arguments[0]);
-"""
+CROP = 0, 0, 560, 535  # numbers, dominoes and curves, without the column of the scene
+HOLD = 12  # frames for which a state is shown
+EVERY = 0.4  # [s] between two frames of the search
 
 
 def main() -> None:
-    """Open the page, search, and write what is seen."""
+    """Open the page, drag a point, search, and write what is seen."""
+    sys.path.insert(0, str(HERE.parent / "tests" / "optimize" / "interactive"))
+    from test_page import Tab
+
     page, ready = studio("sprint"), threading.Event()
     threading.Thread(target=page.serve, args=(lambda _: ready.set(),), daemon=True).start()
     ready.wait()
@@ -47,24 +47,20 @@ def main() -> None:
         picture = picture.resize((WIDTH, WIDTH * picture.height // picture.width)).crop(CROP)
         frames.extend([picture.quantize(48, dither=Image.Dither.NONE)] * number)
 
-    window.get(page.url)
-    while not window.execute_script(FIND, "Search"):
-        time.sleep(0.5)
-    time.sleep(3.0)
-    take(6)
-    window.execute_script("arguments[0].click()", window.execute_script(FIND, "Search"))
-    score = None
-    end = time.monotonic() + 20.0
-    while time.monotonic() < end:
-        if page.design.score != score:
-            score = page.design.score
+    tab = Tab(window, page.url)
+    take(HOLD)
+    tab.drag(12, 40, take)
+    take(HOLD)
+    tab.click("Search")
+    score, began = tab.speed, time.monotonic()
+    while "layouts in" not in tab.status:
+        if tab.speed != score and time.monotonic() > began + EVERY:
+            score, began = tab.speed, time.monotonic()
             take()
-        time.sleep(0.05)
-    take(15)
+    take(2 * HOLD)
     window.quit()
-    target = Path(__file__).with_name("studio.gif")
     more: dict[str, Any] = {"append_images": frames[1:], "duration": 150, "loop": 0}
-    frames[0].save(target, save_all=True, optimize=True, **more)
+    frames[0].save(HERE / "studio.gif", save_all=True, optimize=True, **more)
 
 
 if __name__ == "__main__":

@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import time
-
-import numpy as np
+import timeit
+from statistics import median
 
 from domino_env.scenes.io.reading import load_scene
 from optimize.interactive.design import SPACING, Design
 from optimize.interactive.page import Page
 
 DRAGS = 100
-COUNTS = (100, 1000)
 
 
-def main() -> None:
-    """Print the median time of a drag, from the pointer's position to the page's new contents."""
-    for count in COUNTS:
-        scene = load_scene("sprint").replace(count=count)
-        page = Page(Design(scene), lambda _: None)
-        seconds = np.empty(DRAGS)
-        for k in range(DRAGS):
-            began = time.perf_counter()
-            page.drag(SPACING, 5, 0.018 + 1e-4 * k)
-            seconds[k] = time.perf_counter() - began
-        milliseconds = 1e3 * np.median(seconds)
-        print(f"drag of one of {count} dominoes: {milliseconds:.1f} ms (median of {DRAGS})")
+def seconds(count: int) -> float:
+    """Return the median time [s] from the pointer's position to the page's new contents."""
+    page = Page(Design(load_scene("sprint").replace(count=count)), lambda _: None)
+    gaps = iter(range(DRAGS))
+    return median(
+        timeit.repeat(
+            lambda: page.drag(SPACING, 5, 0.018 + 1e-4 * next(gaps)), number=1, repeat=DRAGS
+        )
+    )
 
 
 if __name__ == "__main__":
-    main()
+    for count in (100, 1000):
+        print(f"drag of one of {count} dominoes: {1e3 * seconds(count):.1f} ms (median of {DRAGS})")

@@ -70,19 +70,27 @@ class Design:
     def open(self, scene: Scene, layout: Layout | None = None) -> None:
         """Replace scene and layout, as one step of the history; arguments as of the class."""
         require_drawable(f"scene '{scene.name}'", scene.count)
-        space = DesignSpace(scene)
-        layout = layout if layout is not None else _about_uniform(space)
+        _space(scene)  # raises for a scene without free values
+        layout = layout if layout is not None else _about_uniform(scene)
         if broken := scene.violations(layout):
             raise ValueError(f"not a layout of scene '{scene.name}': {'; '.join(broken)}")
-        self.scene, self.space = scene, space
-        self.show(layout)
+        self.show(layout, scene)
         self.commit()
 
-    def show(self, layout: Layout) -> None:
-        """Simulate and score a layout of the scene that is not yet part of the history."""
-        self.layout, self.wave = layout, self.scene.simulate(layout)
-        slow = self.scene.floor_friction is not None
-        self.score = None if slow else self.scene.score(self.wave)
+    def show(self, layout: Layout, scene: Scene | None = None) -> None:
+        """Simulate and score a layout that is not yet part of the history.
+
+        Parameters
+        ----------
+        layout
+            A layout of the scene.
+        scene
+            Another scene; None for the present one.
+        """
+        scene = scene or self.scene
+        wave = scene.simulate(layout)
+        score = None if scene.floor_friction is not None else scene.score(wave)
+        self.scene, self.layout, self.wave, self.score = scene, layout, wave, score
 
     def commit(self) -> None:
         """Keep what is shown as a step of the history, unless nothing has changed."""
@@ -104,9 +112,8 @@ class Design:
         """Show another step of the history: -1 for the one before, 1 for the one after."""
         if self.can_go(steps):
             self._at += steps
-            self.scene, layout = self._steps[self._at]
-            self.space = DesignSpace(self.scene)
-            self.show(layout)
+            scene, layout = self._steps[self._at]
+            self.show(layout, scene)
 
     # changes ------------------------------------------------------------------------------------
 
@@ -125,7 +132,7 @@ class Design:
         value
             Size wanted [m].
         """
-        space, before = self.space, self.kept
+        space, before = _space(self.scene), self.kept
         pairs, height = self.scene.count - 1, before.height
         entry, unit = index, np.minimum(height[:-1], height[1:])
         if part == THICKNESS:
@@ -161,7 +168,7 @@ class Design:
             As of `Scene.replace`; nothing changes then.
         """
         scene = self.scene.replace(**{"name": NAME, "title": None} | fields)
-        space = DesignSpace(scene)
+        space = _space(scene)
         parts = self._values(self.layout).reshape(-1, self.scene.count - 1)
         before, after = (np.linspace(0.0, 1.0, n) for n in (parts.shape[1], scene.count - 1))
         layout = self._nearest(space, np.concatenate([np.interp(after, before, p) for p in parts]))
@@ -169,7 +176,7 @@ class Design:
 
     def _values(self, layout: Layout) -> Floats:
         """Return the free values (n,) of a layout [m]."""
-        space = self.space
+        space = _space(self.scene)
         return np.asarray(space.low + space.design(layout) * (space.high - space.low))
 
     @staticmethod
@@ -212,9 +219,14 @@ class Design:
         return shown
 
 
-def _about_uniform(space: DesignSpace) -> Layout:
+@lru_cache(8)
+def _space(scene: Scene) -> DesignSpace:
+    return DesignSpace(scene)
+
+
+def _about_uniform(scene: Scene) -> Layout:
     """Return about the best layout of equal gaps, with fixed pivots: within a second or so."""
-    scene = space.scene.replace(floor_friction=None)
+    space, scene = _space(scene), scene.replace(floor_friction=None)
     if scene.count <= 100 and not scene.criterion.simulates_anew:
         layout = scene.uniform().layout
     else:

@@ -16,8 +16,7 @@ from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
 from domino_env.scenes.io.reading import load_scene, read_layout, scene_beside
 from domino_env.scenes.scene import Scene
-from domino_env.view.race import Racer
-from domino_env.view.report import UNIFORM_NAME, write_report
+from domino_env.view.report import read_racers, write_report
 from domino_env.view.template import write_template
 from optimize.interactive.design import NAME, Design
 
@@ -146,15 +145,9 @@ def exports(design: Design) -> dict[str, tuple[str, Callable[[Path], object]]]:
     scene, layout = design.scene, design.layout
 
     def report(path: Path) -> None:
-        uniform = scene.uniform()
-        racers = [
-            Racer(name, wave, score=score, score_text=scene.in_words(score, wave), unit=scene.unit)
-            for name, wave, score in (
-                ("your layout", design.wave, scene.score(design.wave)),
-                (UNIFORM_NAME, uniform.wave, uniform.score),
-            )
-        ]
-        write_report(racers, str(scene.title), path)
+        own = path.with_name("your layout.csv")
+        layout.to_csv(own)
+        write_report(*read_racers([own], scene), path)
 
     return {
         "Layout (CSV)": (".csv", layout.to_csv),

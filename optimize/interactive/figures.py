@@ -46,14 +46,13 @@ TITLES = {
 
 
 def set_view(view: Range1d, layout: Layout, leader: float | None = None) -> None:
-    """Show a chain from its beginning, or the part of a long one around the leader's place [m]."""
+    """Show a chain: whole, or the part of a long one around the leader's place [m] or as before."""
     tall = float(layout.height.max())
     first = -float(layout.thickness[0]) - 0.3 * EDGES * tall
     length = float(layout.pivots[-1, 0]) + EDGES * tall - first
     wide = min(length, LONGEST * tall)
-    begin = first
-    if leader is not None:
-        begin = max(first, min(leader - AHEAD * wide, first + length - wide))
+    begin = view.start if leader is None else leader - AHEAD * wide
+    begin = max(first, min(begin, first + length - wide))
     view.bounds = first, first + length  # first, as the present ones limit start and end
     view.update(start=begin, end=begin + wide)
 
@@ -147,7 +146,9 @@ class Curve:
         self.sources = [ColumnDataSource({"x": [], "y": [], "number": []}) for _ in range(3)]
         looks = ((OURS, "solid"), (UNIFORM, "dashed"), (KNOWN, "dotted"))
         for source, (colour, dash) in zip(self.sources, looks, strict=True):
-            self.figure.line("x", "y", source=source, color=colour, line_dash=dash)
+            self.figure.line(
+                "x", "y", source=source, color=colour, line_dash=dash, nonselection_alpha=1.0
+            )
 
     def draw(self, waves: Sequence[Wave | None]) -> None:
         """Draw the layout's wave, that of the uniform baseline and another one; None for none."""
@@ -179,7 +180,7 @@ class Curve:
             "x", "y", source=self.sources[0], color=OURS, size=8, nonselection_alpha=1.0,
             selection_color=KNOWN, hover_color=KNOWN,
         )  # fmt: skip
-        tips = [("number", "@number"), (self._part, "@y{0.000} mm")]
+        tips = [("number", "@number"), (TITLES[self._part].split()[0].lower(), "@y{0.000} mm")]
         # the tool keeps a touch from scrolling the page, and moves nothing by itself
         tool = PointDrawTool(renderers=[self.figure.scatter([], [])], add=False)
         self.figure.add_tools(HoverTool(renderers=[points], tooltips=tips), tool)

@@ -1,58 +1,44 @@
-"""Searches from a layout that show how they climb and can be stopped."""
+"""Searches whose layouts are shown while they run, and that can be stopped."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.evaluator import BudgetSpent, Evaluator
-from optimize.methods.gradient.local_search import LocalSearch
-from optimize.problem import Problem
+from optimize.methods.gradient.local_search import LocalSearch, run_local_searches
 from optimize.searching import search
 
+if TYPE_CHECKING:
+    from optimize.methods.registry import Method
+
 FRAME = 0.05  # [s] between two layouts that are shown
+STEP = 0.01  # [s] of rest between two steps along the gradient, which are to be watched
 
 Show = Callable[[Layout, float], None]
 """Function that shows a layout of a search and the part of the search that is done."""
-Work = Callable[[Scene, Layout, threading.Event, Show], tuple[Layout, str]]
-"""Search from a layout, as `improve` and `find`."""
 
 
-def improve(
-    scene: Scene, layout: Layout, stopped: threading.Event, show: Show
+def find(
+    scene: Scene, method: str | Method, stopped: threading.Event, show: Show
 ) -> tuple[Layout, str]:
-    """Search locally along the gradient, and return the best layout and a sentence.
+    """Search until the method is done or stopped, and return the best layout and a sentence.
 
     Parameters
     ----------
-    scene, layout
-        The scene, and the layout to begin at.
+    scene, method
+        As of `search`.
     stopped
         Ends the search where it is set.
     show
-        Called with every better layout.
+        Called with the best layout so far, at most every `FRAME`.
     """
-    problem = Problem(scene)
-    local = LocalSearch(problem.design(layout), problem.project if problem.coupled else None)
-    best = -float("inf")
-    while not local.done and not stopped.is_set():
-        answer = problem.evaluate(local.wanted, gradient=True)
-        local.update(answer.score, answer.gradient)
-        if local.score > best:
-            best = local.score
-            show(problem.layout(local.design), 0.0)
-            time.sleep(FRAME)
-    words = "nothing nearby is better" if local.done else "stopped"
-    if problem.discrete:
-        words += "; values of a list or a box do not follow the gradient: Search tries them"
-    return problem.layout(local.design), f"improved {local.evaluations} times: {words}"
-
-
-def find(scene: Scene, layout: Layout, stopped: threading.Event, show: Show) -> tuple[Layout, str]:
-    """Search by `auto` until it is done or stopped; arguments and result as of `improve`."""
     shown = 0.0
 
     def report(evaluator: Evaluator) -> None:
@@ -63,5 +49,24 @@ def find(scene: Scene, layout: Layout, stopped: threading.Event, show: Show) -> 
             shown = time.perf_counter()
             show(evaluator.problem.layout(evaluator.best), evaluator.progress)
 
-    result = search(scene, progress=False, callback=report)
+    result = search(scene, method, progress=False, callback=report)
     return result.layout, f"{result.evaluations} layouts in {result.seconds:.1f} s: {result.ended}"
+
+
+def improvement(layout: Layout) -> Method:
+    """Return the method that follows the gradient from a layout, slowly enough to be watched."""
+
+    def improve(evaluator: Evaluator, _: np.random.Generator) -> None:
+        problem = evaluator.problem
+        project = problem.project if problem.coupled else None
+        local = LocalSearch(problem.design(layout), project)
+        while not local.done:
+            run_local_searches(evaluator, [local], 1)
+            time.sleep(STEP)
+        evaluator.status = "nothing nearby is better"
+        if problem.discrete:
+            evaluator.status += (
+                "; values of a list or a box do not follow the gradient: Search tries them"
+            )
+
+    return improve

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 from html import escape
-from typing import Any, NamedTuple
+from io import BytesIO
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import panel as pn
@@ -25,11 +27,15 @@ from domino_env.view.report import UNIFORM_NAME
 from optimize.interactive.design import SPACING, THICKNESS, Design, known_record
 from optimize.interactive.exchange import exports, file_of, link_of, receive
 from optimize.interactive.figures import MM, TITLES, Chain, Curve, set_view
-from optimize.interactive.jobs import Work, find, improve
+from optimize.interactive.jobs import find, improvement
+
+if TYPE_CHECKING:
+    from optimize.methods.registry import Method
 
 FRAMES, INTERVAL = 150, 40  # of the animation, and [ms] from one to the next
 LONGEST_LINK = 30_000  # characters that servers and browsers accept in an address
 FLOOR_SECONDS = 30.0  # [s] that a uniform baseline on a floor may take
+REST = 0.3  # [s] without a change of the scene, after which its uniform baseline is computed
 WIDE = {"sizing_mode": "stretch_width"}
 STYLE = """
 h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p { margin: 2px 0; }
@@ -37,7 +43,6 @@ h1 { font-size: 18px; margin: 0; } h2 { font-size: 15px; margin: 10px 0 2px; } p
 .numbers b { font-size: 20px; color: #1d2126; }
 .error { color: #b03a00; }
 """
-WHOLE = ".bk-btn { padding: 0; } .bk-btn a { flex: 1; padding: 6px 12px; }"  # to be clicked
 NOTHING, KEPT = "nothing", "kept layout"
 
 Schedule = Callable[[Callable[[], None]], object]
@@ -57,6 +62,7 @@ class Control(NamedTuple):
     step: float
     read: Callable[[Scene], Any]
     fields: Callable[[Scene, Any], dict[str, Any]]
+    kind: Any = pn.widgets.EditableFloatSlider
 
 
 def _bounds(part: str) -> tuple[Callable[[Scene], Any], Callable[[Scene, Any], dict[str, Any]]]:
@@ -85,12 +91,13 @@ def _slope(scene: Scene) -> float | None:
 
 CONTROLS = (
     Control("Number of dominoes", 2, 200, 1, lambda s: None if s.stock else s.count,
-            lambda _, v: {"count": int(v)}),
+            lambda _, v: {"count": int(v)}, pn.widgets.EditableIntSlider),
     Control("Height [mm]", 5, 200, 0.1, lambda s: _mm(s.height), lambda _, v: {"height": v / MM}),
     Control("Thickness [mm]", 1, 50, 0.1, _one_thickness,
             lambda _, v: {THICKNESS: (v / MM, v / MM), "first_thickness": v / MM}),
-    Control("Allowed gaps [mm]", 0.5, 100, 0.1, *_bounds(SPACING)),
-    Control("Allowed thicknesses [mm]", 1, 50, 0.1, *_bounds(THICKNESS)),
+    Control("Allowed gaps [mm]", 0.5, 100, 0.1, *_bounds(SPACING), pn.widgets.EditableRangeSlider),
+    Control("Allowed thicknesses [mm]", 1, 50, 0.1, *_bounds(THICKNESS),
+            pn.widgets.EditableRangeSlider),
     Control("Length [mm] (0: any)", 0, 5000, 0.5,
             lambda s: _mm(s.length or 0), lambda _, v: {"length": v / MM or None}),
     Control("Push of the first domino [rad/s]", 0.1, 40, 0.1, lambda s: s.physics.push,
@@ -126,17 +133,19 @@ class Page:
         self.design, self._schedule = design, schedule
         self._newest: dict[Callable[..., None], Any] = {}  # values that wait for their use
         self._stopped: threading.Event | None = None  # ends the search that runs
+        self._moved: Control | None = None  # whose changes are one step of the history
         self._uniform_of: Scene | None = None  # scene of the uniform baseline
         self._kept: Layout | None = None
         self._waves: list[Wave] = []  # of this layout, and of the other one in a race
         self._motions: list[Motion] = []  # theirs; empty until the time is more than 0
-        self._view = Range1d(0.0, 1.0)
+        self._view = Range1d(-1.0, 1.0)
         self.chain, self.compared = Chain(self._view), Chain(self._view)
+        self.chain.figure.title.text = "Your layout"
         self.curves = {part: Curve(self._view, part) for part in TITLES}
         for part in (SPACING, THICKNESS):
             self._let_drag(part)
         self.view = self._arranged()
-        self._show_all()
+        self._show()
 
     # what the page is made of -------------------------------------------------------------------
 
@@ -149,76 +158,72 @@ class Page:
         def card(title: str, *parts: Any) -> Any:
             return pn.Column(pn.pane.HTML(f"<h2>{title}</h2>", stylesheets=[STYLE]), *parts, **WIDE)
 
-        def on_change(widget: Any, react: Callable[[Any], None]) -> Any:
-            widget.param.watch(partial(self._react, react), "value")
+        def with_change(widget: Any, react: Callable[[Any], None]) -> Any:
+            widget.param.watch(lambda event: self._soon(react, event.new), "value")
             return widget
 
-        self.chain.figure.title.text = "Your layout"
+        def button(name: str, action: Callable[..., Any], *values: Any) -> Any:
+            kind = "primary" if name in ("Improve", "Search") else "default"
+            made = pn.widgets.Button(name=name, button_type=kind)
+            made.on_click(lambda _: self._schedule(lambda: self._guarded(action, *values)))
+            self.buttons[name] = made
+            return made
+
         self.title, self.numbers, self.message, self.link = (
             pn.pane.HTML(stylesheets=[STYLE], **WIDE) for _ in range(4)
         )
         self.clock = pn.pane.HTML(width=150)
         self.progress = pn.indicators.Progress(value=-1, visible=False, **WIDE)
-        self.player = pn.widgets.Player(
+        player = pn.widgets.Player(
             start=0, end=FRAMES, interval=INTERVAL, loop_policy="once", show_loop_controls=False,
             visible_buttons=["first", "pause", "play", "last"], name="Time", width=260, height=60,
         )  # fmt: skip
-        on_change(self.player, partial(self._soon, self._draw_chains))
-        self.race = pn.widgets.Select(name="Race against", options=[NOTHING], **WIDE)
-        on_change(self.race, self._show_race)
+        self.player = with_change(player, self._draw_chains)
+        race = pn.widgets.Select(name="Race against", options=[NOTHING], **WIDE)
+        self.race = with_change(race, lambda _: self._show())
         self.controls = {}
         for control in CONTROLS:
-            kind = pn.widgets.EditableFloatSlider
-            if control.step == 1:
-                kind = pn.widgets.EditableIntSlider
-            elif "Allowed" in control.label:
-                kind = pn.widgets.EditableRangeSlider
-            label, low, high, step, *_ = control
-            self.controls[control] = widget = kind(
-                name=label, start=low, end=high, step=step, **WIDE
+            widget = control.kind(
+                name=control.label, start=control.low, end=control.high, step=control.step, **WIDE
             )
-            on_change(widget, partial(self._soon, self._change, control))
-        floor, noise = (
+            self.controls[control] = with_change(widget, partial(self._change, control))
+        self.floor, self.noise = (
             pn.widgets.FloatInput(name=name, value=0.5, start=0.0, step=0.1, width=150)
             for name in ("Floor friction", "Placement noise [mm]")
         )
-        self.buttons = {}
-        actions: dict[str, Callable[[], Any]] = {
-            "Undo": lambda: self._edit(lambda: self.design.go(-1)),
-            "Redo": lambda: self._edit(lambda: self.design.go(1)),
-            "Reset": lambda: self._edit(lambda: self.design.open(*self.design.first)),
-            "Equal gaps": lambda: self._edit(self._equal_gaps),
-            "Improve": lambda: self._run(improve),
-            "Search": lambda: self._run(find),
-            "Stop": self._stop_here,
-            "Keep to compare": self._keep,
-            "Check on a floor": lambda: self._check_floor(floor.value),
-            "Try the noise": lambda: self._try_noise(noise.value / MM),
-        }
-        for name, action in actions.items():
-            kind = "primary" if name in ("Improve", "Search") else "default"
-            self.buttons[name] = button = pn.widgets.Button(name=name, button_type=kind)
-            on_change(button, partial(self._press, action))
+        self.buttons: dict[str, Any] = {}
         upload = pn.widgets.FileInput(accept=".csv,.json,.toml", multiple=True, **WIDE)
-        on_change(upload, lambda data: self._receive(upload.filename, data))
-        self.downloads = {
-            name: pn.widgets.FileDownload(
-                label=name, callback=partial(self._file, name), filename="layout",
-                stylesheets=[WHOLE], **WIDE,
-            ) for name in exports(self.design)
-        }  # fmt: skip
-        *changes, keep, check, try_noise = self.buttons.values()
+        with_change(upload, lambda data: self._receive(upload.filename, data))
+        self.download = pn.widgets.FileDownload(filename="layout", styles={"display": "none"})
         main = pn.Column(
-            self.title, self.numbers, line(*changes), self.progress, self.message,
-            line(self.player, self.clock), self.chain.figure, self.compared.figure,
+            self.title, self.numbers,
+            line(
+                button("Undo", self._edit, self.design.go, -1),
+                button("Redo", self._edit, self.design.go, 1),
+                button("Reset", self._edit, self.design.open, *self.design.first),
+                button("Equal gaps", self._edit, self._equal_gaps),
+                button("Improve", self._improve),
+                button("Search", self._run, "auto"),
+                button("Stop", self._stop_here),
+            ),
+            self.progress, self.message, line(self.player, self.clock),
+            self.chain.figure, self.compared.figure,
             *(curve.figure for curve in self.curves.values()),
             styles={"flex": "4 1 560px"}, min_width=0,
         )  # fmt: skip
         side = pn.Column(
             card("Scene", *self.controls.values()),
-            card("Compare", self.race, keep),
-            card("Will it work?", line(floor, check), line(noise, try_noise)),
-            card("Build and save", *self.downloads.values(), self.link),
+            card("Compare", self.race, button("Keep to compare", self._keep)),
+            card(
+                "Will it work?",
+                line(self.floor, button("Check on a floor", self._check_floor)),
+                line(self.noise, button("Try the noise", self._try_noise)),
+            ),
+            card(
+                "Build and save",
+                line(*(button(name, self._save, name) for name in exports(self.design))),
+                self.link, self.download,
+            ),
             card("Open", "A layout (.csv, .json) or a scene (.toml): choose it or drop it here.",
                  upload),
             styles={"flex": "1 1 270px"}, min_width=0,
@@ -242,57 +247,41 @@ class Page:
             self._soon(self.drag, part, number, max(event.y + offset, 0.0) / MM)
 
         def end(_: Any) -> None:
-            self._use(self.drag)
-            self.design.commit()
             points.selected.indices = []
-            self._settle()
+            self._soon(self._edit, self.design.commit)  # after the drags that wait
 
         self.curves[part].let_drag(begin, go, end)
 
     # when things are done -----------------------------------------------------------------------
 
-    def _react(self, react: Callable[[Any], None], event: Any) -> None:
-        """Call a function with a new value, holding the lock of the document.
-
-        Panel calls its watchers without that lock while other events wait.
-        """
-        self._schedule(lambda: react(event.new))
-
     def _soon(self, use: Callable[..., None], *values: Any) -> None:
-        """Call a function with values, soon; newer values replace those that wait."""
+        """Call a function with values, soon; newer values replace those that wait.
+
+        It is called with the lock of the document, which Panel's watchers may lack.
+        """
         waits = use in self._newest
         self._newest[use] = values
         if not waits:
-            self._schedule(lambda: self._use(use))
-
-    def _use(self, use: Callable[..., None]) -> None:
-        """Call a function with the values that wait for it, if there are some."""
-        if use in self._newest:
-            use(*self._newest.pop(use))
+            self._schedule(lambda: self._guarded(use, *self._newest.pop(use)))
 
     def _later(self, work: Callable[[], Any], use: Callable[[Any], None]) -> None:
         """Call a function with the result of work in the background, or show why there is none."""
 
         def run() -> None:
             try:
-                result = work()
-                then = partial(use, result)
+                then = partial(use, work())
             except (ValueError, ArithmeticError) as error:
                 then = partial(self.tell, str(error), "error")
             self._schedule(then)
 
         threading.Thread(target=run, daemon=True).start()
 
-    def _guarded(self, action: Callable[[], Any]) -> Any:
-        """Return the result of an action, or show why it cannot be done."""
-        self.tell("")
+    def _guarded(self, action: Callable[..., Any], *values: Any) -> None:
+        """Call a function, or show why it cannot be done."""
         try:
-            return action()
+            action(*values)
         except (ValueError, ArithmeticError) as error:
             self.tell(str(error), "error")
-
-    def _press(self, action: Callable[[], Any], _: Any) -> None:
-        self._guarded(action)
 
     def tell(self, words: str, kind: str = "") -> None:
         """Show a sentence; the kind "error" has its own colour."""
@@ -300,9 +289,9 @@ class Page:
 
     # from the design to the page ----------------------------------------------------------------
 
-    def _show_all(self) -> None:
-        """Show a design whose scene may be another one."""
-        design, scene = self.design, self.design.scene
+    def _show(self) -> None:
+        """Show the design after a step of the history, and compute in the background what lasts."""
+        design, scene, wave = self.design, self.design.scene, self.design.wave
         self.title.object = f"<h1>Domino studio: {escape(str(scene.title))}</h1>"
         for control, widget in self.controls.items():
             value = control.read(scene)
@@ -310,38 +299,34 @@ class Page:
             if value is not None:
                 low, high = min(control.low, np.min(value)), max(control.high, np.max(value))
                 widget.param.update(start=low, end=high, value=value)
-        for name, (ending, _) in exports(design).items():
-            self.downloads[name].filename = f"{scene.name}{ending}"
         scale = MM * (float(design.layout.height.max()) if scene.in_heights else 1.0)
         for part, free in ((SPACING, scene.free_spacing), (THICKNESS, scene.free_thickness)):
             self.curves[part].figure.visible = free
             self.curves[part].fit(*(scale * bound for bound in getattr(scene, part)))
-        if scene != self._uniform_of:
-            self._uniform_of, design.uniform = scene, None
-            self._later(lambda: (scene, scene.uniform(FLOOR_SECONDS)), self._take_uniform)
-        self._settle()
-        self._fit_view()
-
-    def _take_uniform(self, result: tuple[Scene, UniformBaseline]) -> None:
-        if result[0] == self.design.scene:
-            self.design.uniform = result[1]
-            self._redraw()
-
-    def _settle(self) -> None:
-        """Show what a step of the history changes, after a drag for example."""
-        design, wave = self.design, self.design.wave
-        if design.score is None:
-            scene = design.scene
-            self._later(lambda: (wave, scene.score(wave)), self._take_score)
         link = link_of(design)
         self.link.object = (
             f'<a href="{link}" target="_blank">Link that contains this layout</a>'
             if len(link) < LONGEST_LINK else "The layout is too long for a link: save its files."
         )  # fmt: skip
-        self.buttons["Undo"].disabled = not design.can_go(-1)
-        self.buttons["Redo"].disabled = not design.can_go(1)
+        for name, steps in (("Undo", -1), ("Redo", 1)):
+            self.buttons[name].disabled = not design.can_go(steps)
         self.buttons["Stop"].disabled = self._stopped is None
+        if scene != self._uniform_of:
+            self._uniform_of, design.uniform = scene, None
+            self._later(lambda: (scene, self._uniform(scene)), self._take_uniform)
+        if design.score is None:
+            self._later(lambda: (wave, scene.score(wave)), self._take_score)
         self._redraw()
+        self._fit_view()
+
+    def _uniform(self, scene: Scene) -> UniformBaseline | None:
+        time.sleep(REST)
+        return scene.uniform(FLOOR_SECONDS) if scene == self.design.scene else None
+
+    def _take_uniform(self, result: tuple[Scene, UniformBaseline | None]) -> None:
+        if result[0] == self.design.scene:
+            self.design.uniform = result[1]
+            self._redraw()
 
     def _take_score(self, result: tuple[Wave, float]) -> None:
         if result[0] is self.design.wave:
@@ -359,10 +344,6 @@ class Page:
         }
         # a name stays while its layout is computed
         self.race.options = [NOTHING, UNIFORM_NAME, *(n for n in [*rivals][1:] if rivals[n])]
-        cells = (
-            f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in design.numbers().items()
-        )
-        explanation = escape(design.wave.explanation)
         compared = rivals.get(self.race.value)
         other = None if compared is None else scene.simulate(compared)
         for curve in self.curves.values():
@@ -373,12 +354,16 @@ class Page:
         self.compared.figure.title.text = self.race.value
         racers = [Racer(name, wave) for name, wave in waves.items()]
         verdict = f"<p><b>{escape(headline(racers)['who'])}</b></p>" if other else ""
-        self.numbers.object = (
-            f'<div class="numbers">{"".join(cells)}</div><p>{explanation}</p>{verdict}'
+        cells = (
+            f"<div><b>{escape(v)}</b><br>{escape(k)}</div>" for k, v in design.numbers().items()
         )
-        self._draw_chains(None)
+        self.numbers.object = (
+            f'<div class="numbers">{"".join(cells)}</div>'
+            f"<p>{escape(design.wave.explanation)}</p>{verdict}"
+        )
+        self._draw_chains()
 
-    def _draw_chains(self, frame: int | None) -> None:
+    def _draw_chains(self, frame: int | None = None) -> None:
         """Draw the dominoes at the time of the player; with a new frame the view follows them."""
         layouts, part = [wave.layout for wave in self._waves], self.player.value / FRAMES
         poses = [(layout.tilt, -1) for layout in layouts]
@@ -402,10 +387,6 @@ class Page:
         longest = max((wave.layout for wave in self._waves), key=lambda layout: layout.length)
         set_view(self._view, longest, leader)
 
-    def _show_race(self, _: str) -> None:
-        self._redraw()
-        self._fit_view()
-
     # from the page to the design ----------------------------------------------------------------
 
     def drag(self, part: str, number: int, value: float) -> None:
@@ -413,16 +394,22 @@ class Page:
         self.design.drag(part, number, value)
         self._redraw()
 
-    def _edit(self, action: Callable[[], Any]) -> None:
+    def _edit(self, action: Callable[..., Any], *values: Any) -> None:
         """Change the design, and show it."""
         self.stop()
-        self._guarded(action)
-        self._show_all()
+        self.tell("")
+        self._moved = None
+        self._guarded(action, *values)
+        self._show()
 
     def _change(self, control: Control, value: Any) -> None:
-        if value is not None and value != control.read(self.design.scene):
-            fields = control.fields(self.design.scene, value)
-            self._edit(lambda: self.design.change(**fields))
+        """Change the scene; consecutive changes by one control are one step of the history."""
+        scene = self.design.scene
+        if value is not None and value != control.read(scene):
+            if self._moved is control:
+                self.design.go(-1)
+            self._edit(lambda: self.design.change(**control.fields(scene, value)))
+            self._moved = control if self.design.scene != scene else None
 
     def _equal_gaps(self) -> None:
         if self.design.uniform is None:
@@ -440,27 +427,37 @@ class Page:
             files = dict(zip(names, data, strict=True))
             self._edit(lambda: self.tell(receive(self.design, files)))
 
-    def _file(self, name: str) -> Any:
-        write = exports(self.design)[name][1]
-        return self._guarded(lambda: file_of(write, self.downloads[name].filename))
+    def _save(self, name: str) -> None:
+        """Send a file to the browser, which saves it."""
+        ending, write = exports(self.design)[name]
+        filename = f"{self.design.scene.name}{ending}"
+
+        def send(data: BytesIO) -> None:
+            self.download.param.update(file=data, filename=filename)
+            self.download._clicks += 1  # as if its button, which is hidden, were pressed
+            self.tell(f"saved {filename} where the browser puts downloads")
+
+        self._later(lambda: file_of(write, filename), send)
 
     # actions in the background ------------------------------------------------------------------
 
     def stop(self) -> None:
         """End a search of which no result is wanted any more."""
-        if self._stopped is not None:
-            self._stopped.set()
-            self._stopped, self.progress.visible = None, False
-            self.buttons["Stop"].disabled = True
+        self._stop_here()
+        self._stopped, self.progress.visible = None, False
 
     def _stop_here(self) -> None:
         """End a search with the best so far."""
         if self._stopped is not None:
             self._stopped.set()
 
-    def _run(self, work: Work) -> None:
-        """Run a search from the layout, and show how it climbs."""
+    def _improve(self) -> None:
+        self._run(improvement(self.design.kept))
+
+    def _run(self, method: str | Method) -> None:
+        """Run a search, and show how it climbs."""
         self.stop()
+        self.tell("")
         stopped = self._stopped = threading.Event()
         design, began = self.design, self.design.score
         self.progress.param.update(visible=True, value=-1)
@@ -470,21 +467,17 @@ class Page:
             self._soon(self._show_search, stopped, layout, part)
 
         def take(result: tuple[Layout, str]) -> None:
-            self._use(self._show_search)
             if self._stopped is not stopped:
                 return
             layout, words = result
-            self.stop()
             design.show(layout)
             if began is not None and design.score is not None and design.score < began:
                 design.show(design.kept)
                 words = f"no better layout was found; {words}"
-            design.commit()
+            self._edit(design.commit)
             self.tell(words)
-            self._settle()
-            self._fit_view()
 
-        self._later(lambda: work(design.scene, design.kept, stopped, show), take)
+        self._later(lambda: find(design.scene, method, stopped, show), take)
 
     def _show_search(self, stopped: threading.Event, layout: Layout, part: float) -> None:
         if self._stopped is stopped:
@@ -492,8 +485,8 @@ class Page:
             self.design.show(layout)
             self._redraw()
 
-    def _check_floor(self, friction: float) -> None:
-        wave = self.design.wave
+    def _check_floor(self) -> None:
+        wave, friction = self.design.wave, self.floor.value
         self.tell("simulating the free-standing dominoes …")
 
         def take(rigid: RigidWave) -> None:
@@ -503,6 +496,6 @@ class Page:
 
         self._later(lambda: simulate_standing(wave.layout, wave.physics, friction), take)
 
-    def _try_noise(self, deviation: float) -> None:
-        wave, scene = self.design.wave, self.design.scene
-        self.tell(noise_summary(placement_noise(wave, scene, deviation)))
+    def _try_noise(self) -> None:
+        wave, scene, deviation = self.design.wave, self.design.scene, self.noise.value / MM
+        self._later(lambda: noise_summary(placement_noise(wave, scene, deviation)), self.tell)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from domino_env.core.checks import require_extra
 from domino_env.physics.layout import Layout
 from domino_env.scenes.scene import Scene
 from optimize.interactive.design import Design
@@ -170,6 +170,5 @@ def studio(source: str | Path | Scene | Layout = "sprint", port: int = 0) -> Stu
     >>> studio("sprint").layout.count
     40
     """
-    if find_spec("panel") is None:
-        raise ImportError('the studio needs Panel: pip install "domino-chains[studio]"')
+    require_extra("the studio", "studio", "panel")
     return Studio(open_design(source), port)

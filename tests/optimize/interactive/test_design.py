@@ -11,7 +11,7 @@ import pytest
 import domino_env as de
 from domino_env.cli.main import main
 from optimize.interactive.design import SPACING, THICKNESS, Design
-from optimize.interactive.jobs import find, improve
+from optimize.interactive.jobs import find, improvement
 
 SPRINT, COURSE = de.load_scene("sprint"), de.load_scene("course")
 LISTED = SPRINT.replace(spacing_values=(0.005, 0.010, 0.020, 0.040), count=12)
@@ -136,14 +136,17 @@ def test_numbers_of_a_wave_that_stops_name_the_place() -> None:
 @pytest.mark.parametrize("kind", ["bounds", "length", "list"])
 def test_improving_climbs_and_keeps_the_rules(kind: str, monkeypatch) -> None:
     monkeypatch.setattr("optimize.interactive.jobs.FRAME", 0.0)
+    monkeypatch.setattr("optimize.interactive.jobs.STEP", 0.0)
     scene = SCENES[kind].replace(count=12, length=None if kind != "length" else 0.24)
     design, shown = Design(scene), list[float]()
-    layout, words = improve(
-        scene, design.layout, threading.Event(), lambda one, _: shown.append(scene.score(one))
-    )
+    layout, words = find(
+        scene, improvement(design.layout), threading.Event(),
+        lambda one, _: shown.append(scene.score(one)),
+    )  # fmt: skip
     assert scene.violations(layout) == []
-    assert scene.score(layout) == shown[-1] == max(shown)
-    assert (shown[-1] > design.score * 1.001) == (kind != "list")
+    assert scene.score(layout) == pytest.approx(max(shown), rel=1e-9)
+    assert shown == sorted(shown)
+    assert (max(shown) > design.score * 1.001) == (kind != "list")
     assert ("Search" in words) == (kind == "list")
 
 
@@ -154,6 +157,6 @@ def test_a_search_that_is_stopped_returns_its_best() -> None:
         shown.append(layout)
         stopped.set()
 
-    layout, words = find(SPRINT, SPRINT.uniform().layout, stopped, show)
+    layout, words = find(SPRINT, "auto", stopped, show)
     assert "stopped" in words
     assert SPRINT.score(layout) >= SPRINT.score(shown[0]) - 1e-6
