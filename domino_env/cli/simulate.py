@@ -69,8 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = chosen_physics(arguments, arguments.layout)
     scene = chosen.scene
     layout = chosen.read(arguments.layout)
-    if arguments.deviation is not None and layout.count > 1:
-        require_deviation(arguments.deviation, 1e3 * layout.spacing.max())
+    if arguments.deviation is not None:
+        require_deviation(arguments.deviation, 1e3 * layout.spacing.max(initial=0.0))
     wave = simulate(layout, chosen.physics, rtol=arguments.rtol)
     evaluation = _evaluation(wave, scene) if scene else {}
     rigid = None

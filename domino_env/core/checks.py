@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from domino_env.core.files import one_line, shown
+from domino_env.core.types import Floats
 
 INF = math.inf
 
@@ -68,6 +69,20 @@ def require(
     spread = range_in_words(low, high, above=above, below=below)
     given = f"{name} = {shown(value)}{' ' * bool(unit)}{unit}"
     raise ValueError(f"{given}: give a {wanted}{spread}{f' ({hint})' if hint else ''}")
+
+
+def numbers(name: str, value: Any, copy: bool | None = True) -> Floats:
+    """Return an array of the numbers of an argument, new unless `copy` is None.
+
+    Raises
+    ------
+    ValueError
+        With name and value, for anything but numbers in lists of equal lengths.
+    """
+    try:
+        return np.array(value, dtype=np.float64, copy=copy)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} = {shown(value)}: give numbers") from None
 
 
 def require_choice(name: str, value: object, choices: Iterable[object]) -> None:

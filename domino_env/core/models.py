@@ -198,7 +198,7 @@ def _wanted(type_: Any) -> str:
         return f"give a line of text{most}"
     if hasattr(type_, "item_type"):
         few = f" of at most {type_.max_length} entries" if type_.max_length else ""
-        return f"give a list{few}: {_wanted(type_.item_type).removeprefix('give ')} each"
+        return f"give a list{few}, each {_wanted(type_.item_type).removeprefix('give ')}"
     if hasattr(type_, "item_types"):
         return f"give a list of {len(type_.item_types)} numbers"
     return f"give a table of {', '.join(_fields(type_))}"

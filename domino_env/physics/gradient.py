@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.core.checks import require
+from domino_env.core.checks import numbers, require
 from domino_env.core.results import brief
 from domino_env.core.types import Floats
 from domino_env.physics import footing
@@ -128,7 +128,7 @@ def pullback(
     ValueError
         As for `Wave.pullback`.
     """
-    bar = np.array(arrival_bar, dtype=np.float64)
+    bar = numbers("arrival_bar", arrival_bar)
     if bar.shape != (layout.count,):
         raise ValueError(
             f"arrival_bar has shape {bar.shape}: give one number for each of the {layout.count} "

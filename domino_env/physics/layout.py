@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from domino_env.core.checks import require
+from domino_env.core.checks import numbers, require
 from domino_env.core.results import draw
 from domino_env.core.types import Floats
 from domino_env.physics import footing
@@ -85,15 +85,15 @@ class Layout:
         rise: ArrayLike = 0.0,
         tilt: ArrayLike = 0.0,
     ) -> None:
-        gaps = np.array(spacing, dtype=np.float64)
+        gaps = numbers("spacing", spacing)
         if gaps.ndim != 1:
             raise ValueError(f"spacing has shape {gaps.shape}: give one gap per pair, shape (N-1,)")
         count = len(gaps) + 1
         arrays = {
             "spacing": gaps,
-            "thickness": _full("thickness", thickness, count),
-            "height": _full("height", height, count),
-            "density": _full("density", density, count),
+            "thickness": full_array("thickness", thickness, count),
+            "height": full_array("height", height, count),
+            "density": full_array("density", density, count),
         }
         for name, array in arrays.items():
             if (
@@ -103,7 +103,10 @@ class Layout:
         if isinstance(width, np.ndarray):
             raise ValueError(f"width has shape {width.shape}: give one number for all dominoes")
         require("width", width, above=0.0, unit="m")
-        arrays["rise"], arrays["tilt"] = _full("rise", rise, count - 1), _full("tilt", tilt, count)
+        arrays["rise"], arrays["tilt"] = (
+            full_array("rise", rise, count - 1),
+            full_array("tilt", tilt, count),
+        )
         for array in arrays.values():
             array.flags.writeable = False
         is_flat = not (np.count_nonzero(arrays["rise"]) or np.count_nonzero(arrays["tilt"]))
@@ -330,9 +333,9 @@ def _span(values: Floats, unit: float = 1e3) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _full(name: str, values: ArrayLike, count: int) -> Floats:
+def full_array(name: str, values: ArrayLike, count: int) -> Floats:
     """Return an array of full length."""
-    array = np.array(values, dtype=np.float64)
+    array = numbers(name, values)
     if array.ndim == 0:
         full = np.empty(count)  # half the time of np.full
         full.fill(array)
@@ -340,6 +343,6 @@ def _full(name: str, values: ArrayLike, count: int) -> Floats:
     if array.shape != (count,):
         raise ValueError(
             f"{name} has shape {array.shape}: give one number or {count}, one per "
-            f"{'pair' if name == 'rise' else 'domino'}"
+            f"{'pair' if name in ('spacing', 'rise') else 'domino'}"
         )
     return array

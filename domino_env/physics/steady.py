@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from domino_env import kernels
+from domino_env.core.checks import numbers
 from domino_env.physics.gradient import arrays_of
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import STANDARD, Physics, require_arguments
@@ -103,8 +104,11 @@ def steady_wave(
     >>> steady_wave([0.016, 0.024, 0.032], 0.0075).speed.round(3)
     array([0.958, 0.894, 0.841])
     """
-    chain = (pitch, thickness, height, density)
+    names = ("pitch", "thickness", "height", "density")
+    chain = tuple(map(numbers, names, (pitch, thickness, height, density)))
     shape = np.broadcast(*chain).shape
+    if 0 in shape:
+        raise ValueError(f"the sizes have shape {shape}: give one chain or more")
     waves = [
         vars(steady_pattern(p, d, h, physics, density=rho, slope=slope, rtol=rtol)).values()
         for p, d, h, rho in (np.broadcast(*chain) if shape else [chain])

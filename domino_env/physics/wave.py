@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domino_env import kernels
-from domino_env.core.checks import require
+from domino_env.core.checks import numbers, require
 from domino_env.core.results import draw
 from domino_env.core.threads import share_pieces
 from domino_env.core.types import Floats
@@ -584,7 +584,7 @@ def _checked_batch(
     tilt: ArrayLike,
 ) -> kernels.Arrays:
     """Return the arrays of a batch for the kernels; raise for what cannot stand."""
-    gaps = np.asarray(spacing, dtype=np.float64)
+    gaps = numbers("spacing", spacing, None)
     if gaps.ndim != 2:
         raise ValueError(
             f"spacing has shape {gaps.shape}: give one line per layout, (B, N-1); for one layout "
@@ -594,7 +594,7 @@ def _checked_batch(
 
     def whole(name: str, values: ArrayLike, across: int) -> Floats:
         """Return (1, n) or (B, n) from a scalar, (n,) or (B, n)."""
-        array = np.asarray(values, dtype=np.float64)
+        array = numbers(name, values, None)
         if array.ndim == 0 or array.shape in ((1,), (1, 1)):
             return np.full((1, across), float(array.reshape(())))
         if array.shape == (across,):

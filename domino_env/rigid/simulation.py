@@ -14,7 +14,7 @@ from domino_env.core.checks import require
 from domino_env.core.progress import progress_bar
 from domino_env.core.types import Bools, Floats
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
+from domino_env.physics.physics import Physics, require_arguments
 from domino_env.rigid import dynamics
 
 FLOOR_FRICTION = 0.5  # of wood on wood, as it is mostly given
@@ -197,6 +197,7 @@ def simulate_standing(
     10
     """
     begun, physics = time.perf_counter(), physics or Physics()
+    require_arguments(layout, physics)
     if floor_friction is not None:
         require("floor_friction", floor_friction, 0.0, hint="None for fixed pivots")
         floor_friction = float(floor_friction)

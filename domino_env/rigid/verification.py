@@ -14,7 +14,7 @@ from domino_env.core.checks import require
 from domino_env.core.results import as_json, brief, document
 from domino_env.core.tables import text_table
 from domino_env.physics.layout import Layout
-from domino_env.physics.physics import Physics
+from domino_env.physics.physics import Physics, require_arguments
 from domino_env.physics.wave import Wave, simulate
 from domino_env.rigid.engine import simulate_in_engine
 from domino_env.rigid.simulation import RigidWave, floor_name, largest_difference, simulate_standing
@@ -167,6 +167,7 @@ def verify(
     ValueError
         For a single domino, or a floor without friction.
     """
+    require_arguments(layout, physics)
     if layout.count < 2:
         raise ValueError("one domino has no wave: give a layout of two or more")
     for floor in floors:

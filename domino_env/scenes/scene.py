@@ -11,6 +11,7 @@ import numpy as np
 
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
+from domino_env.physics.physics import require_arguments
 from domino_env.physics.wave import Outcome, Wave, simulate
 from domino_env.scenes.objectives import Evaluation
 from domino_env.scenes.objectives.robust import placed
@@ -146,6 +147,7 @@ class Scene(Specification):
         """
         if isinstance(layout, Wave):
             return float(self.evaluate_waves([layout]).score[0])
+        require_arguments(layout, self.physics)
         self._require(layout)
         return self.score(self.simulate(layout))
 

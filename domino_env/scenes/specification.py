@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
-from domino_env.physics.layout import Layout
+from domino_env.physics.layout import Layout, full_array
 from domino_env.physics.physics import Physics
 from domino_env.physics.standard import DENSITY, HEIGHT, WIDTH
 from domino_env.scenes.consistency import tables_of
@@ -197,12 +197,12 @@ class Specification:
         """
         if thickness is None and self.free_thickness:
             raise ValueError(f"thickness is missing: scene '{self.name}' leaves it free")
-        gaps = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (1, self.count - 1))
-        thick, tall = (
-            None if part is None else np.asarray(part, dtype=np.float64)
-            for part in (thickness, height)
-        )
-        return self.batch(gaps, thick, tall).layout(0)
+        parts = {"spacing": spacing, "thickness": thickness, "height": height}
+        sizes = [
+            None if part is None else full_array(name, part, self.count - 1)
+            for name, part in parts.items()
+        ]
+        return self.batch(*(None if part is None else part[None] for part in sizes)).layout(0)
 
     def batch(
         self,

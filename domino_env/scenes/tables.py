@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 from msgspec import Meta
 
+from domino_env.core.files import shown
 from domino_env.core.models import LARGEST, Part, Size, Table, plain
 from domino_env.physics.ground import Ground
 from domino_env.physics.physics import Physics
@@ -92,6 +93,8 @@ class RangeTable(Table):
     @classmethod
     def of_bounds(cls, bounds: Bounds, values: Values | None, **more: Any) -> dict[str, Any]:
         """Return the table, as in a document, whose `allowed` are these bounds and values."""
+        if not hasattr(bounds, "__len__") or len(bounds) != 2:
+            raise ValueError(f"{shown(bounds)}: give two bounds, such as (0.002, 0.04)")
         low, high = bounds
         if low == high:
             return {"fixed": low, **more}

@@ -123,7 +123,7 @@ def plan_tasks(
 def require_distinct(**lists: Sequence[object]) -> None:
     """Check that lists are not empty and have each entry once."""
     for name, values in lists.items():
-        if not values:
+        if not values or "" in values:
             raise ValueError(f"{name} is empty: give at least one")
         if len(set(values)) < len(values):
             raise ValueError(f"{name} = {', '.join(map(str, values))}: give each once")

@@ -22,6 +22,7 @@ from optimize.experiments.task import Task
     ({"method": "cmaes"}, "method = 'cmaes': did you mean 'cma'? choose one of auto, cma"),
     ({"method": "quantum"}, "method = 'quantum': choose one of auto, cma, l-bfgs"),
     ({"budget": 0}, "budget = 0: give a whole number, at least 1"),
+    ({"budget": float("nan")}, "budget = nan: give a whole number, at least 1"),
     ({"seconds": 0.0}, "seconds = 0.0 s: give a finite number, more than 0"),
     ({"seconds": float("nan")}, "seconds = nan s: give a finite number"),
     ({"tolerance": 0.0}, "tolerance = 0.0: give a finite number, more than 0, less than 1"),

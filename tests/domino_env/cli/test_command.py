@@ -95,6 +95,8 @@ def test_json_for_other_programs(output_of, file):
     ("simulate FILE --push nan", "--push = nan rad/s: give a finite number, more than 0,"),
     ("simulate FILE --floor -1", "--floor = -1.0: give a finite number, at least 0 (a coefficient"),
     ("verify FILE --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
+    ("simulate ONE --deviation 1", "--deviation = 1.0 mm: give a finite number, at most 0 (half"),
+    ("compare sprint --methods ,", "methods is empty: give at least one"),
     ("simulate FILE --deviation 30", "--deviation = 30.0 mm: give a finite number, at most 11"),
     ("simulate FILE --rate 2", "unrecognized arguments: --rate 2 (domino --help)"),
     ("simulate FILE --scene sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
@@ -120,12 +122,14 @@ def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):
     monkeypatch.chdir(file.parent)
     texts = {
         "bad.csv": "spacing_mm,thickness_mm\n18,7.5\n18,thin\n,7.5\n",
+        "one.csv": "spacing_mm,thickness_mm\n,7.5\n",
         "mm.csv": "spacing,thickness\n18,7.5\n,7.5\n",
         "tall.toml": de.load_scene("sprint").replace(height=48.0, spacing=(2.0, 40.0)).to_toml(),
     }
     for name, text in texts.items():
         Path(name).write_text(text)
     places = {"FILE": file.name, "BAD": "bad.csv", "MM": "mm.csv", "TALL": "tall.toml"}
+    places["ONE"] = "one.csv"
     assert main([places.get(word, word.replace("BAD", "bad.csv")) for word in words.split()]) == 2
     assert sorted(path.name for path in file.parent.iterdir()) == sorted([file.name, *texts])
     output = capsys.readouterr()

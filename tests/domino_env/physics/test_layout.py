@@ -79,6 +79,8 @@ def test_copies_are_equal_and_read_only(original, duplicate):
     ({"spacing": [0.0, 0.01]}, "spacing[0] = 0.0 m: give a finite number, more than 0"),
     ({"spacing": [0.01, float("inf")]},
      "spacing[1] = inf m: give a finite number, more than 0"),
+    ({"spacing": "near"}, "spacing = 'near': give numbers"),
+    ({"thickness": [[0.01], [0.01, 0.02]]}, "thickness = [[0.01], [0.01, 0.02]]: give numbers"),
     ({"spacing": 0.01}, "spacing has shape (): give one gap per pair, shape (N-1,)"),
     ({"thickness": [0.0075, 0.0, 0.0075]},
      "thickness[1] = 0.0 m: give a finite number, more than 0"),

@@ -163,8 +163,9 @@ def test_where_there_is_no_steady_wave():
     assert math.isnan(tight.omega_release)
     assert "energy" in tight.explanation
     assert "out of reach" in de.steady_wave(0.06, 0.0075).explanation
-    with pytest.raises(ValueError, match="more than 0"):
-        de.steady_wave(0.007, 0.0075)
+    for pitch, words in ((0.007, "more than 0"), ([], "give one chain"), ("a", "pitch = 'a'")):
+        with pytest.raises(ValueError, match=words):
+            de.steady_wave(pitch, 0.0075)
 
 
 def test_the_closed_form_is_near_for_thin_dominoes():
@@ -225,6 +226,7 @@ def test_just_above_a_stall_the_estimate_stays_honest(friction):
     ("given", "message"),
     [
         ({"spacing": [0.02, 0.02]}, "one line per layout"),
+        ({"spacing": [["wide"]]}, "spacing = .*wide.*: give numbers"),
         ({"spacing": [[0.02, np.nan]]}, r"spacing\[0, 1\] = nan m"),
         ({"thickness": [[0.0, 0.01, 0.01]]}, r"thickness\[0, 0\] = 0.0 m"),
         ({"thickness": [0.01, 0.01]}, r"thickness has shape \(2,\)"),
@@ -264,7 +266,9 @@ def test_physics_are_floats_and_immutable():
         physics.push = 1.0
 
 
-@pytest.mark.parametrize("function", [de.simulate, de.diagnose, de.smallest_push])
+@pytest.mark.parametrize("function", [
+    de.simulate, de.diagnose, de.smallest_push, de.simulate_standing, de.verify,
+])  # fmt: skip
 def test_arguments_of_another_type(function):
     wanted = r"layout is a list: give a Layout, such as Layout\(spacing="
     with pytest.raises(TypeError, match=wanted):

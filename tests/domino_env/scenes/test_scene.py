@@ -2,6 +2,7 @@
 
 import dataclasses
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -113,6 +114,18 @@ def test_a_layout_that_breaks_the_rules_has_no_score():
     scene = small()
     with pytest.raises(ValueError, match=r"scene 'small': spacing\[0\] = 0\.035 m"):
         scene.score(scene.layout(0.035))
+
+
+@pytest.mark.parametrize(("call", "words"), [
+    (lambda: small(spacing=0.02), "scene 'small': 0.02: give two bounds, such as"),
+    (lambda: small(spacing=(0.01, 0.02, 0.03)), "scene 'small': (0.01, 0.02, 0.03): give two"),
+    (lambda: small().layout([0.01, 0.02]), "spacing has shape (2,): give one number or 7"),
+    (lambda: small().layout("wide"), "spacing = 'wide': give numbers"),
+    (lambda: small().score(None), "layout is a NoneType: give a Layout"),
+])  # fmt: skip
+def test_arguments_that_are_no_sizes_are_named(call, words):
+    with pytest.raises((ValueError, TypeError), match=re.escape(words)):
+        call()
 
 
 def test_every_violation_has_its_sentence():
