@@ -266,6 +266,8 @@ class Evaluator:
             return self.evaluate(
                 designs[None], gradient, rtol=rtol, differences=differences, relaxed=relaxed
             ).of_one()
+        if not len(designs):
+            raise ValueError("no designs are given: evaluate one or more")
         found: list[Scores] = []
         # The same pieces with and without an executor: no result may depend on it.
         step = max(1, self._piece // GRADIENT_COST) if gradient else self._piece

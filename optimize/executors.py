@@ -280,10 +280,12 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
 
 def add_executor_options(parser: argparse.ArgumentParser) -> None:
     """Add --workers and --dask."""
+    from domino_env.cli.options import NATURAL
+
     group = parser.add_argument_group(
         "executor", "processes that do the work (this one); the results are the same"
     )
-    group.add_argument("--workers", type=int, metavar="N", help="number of processes")
+    group.add_argument("--workers", type=NATURAL, metavar="N", help="number of processes")
     group.add_argument(
         "--dask",
         metavar="ADDRESS",

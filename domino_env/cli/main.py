@@ -90,7 +90,9 @@ def main(words: Sequence[str] | None = None) -> int:
             from domino_env.core.checks import require_choice
 
             require_choice("COMMAND", words[0], names)  # argparse suggests no similar one
-        arguments = parser().parse_args(words)
+        top = parser()
+        top.prog = " ".join(["domino", *words[:1]])  # of arguments that no command takes
+        arguments = top.parse_args(words)
         with warnings.catch_warnings():
             warnings.simplefilter("default", Advice)
             warnings.simplefilter("error", WrongUnit)

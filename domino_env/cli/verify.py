@@ -70,9 +70,10 @@ def run(arguments: argparse.Namespace) -> int:
     output = sys.stderr if arguments.json == "-" else sys.stdout
 
     differs = False
-    for name in arguments.layouts:
-        chosen = chosen_physics(arguments, name)
-        layout = chosen.read(name)
+    chosen_of = {name: chosen_physics(arguments, name) for name in arguments.layouts}
+    layouts = {name: chosen.read(name) for name, chosen in chosen_of.items()}
+    for name, layout in layouts.items():
+        chosen = chosen_of[name]
         print(f"{name}\n{chosen.line}", file=output, flush=True)
         checked = verification.verify(
             layout, chosen.physics, floors=arguments.floor, engine=engine, progress=None

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the layout of one scene, .csv/.json",
     )
     parser.add_argument(
-        "--verify", action="store_true", help="simulate the layouts without the model"
+        "--verify", action="store_true", help="simulate the layouts as rigid bodies"
     )
     add_simulator_options(parser, engine=False, when="minutes per layout")
     add_json_option(parser)

@@ -4,8 +4,8 @@ SCENE is the name of a shipped scene (sprint, course, …) or a .toml file. The 
 receives the scene, the best layout (CSV and JSON), the trace of the search, a summary and a
 picture; a folder that holds a run already is refused without --resume. Ctrl-C ends the search and
 writes the best layout so far. --resume continues it, after a kill too, or with a larger budget; the
-result is that of an undisturbed search. Where pieces are drawn in random order (`draw`), the search
-chooses their order freely, which nobody who draws them can.
+result is that of a search that was never stopped. Where pieces are drawn in random order (`draw`),
+the search chooses their order freely, as no builder can.
 """
 
 from __future__ import annotations
@@ -55,9 +55,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Search, write the folder, and print the result."""
     from domino_env.scenes.io.reading import load_scene, scene_names
     from optimize.experiments.best_known import update
+    from optimize.methods.registry import load
     from optimize.run_folder import FILES
     from optimize.searching import search
 
+    load(arguments.method)  # raises where there is none, before anything is printed
     scene = load_scene(arguments.scene)
     folder = arguments.out or f"runs/{scene.name}"
     print(f"{scene.name}: {scene.title}", flush=True)

@@ -1,4 +1,4 @@
-"""Design a row in the browser: drag gaps and see the speed, search, check on a floor, print.
+"""Design a layout in the browser: drag gaps and see the speed, search, check on a floor, print.
 
 SOURCE is a scene (its name or .toml file), a layout (.csv or .json), the folder of a run, or a link
 of the page. The page is served on this machine alone, until its last tab is closed or by Ctrl-C.
@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import argparse
 
-SUMMARY = "design a row in the browser: drag, search, check, print"
+from domino_env.cli.options import number
+
+SUMMARY = "design a layout in the browser: drag, search, check, print"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "source", metavar="SOURCE", nargs="?", default="sprint",
         help="scene, layout, run folder or link (sprint)",
     )  # fmt: skip
-    parser.add_argument("--port", type=int, default=0, help="port on this machine (a free one)")
+    port = number(whole=True, low=0, high=65535)
+    parser.add_argument("--port", type=port, default=0, help="port on this machine (a free one)")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
 
 

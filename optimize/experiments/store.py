@@ -211,7 +211,7 @@ def open_store(path: str | Path, *, create: bool = True) -> Store:
         The file is damaged or no store, or cannot be written. Nothing has changed then.
     """
     path = Path(path)
-    if not path.exists():
+    if not path.exists() or not (create or path.stat().st_size):
         if not create:
             raise ValueError(f"there is no store {path}: name the one that a study was kept in")
         require_writable(path.parent)

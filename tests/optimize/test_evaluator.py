@@ -26,6 +26,8 @@ def test_a_limit_raises_into_the_method(scenes):
 def test_the_best_is_kept(scenes):
     best = []
     evaluator = Evaluator(Problem(scenes["spacing"]), callback=lambda e: best.append(e.best_score))
+    with pytest.raises(ValueError, match="no designs are given: evaluate one or more"):
+        evaluator.evaluate(np.empty((0, evaluator.problem.dimension)))
     with pytest.raises(ValueError, match="nothing has been scored yet"):
         evaluator.best  # noqa: B018 - reading it is the test
     designs = np.random.default_rng(0).random((50, evaluator.problem.dimension))

@@ -94,11 +94,14 @@ def test_json_for_other_programs(output_of, file):
     ("simulate FILE --gravity 9810", "--gravity = 9810.0 m/s²: give a finite number, more than 0,"),
     ("simulate FILE --push nan", "--push = nan rad/s: give a finite number, more than 0,"),
     ("simulate FILE --floor -1", "--floor = -1.0: give a finite number, at least 0 (a coefficient"),
+    ("verify FILE nothing.csv", "No such file or directory: 'nothing.csv'"),
+    ("sweep sprint --workers two", "--workers: 'two': give a whole number"),
+    ("studies --store EMPTY", "there is no store empty.csv: name the one that a study was kept in"),
     ("verify FILE --floor 0.5,0", "--floor = 0.0: give a finite number, more than 0 (a coeff"),
     ("simulate ONE --deviation 1", "--deviation = 1.0 mm: give a finite number, at most 0 (half"),
     ("compare sprint --methods ,", "methods is empty: give at least one"),
     ("simulate FILE --deviation 30", "--deviation = 30.0 mm: give a finite number, at most 11"),
-    ("simulate FILE --rate 2", "unrecognized arguments: --rate 2 (domino --help)"),
+    ("simulate FILE --rate 2", "unrecognized arguments: --rate 2 (domino simulate --help)"),
     ("simulate FILE --scene sprnit", "there is no scene 'sprnit': did you mean 'sprint'?"),
     ("simulate BAD", "bad.csv, line 3, column 'thickness_mm': 'thin' is not a number"),
     ("simulate MM", "mm.csv: a domino is 7.5 m thick, and the dominoes are 0.048 m tall: lengths"),
@@ -122,6 +125,7 @@ def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):
     monkeypatch.chdir(file.parent)
     texts = {
         "bad.csv": "spacing_mm,thickness_mm\n18,7.5\n18,thin\n,7.5\n",
+        "empty.csv": "",
         "one.csv": "spacing_mm,thickness_mm\n,7.5\n",
         "mm.csv": "spacing,thickness\n18,7.5\n,7.5\n",
         "tall.toml": de.load_scene("sprint").replace(height=48.0, spacing=(2.0, 40.0)).to_toml(),
@@ -129,7 +133,7 @@ def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):
     for name, text in texts.items():
         Path(name).write_text(text)
     places = {"FILE": file.name, "BAD": "bad.csv", "MM": "mm.csv", "TALL": "tall.toml"}
-    places["ONE"] = "one.csv"
+    places |= {"ONE": "one.csv", "EMPTY": "empty.csv"}
     assert main([places.get(word, word.replace("BAD", "bad.csv")) for word in words.split()]) == 2
     assert sorted(path.name for path in file.parent.iterdir()) == sorted([file.name, *texts])
     output = capsys.readouterr()
