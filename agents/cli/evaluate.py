@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino evaluate`."""
     parser.add_argument(
         "agent", metavar="RUN",
-        help="folder of a training; a shipped one, sprint or designer; uniform, greedy, ramp, plan or "
+        help="folder of a training; sprint or designer, as shipped; uniform, greedy, ramp, plan or "
         "controller",
     )  # fmt: skip
     parser.add_argument(

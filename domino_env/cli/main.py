@@ -108,7 +108,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"domino: {str(stop) or 'interrupted'}", file=sys.stderr)
         return interruption.code
     except (ValueError, OSError, ImportError, WrongUnit) as error:
-        if interruption.signal and not str(error):
+        if interruption.signal and (isinstance(error, ImportError) or not str(error)):
             print("domino: interrupted", file=sys.stderr)
             return interruption.code
         message = re.sub(r"\[(Errno|WinError) -?\d+\] ", "", str(error))

@@ -144,7 +144,9 @@ def test_an_error_is_one_line(capsys, monkeypatch, file, words, message):
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize("becomes", [KeyboardInterrupt, ValueError, TypeError, None])
+@pytest.mark.parametrize(
+    "becomes", [KeyboardInterrupt, ValueError, TypeError, ImportError("failed"), None]
+)
 def test_an_interruption_is_one_whatever_a_library_makes_of_it(
     capsys, monkeypatch, file, number, code, becomes
 ):
