@@ -197,12 +197,13 @@ class Specification:
         """
         if thickness is None and self.free_thickness:
             raise ValueError(f"thickness is missing: scene '{self.name}' leaves it free")
-        parts = {"spacing": spacing, "thickness": thickness, "height": height}
-        sizes = [
-            None if part is None else full_array(name, part, self.count - 1)
-            for name, part in parts.items()
-        ]
-        return self.batch(*(None if part is None else part[None] for part in sizes)).layout(0)
+        pairs = self.count - 1
+        gaps = full_array("spacing", spacing, pairs)[None]
+        thick, tall = (
+            None if part is None else full_array(name, part, pairs)[None]
+            for name, part in (("thickness", thickness), ("height", height))
+        )
+        return self.batch(gaps, thick, tall).layout(0)
 
     def batch(
         self,
