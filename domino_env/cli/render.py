@@ -16,13 +16,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `domino render`."""
     parser.add_argument("layouts", metavar="LAYOUT", nargs="+", help="layout file, .csv or .json")
     add_physics_options(parser, uniform=True)
-    parser.add_argument("--gif", type=output(".gif"), metavar="FILE", help="write an animated GIF")
-    parser.add_argument(
-        "--mp4", type=output(".mp4"), metavar="FILE", help="write a film (extra 'render')"
-    )
-    parser.add_argument(
-        "--png", type=output(".png"), metavar="FILE", help="write one picture of several moments"
-    )
+    for ending, text in {
+        "gif": "an animated GIF",
+        "mp4": "a film (extra 'render')",
+        "png": "one picture of several moments",
+    }.items():
+        parser.add_argument(
+            f"--{ending}", type=output(f".{ending}"), metavar="FILE", help=f"write {text}"
+        )
     parser.add_argument(
         "--moments", type=NATURAL, metavar="N", default=4,
         help="number of moments in the picture (4)",

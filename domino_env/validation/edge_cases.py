@@ -7,7 +7,6 @@ estimate and the tolerance, or an outcome has to give the reason why there is no
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -72,8 +71,6 @@ class Answer:
         As `Wave.converged`.
     against
         The reference: "many digits" or "tightest run".
-    seconds
-        Run time [s].
     faults
         Differences from the reference, in words; empty for a right result.
     """
@@ -85,7 +82,6 @@ class Answer:
     estimate: float
     converged: bool
     against: str
-    seconds: float
     faults: str
 
 
@@ -274,9 +270,7 @@ def error_of(arrival_times: Floats, exact: Floats) -> float:
 
 def examine(case: EdgeCase, rtol: float = RTOL) -> Answer:
     """Compare a wave with the stored solution to many digits, or with the tightest run."""
-    began = time.perf_counter()
     wave = simulate(case.layout, case.physics, rtol=rtol)
-    seconds = time.perf_counter() - began
     lowest = float(np.nanmin(wave.stall_margin))
     if (true := reference_waves().get(str(case))) is not None:
         error, right, slack = true.relative_error(wave.arrival_times), true.outcome, 4e-16
@@ -298,7 +292,7 @@ def examine(case: EdgeCase, rtol: float = RTOL) -> Answer:
             faults.append(f"error {error:.1e} above the tolerance {rtol:g}")
     return Answer(
         case.group, case.name, wave.outcome.name, error, wave.error_estimate, wave.converged,
-        against, seconds, "; ".join(faults),
+        against, "; ".join(faults),
     )  # fmt: skip
 
 

@@ -120,11 +120,9 @@ def _draw_panel(axes: Axes, validation: Validation) -> None:
     setting, friction = main.setting, main.friction
     scale = 1e3 if setting.x_unit == "m" else 1.0
     x = np.array([chain.x for chain in main.chains])
-    room = 0.12 * np.ptp(x) or 0.2 * x.min()
     touching = setting.thickness / setting.x_length if setting.x_is == "pitch" else 0.0
-    widest = touching + WIDEST * setting.height / setting.x_length
-    lowest = max(x.min() - room, touching + 0.3 * (x.min() - touching))
-    dense = np.linspace(lowest, min(x.max() + room, widest), POINTS)
+    gap, widest = x - touching, WIDEST * setting.height / setting.x_length
+    dense = touching + np.linspace(0.8 * gap.min(), min(1.1 * gap.max(), widest), POINTS)
     band = main.uncertainty if math.isfinite(main.uncertainty) else 0.0
 
     def line(friction: float) -> Floats:
