@@ -14,9 +14,3 @@ COLOURS = (
     "#8070f0", "#004070", "#887000", "#5848c0", "#98b088", "#600848", "#d03868", "#f088f8",
     "#187800", "#503000", "#f89890", "#c0a8d8",
 )  # fmt: skip
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Return red, green and blue of "#rrggbb", 0 to 255."""
-    red, green, blue = bytes.fromhex(colour[1:])
-    return red, green, blue

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from domino_env.core.checks import require, require_choice
 from domino_env.core.types import Floats
 from domino_env.physics.layout import Layout
 from domino_env.physics.physics import Physics
@@ -55,14 +54,7 @@ def integrate(layout: Layout, physics: Physics, method: str, setting: float) -> 
         One of `FIXED` or `ADAPTIVE`.
     setting
         The step [s] of a fixed method, the relative tolerance of an adaptive one.
-
-    Raises
-    ------
-    ValueError
-        For an unknown method, or a setting that is not positive and finite.
     """
-    require_choice("method", method, (*FIXED, *ADAPTIVE))
-    require("setting", setting, above=0.0, hint="a step [s] or a tolerance")
     sizes = layout.spacing, layout.thickness, layout.height, layout.density
     table = eq.table_of(*sizes, layout.rise, layout.tilt)
     stack = eq.Stack(table, 0, 0, physics.friction, physics.gravity)

@@ -6,18 +6,19 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from domino_env.core import colours
-from domino_env.core.colours import rgb
 from domino_env.core.types import Floats
 from domino_env.physics.ground import Ground
 from domino_env.physics.layout import Layout
 from domino_env.physics.motion import outlines
 from domino_env.view.ground import ground_line
 
-PAPER, INK, PALE, SOFT = ((255, 255, 255), *map(rgb, (colours.INK, colours.PALE, colours.SOFT)))
-STANDS, FALLS, LEADS = (176, 186, 197), rgb(colours.BLUE), rgb(colours.RED)
+PAPER, STANDS = (255, 255, 255), (176, 186, 197)
+INK, PALE, SOFT, FALLS, LEADS = map(
+    ImageColor.getrgb, (colours.INK, colours.PALE, colours.SOFT, colours.BLUE, colours.RED)
+)
 TITLE = 40  # height of the line above all strips [px]
 AHEAD = 0.72  # of the width of a moving picture: furthest place of the leader
 FINER = 2  # factor by which strips are drawn larger, then scaled down

@@ -122,7 +122,7 @@ def plot_layout(layout: Layout, ax: Axes | None = None, register: bool = True) -
     count, _, sizes = repr(layout)[len("Layout(") : -1].partition(": ")
     layouts = [DrawnLayout(layout, None, "as it stands")]
     if ax is not None:
-        return _draw_alone(ax, layouts, "spacing")
+        return _draw_alone(ax, layouts, partial(_sizes, "spacing"))
     return layouts_figure(layouts, count, sizes, register=register)
 
 
@@ -131,7 +131,7 @@ def plot_wave(wave: Wave, ax: Axes | None = None, register: bool = True) -> Figu
     physics, ended = wave.physics, wave.outcome.name.lower().replace("_", " ")
     layouts = [DrawnLayout(wave.layout, wave, "the layout")]
     if ax is not None:
-        return _draw_alone(ax, layouts, "speed")
+        return _draw_alone(ax, layouts, _speed)
     headline = f"{wave.mean_speed:.4f} m/s" if wave.mean_speed > 0.0 else ended
     subtitle = (
         f"{wave.layout.count} dominoes, friction {physics.friction:g}, "
@@ -183,7 +183,7 @@ def beside_uniform(
         DrawnLayout(layout, wave, name),
     ]
     if ax is not None:
-        return _draw_alone(ax, layouts, "spacing", scene)
+        return _draw_alone(ax, layouts, partial(_sizes, "spacing"), scene)
     subtitle = (
         f"{scene.title} · {scene.count} dominoes, friction {physics.friction:g}, "
         f"push {physics.push:g} rad/s"
@@ -193,13 +193,10 @@ def beside_uniform(
 
 
 def _draw_alone(
-    axes: Axes, layouts: Sequence[DrawnLayout], quantity: str, scene: Scene | None = None
+    axes: Axes, layouts: Sequence[DrawnLayout], panel: _Panel, scene: Scene | None = None
 ) -> Figure:
     """Draw one panel of the figure, along whole layouts, into axes."""
-    if quantity == "speed":
-        _speed(axes, layouts, scene)
-    else:
-        _sizes(quantity, axes, layouts, scene)
+    panel(axes, layouts, scene)
     axes.set_xlabel(_across(layouts))
     if len(layouts) > 1:
         axes.legend(**LEGEND)

@@ -91,12 +91,3 @@ def test_a_wave_ends_for_the_same_reason(name, method):
     np.testing.assert_array_equal(
         np.isfinite(stepped.arrival_times), np.isfinite(wave.arrival_times)
     )
-
-
-@pytest.mark.parametrize(
-    ("method", "step", "message"),
-    [("heun", 1e-3, "choose one of euler, rk4-step, rk4, RK45"), ("rk4", 0.0, "more than 0")],
-)
-def test_what_cannot_be_stepped_is_refused(method, step, message):
-    with pytest.raises(ValueError, match=message):
-        integrate(*LAYOUTS["uniform"], method, step)
