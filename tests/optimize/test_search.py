@@ -12,7 +12,6 @@ import domino_env as de
 from domino_env.core.threads import allowed_threads
 from domino_env.rigid import dynamics
 from domino_env.scenes.scene import Scene
-from domino_env.scenes.uniform import gain
 from domino_env.scenes.uniform_layouts import UniformLayouts
 from optimize import search
 from optimize.experiments.task import Task
@@ -162,12 +161,6 @@ def test_a_layout_that_completes_only_by_rounding_does_not_win(scenes, monkeypat
     result = search(scene, "random", budget=300)
     assert result.trace[-1][3] == 5.0
     assert result.score == honest.score == scene.score(result.layout)
-
-
-def test_gain_needs_two_layouts_that_complete():
-    assert gain(1.1, 1.0) == pytest.approx(0.1)
-    assert gain(-0.5, 1.0) is None
-    assert gain(1.0, -0.5) is None
 
 
 def test_auto_keeps_a_schedule_at_once():

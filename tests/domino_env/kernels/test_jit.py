@@ -95,9 +95,9 @@ def test_an_edit_of_a_neighbour_compiles_anew(copy, tmp_path):
     assert after["values"] == pytest.approx([node / 2, 3.0, node / 2, 3.0])
 
 
-def test_without_a_writable_folder_it_compiles_in_memory_with_a_warning(copy, tmp_path):
+def test_without_a_writable_folder_it_compiles_in_memory_with_a_warning(copy):
     (copy.package / "kernels" / "__pycache__").write_text("a file where the folder should be")
-    nowhere = {"NUMBA_CACHE_DIR": os.devnull, "XDG_CACHE_HOME": os.devnull, "HOME": os.devnull}
+    nowhere = dict.fromkeys(("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"), os.devnull)
     result, errors = copy(**nowhere)
     assert (result["values"][1], result["hits"]) == (0.0, [0, 0])
     assert errors.count("set NUMBA_CACHE_DIR") == 1

@@ -195,17 +195,6 @@ def test_a_broken_limit_scores_between_failures_and_successes():
     assert np.all(np.argsort(before[dead]) == np.argsort(after[dead]))
 
 
-def test_falls_are_counted():
-    plain = some("gentle", count=20)
-    gaps = gaps_of(plain, 60)
-    thick = np.random.default_rng(7).uniform(*plain.thickness, (60, 19))
-    waves = [plain.simulate(plain.layout(s, d)) for s, d in zip(gaps, thick, strict=True)]
-    expected = sum(int(np.isfinite(wave.stall_margin).sum()) for wave in waves)
-    for changes in ({}, {"limits": Limits(0.3, 0.02)}, {"objective": "toppled"}):
-        scene = replace(plain, **changes)
-        assert scene.evaluate(scene.batch(gaps, thick)).falls.sum() == expected
-
-
 # stock and lists --------------------------------------------------------------------------------
 
 
