@@ -113,7 +113,7 @@ def test_json_for_other_programs(output_of, file):
     ("click FILE --wav BAD/x.wav", "bad.csv is a file: name a folder"),
     ("render FILE --png x.gif", "--png: x.gif: name a .png file"),
     ("optimize sprint --out BAD/run", "bad.csv is a file: name a folder"),
-    ("optimize sprint --method cmae", "there is no method 'cmae': did you mean 'cma'?"),
+    ("optimize sprint --method cmae", "method = 'cmae': did you mean 'cma'?"),
     ("optimize sprint --budget 0", "--budget = 0: give a whole number, at least 1"),
     ("optimize sprint --seconds -1", "--seconds = -1.0 s: give a finite number, more than 0"),
     ("optimize sprint --seed -1", "--seed = -1: give a whole number"),
